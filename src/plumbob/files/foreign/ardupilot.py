@@ -16,7 +16,7 @@ array of them, as ArduPilot logs them on the same stamps.
 """
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -29,42 +29,26 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
-from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data import ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
-from plumbob.files.foreign import logged, mavlink
-from plumbob.files.foreign.join import Readings, joined
+from plumbob.files.foreign import mavlink
+from plumbob.files.foreign.logged import MOST, SensorLog, Table, choose, micro, of_vehicle, records, vectors
 from plumbob.files.stamps import utc_of_gps
-from plumbob.rotations import Frame, North
+from plumbob.rotations import Frame
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
 ALL: Final = "all"
 _HEAD: Final = b"\xa3\x95"
 _FMT, _FMT_LENGTH = 128, 89
 _TEXT: Final = b"FMT,"
-_LETTERS: Final[dict[str, tuple[str, float]]] = {
-    "a": ("(32,)<i2", 1.0),
-    "b": ("i1", 1.0),
-    "B": ("u1", 1.0),
-    "h": ("<i2", 1.0),
-    "H": ("<u2", 1.0),
-    "i": ("<i4", 1.0),
-    "I": ("<u4", 1.0),
-    "f": ("<f4", 1.0),
-    "g": ("<f2", 1.0),
-    "d": ("<f8", 1.0),
-    "n": ("S4", 1.0),
-    "N": ("S16", 1.0),
-    "Z": ("S64", 1.0),
-    "c": ("<i2", 0.01),
-    "C": ("<u2", 0.01),
-    "e": ("<i4", 0.01),
-    "E": ("<u4", 0.01),
-    "L": ("<i4", 1e-7),
-    "M": ("u1", 1.0),
-    "q": ("<i8", 1.0),
-    "Q": ("<u8", 1.0),
-}
+_LETTERS: Final = {
+    **{letter: (kind, 1.0) for letter, kind in zip(
+        "abBhHiIfgdnNZMqQ",
+        ("(32,)<i2", "i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f2", "<f8", "S4", "S16", "S64", "u1", "<i8",
+         "<u8"), strict=True)},
+    "c": ("<i2", 0.01), "C": ("<u2", 0.01), "e": ("<i4", 0.01), "E": ("<u4", 0.01), "L": ("<i4", 1e-7),
+}  # fmt: skip
 """Type and multiplier of each letter (`LogStructure.h`, 'Format characters in the format string')."""
 _WANTED: Final = frozenset(("IMU", "IMU2", "IMU3", "MAG", "MAG2", "MAG3", "ATT", "XKQ", "XKQ1", "NKQ1", "GPS", "PARM"))
 _QUATERNIONS: Final = ("XKQ", "XKQ1", "NKQ1")
@@ -112,7 +96,7 @@ def read(path: Path, unit: str | None = None) -> Recording:
     ClockError
         If more than 1 % of its stamps go back.
     """
-    file = existing_file(path, logged.MOST)
+    file = existing_file(path, MOST)
     with reading(file):
         if not accepts(file):
             raise DecodeError("it begins neither as DataFlash, bytes or text, nor as MAVLink telemetry does.")
@@ -179,7 +163,7 @@ def _decoded(log: _DataFlashLog, name: str, data: NDArray[np.uint8], places: NDA
     if layout.itemsize + 3 != length:
         log.notes.append(f"damage: {name} has {length} bytes, but its letters need {layout.itemsize + 3}; left out")
         return
-    table = logged.records(data, places, layout)
+    table = records(data, places, layout)
     log.tables[name] = {
         column: table[column] if _LETTERS[letter][1] == 1.0 else table[column] * _LETTERS[letter][1]
         for letter, column in zip(letters, columns, strict=True)
@@ -237,116 +221,121 @@ def _lines(file: Path) -> Iterator[str]:
             yield line.decode("utf-8", errors="replace")
 
 
-def _recording(log: _DataFlashLog, name: str, unit: str | None) -> Recording:
-    notes = [
-        "ArduPilot DataFlash: body axes forward, right, down; frame NED; rad/s, m/s², milligauss as µT; clock in µs "
-        "since boot (ArduPilot, Onboard Message Log Messages and LogStructure.h)"
-    ]
-    epoch = _epoch(log)
-    if epoch is None:
-        notes.append("UTC: not known, as no GPS with a fix is in the log")
-    declination = _parameter(log, "COMPASS_DEC")  # rad (ArduPilot, Complete Parameter List)
+def _recording(flash: _DataFlashLog, name: str, unit: str | None) -> Recording:
+    declination = _parameter(flash, "COMPASS_DEC")  # rad (ArduPilot, Complete Parameter List)
     meta = ImuMeta(
         device="ArduPilot",
         frame=Frame.NED,
         declination=declination if declination is not None and abs(declination) <= np.pi else None,
         unit_check=False,
     )
-    imus = _units(log, "IMU", "GyrX")
+    log = SensorLog(
+        [
+            "ArduPilot DataFlash: body axes forward, right, down; frame NED; rad/s, m/s², milligauss as µT; clock in "
+            "µs since boot (ArduPilot, Onboard Message Log Messages and LogStructure.h)"
+        ],
+        meta,
+        _epoch(flash),
+        losses=flash.notes,
+    )
+    if log.epoch_ns is None:
+        log.notes.append("UTC: not known, as no GPS with a fix is in the log")
+    imus = _units(flash, "IMU", "GyrX")
     if unit == ALL and len(imus) > 1:
-        return _together(imus, meta, epoch, name, (*notes, *log.notes))
-    streams = dict[str, Readings]()
+        return _together(imus, log, name)
     if imus:
-        taken = logged.chosen(list(imus), unit if unit != ALL else None)
-        table, t_ns = imus.pop(taken)
-        others = {name: stamps.size for name, (_, stamps) in imus.items()}
-        notes.append(logged.others_note(f"samples: {taken}, {counted(t_ns.size, 'message')}", others))
-        streams = _inertial(table, t_ns, notes)
-    logged.require_gyroscope(streams, "IMU messages with GyrX")
-    compasses = _units(log, "MAG", "MagX")
-    first, (table, t_ns) = next(iter(compasses.items()), ("", ({}, np.empty(0, np.int64))))
-    if {"MagY", "MagZ"} <= table.keys():
-        rest = "".join(f", not {other}" for other in compasses if other != first)
-        notes.append(f"mag: {first}, {counted(t_ns.size, 'message')}{rest}")
-        values = units.to_si(logged.triad(table, "MagX", "MagY", "MagZ"), "mgauss")
-        streams["mag"] = logged.stream("mag", t_ns, values, notes)
-    imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=epoch)
-    notes += how
-    track = _attitude(log, rows_ns, imu.t, notes)
-    return Recording(imu=imu, track=track, name=name, notes=(*notes, *log.notes))
+        counts = {key: _stamped(table).size for key, table in imus.items()}
+        taken = choose(log.notes, counts, None if unit == ALL else unit, what="message")
+        _inertial(log, imus[taken])
+    log.require_gyroscope("IMU messages with GyrX")
+    compasses = _units(flash, "MAG", "MagX")
+    for compass, table in list(compasses.items())[:1]:
+        if {"MagY", "MagZ"} <= table.keys():
+            rest = "".join(f", not {other}" for other in compasses if other != compass)
+            log.notes.append(f"mag: {compass}, {counted(_stamped(table).size, 'message')}{rest}")
+            log.add("mag", _stamped(table), vectors(table, "MagX", "MagY", "MagZ"), "mgauss")
+    for kind in (*_QUATERNIONS, "ATT"):
+        table = flash.tables.get(kind, {})
+        q_nb, t_ns = _quaternions(table), _stamps(table)
+        if q_nb is not None and t_ns is not None:
+            first = table["C"] == table["C"].min() if "C" in table else slice(None)
+            heading = "counts from true north, as ArduPilot adds the declination"
+            log.attitudes.append(of_vehicle(t_ns[first], q_nb[first], kind, "ArduPilot's", heading))
+    return log.recording(name, none="attitude: none in the log at the samples' times (XKQ, XKQ1, NKQ1, ATT)")
 
 
-def _inertial(table: dict[str, NDArray[Any]], t_ns: NDArray[np.int64], notes: list[str]) -> dict[str, Readings]:
-    """Rates and specific forces of one unit."""
-    return {
-        key: logged.stream(key, t_ns, logged.triad(table, *columns), notes)
-        for key, columns in (("gyr", ("GyrX", "GyrY", "GyrZ")), ("acc", ("AccX", "AccY", "AccZ")))
-        if all(column in table for column in columns)
-    }
+def _inertial(log: SensorLog, table: Table) -> None:
+    """Take rates and specific forces of one unit."""
+    for sensor, columns in (("gyr", ("GyrX", "GyrY", "GyrZ")), ("acc", ("AccX", "AccY", "AccZ"))):
+        if {*columns} <= table.keys():
+            log.add(sensor, _stamped(table), vectors(table, *columns))
 
 
-def _together(
-    imus: dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]],
-    meta: ImuMeta,
-    epoch: int | None,
-    name: str,
-    notes: tuple[str, ...],
-) -> Recording:
+def _together(imus: Mapping[str, Table], log: SensorLog, name: str) -> Recording:
     """All units as an array, where ArduPilot logged them on the same stamps."""
-    how: list[str] = []
-    made = {key: joined(_inertial(table, t_ns, how), meta=meta, epoch_ns=epoch) for key, (table, t_ns) in imus.items()}
+    made = {}
+    for unit, table in imus.items():
+        log.streams.clear()
+        _inertial(log, table)
+        made[unit] = log.joined()
     rows = next(iter(made.values())).rows_ns
     if any(not np.array_equal(joint.rows_ns, rows) for joint in made.values()):
         raise ParameterError(
             "its units have stamps of their own, so that they are not an array; take one with --unit "
             f"{next(iter(made))}."
         )
-    how += [f"{unit}: {note}" for unit, joint in made.items() for note in joint.notes]
+    how = [f"{unit}: {note}" for unit, joint in made.items() for note in joint.notes]
     omitted = (
         "left out: magnetic field and attitude, which are of none of the units; --unit with the name of one keeps them"
     )
     array = ImuArray({unit: joint.imu for unit, joint in made.items()})
-    return Recording(array=array, name=name, notes=(*notes, *dict.fromkeys(how), omitted))
+    return Recording(array=array, name=name, notes=(*log.notes, *log.losses, *how, omitted))
 
 
-def _stamps(table: dict[str, NDArray[Any]]) -> NDArray[np.int64] | None:
-    """Stamps of messages, ns: µs, or ms in logs before 2015."""
+def _stamps(table: Table) -> NDArray[np.int64] | None:
+    """Stamps of messages, ns: µs, or ms in logs before 2015; None where they have none."""
     for column, factor in (("TimeUS", 1), ("TimeMS", 1000)):
         if column in table and table[column].dtype.kind in "iuf":
             stamps = np.clip(np.nan_to_num(table[column].astype(np.float64)), 0.0, 9e15 / factor)
-            return logged.micro(stamps.astype(np.uint64) * np.uint64(factor))
+            return micro(stamps.astype(np.uint64) * np.uint64(factor))
     return None
 
 
-def _units(log: _DataFlashLog, name: str, column: str) -> dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]]:
-    """Messages of each unit of a kind, and their stamps."""
-    tables: dict[str, tuple[dict[str, NDArray[Any]], NDArray[np.int64]]] = {}
+def _stamped(table: Table) -> NDArray[np.int64]:
+    """Stamps of messages that have some, ns."""
+    stamps = _stamps(table)
+    assert stamps is not None
+    return stamps
+
+
+def _units(flash: _DataFlashLog, name: str, column: str) -> dict[str, Table]:
+    """Messages of each unit of a kind that have stamps and a column."""
+    tables: dict[str, Table] = {}
     for kind in (name, f"{name}2", f"{name}3"):
-        table = log.tables.get(kind, {})
-        t_ns = _stamps(table)
-        if t_ns is None or column not in table:
+        table = flash.tables.get(kind, {})
+        if column not in table or _stamps(table) is None:
             continue
         if "I" not in table:
-            tables[kind] = (table, t_ns)
+            tables[kind] = table
             continue
         for instance in np.unique(table["I"]).tolist():
             rows = table["I"] == instance
-            tables[f"{kind}.{instance:g}"] = ({key: values[rows] for key, values in table.items()}, t_ns[rows])
+            tables[f"{kind}.{instance:g}"] = {key: values[rows] for key, values in table.items()}
     return tables
 
 
-def _parameter(log: _DataFlashLog, name: str) -> float | None:
+def _parameter(flash: _DataFlashLog, name: str) -> float | None:
     """Value of a parameter, as logged last."""
-    table = log.tables.get("PARM", {})
+    table = flash.tables.get("PARM", {})
     if not {"Name", "Value"} <= table.keys():
         return None
     rows = np.flatnonzero(table["Name"] == name.encode())
     return float(table["Value"][rows[-1]]) if rows.size else None
 
 
-def _epoch(log: _DataFlashLog) -> int | None:
+def _epoch(flash: _DataFlashLog) -> int | None:
     """UTC of boot, ns since 1970, by the GPS messages with a 3D fix; half of them agree with the median."""
-    table = log.tables.get("GPS", {})
+    table = flash.tables.get("GPS", {})
     t_ns = _stamps(table)
     names = next((pair for pair in (("GWk", "GMS"), ("Week", "TimeMS")) if set(pair) <= table.keys()), None)
     if t_ns is None or names is None or "Status" not in table:
@@ -354,7 +343,7 @@ def _epoch(log: _DataFlashLog) -> int | None:
     if "TimeMS" in names:  # there TimeMS is the GPS's, and T the boot's, in ms
         if "T" not in table:
             return None
-        t_ns = logged.micro(table["T"].astype(np.uint64) * np.uint64(1000))
+        t_ns = micro(table["T"].astype(np.uint64) * np.uint64(1000))
     week, milli = (table[column].astype(np.int64) for column in names)
     fixes = (table["Status"] >= 3) & (week > 1000) & (milli >= 0) & (milli < 604_800_000)
     if not fixes.any():
@@ -364,35 +353,10 @@ def _epoch(log: _DataFlashLog) -> int | None:
     return int(np.median(utc_ns - t_ns[fixes]))
 
 
-def _attitude(log: _DataFlashLog, rows_ns: NDArray[np.int64], t: Floats, notes: list[str]) -> AttitudeTrack | None:
-    """ArduPilot's own estimate on the rows of the samples: a quaternion where it is logged, else angles."""
-    for name in (*_QUATERNIONS, "ATT"):
-        table = log.tables.get(name, {})
-        q_nb = _quaternions(table)
-        t_ns = _stamps(table)
-        if q_nb is None or t_ns is None:
-            continue
-        first = table["C"] == table["C"].min() if "C" in table else np.ones(t_ns.size, dtype=bool)
-        placed = logged.attitude_at(rows_ns, t_ns[first], q_nb[first], notes)
-        if placed is not None:
-            return _track(name, placed, t, notes)
-    notes.append("attitude: none in the log at the samples' times (XKQ, XKQ1, NKQ1, ATT)")
-    return None
-
-
-def _track(name: str, q_nb: Floats, t: Floats, notes: list[str]) -> AttitudeTrack:
-    notes.append(
-        f"attitude: {name}, ArduPilot's own estimate from the same sensors, not a reference: a comparison with it "
-        "shows agreement, not accuracy; its heading counts from true north, as ArduPilot adds the declination"
-    )
-    source = f"ArduPilot's own estimate ({name}), not a reference"
-    return AttitudeTrack(t=t, q_nb=q_nb, frame=Frame.NED, north=North.TRUE, source=source)
-
-
-def _quaternions(table: dict[str, NDArray[Any]]) -> Floats | None:
+def _quaternions(table: Table) -> Floats | None:
     """Body to NED (N, 4), wxyz."""
     if {"Q1", "Q2", "Q3", "Q4"} <= table.keys():
-        return np.column_stack([table[f"Q{i}"] for i in (1, 2, 3, 4)]).astype(np.float64)
+        return vectors(table, "Q1", "Q2", "Q3", "Q4")
     if {"Yaw", "Pitch", "Roll"} <= table.keys():
-        return quat_from_euler_zyx(units.deg(logged.triad(table, "Yaw", "Pitch", "Roll")))
+        return quat_from_euler_zyx(units.deg(vectors(table, "Yaw", "Pitch", "Roll")))
     return None

@@ -30,13 +30,12 @@ from plumbob.core.errors import DecodeError, ShapeError, excerpt
 from plumbob.core.files import existing_file, reading, replacing_folder, text_of
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns
-from plumbob.core.units import QUANTITY_BY_TRIAD, is_name, to_si
+from plumbob.core.units import QUANTITY_BY_TRIAD, is_name
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import UnitMount
 from plumbob.data.recording import Recording
 from plumbob.files.column_names import taken_apart
-from plumbob.files.foreign import logged
-from plumbob.files.foreign.join import joined
+from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, inside, text_rows
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.quaternions import quat_conjugate, quat_from_dcm, quat_multiply
 
@@ -47,8 +46,6 @@ _TRUTHS: Final = {
 _PLACES: Final = {"gyr": ([0, 1, 2], "rad/s"), "acc": ([3, 4, 5], "m/s2")}
 _SYMBOLS: Final = {"w": "gyr", "a": "acc"}
 _ROTATION_TOLERANCE: Final = 1e-3
-_SAMPLES: Final = np.dtype([("t", "i8"), ("values", "f8", (6,))])
-_POSES: Final = np.dtype([("t", "i8"), ("values", "f8", (7,))])
 
 
 def accepts(path: Path) -> bool:
@@ -83,7 +80,7 @@ def read(path: Path) -> Recording:
         home = _home(path)
         if home is None:
             raise DecodeError("there is no mav0/imu0/data.csv in it; name the folder that holds mav0.")
-        return _recording(logged.inside(home, "imu0", "data.csv"), home, _stem(home / "imu0" / "data.csv"))
+        return _recording(inside(home, "imu0", "data.csv"), home, _stem(home / "imu0" / "data.csv"))
 
 
 def _stem(table: Path) -> str:
@@ -93,22 +90,27 @@ def _stem(table: Path) -> str:
 
 
 def _recording(table: Path, home: Path | None, name: str) -> Recording:
-    rows = logged.text_rows(table, _SAMPLES, 7, delimiter=",", comments="#")
+    t_ns, values = text_rows(table, 6, delimiter=",", comments="#")
     notes = [
         "ASL layout of EuRoC and TUM VI: axes of the IMU; rad/s, m/s²; stamps in ns since 1970 by the recorder's clock "
         "(head lines of the tables; doi:10.1177/0278364915620033, doi:10.1109/IROS.2018.8593419)"
     ]
-    turn, rate = _sensor(table.with_name("sensor.yaml"), "imu0", notes)
-    places = _places(table)
-    streams = {
-        name: logged.stream(name, rows["t"], to_si(rows["values"][:, columns], unit), notes)
-        for name, (columns, unit) in places.items()
-    }
+    q_b_imu, rate = _sensor(table.with_name("sensor.yaml"), "imu0", notes)
     meta = ImuMeta(device="ASL imu0", rate_nominal=rate, frame=Frame.ENU, north=North.FREE)
-    imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=0)
-    notes += how
-    track = None if home is None else _truth(home, turn, rows_ns, imu.t, notes)
-    return Recording(imu=imu, track=track, name=name, notes=tuple(notes))
+    log = SensorLog(notes, meta, epoch_ns=0)
+    for sensor, (columns, unit) in _places(table).items():
+        log.add(sensor, t_ns, values[:, columns], unit)
+    for kind, source in _TRUTHS.items():
+        if home is not None and (home / kind / "data.csv").exists():
+            t_ns, poses = text_rows(inside(home, kind, "data.csv"), 7, delimiter=",", comments="#")
+            q_b_s, _ = _sensor(home / kind / "sensor.yaml", kind, notes)
+            q_nb = quat_multiply(quat_multiply(poses[:, 3:], quat_conjugate(q_b_s)), q_b_imu)
+            note = (
+                f"{kind}, {counted(t_ns.size, 'pose')}, axes of the IMU to a frame with z up whose heading has an "
+                "arbitrary zero"
+            )
+            log.attitudes.append(LoggedAttitude(t_ns, q_nb, source, Frame.ENU, North.FREE, note, "reference"))
+    return log.recording(name, none="" if home is None else f"reference: none at its times ({' or '.join(_TRUTHS)})")
 
 
 def _places(table: Path) -> dict[str, tuple[list[int], str]]:
@@ -141,29 +143,6 @@ def _places(table: Path) -> dict[str, tuple[list[int], str]]:
     return places
 
 
-def _truth(
-    home: Path, q_b_imu: Floats, rows_ns: NDArray[np.int64], t: Floats, notes: list[str]
-) -> AttitudeTrack | None:
-    for kind, source in _TRUTHS.items():
-        if not (home / kind / "data.csv").exists():
-            continue
-        rows = logged.text_rows(logged.inside(home, kind, "data.csv"), _POSES, 8, delimiter=",", comments="#")
-        q_b_s, _ = _sensor(home / kind / "sensor.yaml", kind, notes)
-        q_rs = rows["values"][:, 3:]
-        q_nb = quat_multiply(quat_multiply(q_rs, quat_conjugate(q_b_s)), q_b_imu)
-        placed = logged.attitude_at(rows_ns, rows["t"], q_nb, notes)
-        if placed is None:
-            notes.append(f"reference: {kind} holds none at the samples' times")
-            continue
-        notes.append(
-            f"reference: {kind}, {counted(rows.size, 'pose')}, axes of the IMU to a frame with z up whose heading has "
-            "an arbitrary zero"
-        )
-        return AttitudeTrack(t=t, q_nb=placed, frame=Frame.ENU, north=North.FREE, source=source)
-    notes.append(f"reference: none ({' or '.join(_TRUTHS)})")
-    return None
-
-
 def _sensor(file: Path, name: str, notes: list[str]) -> tuple[Floats, float | None]:
     """Rotation of ``T_BS`` as a quaternion, sensor to body, and the rate, Hz, as far as ``sensor.yaml`` says them.
 
@@ -173,7 +152,7 @@ def _sensor(file: Path, name: str, notes: list[str]) -> tuple[Floats, float | No
     if not file.is_file():
         notes.append(f"{name}: no sensor.yaml, so its axes are taken for those of the body")
         return identity, None
-    text = re.sub(r"#.*", "", text_of(logged.inside(file.parent.parent, file.parent.name, file.name)))
+    text = re.sub(r"#.*", "", text_of(inside(file.parent.parent, file.parent.name, file.name)))
     rate = re.search(r"^rate_hz:[ \t]*([0-9.]{1,24})[ \t]*$", text, re.MULTILINE)
     hertz = _number(rate[1], "rate_hz", file) if rate else None
     listed = re.search(r"^T_BS:[^\[\]]{0,200}?data:\s{0,80}\[([^\]]{0,2000})\]", text, re.MULTILINE)

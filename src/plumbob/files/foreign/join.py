@@ -162,6 +162,9 @@ def _ordered(name: str, stream: Readings, notes: list[str]) -> tuple[NDArray[np.
         raise ShapeError(f"{name} has values {values.shape} for stamps {stamps.shape}; each stamp needs one row.")
     if not stamps.size:
         return stamps, values
+    stamps, leaps = without_leaps(stamps)
+    if leaps:
+        notes.append(f"{name}: {counted(leaps, 'stamp')} far off, put between the neighbours; every sample is kept")
     if (span := (int(stamps.max()) - int(stamps.min())) / 1e9) >= LONGEST:
         raise ClockError(
             f"{name}: its stamps span {span:.4g} s, but a recording has {LONGEST:.0f} s at most; some "
@@ -170,6 +173,31 @@ def _ordered(name: str, stream: Readings, notes: list[str]) -> tuple[NDArray[np.
     line = time_line(stamps)
     notes += (f"{name}: {note.removeprefix('time: ')}" for note in line.notes)
     return line.t_ns, values
+
+
+def without_leaps(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
+    """Stamps (N,) of which those that leap far off their neighbours lie between these, and how many do.
+
+    They are damaged, and their samples are kept: one that leaps ahead would make all behind it late. Far is farther
+    than a gap where the neighbours are no more than a gap apart, or half of the longest recording off the median.
+    """
+    if stamps.size < 3:
+        return stamps, 0
+    far = np.abs(stamps - np.median(stamps)) >= LONGEST / 2 * 1e9
+    near = np.flatnonzero(~far)
+    inner = stamps[near]
+    if near.size > 2 and (steps := np.diff(inner)[np.diff(inner) > 0]).size:
+        room = GAP_FACTOR * float(np.median(steps))
+        before, at, behind = inner[:-2], inner[1:-1], inner[2:]
+        far[near[1:-1]] = (np.abs(behind - before) <= room) & (np.maximum(before - at, at - behind) > room)
+        near = np.flatnonzero(~far)
+    if far.any() and near.size > 1:
+        zero = stamps[near[0]]
+        step = float(stamps[near[-1]] - zero) / (near[-1] - near[0])
+        place, steps = np.arange(stamps.size), np.interp(np.arange(stamps.size), near, stamps[near] - zero)
+        steps += np.minimum(place - near[0], 0) * step + np.maximum(place - near[-1], 0) * step
+        stamps = np.where(far, zero + np.rint(steps).astype(np.int64), stamps)
+    return stamps, int(np.count_nonzero(far))
 
 
 def _resampled(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> tuple[Floats, str]:

@@ -22,10 +22,9 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.core.files import reading, text_of
 from plumbob.core.text import counted
-from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign import logged
-from plumbob.files.foreign.join import joined
+from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, inside
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
@@ -69,7 +68,7 @@ def read(path: Path) -> Recording:
         if home is None:
             raise DecodeError("there are no oxts/timestamps.txt and oxts/data in it; name the folder of a drive.")
         rows, table = _table(home)
-        stamps = _stamps(logged.inside(home, "timestamps.txt"))
+        stamps = _stamps(inside(home, "timestamps.txt"))
         if rows[-1] >= stamps.size:
             raise DecodeError(f"sample {rows[-1]} has no stamp, as timestamps.txt has {counted(stamps.size, 'line')}.")
         name = path.resolve().name if path.name != "oxts" else path.resolve().parent.name
@@ -79,7 +78,7 @@ def read(path: Path) -> Recording:
 def _table(home: Path) -> tuple[NDArray[np.int64], Floats]:
     """Numbers of the samples, and their values (N, 30)."""
     names: list[str] = []
-    with os.scandir(logged.inside(home, "data")) as entries:
+    with os.scandir(inside(home, "data")) as entries:
         for entry in entries:
             if entry.name.endswith(".txt") and entry.name[:-4].isascii() and entry.name[:-4].isdigit():
                 names.append(entry.name)
@@ -90,7 +89,7 @@ def _table(home: Path) -> tuple[NDArray[np.int64], Floats]:
     numbered = sorted((int(name[:-4][:18]), name) for name in names)
     values = np.empty((len(numbered), _COLUMNS))
     for row, (_, name) in enumerate(numbered):
-        values[row] = _values(logged.inside(home, "data", name), name)
+        values[row] = _values(inside(home, "data", name), name)
     return np.array([number for number, _ in numbered], dtype=np.int64), values
 
 
@@ -130,16 +129,12 @@ def _recording(t_ns: NDArray[np.int64], table: Floats, stamped: int, name: str) 
     ]
     if missing := stamped - t_ns.size:
         notes.append(f"oxts/data: {counted(missing, 'sample')} of {stamped} have a stamp and no file")
-    streams = {
-        "gyr": logged.stream("gyr", t_ns, table[:, _GYR], notes),
-        "acc": logged.stream("acc", t_ns, table[:, _ACC], notes),
-    }
     meta = ImuMeta(device="OXTS RT3003", frame=Frame.ENU, north=North.TRUE, unit_check=False)
-    imu, rows_ns, how = joined(streams, meta=meta)
-    q_nb = logged.attitude_at(rows_ns, t_ns, quat_from_euler_zyx(table[:, _YPR]), notes)
-    track = None
-    if q_nb is not None:
-        source = "OXTS RT3003: the unit's own solution with GPS of two antennas and this IMU"
-        notes.append(f"reference: {source}; its heading counts from true north")
-        track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=Frame.ENU, north=North.TRUE, source=source)
-    return Recording(imu=imu, track=track, name=name, notes=(*notes, *how))
+    log = SensorLog(notes, meta)
+    log.add("gyr", t_ns, table[:, _GYR])
+    log.add("acc", t_ns, table[:, _ACC])
+    source = "OXTS RT3003: the unit's own solution with GPS of two antennas and this IMU"
+    note = f"{source}; its heading counts from true north"
+    q_nb = quat_from_euler_zyx(table[:, _YPR])
+    log.attitudes.append(LoggedAttitude(t_ns, q_nb, source, Frame.ENU, note=note, kind="reference"))
+    return log.recording(name)

@@ -1,31 +1,159 @@
-"""What logs of flight controllers and data sets share: records of fixed layout, stamps, and an attitude on the rows.
+"""What every reader of others' files yields, and the one place where a recording is made of it.
+
+A reader fills a `SensorLog`: the stream of each sensor by its own clock, in the unit that the format says, an attitude
+where there is one, what is known besides, and notes. `SensorLog.recording` converts, joins and checks it.
 
 An attitude that a log holds has stamps of its own. It is brought to the rows of the samples along the shorter arc
 between its two neighbours, where these are not farther apart than a gap; elsewhere it is NaN, 'not known'.
 """
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core.check import Floats
+from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, one_line
 from plumbob.core.files import existing_file
 from plumbob.core.text import counted, first_words
-from plumbob.core.time import LONGEST, longest_bridged
+from plumbob.core.time import longest_bridged
+from plumbob.core.units import to_si
+from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.reading import read_rows
-from plumbob.files.foreign.join import Readings
+from plumbob.data.recording import Recording
+from plumbob.files.foreign.join import Joined, Readings, joined, without_leaps
+from plumbob.files.profile import ColumnRef
 from plumbob.files.stamps import time_line
-from plumbob.rotations import quat_normalize
+from plumbob.rotations import Frame, North, quat_normalize
 
 MOST: Final = 2 << 30
 """Bytes of a log at most: it is kept in memory while it is searched."""
 _PART: Final = 1 << 14
 _NORM: Final = 1e-3
+
+RELATIVE_NOTE: Final = (
+    f"mag is in arbitrary units, 1 at the place of calibration, which is taken for {NOMINAL_FIELD:g} µT"
+)
+
+Table = Mapping[str, NDArray[Any]]
+"""Columns (N,) of one kind of record, by name."""
+
+
+class LoggedAttitude(NamedTuple):
+    """An attitude on stamps of its own (M,), ns, by the clock of the samples: body to `frame` (M, 4), wxyz.
+
+    What is not a rotation (a norm that is not 1 within 1e-3) is taken for 'not known'. `note` is said where it is
+    taken, behind its source.
+    """
+
+    t_ns: NDArray[np.int64]
+    q_nb: Floats
+    source: str
+    frame: Frame = Frame.NED
+    north: North = North.TRUE
+    note: str = ""
+    kind: str = "attitude"
+
+
+@dataclass
+class SensorLog:
+    """What a file holds.
+
+    Attributes
+    ----------
+    notes : list of str
+        What the format says of units, axes and clocks, and what was left out.
+    meta : ImuMeta
+        What is known of the unit.
+    epoch_ns : int or None
+        UTC of the stamp 0, ns since 1970; 0 where stamps are UTC themselves; None where it is not known.
+    streams : dict of str to Readings
+        By ``gyr``, ``acc``, ``mag`` and ``temp_c``, in SI.
+    attitudes : list of LoggedAttitude
+        In the order in which they are preferred; the first that is known at the samples' times counts.
+    losses : list of str
+        Notes that come last: what of the file is cut or damaged.
+    """
+
+    notes: list[str]
+    meta: ImuMeta
+    epoch_ns: int | None = None
+    streams: dict[str, Readings] = field(default_factory=dict)
+    attitudes: list[LoggedAttitude] = field(default_factory=list)
+    losses: list[str] = field(default_factory=list)
+
+    def add(self, sensor: str, t_ns: ArrayLike, values: Any, unit: str = "", *, valid: Any = None) -> None:
+        """Add a sensor's stream, of rows that are `valid` alone, in a unit or in SI."""
+        t_ns, values = np.asarray(t_ns), np.asarray(values, dtype=np.float64)
+        if valid is not None:
+            t_ns, values = t_ns[valid], values[valid]
+        self.streams[sensor] = Readings(t_ns, to_si(values, unit) if unit else values)
+
+    def require_gyroscope(self, where: str) -> None:
+        """Refuse a log without angular rates, which lead the rows."""
+        if "gyr" not in self.streams or not np.asarray(self.streams["gyr"].t_ns).size:
+            raise DecodeError(f"it holds no samples of a gyroscope ({where}); log them, or take another file.")
+
+    def joined(self) -> Joined:
+        """Samples of all streams on one time line."""
+        return joined(self.streams, meta=self.meta, epoch_ns=self.epoch_ns)
+
+    def recording(
+        self, name: str, *, none: str = "", flags: Callable[[NDArray[np.int64]], NDArray[np.uint32]] | None = None
+    ) -> Recording:
+        """Recording of it all; `none` is the note where no attitude is known at the samples' times.
+
+        `flags` makes those of the rows from their stamps, ns.
+        """
+        imu, rows_ns, how = self.joined()
+        notes = [*self.notes, *how]
+        imu = imu if flags is None else imu.flagged(flags(rows_ns))
+        track = None
+        for attitude in self.attitudes:
+            q_nb = _attitude_at(rows_ns, attitude, notes)
+            if q_nb is not None:
+                notes.append(f"{attitude.kind}: {attitude.note or attitude.source}")
+                track = AttitudeTrack(
+                    t=imu.t, q_nb=q_nb, frame=attitude.frame, north=attitude.north, source=attitude.source
+                )
+                break
+        else:
+            notes += [none] if none else []
+        return Recording(imu=imu, track=track, name=name, notes=(*notes, *self.losses))
+
+
+def choose(
+    notes: list[str], counts: Mapping[str, int], unit: str | None, of: str = "samples", what: str = "record"
+) -> str:
+    """One of a log's units, with the counts of their records: by name (``IMU.1``, ``imu1``) or number, or the first.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such unit.
+    """
+    taken = _chosen([*counts], unit)
+    others = {name: count for name, count in counts.items() if name != taken}
+    note = f"{of}: {taken}, {counted(counts[taken], what)}"
+    if others:
+        listed = first_words([f"{name} ({count})" for name, count in others.items()], 20)
+        note += f"; not taken: {listed}; --unit {next(iter(others))} takes another"
+    notes.append(note)
+    return taken
+
+
+def of_vehicle(t_ns: NDArray[np.int64], q_nb: Floats, name: str, whose: str, heading: str) -> LoggedAttitude:
+    """Attitude, body to NED, that a flight controller estimated itself; its heading counts from true north."""
+    note = (
+        f"{name}, {whose} own estimate from the same sensors, not a reference: a comparison with it shows agreement, "
+        f"not accuracy; its heading {heading}"
+    )
+    return LoggedAttitude(t_ns, q_nb, f"{whose} own estimate ({name}), not a reference", note=note)
 
 
 def records(raw: NDArray[np.uint8], places: NDArray[np.int64], layout: "np.dtype[Any]") -> NDArray[Any]:
@@ -37,30 +165,9 @@ def records(raw: NDArray[np.uint8], places: NDArray[np.int64], layout: "np.dtype
     return rows.view(layout)[:, 0] if layout.itemsize else np.empty(0, layout)
 
 
-def triad(table: NDArray[Any] | Mapping[str, NDArray[Any]], *names: str) -> Floats:
-    """Three columns of records as (N, 3), or one that holds three numbers in each record."""
-    if len(names) == 1:
-        return np.asarray(table[names[0]], dtype=np.float64)
+def vectors(table: Mapping[Any, NDArray[Any]] | NDArray[Any], *names: ColumnRef) -> Floats:
+    """Columns as vectors (N, k)."""
     return np.column_stack([np.asarray(table[name], dtype=np.float64) for name in names])
-
-
-def steady(t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which stamps fit between their neighbours (N,): a damaged one that leaps ahead would make all after it late."""
-    keep = np.ones(t_ns.size, dtype=bool)
-    if t_ns.size > 2:
-        keep &= np.abs(t_ns - np.median(t_ns)) < LONGEST / 2 * 1e9
-        indices = np.flatnonzero(keep)
-        inner = t_ns[indices]
-        keep[indices[1:-1][(inner[1:-1] >= inner[2:]) & (inner[2:] > inner[:-2])]] = False
-    return keep
-
-
-def stream(name: str, t_ns: NDArray[np.int64], values: Floats, notes: list[str]) -> Readings:
-    """A sensor's stream, without rows whose stamps leap; their count becomes a note."""
-    keep = steady(t_ns)
-    if lost := t_ns.size - int(keep.sum()):
-        notes.append(f"{name}: {counted(lost, 'sample')} left out, whose stamps leap away from their neighbours'")
-    return Readings(t_ns[keep], values[keep])
 
 
 def micro(stamps: NDArray[Any]) -> NDArray[np.int64]:
@@ -69,32 +176,14 @@ def micro(stamps: NDArray[Any]) -> NDArray[np.int64]:
     return np.minimum(stamps.astype(np.uint64), np.uint64(most)).astype(np.int64) * 1000
 
 
-def attitude_at(rows_ns: NDArray[np.int64], t_ns: NDArray[np.int64], q_nb: Floats, notes: list[str]) -> Floats | None:
-    """Attitude of a log at the rows of its samples.
-
-    Parameters
-    ----------
-    rows_ns : ndarray (N,) of int64
-        Stamps of the samples, ns.
-    t_ns : ndarray (M,) of int64
-        Stamps of the attitude by the same clock, ns.
-    q_nb : ndarray (M, 4)
-        Body to navigation, wxyz; what is not a rotation (a norm that is not 1 within 1e-3) is taken for 'not known'.
-    notes : list of str
-        What was left out is added here.
-
-    Returns
-    -------
-    ndarray (N, 4) or None
-        Quaternions, NaN where the log has no attitude, within 1e-3 of norm 1; None where it has none at all.
-    """
+def _attitude_at(rows_ns: NDArray[np.int64], logged: LoggedAttitude, notes: list[str]) -> Floats | None:
+    """Quaternions at the rows of the samples, NaN where the log has none; None where it has none at all."""
+    (t_ns, _), q_nb = without_leaps(logged.t_ns), logged.q_nb
     valid = np.abs(np.sqrt(np.sum(q_nb * q_nb, axis=1)) - 1.0) < _NORM
-    valid &= steady(t_ns)
     if not valid.any():
         return None
     if lost := valid.size - int(valid.sum()):
-        what = counted(lost, "attitude")
-        notes.append(f"attitude: {what} left out of {valid.size}, not rotations or with a stamp far off")
+        notes.append(f"attitude: {counted(lost, 'attitude')} left out of {valid.size}, not rotations")
     if np.array_equal(t_ns, rows_ns):  # in one table with the samples: what is not known there stays so
         return np.where(valid[:, None], q_nb, np.nan)
     try:
@@ -102,28 +191,20 @@ def attitude_at(rows_ns: NDArray[np.int64], t_ns: NDArray[np.int64], q_nb: Float
     except ClockError as error:  # the samples have a clock of their own
         notes.append(f"attitude: left out: {error}")
         return None
-    stamps = line.t_ns
     notes += (f"attitude: {note.removeprefix('time: ')}" for note in line.notes)
-    attitude = read_rows(stamps, quat_normalize(q_nb[valid]), rows_ns, max_gap=longest_bridged(stamps))
+    attitude = read_rows(line.t_ns, quat_normalize(q_nb[valid]), rows_ns, max_gap=longest_bridged(line.t_ns))
     missing = attitude.outside | attitude.gap
     if missing.all():
         return None
     if not attitude.exact.all():
         notes.append(
-            f"attitude: {counted(stamps.size, 'quaternion')} on stamps of its own, interpolated along the shorter arc "
-            f"at those of the samples; not known in {int(np.count_nonzero(missing))} of {rows_ns.size}"
+            f"attitude: {counted(line.t_ns.size, 'quaternion')} on stamps of its own, interpolated along the shorter "
+            f"arc at those of the samples; not known in {int(np.count_nonzero(missing))} of {rows_ns.size}"
         )
     return attitude.q_nb
 
 
-def chosen(names: Sequence[str], unit: str | None) -> str:
-    """One of the units of a log: by its name, as ``IMU.1`` (or ``imu1``), by its number from 1, or the first.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such unit.
-    """
+def _chosen(names: list[str], unit: str | None) -> str:
     if unit is None:
         return names[0]
     for alike in (str, _letters):
@@ -140,20 +221,6 @@ def _letters(name: str) -> str:
     return "".join(letter for letter in name.casefold() if letter.isalnum())
 
 
-def others_note(taken: str, others: Mapping[str, int]) -> str:
-    """A note of what was taken of several units, and of how the others, with their counts, are chosen."""
-    if not others:
-        return taken
-    listed = first_words([f"{name} ({count})" for name, count in others.items()], 20)
-    return f"{taken}; not taken: {listed}; --unit {next(iter(others))} takes another"
-
-
-def require_gyroscope(streams: dict[str, Readings], where: str) -> None:
-    """Refuse a log without angular rates, which lead the rows."""
-    if "gyr" not in streams or not np.asarray(streams["gyr"].t_ns).size:
-        raise DecodeError(f"it holds no samples of a gyroscope ({where}); log them, or take another file.")
-
-
 def inside(folder: Path, *parts: str) -> Path:
     """Path of a file in a folder, refused where a link leads out of it.
 
@@ -168,8 +235,8 @@ def inside(folder: Path, *parts: str) -> Path:
     return path
 
 
-def text_rows(path: Path, layout: Any, columns: int, **how: Any) -> NDArray[Any]:
-    """Rows (N,) of a text table with stamps and numbers, of a type with the fields ``t`` and ``values``.
+def text_rows(path: Path, columns: int, *, stamps: str = "i8", **how: Any) -> tuple[NDArray[Any], Floats]:
+    """Stamps (N,), of a type, and the columns of numbers behind them (N, columns), of a text table.
 
     Raises
     ------
@@ -177,12 +244,13 @@ def text_rows(path: Path, layout: Any, columns: int, **how: Any) -> NDArray[Any]
         If a row has too few columns or holds what is not a number, or there is none.
     """
     file = existing_file(path, MOST)
+    layout = np.dtype([("t", stamps), ("values", "f8", (columns,))])
     try:
         with file.open(encoding="utf-8-sig") as text, warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # no rows, which is said below
-            rows = np.loadtxt(text, dtype=layout, usecols=range(columns), ndmin=1, **how)
+            rows = np.loadtxt(text, dtype=layout, usecols=range(1 + columns), ndmin=1, **how)
     except (ValueError, UnicodeDecodeError, OverflowError) as error:
-        raise DecodeError(f"{path.name} holds a row that is not {columns} numbers: {one_line(error)}.") from error
+        raise DecodeError(f"{path.name} holds a row that is not {1 + columns} numbers: {one_line(error)}.") from error
     if not rows.size:
         raise DecodeError(f"{path.name} holds no rows; take a copy that is whole.")
-    return rows
+    return rows["t"], rows["values"]

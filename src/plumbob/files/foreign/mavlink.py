@@ -15,22 +15,19 @@ UTC is the receiver's, by the packet that came soonest.
 """
 
 from array import array
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core import units
-from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
 from plumbob.core.text import counted
-from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign import logged
-from plumbob.files.foreign.join import Readings, joined
+from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, choose, micro, of_vehicle, records, vectors
 from plumbob.protocols.checksum import of_rows
-from plumbob.rotations import Frame, North
+from plumbob.rotations import Frame
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
 _NINE: Final = [(f"{sensor}{axis}", "<i2") for sensor in ("acc", "gyr", "mag") for axis in "xyz"]
@@ -67,6 +64,7 @@ _KINDS: Final = {
     129: _Kind("SCALED_IMU3", 46, np.dtype([("ms", "<u4"), *_NINE]), _MILLI),
 }
 """By message number: fields and CRC_EXTRA of `common.xml`."""
+_ANGLES: Final = ("yaw", "pitch", "roll")
 _PREFERRED: Final = (105, 26, 27, 116, 129)
 _ARDUPILOT: Final = 3
 """`MAV_AUTOPILOT_ARDUPILOTMEGA`."""
@@ -105,10 +103,13 @@ def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
     """
     messages, skipped = _scanned(raw)
     data = np.frombuffer(raw, np.uint8)
-    notes = [
-        "MAVLink telemetry: body axes forward, right, down; frame NED; clock of the vehicle, UTC by the receiver's "
-        "(MAVLink guide, Packet Serialization; common.xml)"
-    ]
+    log = SensorLog(
+        [
+            "MAVLink telemetry: body axes forward, right, down; frame NED; clock of the vehicle, UTC by the receiver's "
+            "(MAVLink guide, Packet Serialization; common.xml)"
+        ],
+        ImuMeta(frame=Frame.NED, unit_check=False),
+    )
     tables: dict[tuple[int, int], tuple[NDArray[Any], NDArray[np.int64]]] = {}
     bad = 0
     for key, packets in messages.items():
@@ -116,21 +117,27 @@ def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
         bad += wrong
         if table.size:
             tables[key] = (table, came_us)
-    system, number = _chosen(tables, unit, notes)
+    system, number = _chosen(tables, unit, log)
     table, came_us = tables[system, number]
     own_ns = _own_ns(table)
-    streams = _streams(number, table, own_ns, notes)
-    logged.require_gyroscope(streams, "HIGHRES_IMU, SCALED_IMU, or RAW_IMU of ArduPilot")
-    epoch = int(np.min(came_us * 1000 - own_ns))
-    meta = ImuMeta(device=f"MAVLink system {system}", frame=Frame.NED, unit_check=False)
-    imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=epoch)
-    notes += how
-    track = _attitude(tables, system, epoch, rows_ns, imu.t, notes)
+    for sensor, of in _KINDS[number].units.items():
+        values = vectors(table, *(f"{sensor}{axis}" for axis in "xyz"))
+        valid = (table["updated"] & _BITS[sensor]) > 0 if number == 105 else np.ones(own_ns.size, dtype=bool)
+        if sensor == "mag":  # zeros stand for a compass that is not there
+            valid &= values.any(axis=1)
+        if valid.any():
+            log.add(sensor, own_ns, values, of, valid=valid)
+    log.require_gyroscope("HIGHRES_IMU, SCALED_IMU, or RAW_IMU of ArduPilot")
+    log.epoch_ns = int(np.min(came_us * 1000 - own_ns))
+    log.meta = replace(log.meta, device=f"MAVLink system {system}")
+    for kind in (31, 30):
+        if (system, kind) in tables:
+            log.attitudes.append(_attitude(kind, *tables[system, kind], log))
     if skipped:
-        notes.append(f"damage: {counted(skipped, 'byte')} skipped, which are not packets")
+        log.losses.append(f"damage: {counted(skipped, 'byte')} skipped, which are not packets")
     if bad:
-        notes.append(f"damage: {counted(bad, 'packet')} left out, whose CRC is wrong")
-    return Recording(imu=imu, track=track, name=name, notes=tuple(notes))
+        log.losses.append(f"damage: {counted(bad, 'packet')} left out, whose CRC is wrong")
+    return log.recording(name, none="attitude: none at the samples' times (ATTITUDE_QUATERNION, ATTITUDE)")
 
 
 def _scanned(raw: bytes) -> tuple[dict[tuple[int, int], _Packets], int]:
@@ -176,7 +183,7 @@ def _checked(data: NDArray[np.uint8], number: int, packets: _Packets) -> tuple[N
         head = 6 if version == 0xFE else 10
         layout = np.dtype([("covered", "u1", (head - 1 + length,)), ("crc", "<u2")])
         for part in np.array_split(group, 1 + group.size // 16384):
-            packet = logged.records(data, places[part] + 1, layout)
+            packet = records(data, places[part] + 1, layout)
             closed = np.column_stack((packet["covered"], np.full(part.size, kind.extra, np.uint8)))
             right[part] = of_rows(_CHECK, closed) == packet["crc"]
             taken = min(length, kind.layout.itemsize)  # what is cut off at the end is zero; what is longer, extensions
@@ -185,7 +192,7 @@ def _checked(data: NDArray[np.uint8], number: int, packets: _Packets) -> tuple[N
     return payload[right].view(kind.layout)[:, 0], came, int(np.count_nonzero(~right))
 
 
-def _chosen(tables: dict[tuple[int, int], Any], unit: str | None, notes: list[str]) -> tuple[int, int]:
+def _chosen(tables: dict[tuple[int, int], Any], unit: str | None, log: SensorLog) -> tuple[int, int]:
     """System and message that the samples are of: the first of the preferred, of the first system that has one.
 
     They are called by the message, and by the system where several have it, as ``SCALED_IMU2.1``.
@@ -202,11 +209,7 @@ def _chosen(tables: dict[tuple[int, int], Any], unit: str | None, notes: list[st
         raise DecodeError(f"it holds no message of an IMU with known units (HIGHRES_IMU, SCALED_IMU).{why}")
     several = len({system for system, _ in listed_units}) > 1
     names = {f"{_KINDS[number].name}{f'.{system}' * several}": (system, number) for system, number in listed_units}
-    name = logged.chosen(list(names), unit)
-    system, number = names.pop(name)
-    others = {other: tables[key][0].size for other, key in names.items()}
-    notes.append(logged.others_note(f"samples: {name.split('.')[0]} of system {system}", others))
-    return system, number
+    return names[choose(log.notes, {name: tables[key][0].size for name, key in names.items()}, unit, what="message")]
 
 
 def _is_ardupilot(tables: dict[tuple[int, int], Any], system: int) -> bool:
@@ -216,52 +219,17 @@ def _is_ardupilot(tables: dict[tuple[int, int], Any], system: int) -> bool:
 def _own_ns(table: NDArray[Any]) -> NDArray[np.int64]:
     """Stamps of the vehicle, ns."""
     if "us" in (table.dtype.names or ()):
-        return logged.micro(table["us"])
+        return micro(table["us"])
     return np.asarray(table["ms"].astype(np.int64) * 1_000_000)
 
 
-def _streams(number: int, table: NDArray[Any], own_ns: NDArray[np.int64], notes: list[str]) -> dict[str, Readings]:
-    streams = {}
-    for key, unit in _KINDS[number].units.items():
-        values = units.to_si(logged.triad(table, f"{key}x", f"{key}y", f"{key}z"), unit)
-        there = (table["updated"] & _BITS[key]) > 0 if number == 105 else np.ones(own_ns.size, dtype=bool)
-        if key == "mag":  # zeros stand for a compass that is not there
-            there &= values.any(axis=1)
-        if there.any():
-            streams[key] = logged.stream(key, own_ns[there], values[there], notes)
-    return streams
-
-
-def _attitude(
-    tables: dict[tuple[int, int], tuple[NDArray[Any], NDArray[np.int64]]],
-    system: int,
-    epoch: int,
-    rows_ns: NDArray[np.int64],
-    t: Floats,
-    notes: list[str],
-) -> AttitudeTrack | None:
-    """The vehicle's own estimate on the rows; where its clock is another one, both are put on the receiver's."""
-    for number in (31, 30):
-        if (system, number) not in tables:
-            continue
-        table, came_us = tables[system, number]
-        t_ns = _own_ns(table)
-        apart = int(np.min(came_us * 1000 - t_ns)) - epoch
-        if abs(apart) > 10**9:
-            t_ns = t_ns + apart
-            notes.append("attitude: its clock is another one, so both are put on the receiver's by what came soonest")
-        if number == 31:
-            q_nb = table["q"].astype(np.float64)
-        else:
-            q_nb = quat_from_euler_zyx(logged.triad(table, "yaw", "pitch", "roll"))
-        placed = logged.attitude_at(rows_ns, t_ns, q_nb, notes)
-        if placed is not None:
-            name = _KINDS[number].name
-            notes.append(
-                f"attitude: {name}, the vehicle's own estimate from the same sensors, not a reference: a comparison "
-                "with it shows agreement, not accuracy; its heading is taken to count from true north"
-            )
-            source = f"the vehicle's own estimate ({name}), not a reference"
-            return AttitudeTrack(t=t, q_nb=placed, frame=Frame.NED, north=North.TRUE, source=source)
-    notes.append("attitude: none at the samples' times (ATTITUDE_QUATERNION, ATTITUDE)")
-    return None
+def _attitude(number: int, table: NDArray[Any], came_us: NDArray[np.int64], log: SensorLog) -> LoggedAttitude:
+    """The vehicle's own estimate; where its clock is another one, both are put on the receiver's."""
+    t_ns = _own_ns(table)
+    apart = int(np.min(came_us * 1000 - t_ns)) - (log.epoch_ns or 0)
+    if abs(apart) > 10**9:
+        t_ns = t_ns + apart
+        log.notes.append("attitude: its clock is another one, so both are put on the receiver's by what came soonest")
+    q_nb = table["q"].astype(np.float64) if number == 31 else quat_from_euler_zyx(vectors(table, *_ANGLES))
+    heading = "is taken to count from true north"
+    return of_vehicle(t_ns, q_nb, _KINDS[number].name, "the vehicle's", heading)

@@ -15,10 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, PlumbobError, excerpt, one_line
 from plumbob.core.files import existing_file, require_room
 from plumbob.files.profile import ColumnRef, TextLayout
@@ -276,13 +272,3 @@ def _rows(text: str) -> list[list[str]]:
         return [row for row in csv.reader(text.splitlines(), delimiter=separator) if row]
     except csv.Error:
         return []
-
-
-def whole_ns(table: TextTable, ref: ColumnRef) -> NDArray[np.int64]:
-    """Stamps of the exact column of a table, integer ns (N,) where it is in ns."""
-    return np.asarray(int(table.zero) + np.round(table.columns[ref]).astype(np.int64))
-
-
-def triad(table: TextTable, refs: Sequence[ColumnRef]) -> Floats:
-    """Three columns of a table as vectors (N, 3)."""
-    return np.stack([table.columns[ref] for ref in refs], axis=1)

@@ -16,7 +16,8 @@ CoreMotion measures the opposite, in g.
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from decimal import Decimal, InvalidOperation
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
@@ -31,11 +32,11 @@ from plumbob.core.files import reading
 from plumbob.core.resources import guide
 from plumbob.core.text import counted
 from plumbob.core.time import interpolated
-from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.columns import has_zone, is_stamp, stamps_ns
-from plumbob.files.foreign.join import Joined, Readings, joined, seconds_to_ns
-from plumbob.files.foreign.logged import attitude_at
+from plumbob.files.foreign.join import Readings, seconds_to_ns
+from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, vectors
 from plumbob.files.foreign.parts import (
     Parts,
     Sheet,
@@ -43,8 +44,6 @@ from plumbob.files.foreign.parts import (
     pairs,
     records,
     sheet,
-    triad,
-    whole_ns,
     zipfile_like,
 )
 from plumbob.files.profile import TextLayout
@@ -123,36 +122,24 @@ def _require_one_place(tables: Mapping[str, Any]) -> None:
         )
 
 
-def _recording(
-    parts: Parts, streams: Mapping[str, Readings], notes: Iterable[str], device: str, epoch_ns: int | None
-) -> Recording:
-    """Recording of the streams, whose units a format said."""
-    made = _on_one_line(streams, notes, device, epoch_ns)
-    return Recording(imu=made.imu, name=_name(parts), notes=(*notes, AXES_NOTE, *made.notes))
+def _log(note: str) -> SensorLog:
+    return SensorLog([note], ImuMeta(device="phone", frame=Frame.ENU, north=North.MAGNETIC, unit_check=False))
 
 
-def _name(parts: Parts) -> str:
-    return parts.path.resolve().stem
-
-
-def _on_one_line(streams: Mapping[str, Readings], notes: Iterable[str], device: str, epoch_ns: int | None) -> Joined:
-    if not {"gyr", "acc", "mag"} & set(streams):
-        raise DecodeError(f"it holds no gyroscope, accelerometer or magnetometer; {'; '.join(notes)}.")
-    meta = ImuMeta(device=device or "phone", frame=Frame.ENU, north=North.MAGNETIC, unit_check=False)
-    mag, zeros = streams.get("mag"), 0
-    if mag is not None:
+def _recording(parts: Parts, log: SensorLog, device: str) -> Recording:
+    """Recording of the streams, without fields of zero."""
+    if not {"gyr", "acc", "mag"} & set(log.streams):
+        raise DecodeError(f"it holds no gyroscope, accelerometer or magnetometer; {'; '.join(log.notes)}.")
+    log.meta = replace(log.meta, device=device or "phone")
+    log.notes.append(AXES_NOTE)
+    if mag := log.streams.get("mag"):
         measured = np.any(mag.values, axis=1)
-        zeros = int(np.sum(~measured))
-        streams = {**streams, "mag": Readings(np.asarray(mag.t_ns)[measured], np.asarray(mag.values)[measured])}
-    made = joined(streams, meta=meta, epoch_ns=epoch_ns)
-    if not zeros:
-        return made
-    return made._replace(
-        notes=(
-            f"mag: {counted(zeros, 'sample')} of exactly zero left out, as before a phone has calibrated",
-            *made.notes,
-        )
-    )
+        log.add("mag", mag.t_ns, mag.values, valid=measured)
+        if zeros := int(np.sum(~measured)):
+            log.notes.append(
+                f"mag: {counted(zeros, 'sample')} of exactly zero left out, as before a phone has calibrated"
+            )
+    return log.recording(parts.path.resolve().stem)
 
 
 # phyphox --------------------------------------------------------------------------------------------------------------
@@ -199,16 +186,18 @@ def _phyphox(parts: Parts) -> Recording:
     headers = {name: names for name, names in headers.items() if _is_phyphox(name, names)}
     _require_one_place(headers)
     events = _phyphox_events(parts)
-    streams: dict[str, Readings] = {}
-    notes = ["phyphox: rad/s, m/s² with gravity (specific force) and µT, as its columns say"]
+    log = _log("phyphox: rad/s, m/s² with gravity (specific force) and µT, as its columns say")
+    log.epoch_ns, notes = 0 if events else None, log.notes
     for name, names in headers.items():
         for kind, columns in _phyphox_triads(name, names):
             if kind == "acc?":
                 notes.append(f"left out: {name}, acceleration that is without gravity or does not say that it has it")
-            elif kind in streams:
+            elif kind in log.streams:
                 notes.append(f"left out: {columns[0]} and its axes of {name}, a second {kind}")
-            elif stream := _phyphox_stream(parts, name, [names[0], *columns], events, notes):
-                streams[kind] = stream
+            elif table := sheet(name, parts.read(name)).table([names[0], *columns]):
+                notes += [note for note in table.notes if note not in notes]
+                stamps = _on_wall(seconds_to_ns(name, table.columns[names[0]]), events)
+                log.add(kind, stamps, vectors(table.columns, *columns))
             else:
                 notes.append(f"{kind}: {name} has no sample")
     if others := sorted(name for name in _tables(parts) if name not in headers):
@@ -216,18 +205,7 @@ def _phyphox(parts: Parts) -> Recording:
     notes.append(_phyphox_clock(events))
     device = _meta(parts, "device.csv", pairs)
     model = " ".join(device[key] for key in ("deviceBrand", "deviceModel") if device.get(key))
-    return _recording(parts, streams, notes, model, 0 if events else None)
-
-
-def _phyphox_stream(
-    parts: Parts, name: str, columns: list[str], events: list[tuple[int, int]], notes: list[str]
-) -> Readings | None:
-    """Samples of the columns of time, x, y and z."""
-    table = sheet(name, parts.read(name)).table(columns)
-    if table is None:
-        return None
-    notes += [note for note in table.notes if note not in notes]
-    return Readings(_on_wall(seconds_to_ns(name, table.columns[columns[0]]), events), triad(table, columns[1:]))
+    return _recording(parts, log, model)
 
 
 def _meta(parts: Parts, which: str, parse: Any) -> Any:
@@ -286,21 +264,21 @@ def _sensor_logger(parts: Parts) -> Recording:
     }
     rows = next((records(parts.text(name)) for name in parts.names if PurePosixPath(name).name == "Metadata.csv"), [])
     meta = rows[0] if rows else {}
-    notes: list[str] = []
-    data = {stem: stream for stem, log in sheets.items() if (stream := _logger_stream(log, notes)) is not None}
-    streams: dict[str, Readings] = {}
+    log = _log("Sensor Logger")
+    log.epoch_ns, notes = 0, log.notes
+    data = {stem: stream for stem, table in sheets.items() if (stream := _logger_stream(table, notes)) is not None}
     for kind, title in (("gyr", "Gyroscope"), ("mag", "Magnetometer")):
         for stem in (title, f"{title}Uncalibrated"):
             if stem in data:
-                streams[kind] = data[stem]
+                log.streams[kind] = data[stem]
                 notes.append(f"{kind}: {stem}, {'rad/s' if kind == 'gyr' else 'µT'}")
                 break
     if force := _logger_force(data, meta, notes):
-        streams["acc"] = force
-    notes += ["clock: ns since 1970 (UTC) of the phone"]
+        log.streams["acc"] = force
+    notes.append("clock: ns since 1970 (UTC) of the phone")
     if others := sorted(_stem(name) for name in tables if _stem(name) not in (*_WANTED, "Metadata")):
         notes.append(f"left out: {', '.join(others)}")
-    return _recording(parts, streams, ("Sensor Logger", *notes), meta.get("device name", ""), 0)
+    return _recording(parts, log, meta.get("device name", ""))
 
 
 _WANTED: Final = (
@@ -321,7 +299,8 @@ def _logger_stream(log: Sheet, notes: list[str]) -> Readings | None:
         notes.append(f"{log.title} has no sample")
         return None
     notes += table.notes
-    return Readings(whole_ns(table, "time"), triad(table, "xyz"))
+    stamps = int(table.zero) + np.round(table.columns["time"]).astype(np.int64)
+    return Readings(stamps, vectors(table.columns, *"xyz"))
 
 
 def _logger_force(data: Mapping[str, Readings], meta: Mapping[str, str], notes: list[str]) -> Readings | None:
@@ -407,25 +386,24 @@ def _sensorlog(parts: Parts) -> Recording:
     if len(names) > 1:
         raise DecodeError(f"it holds {len(names)} tables of SensorLog, each a recording of its own; read one of them.")
     raw = parts.read(names[0]).decode("utf-8-sig", "replace").replace("μ", "µ").encode()
-    log = sheet(names[0], raw)
-    notes = ["SensorLog (iOS): rad/s and µT; acceleration in g, negated: CoreMotion measures -1 g upwards at rest"]
-    streams: dict[str, Readings] = {}
-    epoch: int | None = None
+    table = sheet(names[0], raw)
+    log = _log("SensorLog (iOS): rad/s and µT; acceleration in g, negated: CoreMotion measures -1 g upwards at rest")
+    notes = log.notes
     for kind, sensor, form, unit, sign in _SENSORLOG:
         columns = [column.format(letter) for column in form.split(" + ") for letter in "XYZ"]
-        if kind in streams or not set(columns) <= set(log.names):
+        if kind in log.streams or not set(columns) <= set(table.names):
             continue
-        stream, began = _sensorlog_stream(log, _STAMP_OF[sensor], columns, notes)
+        stream, began = _sensorlog_stream(table, _STAMP_OF[sensor], columns, notes)
         if stream is None or (kind == "mag" and not np.any(stream.values)):
             notes.append(f"{kind}: {columns[0]} and its axes have no sample")
             continue
-        epoch = began if epoch is None else epoch
-        streams[kind] = Readings(stream.t_ns, sign * units.to_si(np.asarray(stream.values), unit))
+        log.epoch_ns = began if log.epoch_ns is None else log.epoch_ns
+        log.add(kind, stream.t_ns, sign * np.asarray(stream.values), unit)
         notes.append(f"{kind}: {form.format('X, Y, Z')}")
     notes.append("clock: seconds since the phone's start, on UTC by the first loggingTime, to some 0.1 s")
-    if any(name.startswith("motionQuaternion") for name in log.names):
+    if any(name.startswith("motionQuaternion") for name in table.names):
         notes.append("left out: motionQuaternion, the phone's own attitude, whose frame varies by a setting of the app")
-    return _recording(parts, streams, notes, "iPhone", epoch)
+    return _recording(parts, log, "iPhone")
 
 
 def _sensorlog_stream(
@@ -441,7 +419,7 @@ def _sensorlog_stream(
     if table is None:
         return None, None
     notes += [note for note in table.notes if note not in notes]
-    values = np.sum([triad(table, columns[at : at + 3]) for at in range(0, len(columns), 3)], axis=0)
+    values = np.sum([vectors(table.columns, *columns[at : at + 3]) for at in range(0, len(columns), 3)], axis=0)
     valid = np.isfinite(values).all(axis=1)
     cells = table.texts.get(logged, [])
     if not stamped:
@@ -471,31 +449,24 @@ ATTITUDE_SOURCE: Final = "the phone's own rotation vector (Android), which is an
 
 def _android(parts: Parts) -> Recording:
     properties = dict(re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", parts.text("record.properties"), re.MULTILINE))
-    notes = ["Android sensor events: rad/s, m/s² (specific force), µT; clock: s since StartTime"]
-    streams: dict[str, Readings] = {}
+    log = _log("Android sensor events: rad/s, m/s² (specific force), µT; clock: s since StartTime")
     for kind, stems in _ANDROID.items():
         present = [stem for stem in stems if f"{stem}.txt" in parts.names]
         if present:
-            streams[kind] = _android_stream(parts, present[0], 3, notes)
-            notes.append(f"{kind}: {present[0]}")
-    model = " ".join(properties[key] for key in ("Manufacturer", "Model") if properties.get(key))
+            log.add(kind, *_android_stream(parts, present[0], 3, log.notes))
+            log.notes.append(f"{kind}: {present[0]}")
     start = properties.get("StartTime", "")
-    epoch = int(start) * 10**9 if re.fullmatch(r"[1-9]\d{0,9}", start) else None
-    imu, rows_ns, joints = _on_one_line(streams, notes, model, epoch)
-    track = None
+    log.epoch_ns = int(start) * 10**9 if re.fullmatch(r"[1-9]\d{0,9}", start) else None
     if "rotation-vector.txt" in parts.names:
-        rotation = _android_stream(parts, "rotation-vector", 4, notes)
-        q_nb = attitude_at(rows_ns, np.asarray(rotation.t_ns), quat_from_xyzw(np.asarray(rotation.values)), notes)
-        if q_nb is not None:
-            track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=Frame.ENU, north=North.MAGNETIC, source=ATTITUDE_SOURCE)
-            notes.append(f"attitude: {ATTITUDE_SOURCE}; East-North-Up, magnetic north")
-    return Recording(imu=imu, track=track, name=_name(parts), notes=(*notes, AXES_NOTE, *joints))
+        stamps, xyzw = _android_stream(parts, "rotation-vector", 4, log.notes)
+        note = f"{ATTITUDE_SOURCE}; East-North-Up, magnetic north"
+        of_phone = LoggedAttitude(stamps, quat_from_xyzw(xyzw), ATTITUDE_SOURCE, Frame.ENU, North.MAGNETIC, note)
+        log.attitudes.append(of_phone)
+    return _recording(parts, log, " ".join(properties[key] for key in ("Manufacturer", "Model") if properties.get(key)))
 
 
-def _android_stream(parts: Parts, stem: str, count: int, notes: list[str]) -> Readings:
+def _android_stream(parts: Parts, stem: str, count: int, notes: list[str]) -> tuple[NDArray[np.int64], Floats]:
     """Stamps and so many values of a table without names."""
-    refs = list(range(1, count + 2))
-    table = read_table(parts.read(f"{stem}.txt"), _BLANKS, refs)
+    table = read_table(parts.read(f"{stem}.txt"), _BLANKS, range(1, count + 2))
     notes += [note.replace("cut: ", f"cut: {stem}: ", 1) for note in table.notes]
-    values: Floats = np.stack([table.columns[ref] for ref in refs[1:]], axis=1)
-    return Readings(seconds_to_ns(stem, table.columns[1]), values)
+    return seconds_to_ns(stem, table.columns[1]), vectors(table.columns, *range(2, count + 2))

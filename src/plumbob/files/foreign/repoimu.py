@@ -13,18 +13,20 @@ rad/s; magnetic field, in units of the local field, as Xsens gives it.
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import existing_file, reading
-from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign import logged
-from plumbob.files.foreign.join import joined, seconds_to_ns
+from plumbob.files.foreign.join import seconds_to_ns
+from plumbob.files.foreign.logged import MOST, LoggedAttitude, SensorLog, text_rows
 from plumbob.rotations import Frame, North
 
-_ROWS: Final = np.dtype([("t", "f8"), ("values", "f8", (13,))])
+_META: Final = ImuMeta(device="Xsens MTi (RepoIMU)", frame=Frame.ENU, unit_check=False)
+_NOTE: Final = (
+    "Vicon, axes of the markers to a frame with z up; neither axes nor frames are aligned with the IMU's, so a "
+    "comparison needs --align heading,mounting"
+)
 _HEAD: Final = 512
 
 
@@ -56,30 +58,19 @@ def read(path: Path) -> Recording:
     ClockError
         If more than 1 % of the stamps go back.
     """
-    file = existing_file(path, logged.MOST)
+    file = existing_file(path, MOST)
     with reading(file):
         separator = _separator(file)
         if not separator:
             raise DecodeError("it has not the two head lines of a RepoIMU trial (Time, Vicon, IMU; W X Y Z …).")
-        rows = logged.text_rows(file, _ROWS, 14, delimiter=separator, skiprows=2)
+        time, values = text_rows(file, 13, stamps="f8", delimiter=separator, skiprows=2)
         notes = [
             "RepoIMU: axes of the IMU; s, m/s², rad/s; magnetic field in units of the local one, scaled by "
             f"{NOMINAL_FIELD:g} µT (head lines; doi:10.1007/978-3-319-46418-3_45)"
         ]
-        t_ns, values = seconds_to_ns("time", rows["t"]), rows["values"]
-        streams = {
-            "gyr": logged.stream("gyr", t_ns, values[:, 7:10], notes),
-            "acc": logged.stream("acc", t_ns, values[:, 4:7], notes),
-            "mag": logged.stream("mag", t_ns, values[:, 10:13] * NOMINAL_FIELD, notes),
-        }
-        meta = ImuMeta(device="Xsens MTi (RepoIMU)", frame=Frame.ENU, unit_check=False)
-        imu, rows_ns, how = joined(streams, meta=meta)
-        q_nb = logged.attitude_at(rows_ns, t_ns, values[:, :4], notes)
-        track = None
-        if q_nb is not None:
-            notes.append(
-                "reference: Vicon, axes of the markers to a frame with z up; neither axes nor frames are aligned with "
-                "the IMU's, so a comparison needs --align heading,mounting"
-            )
-            track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=Frame.ENU, north=North.FREE, source="Vicon (RepoIMU)")
-        return Recording(imu=imu, track=track, name=file.stem, notes=(*notes, *how))
+        log, t_ns = SensorLog(notes, _META), seconds_to_ns("time", time)
+        for sensor, first, unit in (("gyr", 7, ""), ("acc", 4, ""), ("mag", 10, "relative")):
+            log.add(sensor, t_ns, values[:, first : first + 3], unit)
+        attitude = LoggedAttitude(t_ns, values[:, :4], "Vicon (RepoIMU)", Frame.ENU, North.FREE, _NOTE, "reference")
+        log.attitudes.append(attitude)
+        return log.recording(file.stem)

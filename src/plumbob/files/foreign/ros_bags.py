@@ -10,7 +10,6 @@ import bz2
 import os
 import re
 import struct
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -26,6 +25,8 @@ from plumbob.core.files import MAX_TEXT, require_room
 from plumbob.core.text import counted
 from plumbob.data.recording import CUT
 from plumbob.files.mcap import layout
+from plumbob.files.mcap.content import BrokenRecordError, inflate
+from plumbob.files.mcap.scan import FileBytes, RowBlock, Scan
 
 BAG: Final = b"#ROSBAG V"
 SQLITE: Final = b"SQLite format 3\x00"
@@ -125,7 +126,7 @@ class Bag:
 
     def cut(self, what: str, at: int) -> None:
         """Note the end of a file in the middle of something."""
-        self.damage.append(f"{CUT}the file ends within {what} at byte {at}; what comes before it was read")
+        self.damage.append(f"{CUT}{what} at byte {at}; what comes before it was read")
 
 
 def open_bag(path: Path) -> Bag:
@@ -172,11 +173,11 @@ def _open_file(path: Path, bag: Bag) -> None:
             if content.startswith(SQLITE):
                 _sqlite(path, bag, content)
             else:
-                _mcap(BytesIO(content), len(content), bag)
+                _mcap(FileBytes(path, BytesIO(content)), bag)
         elif start.startswith(SQLITE):
             _sqlite(path, bag)
         elif start.startswith(layout.MAGIC):
-            _mcap(file, path.stat().st_size, bag)
+            _mcap(FileBytes(path), bag)
         elif start.startswith(BAG):
             _bag(file, path.stat().st_size, bag)
         else:
@@ -199,29 +200,16 @@ def _zstd_file(file: BinaryIO, bag: Bag) -> bytes:
 
 
 def _unpacked(data: bytes, how: str, size: int, bag: Bag) -> bytes:
-    """Content of a chunk, which has `size` bytes by its own word, and by no more memory than that."""
+    """Content of a chunk of ROS 1, which has `size` bytes by its own word, and by no more memory than that."""
     bag.room(size)
     try:
-        if how in {"", "none"}:
-            chunk = data
-        elif how == "zstd":
-            import zstandard
-
-            chunk = zstandard.ZstdDecompressor().stream_reader(BytesIO(data), read_across_frames=True).read(size + 1)
-        elif how == "lz4":
-            import lz4.frame
-
-            chunk = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
-        elif how == "bz2":
-            chunk = bz2.BZ2Decompressor().decompress(data, max_length=size + 1)
-        else:
-            raise DecodeError(f"a chunk is compressed by '{how[:20]}'; none, zstd, lz4 and bz2 are read.")
-    except DecodeError:
-        raise
-    except Exception as error:  # each library has errors of its own, RuntimeError among them
-        raise DecodeError(f"a chunk that is compressed by {how} is damaged: {error}.") from error
+        if how != "bz2":
+            return inflate(data, b"" if how == "none" else how.encode(), size)
+        chunk = bz2.BZ2Decompressor().decompress(data, max_length=size + 1)
+    except (BrokenRecordError, OSError, ValueError) as error:
+        raise DecodeError(f"a chunk that is compressed by {how[:20]} is damaged: {error}.") from error
     if len(chunk) != size:
-        raise DecodeError(f"a chunk has {size} bytes by its own word, but unpacks to another length; it is damaged.")
+        raise DecodeError(f"a chunk does not inflate to the {size} bytes that it states; it is damaged.")
     return chunk
 
 
@@ -274,7 +262,7 @@ def _bag_records(file: BinaryIO, size: int, bag: Bag | None) -> Iterator[tuple[i
         return
     if bag is None:
         raise DecodeError("a record of a chunk goes beyond its end; it is damaged.")
-    bag.cut("a record", start)
+    bag.cut("the file ends within a record", start)
 
 
 def _length(file: BinaryIO, size: int) -> int | None:
@@ -307,75 +295,25 @@ def _text(head: dict[bytes, bytes], name: bytes) -> str:
     return head[name].decode("utf-8", "replace")
 
 
-class _Mcap:
-    """Schemas and channels of an MCAP, as they come."""
-
-    def __init__(self, bag: Bag) -> None:
-        self.bag = bag
-        self.schemas: dict[int, str] = {}
-        self.channels: dict[int, Topic] = {}
-
-    def take(self, operation: int, body: bytes) -> None:
-        """Take in a record."""
-        from mcap.data_stream import ReadDataStream
-        from mcap.exceptions import McapError
-        from mcap.records import Channel
-
-        try:
-            if operation == layout.SCHEMA:
-                self.schemas[struct.unpack_from("<H", body)[0]] = layout.parse_schema(body).name
-            elif operation == layout.CHANNEL:
-                declared = Channel.read(ReadDataStream(BytesIO(body)))
-                kind = self.schemas.get(declared.schema_id, "")
-                self.channels[declared.id] = self.bag.topic(declared.topic, kind, declared.message_encoding)
-            elif operation == layout.MESSAGE:
-                channel, _, log_ns, _ = struct.unpack_from("<HIQq", body)
-                if log_ns >= 1 << 63:
-                    raise ValueError("beyond every clock")
-                self.channels[channel].take(log_ns, body[22:])
-        except (ValueError, struct.error, McapError, KeyError) as error:
-            raise DecodeError(f"a record of kind {operation:#x} is damaged, or of a channel not declared.") from error
-
-
-def _mcap(file: BinaryIO, size: int, bag: Bag) -> None:
-    """MCAP: records, or chunks of such; the summary behind them repeats what is known."""
-    taken = _Mcap(bag)
-    file.seek(len(layout.MAGIC))
-    for operation, body in _mcap_records(file, size, bag):
-        if operation == layout.DATA_END:
-            return
-        if operation != layout.CHUNK:
-            taken.take(operation, body)
-            continue
-        head = layout.CHUNK_HEAD.size - layout.RECORD_HEAD.size
-        if len(body) < head + layout.SIZE.size:
-            raise DecodeError("a chunk is shorter than its own head; it is damaged.")
-        _, _, plain, crc, letters = struct.unpack_from("<QQQII", body)
-        how = body[head : head + letters].decode("utf-8", "replace") if letters < 32 else "?"
-        content = _unpacked(body[head + letters + layout.SIZE.size :], how, plain, bag)
-        if crc and zlib.crc32(content) != crc:
-            raise DecodeError("a chunk does not fit its checksum; it is damaged. 'mcap recover' saves the others.")
-        for inner, inner_body in _mcap_records(BytesIO(content), len(content), None):
-            taken.take(inner, inner_body)
-    if not bag.damage:
-        bag.damage.append(f"{CUT}the file has no end; messages may be missing")
-
-
-def _mcap_records(file: BinaryIO, size: int, bag: Bag | None) -> Iterator[tuple[int, bytes]]:
-    """Kind and body of each record; bodies that nobody needs are empty."""
-    while (at := file.tell()) < size:
-        head = file.read(layout.RECORD_HEAD.size)
-        length = layout.RECORD_HEAD.unpack(head)[1] if len(head) == layout.RECORD_HEAD.size else size
-        if length > size - file.tell():
-            if bag is None:
-                raise DecodeError("a record of a chunk goes beyond its end; it is damaged.")
-            bag.cut("a record", at)
-            return
-        if head[0] in {layout.SCHEMA, layout.CHANNEL, layout.MESSAGE, layout.CHUNK}:
-            yield head[0], file.read(length)
-        else:
-            yield head[0], b""
-            file.seek(length, os.SEEK_CUR)
+def _mcap(source: FileBytes, bag: Bag) -> None:
+    """MCAP: what is whole of it, as of a recording of ours."""
+    with source:
+        scan = Scan(source, None)
+        for item in scan.items():
+            if isinstance(item, RowBlock):
+                for number, _, log_ns, data in item.rows:
+                    channel = item.channels[number]
+                    bag.room(len(data))
+                    kind = channel.schema.name if channel.schema else ""
+                    bag.topic(channel.topic, kind, channel.encoding).take(log_ns, data)
+            elif item.offset + item.size >= source.size:
+                bag.cut(item.what, item.offset)
+            else:
+                bag.damage.append(f"damage: {item}")
+        if scan.orphans:
+            bag.damage.append(f"damage: {counted(scan.orphans, 'message')} of channels that are not declared")
+        if not (scan.clean or bag.damage):
+            bag.damage.append(f"{CUT}the file has no end; messages may be missing")
 
 
 def _sqlite(path: Path, bag: Bag, content: bytes | None = None) -> None:

@@ -30,17 +30,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import units
+from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
-from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign import logged
-from plumbob.files.foreign.join import Readings, joined
+from plumbob.files.foreign.logged import MOST, SensorLog, Table, choose, micro, of_vehicle, vectors
 from plumbob.rotations import Frame, North
-
-Table = Mapping[str, NDArray[Any]]
-"""Columns (N,) of a topic by the name of their field, ``q[0]`` for the first number of an array."""
 
 _MAGIC: Final = b"ULog\x01\x12\x35"
 _HEAD: Final = 3
@@ -66,7 +63,7 @@ class _Topics:
 
     parameters: Mapping[str, Any]
     tables: Mapping[tuple[str, int], Table]
-    losses: tuple[str, ...]
+    losses: list[str]
 
     def instances(self, name: str, *needed: str) -> dict[int, Table]:
         """Instances of a topic that have these columns."""
@@ -100,7 +97,7 @@ def read(path: Path, unit: str | None = None) -> Recording:
     ClockError
         If more than 1 % of its stamps go back.
     """
-    file = existing_file(path, logged.MOST)
+    file = existing_file(path, MOST)
     with reading(file):
         if not accepts(file):
             raise DecodeError("it does not begin as a ULog does; copy the log from the controller again.")
@@ -158,7 +155,7 @@ def _topics(file: Path) -> _Topics:
         losses.append("damage: bytes that are not messages, or messages that do not fit their layout, were skipped")
     if log.cut:
         losses.append("cut: the file ends within a message")
-    return _Topics({**content.msg_info_dict, **content.initial_parameters}, tables, tuple(losses))
+    return _Topics({**content.msg_info_dict, **content.initial_parameters}, tables, losses)
 
 
 def _require_short(formats: Mapping[str, Any], name: str) -> None:
@@ -175,91 +172,84 @@ def _require_short(formats: Mapping[str, Any], name: str) -> None:
         raise DecodeError(f"the layout of {excerpt(name)} is longer than a message; the log is damaged.")
 
 
-def _recording(log: _Topics, name: str, unit: str | None) -> Recording:
-    notes = [
-        "PX4 ULog: body axes forward, right, down; frame NED; rad/s, m/s², gauss as µT; clock in µs since boot (PX4 "
-        "guide, ULog File Format, and PX4's message definitions)"
-    ]
-    imus = _units(log)
-    taken = logged.chosen([*imus], unit) if imus else ""
-    streams, in_body = _sensors(log, imus, taken, notes) if taken else ({}, True)
-    logged.require_gyroscope(streams, "sensor_combined, vehicle_imu or sensor_gyro")
-    if in_body:
-        _magnetometer(log, streams, notes)
-    declination = log.parameters.get("EKF2_MAG_DECL")
-    meta = ImuMeta(
-        device=f"PX4 {log.parameters.get('ver_hw', '')}".strip(),
-        frame=Frame.NED,
-        declination=units.deg(declination) if isinstance(declination, float) and abs(declination) < 180 else None,
-        unit_check=False,
+def _recording(topics: _Topics, name: str, unit: str | None) -> Recording:
+    declination = topics.parameters.get("EKF2_MAG_DECL")
+    boot_ns = _boot(topics)
+    log = SensorLog(
+        [
+            "PX4 ULog: body axes forward, right, down; frame NED; rad/s, m/s², gauss as µT; clock in µs since boot "
+            "(PX4 guide, ULog File Format, and PX4's message definitions)"
+        ],
+        ImuMeta(
+            device=f"PX4 {topics.parameters.get('ver_hw', '')}".strip(),
+            frame=Frame.NED,
+            declination=units.deg(declination) if isinstance(declination, float) and abs(declination) < 180 else None,
+            unit_check=False,
+        ),
+        boot_ns,
+        losses=topics.losses,
     )
-    gps = _gps(log)
-    imu, rows_ns, how = joined(streams, meta=meta, epoch_ns=_epoch(gps, notes))
+    imus = _units(topics)
     counts = {key: len(table["timestamp"]) for key, table in imus.items()}
-    samples = f"samples: {taken}, {counted(counts.pop(taken), 'record')}"
-    notes += [logged.others_note(samples, counts), *how]
-    track = None
-    if in_body:
-        track = _attitude(log, gps is not None, rows_ns, imu.t, notes)
-    else:
-        notes.append(
-            f"left out: magnetic field and attitude, which are in body axes, as the board is turned in the vehicle "
-            f"(SENS_BOARD_ROT {log.parameters['SENS_BOARD_ROT']})"
-        )
-    return Recording(imu=imu, track=track, name=name, notes=(*notes, *log.losses))
+    in_body = not imus or _sensors(topics, log, choose(log.notes, counts, unit))
+    log.require_gyroscope("sensor_combined, vehicle_imu or sensor_gyro")
+    if not in_body:
+        rotation = topics.parameters["SENS_BOARD_ROT"]
+        note = "left out: magnetic field and attitude, which are in body axes, as the board is turned in the vehicle "
+        return log.recording(name, none=f"{note}(SENS_BOARD_ROT {rotation})")
+    if boot_ns is None:
+        log.notes.append("UTC: not known, as no GPS with a fix is in the log")
+    _magnetometer(topics, log)
+    if table := topics.instances("vehicle_attitude", "timestamp", "q[3]").get(0):
+        north = North.MAGNETIC if boot_ns is None else North.TRUE
+        why = "no GPS had a fix" if boot_ns is None else "a GPS had a fix, so PX4 adds the declination"
+        heading = f"counts from {north} north ({why})"
+        attitude = of_vehicle(_sampled(table), _array(table, "q", 4), "vehicle_attitude", "PX4's", heading)
+        log.attitudes.append(attitude._replace(north=north))
+    return log.recording(name, none="attitude: none in the log at the samples' times (vehicle_attitude)")
 
 
-def _units(log: _Topics) -> dict[str, Table]:
+def _units(topics: _Topics) -> dict[str, Table]:
     """IMUs that samples can be of; first the one PX4 flew by, or that with most records."""
     imus = {
         topic if topic == "sensor_combined" else f"{topic}.{instance}": table
         for topic, needed in _NEEDED.items()
-        for instance, table in sorted(log.instances(topic, *needed).items())
+        for instance, table in sorted(topics.instances(topic, *needed).items())
     }
     first = max(imus, key=lambda name: (name == "sensor_combined", len(imus[name]["timestamp"])), default=None)
     return {} if first is None else {first: imus[first], **imus}
 
 
-def _sensors(log: _Topics, imus: Mapping[str, Table], unit: str, notes: list[str]) -> tuple[dict[str, Readings], bool]:
-    """Streams of a unit's gyroscope and accelerometer, and whether they are in body axes."""
-    streams: dict[str, Readings] = {}
+def _sensors(topics: _Topics, log: SensorLog, unit: str) -> bool:
+    """Take the gyroscope and the accelerometer of a unit; whether they are in body axes."""
     topic, _, number = unit.partition(".")
-    table = imus[unit]
+    table = topics.tables[topic, int(number or 0)]
+    if topic == "sensor_gyro":
+        log.add("gyr", _sampled(table), vectors(table, *"xyz"))
+        places = topics.instances("sensor_accel", "timestamp", *"xyz")
+        instance, why = _accelerometer(table, int(number), places)
+        log.notes.append(f"acc: {why}")
+        if instance is not None:
+            log.add("acc", _sampled(places[instance]), vectors(places[instance], *"xyz"))
+        log.notes.append("axes: sensor_gyro is in axes of the board and without PX4's calibration")
+        return not topics.parameters.get("SENS_BOARD_ROT", 0)
     if topic == "sensor_combined":
-        t_ns = logged.micro(table["timestamp"])
-        streams["gyr"] = logged.stream("gyr", t_ns, _vectors(table, "gyro_rad"), notes)
+        t_ns = micro(table["timestamp"])
+        log.add("gyr", t_ns, _array(table, "gyro_rad"))
         later = np.asarray(table.get("accelerometer_timestamp_relative", np.zeros(t_ns.size)), dtype=np.int64)
-        valid = later != _UNKNOWN_STAMP
-        acc = _vectors(table, "accelerometer_m_s2")[valid]
-        streams["acc"] = logged.stream("acc", (t_ns + later * 1000)[valid], acc, notes)
-    elif topic == "vehicle_imu":
-        for key, column in (("gyr", "delta_angle"), ("acc", "delta_velocity")):
-            span = table[f"{column}_dt"].astype(np.float64) / 1e6
-            valid = span > 0.0
-            values = _vectors(table, column)[valid] / span[valid, None]
-            streams[key] = logged.stream(key, _sampled(table)[valid], values, notes)
+        log.add("acc", t_ns + later * 1000, _array(table, "accelerometer_m_s2"), valid=later != _UNKNOWN_STAMP)
     else:
-        return _single(log, table, int(number), notes)
-    notes.append(f"axes: {topic} is in body axes, corrected by PX4's calibration")
-    return streams, True
+        for sensor, column in (("gyr", "delta_angle"), ("acc", "delta_velocity")):
+            span = table[f"{column}_dt"].astype(np.float64) / 1e6
+            means = _array(table, column) / np.where(span > 0.0, span, np.nan)[:, None]
+            log.add(sensor, _sampled(table), means, valid=span > 0.0)
+    log.notes.append(f"axes: {topic} is in body axes, corrected by PX4's calibration")
+    return True
 
 
-def _vectors(table: Table, name: str, count: int = 3) -> NDArray[Any]:
+def _array(table: Table, name: str, count: int = 3) -> Floats:
     """Records (N, count) of a field that is an array."""
-    return logged.triad(table, *(f"{name}[{i}]" for i in range(count)))
-
-
-def _single(log: _Topics, gyroscope: Table, instance: int, notes: list[str]) -> tuple[dict[str, Readings], bool]:
-    """Streams of one gyroscope and of the accelerometer on its bus and address, or of the same number."""
-    streams = {"gyr": logged.stream("gyr", _sampled(gyroscope), logged.triad(gyroscope, "x", "y", "z"), notes)}
-    places = log.instances("sensor_accel", "timestamp", "x", "y", "z")
-    number, why = _accelerometer(gyroscope, instance, places)
-    notes.append(f"acc: {why}")
-    if number is not None:
-        acc = places[number]
-        streams["acc"] = logged.stream("acc", _sampled(acc), logged.triad(acc, "x", "y", "z"), notes)
-    notes.append("axes: sensor_gyro is in axes of the board and without PX4's calibration")
-    return streams, not log.parameters.get("SENS_BOARD_ROT", 0)
+    return vectors(table, *(f"{name}[{i}]" for i in range(count)))
 
 
 def _accelerometer(gyroscope: Table, instance: int, places: Mapping[int, Table]) -> tuple[int | None, str]:
@@ -281,56 +271,24 @@ def _device(table: Table) -> int:
 
 def _sampled(table: Table) -> NDArray[np.int64]:
     """When records were sampled, ns since boot; older logs have the stamp of their publication alone."""
-    return logged.micro(table["timestamp_sample" if "timestamp_sample" in table else "timestamp"])
+    return micro(table["timestamp_sample" if "timestamp_sample" in table else "timestamp"])
 
 
-def _magnetometer(log: _Topics, streams: dict[str, Readings], notes: list[str]) -> None:
-    """The magnetometer that PX4 flew by, or the first one."""
+def _magnetometer(topics: _Topics, log: SensorLog) -> None:
+    """Take the magnetometer that PX4 flew by, or the first one."""
     for topic in ("vehicle_magnetometer", "sensor_combined"):  # logs before 2018 have it in the latter
-        if table := log.instances(topic, "timestamp", "magnetometer_ga[0]").get(0):
-            field_ut = units.gauss(_vectors(table, "magnetometer_ga"))
-            streams["mag"] = logged.stream("mag", _sampled(table), field_ut, notes)
+        if table := topics.instances(topic, "timestamp", "magnetometer_ga[0]").get(0):
+            log.add("mag", _sampled(table), _array(table, "magnetometer_ga"), "gauss")
             return
-    for instance, table in sorted(log.instances("sensor_mag", "timestamp", "x", "y", "z").items())[:1]:
-        values = units.gauss(logged.triad(table, "x", "y", "z"))
-        streams["mag"] = logged.stream("mag", _sampled(table), values, notes)
-        notes.append(f"mag: sensor_mag.{instance}, as the sensor gave it")
+    for instance, table in sorted(topics.instances("sensor_mag", "timestamp", *"xyz").items())[:1]:
+        log.add("mag", _sampled(table), vectors(table, *"xyz"), "gauss")
+        log.notes.append(f"mag: sensor_mag.{instance}, as the sensor gave it")
 
 
-def _gps(log: _Topics) -> NDArray[np.int64] | None:
-    """UTC of boot, ns since 1970, by each record of the first GPS that knew it and had a fix."""
+def _boot(topics: _Topics) -> int | None:
+    """UTC of boot, ns since 1970, by the first GPS that knew it and had a fix; None where none had."""
     for topic in ("vehicle_gps_position", "sensor_gps"):
-        for _, table in sorted(log.instances(topic, "timestamp", "time_utc_usec", "fix_type").items()):
+        for _, table in sorted(topics.instances(topic, "timestamp", "time_utc_usec", "fix_type").items()):
             if (fixes := (table["time_utc_usec"] > 0) & (table["fix_type"] >= 3)).any():
-                return logged.micro(table["time_utc_usec"][fixes]) - logged.micro(table["timestamp"][fixes])
+                return int(np.median(micro(table["time_utc_usec"][fixes]) - micro(table["timestamp"][fixes])))
     return None
-
-
-def _epoch(boot_ns: NDArray[np.int64] | None, notes: list[str]) -> int | None:
-    if boot_ns is None:
-        notes.append("UTC: not known, as no GPS with a fix is in the log")
-        return None
-    return int(np.median(boot_ns))
-
-
-def _attitude(
-    log: _Topics, had_fix: bool, rows_ns: NDArray[np.int64], t: Any, notes: list[str]
-) -> AttitudeTrack | None:
-    """PX4's own estimate on the rows of the samples."""
-    table = log.instances("vehicle_attitude", "timestamp", "q[3]").get(0)
-    if table is None:
-        notes.append("attitude: none in the log (vehicle_attitude)")
-        return None
-    q_nb = logged.attitude_at(rows_ns, _sampled(table), _vectors(table, "q", 4), notes)
-    if q_nb is None:
-        notes.append("attitude: vehicle_attitude holds none at the samples' times")
-        return None
-    north = North.TRUE if had_fix else North.MAGNETIC
-    why = "a GPS had a fix, so PX4 adds the declination" if had_fix else "no GPS had a fix"
-    notes.append(
-        "attitude: vehicle_attitude, PX4's own estimate from the same sensors, not a reference: a comparison with it "
-        f"shows agreement, not accuracy; its heading counts from {north} north ({why})"
-    )
-    return AttitudeTrack(
-        t=t, q_nb=q_nb, frame=Frame.NED, north=north, source="PX4's own estimate (vehicle_attitude), not a reference"
-    )

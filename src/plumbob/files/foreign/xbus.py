@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
 from plumbob.core.text import counted, first_words
-from plumbob.files.foreign.logged import chosen, others_note, records
+from plumbob.files.foreign.logged import choose, records
 
 PREAMBLE: Final = 0xFA
 _MTDATA, _MTDATA2 = 0x32, 0x36
@@ -176,10 +176,8 @@ def read_unit(raw: bytes, unit: str | None) -> XbusUnit:
         raise DecodeError(
             f"it holds {counted(messages.kind.size, 'message')}, but no data (MTData2, 36, or MTData, 32): {kinds}."
         )
-    name = chosen(list(names), unit)
     counts = {key: int(np.count_nonzero(data & (messages.bus == bus))) for key, bus in names.items()}
-    if len(names) > 1:
-        notes.append(others_note(f"unit: {name}, {counted(counts.pop(name), 'packet')}", counts))
+    name = choose(notes if len(counts) > 1 else [], counts, unit, "unit", "packet")
     content = XbusUnit({} if name == f"bus{names[name]}" else {"deviceid": name}, {}, notes)
     if product := _product(messages, names[name], configuration):
         content.head["productcode"] = product

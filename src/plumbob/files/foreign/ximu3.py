@@ -18,16 +18,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core import units
 from plumbob.core.check import Floats
-from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
-from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign.join import Readings, joined
-from plumbob.files.foreign.logged import attitude_at
+from plumbob.files.foreign.logged import RELATIVE_NOTE, LoggedAttitude, SensorLog
 from plumbob.files.foreign.parts import Parts, names_in, sheet
 from plumbob.rotations import Frame, North
 
@@ -79,28 +76,19 @@ def read(path: Path) -> Recording:
 def _recording(name: str, messages: _Messages, answers: str, notes: list[str]) -> Recording:
     if "I" not in messages:
         raise DecodeError(f"it has no inertial message; {'; '.join(notes[1:]) or 'is this the file?'}.")
-    stamps, inertial = messages["I"]
-    streams = {
-        "gyr": Readings(stamps, units.to_si(inertial[:, :3], "deg/s")),
-        "acc": Readings(stamps, units.to_si(inertial[:, 3:], "g")),
-    }
-    if "M" in messages:
-        streams["mag"] = Readings(messages["M"][0], units.to_si(messages["M"][1], "relative"))
-        notes.append(
-            f"mag is in arbitrary units, 1 at the place of calibration, which is taken for {NOMINAL_FIELD:g} µT"
-        )
-    if "T" in messages:
-        streams["temp_c"] = Readings(messages["T"][0], messages["T"][1][:, 0])
     frame, north, how = _convention(answers)
-    meta = ImuMeta(device="x-IMU3", frame=frame, unit_check=False)
-    imu, rows_ns, joints = joined(streams, meta=meta)
-    track = None
+    log = SensorLog(notes, ImuMeta(device="x-IMU3", frame=frame, unit_check=False))
+    stamps, inertial = messages["I"]
+    log.add("gyr", stamps, inertial[:, :3], "deg/s")
+    log.add("acc", stamps, inertial[:, 3:], "g")
+    if "M" in messages:
+        log.add("mag", *messages["M"], "relative")
+        notes.append(RELATIVE_NOTE)
+    if "T" in messages:
+        log.add("temp_c", messages["T"][0], messages["T"][1][:, 0])
     if "Q" in messages:
-        q_nb = attitude_at(rows_ns, *messages["Q"], notes)
-        if q_nb is not None:
-            track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=frame, north=north, source=_SOURCE)
-            notes.append(f"attitude: {_SOURCE}; {how}")
-    return Recording(imu=imu, track=track, name=name, notes=(*notes, *joints))
+        log.attitudes.append(LoggedAttitude(*messages["Q"], _SOURCE, frame, north, f"{_SOURCE}; {how}"))
+    return log.recording(name)
 
 
 def _convention(answers: str) -> tuple[Frame, North, str]:

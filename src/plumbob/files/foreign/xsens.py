@@ -20,6 +20,7 @@ import re
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -28,15 +29,13 @@ from numpy.typing import NDArray
 
 from plumbob.core import flags, units
 from plumbob.core.check import Floats
-from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import ClockError, DecodeError, excerpt
 from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import xbus
-from plumbob.files.foreign.join import Readings, joined
-from plumbob.files.foreign.logged import MOST, attitude_at
+from plumbob.files.foreign.logged import MOST, RELATIVE_NOTE, LoggedAttitude, SensorLog, vectors
 from plumbob.files.foreign.parts import HEAD_BYTES, names_in, sheet
 from plumbob.files.stamps import time_line
 from plumbob.rotations import (
@@ -161,30 +160,24 @@ def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: l
     attitude = _attitude_columns(columns.keys())
     if not any(set(names) <= columns.keys() for names in _SENSORS):
         return _attitude_alone(name, columns, attitude, stamps, frame, notes)
-    streams = _streams(columns, stamps, notes)
     meta = ImuMeta(
         device=" ".join(filter(None, (head.get("productcode", "Xsens"), head.get("deviceid", "")))),
         rate_nominal=_rate(head),
         frame=frame,
         unit_check=False,
     )
-    epoch = _epoch(columns, stamps)
-    if epoch is None and set(_UTC) <= columns.keys():
+    log = SensorLog(notes, meta, _epoch(columns, stamps))
+    _add_streams(log, columns, stamps)
+    if log.epoch_ns is None and set(_UTC) <= columns.keys():
         notes.append("UTC: not known, as no packet has a valid date")
-    imu, rows_ns, joints = joined(streams, meta=meta, epoch_ns=epoch)
-    if "StatusWord" in columns:
-        imu = imu.flagged(_clipped(columns["StatusWord"], stamps, rows_ns))
-    track = None
     if attitude and frame is None:
         notes.append("left out: the attitude, as the file does not say its frame (a line '// Coordinate system: ENU')")
-    elif attitude:
-        q_nb = attitude_at(rows_ns, stamps, _attitude(columns, attitude), notes)
-        if q_nb is not None:
-            track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=frame, north=North.MAGNETIC, source=_SOURCE)  # type: ignore[arg-type]
-            notes.append(
-                f"attitude: {_SOURCE}; {frame}, magnetic north, as it counts without GNSS and a declination set"
-            )
-    return Recording(imu=imu, track=track, name=name, notes=(*notes, *joints))
+    elif attitude and frame is not None:
+        note = f"{_SOURCE}; {frame}, magnetic north, as it counts without GNSS and a declination set"
+        q_nb = _attitude(columns, attitude)
+        log.attitudes.append(LoggedAttitude(stamps, q_nb, _SOURCE, frame, North.MAGNETIC, note))
+    status = columns.get("StatusWord")
+    return log.recording(name, flags=None if status is None else partial(_clipped, status, stamps))
 
 
 def _attitude_alone(
@@ -204,35 +197,33 @@ def _attitude_alone(
     return Recording(track=track, name=name, notes=(*notes, *line.notes, f"attitude: {_SOURCE}; {frame}"))
 
 
-def _streams(columns: Columns, stamps: NDArray[np.int64], notes: list[str]) -> dict[str, Readings]:
-    """Streams of the triads and the temperature, each at the rows where the leading one has a value."""
+def _add_streams(log: SensorLog, columns: Columns, stamps: NDArray[np.int64]) -> None:
+    """Add the triads and the temperature, each at the rows where the leading one has a value."""
     values: dict[str, Floats] = {}
     for kind, names in _TRIADS.items():
         if set(names) <= columns.keys():
-            values[kind] = np.stack([columns[name] for name in names], axis=1)
+            values[kind] = vectors(columns, *names)
         elif kind in _INCREMENTS and set(_INCREMENTS[kind]) <= columns.keys():
-            increments = np.stack([columns[name] for name in _INCREMENTS[kind]], axis=1)
+            increments = vectors(columns, *_INCREMENTS[kind])
             values[kind] = (
-                _mean_rates(increments, stamps, notes)
+                _mean_rates(increments, stamps, log.notes)
                 if kind == "gyr"
-                else _mean_forces(increments, values.get("gyr"), stamps, notes)
+                else _mean_forces(increments, values.get("gyr"), stamps, log.notes)
             )
     for kind in [kind for kind, samples in values.items() if not np.isfinite(samples).any()]:
         del values[kind]
-        notes.append(f"{kind}: {_TRIADS[kind][0]} and its axes have no value")
+        log.notes.append(f"{kind}: {_TRIADS[kind][0]} and its axes have no value")
     if not values:
         raise DecodeError("none of its rates, accelerations and magnetic fields is a number; export it again.")
-    if "mag" in values:
-        values["mag"] = units.to_si(values["mag"], "relative")
-        notes.append(
-            f"mag is in arbitrary units, 1 at the place of calibration, which is taken for {NOMINAL_FIELD:g} µT"
-        )
     there = {kind: np.isfinite(samples).any(axis=1) for kind, samples in values.items()}
     lead = there["gyr"] if "gyr" in there else np.ones(stamps.size, dtype=bool)
     if "Temperature" in columns and np.isfinite(columns["Temperature"]).any():
         values["temp_c"], there["temp_c"] = columns["Temperature"], np.isfinite(columns["Temperature"])
-    rows = {kind: lead if not (mask & ~lead).any() else mask for kind, mask in there.items()}
-    return {kind: Readings(stamps[rows[kind]], samples[rows[kind]]) for kind, samples in values.items()}
+    for kind, samples in values.items():
+        unit, mask = "relative" if kind == "mag" else "", there[kind]
+        log.add(kind, stamps, samples, unit, valid=lead if not (mask & ~lead).any() else mask)
+    if "mag" in values:
+        log.notes.append(RELATIVE_NOTE)
 
 
 def _mean_rates(turns: Floats, stamps: NDArray[np.int64], notes: list[str]) -> Floats:
@@ -271,7 +262,9 @@ def _step(stamps: NDArray[np.int64]) -> float:
 def _clipped(words: Floats, stamps: NDArray[np.int64], rows_ns: NDArray[np.int64]) -> NDArray[np.uint32]:
     """Flags of the rows (N,) whose status says that an axis is at the end of its range."""
     unique, first = np.unique(stamps, return_index=True)
-    status = np.nan_to_num(words[first[np.searchsorted(unique, rows_ns)]]).astype(np.uint32)
+    status = np.nan_to_num(words[first[np.minimum(np.searchsorted(unique, rows_ns), unique.size - 1)]]).astype(
+        np.uint32
+    )
     clipped = np.zeros(rows_ns.size, dtype=np.uint32)
     for flag, bits in _CLIPPED.items():
         clipped[(status & np.uint32(bits)) != 0] |= np.uint32(flag)
@@ -332,7 +325,7 @@ def _epoch(columns: Columns, stamps: NDArray[np.int64]) -> int | None:
     """UTC of the stamp 0, ns, by the first row that has a date and a time."""
     if not set(_UTC) <= columns.keys():
         return None
-    utc = np.stack([columns[column] for column in _UTC], axis=1)
+    utc = vectors(columns, *_UTC)
     rows = np.flatnonzero(np.isfinite(utc).all(axis=1) & (utc[:, 0] > 2000))
     if not rows.size:
         return None
@@ -345,7 +338,7 @@ def _epoch(columns: Columns, stamps: NDArray[np.int64]) -> int | None:
 
 
 def _attitude(columns: Columns, names: tuple[str, ...]) -> Floats:
-    values = np.stack([columns[name] for name in names], axis=1)
+    values = vectors(columns, *names)
     if len(names) == 4:
         return values
     if len(names) == 3:

@@ -43,12 +43,14 @@ class FileBytes:
     ----------
     path : Path
         The file.
+    content : binary file, optional
+        What it unpacks to.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, content: BinaryIO | None = None) -> None:
         self.path = path
-        self._file = _open(path)
-        self.size = os.fstat(self._file.fileno()).st_size
+        self._file = content or _open(path)
+        self.size = self._file.seek(0, os.SEEK_END)
         self._left = _SEARCHES * self.size + WINDOW
 
     def read(self, offset: int, count: int) -> bytes:
