@@ -249,13 +249,6 @@ def test_links_in_a_folder_are_not_followed(tmp_path):
     assert not phones.accepts(folder)
 
 
-@pytest.mark.parametrize("head", ["Time (s),X (m/s^2),Y (m/s^2)", "t,gx,gy,gz", "time,x,y,z", "Time (s),Voltage (V)"])
-def test_a_table_of_another_logger_is_not_taken_for_a_phones(tmp_path, head):
-    (tmp_path / "log.csv").write_text(f"{head}\n1,2,3,4\n", encoding="utf-8")
-    assert kind_of(tmp_path / "log.csv").name == "text"
-    assert not phones.accepts(tmp_path / "log.csv")
-
-
 FOLDERS = sorted(path for path in (DATA / "phones").glob("*") if path.is_dir())
 
 

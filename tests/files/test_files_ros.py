@@ -269,14 +269,6 @@ class TestOwn:
         path.write_bytes(whole[: len(whole) // 2])
         assert not ros.accepts(path)
 
-    @pytest.mark.parametrize("name", ["a.bag", "a.db3", "a.mcap"])
-    def test_other_content(self, name, tmp_path):
-        for content in (b"", b"time,gx\n1,2\n", bytes(4000)):
-            (tmp_path / name).write_bytes(content)
-            assert not ros.accepts(tmp_path / name)
-        (tmp_path / "metadata.yaml").write_text("a: b\n")
-        assert not ros.accepts(tmp_path)
-
 
 @pytest.mark.parametrize("container", ["bag", "bag, bz2", "bag, lz4", "db3", "mcap", "folder, mcap"])
 def test_cut_anywhere_gives_what_comes_before_or_an_error(container, tmp_path):

@@ -175,7 +175,7 @@ def known_profile(file: Path) -> Profile | None:
             sample = read_sample(file)
         except DecodeError:
             return None
-        log = next((log for log in KNOWN if log.fits(sample)), None)
+        log = next((log for log in KNOWN if not log.has_reader and log.fits(sample)), None)
         made = _joined(_writers(file.name, sample, {}, is_alone=True), accept=True) if log else None
         parsed = parse_profile(made.text, origin=log.name) if log and made and not made.questions else None
         return parsed if parsed is not None and ("frame" in parsed.meta or not parsed.triads) else None

@@ -100,7 +100,7 @@ FORMATS: Final = (
     _foreign("KITTI", "kitti", ""),
     _foreign("RepoIMU", "repoimu", ".csv"),
     _foreign("phone", "phones", ".zip", ".csv", ".txt", ""),
-    _foreign("Xsens", "xsens", ".txt", ".mtb", takes_unit=True),
+    _foreign("Xsens", "xsens", ".txt", ".csv", ".mtb", takes_unit=True),
     _foreign("x-IMU3", "ximu3", ".ximu3", ".csv", ""),
     FileFormat(
         "text", TABLES, "formats.read_table", takes_profile=True,

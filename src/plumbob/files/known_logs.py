@@ -22,12 +22,15 @@ class KnownLog:
         Keys of a profile; ``{key}`` is what the lines before the table give for it.
     facts : tuple of str
         What the lines before the table have, as keys.
+    has_reader : bool
+        Whether a reader of its own reads it; then the answers are for a draft, where that one refuses it.
     """
 
     name: str
     names: tuple[str, ...]
     answers: Mapping[str, Any]
     facts: tuple[str, ...] = ()
+    has_reader: bool = False
 
     def is_named_in(self, text: str) -> bool:
         """Whether a text has all the words of one; a table is taken apart only then."""
@@ -83,6 +86,7 @@ KNOWN: Final = (
         {"frame": "{coordinate system}", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
          "mag.unit": "relative"},
         ("coordinate system", "deviceid"),
+        has_reader=True,
     ),
     KnownLog(
         "Movella DOT",
