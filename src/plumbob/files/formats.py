@@ -81,11 +81,20 @@ def refuse_stream(path: Path) -> Recording:
     raise DecodeError(f"{path}: a recording of a line is decoded by plumbob.read, not by plumbob.files.read.")
 
 
-def _foreign(name: str, module: str, *suffixes: str, takes_unit: bool = False) -> FileFormat:
-    """A format of `plumbob.files.foreign`, whose module has `accepts` and `read`; a suffix of "" is a folder."""
-    reader, accepts = f"foreign.{module}.read", f"foreign.{module}.accepts"
-    return FileFormat(name, suffixes, reader, accepts=accepts, takes_unit=takes_unit)
+def _foreign(name: str, module: str, *suffixes: str, takes_unit: bool = False, most: int | None = None) -> FileFormat:
+    """A format of `plumbob.files.foreign`, whose files have `most` bytes; a suffix of "" is a folder."""
 
+    def reader(path: Path, *unit: str | None) -> Recording:
+        file = path if path.is_dir() else existing_file(path, most)
+        with reading(file):
+            recording: Recording = _named(f"foreign.{module}.read")(file, *unit)
+            return recording
+
+    return FileFormat(name, suffixes, reader, accepts=f"foreign.{module}.accepts", takes_unit=takes_unit)
+
+
+_IN_MEMORY: Final = 2 << 30
+"""Bytes of a log at most that is kept in memory while it is searched."""
 
 FORMATS: Final = (
     FileFormat(
@@ -94,14 +103,14 @@ FORMATS: Final = (
     ),
     _foreign("ROS", "ros", ".bag", ".db3", ".mcap", "", takes_unit=True),
     FileFormat("recording", (".mcap",), "formats.refuse_stream"),  # of a line, or samples for viewers
-    _foreign("ULog", "ulog", ".ulg", ".ulog", takes_unit=True),
-    _foreign("DataFlash", "ardupilot", ".bin", ".log", ".tlog", takes_unit=True),
+    _foreign("ULog", "ulog", ".ulg", ".ulog", takes_unit=True, most=_IN_MEMORY),
+    _foreign("DataFlash", "ardupilot", ".bin", ".log", ".tlog", takes_unit=True, most=_IN_MEMORY),
     _foreign("EuRoC", "euroc", "", ".csv"),
     _foreign("KITTI", "kitti", ""),
-    _foreign("RepoIMU", "repoimu", ".csv"),
+    _foreign("RepoIMU", "repoimu", ".csv", most=_IN_MEMORY),
     _foreign("phone", "phones", ".zip", ".csv", ".txt", ""),
-    _foreign("Xsens", "xsens", ".txt", ".csv", ".mtb", takes_unit=True),
-    _foreign("x-IMU3", "ximu3", ".ximu3", ".csv", ""),
+    _foreign("Xsens", "xsens", ".txt", ".csv", ".mtb", takes_unit=True, most=_IN_MEMORY),
+    _foreign("x-IMU3", "ximu3", ".ximu3", ".csv", "", most=_IN_MEMORY),
     FileFormat(
         "text", TABLES, "formats.read_table", takes_profile=True,
         writers=tuple((suffix, "text_write.write_csv") for suffix in (".csv", ".txt")),

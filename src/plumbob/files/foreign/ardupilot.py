@@ -26,14 +26,13 @@ from numpy.typing import NDArray
 
 from plumbob.core import units
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.files import existing_file, reading
+from plumbob.core.errors import ParameterError
 from plumbob.core.text import counted
 from plumbob.data import ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import mavlink
-from plumbob.files.foreign.logged import MOST, SensorLog, Table, choose, micro, of_vehicle, records, vectors
+from plumbob.files.foreign.logged import SensorLog, Table, choose, micro, of_vehicle, records, vectors
 from plumbob.files.stamps import utc_of_gps
 from plumbob.rotations import Frame
 from plumbob.rotations.quaternions import quat_from_euler_zyx
@@ -68,8 +67,6 @@ class _DataFlashLog:
 
 def accepts(path: Path) -> bool:
     """Whether a file is a DataFlash log by its first message, or telemetry by its first packet."""
-    if not path.is_file():
-        return False
     with path.open("rb") as stream:
         start = stream.read(512)
     if path.suffix.lower() == ".tlog":
@@ -78,34 +75,12 @@ def accepts(path: Path) -> bool:
 
 
 def read(path: Path, unit: str | None = None) -> Recording:
-    """Read samples and ArduPilot's attitude; frames, units and clock are those of this module's description.
-
-    Parameters
-    ----------
-    path : Path
-        The log.
-    unit : str, optional
-        One of its IMUs, by the name in the note that lists them, or its number from 1; or ``all``.
-
-    Raises
-    ------
-    DecodeError
-        If it is not such a log, is larger than 2 GiB, or holds no gyroscope.
-    ParameterError
-        If there is no such unit.
-    ClockError
-        If more than 1 % of its stamps go back.
-    """
-    file = existing_file(path, MOST)
-    with reading(file):
-        if not accepts(file):
-            raise DecodeError("it begins neither as DataFlash, bytes or text, nor as MAVLink telemetry does.")
-        if file.suffix.lower() == ".tlog":
-            return mavlink.recording(file.read_bytes(), file.stem, unit)
-        with file.open("rb") as stream:
-            binary = stream.read(2) == _HEAD
-        log = _of_bytes(file.read_bytes()) if binary else _of_text(file)
-        return _recording(log, file.stem, unit)
+    """Read samples and ArduPilot's attitude; a unit is one of its IMUs, by the name in the note, or ``all``."""
+    if path.suffix.lower() == ".tlog":
+        return mavlink.recording(path.read_bytes(), path.stem, unit)
+    with path.open("rb") as stream:
+        binary = stream.read(2) == _HEAD
+    return _recording(_of_bytes(path.read_bytes()) if binary else _of_text(path), path.stem, unit)
 
 
 def _of_bytes(raw: bytes) -> _DataFlashLog:

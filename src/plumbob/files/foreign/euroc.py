@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ShapeError, excerpt
-from plumbob.core.files import existing_file, reading, replacing_folder, text_of
+from plumbob.core.files import replacing_folder, text_of
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns
 from plumbob.core.units import QUANTITY_BY_TRIAD, is_name
@@ -52,8 +52,6 @@ def accepts(path: Path) -> bool:
     """Whether a folder has the IMU of the ASL layout, or a table begins with its head line."""
     if path.is_dir():
         return _home(path) is not None
-    if path.suffix.lower() != ".csv" or not path.is_file():
-        return False
     with path.open("rb") as stream:
         head = stream.readline(512)
     return head.startswith(b"#timestamp") and b"w_RS_S_x" in head and b"a_RS_S_x" in head
@@ -65,22 +63,10 @@ def _home(folder: Path) -> Path | None:
 
 
 def read(path: Path) -> Recording:
-    """Read samples, and the ground truth where a folder has one.
-
-    Raises
-    ------
-    DecodeError
-        If a table is not one of the ASL layout or is damaged, or a link leads out of the folder.
-    ClockError
-        If more than 1 % of the stamps go back.
-    """
-    with reading(path):
-        if not path.is_dir():
-            return _recording(existing_file(path), None, path.stem if path.stem != "data" else _stem(path))
-        home = _home(path)
-        if home is None:
-            raise DecodeError("there is no mav0/imu0/data.csv in it; name the folder that holds mav0.")
-        return _recording(inside(home, "imu0", "data.csv"), home, _stem(home / "imu0" / "data.csv"))
+    """Read samples, and the ground truth where a folder has one."""
+    home = _home(path) if path.is_dir() else None
+    table = path if home is None else inside(home, "imu0", "data.csv")
+    return _recording(table, home, path.stem if home is None and path.stem != "data" else _stem(table))
 
 
 def _stem(table: Path) -> str:

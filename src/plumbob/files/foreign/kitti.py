@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt, one_line
-from plumbob.core.files import reading, text_of
+from plumbob.core.files import text_of
 from plumbob.core.text import counted
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
@@ -43,36 +43,21 @@ def accepts(path: Path) -> bool:
 
 def _home(folder: Path) -> Path | None:
     """Folder of the GPS/IMU unit."""
-    return next(
-        (
-            path
-            for path in (folder / "oxts", folder)
-            if (path / "timestamps.txt").is_file() and (path / "data").is_dir() and path.name == "oxts"
-        ),
-        None,
-    )
+    for path in (folder / "oxts", folder):
+        if path.name == "oxts" and (path / "timestamps.txt").is_file() and (path / "data").is_dir():
+            return path
+    return None
 
 
 def read(path: Path) -> Recording:
-    """Read samples and the unit's own attitude of a drive.
-
-    Raises
-    ------
-    DecodeError
-        If a file is missing, is not 30 numbers, or a link leads out of the folder.
-    ClockError
-        If more than 1 % of the stamps go back.
-    """
-    with reading(path):
-        home = _home(path)
-        if home is None:
-            raise DecodeError("there are no oxts/timestamps.txt and oxts/data in it; name the folder of a drive.")
-        rows, table = _table(home)
-        stamps = _stamps(inside(home, "timestamps.txt"))
-        if rows[-1] >= stamps.size:
-            raise DecodeError(f"sample {rows[-1]} has no stamp, as timestamps.txt has {counted(stamps.size, 'line')}.")
-        name = path.resolve().name if path.name != "oxts" else path.resolve().parent.name
-        return _recording(stamps[rows], table, stamps.size, name)
+    """Read samples and the unit's own attitude of a drive."""
+    home = _home(path) or path
+    rows, table = _table(home)
+    stamps = _stamps(inside(home, "timestamps.txt"))
+    if rows[-1] >= stamps.size:
+        raise DecodeError(f"sample {rows[-1]} has no stamp, as timestamps.txt has {counted(stamps.size, 'line')}.")
+    name = path.resolve().name if path.name != "oxts" else path.resolve().parent.name
+    return _recording(stamps[rows], table, stamps.size, name)
 
 
 def _table(home: Path) -> tuple[NDArray[np.int64], Floats]:

@@ -92,15 +92,7 @@ def starts(start: bytes) -> bool:
 
 
 def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
-    """Samples and the vehicle's own attitude of a telemetry log's bytes, of the first IMU or the one asked for.
-
-    Raises
-    ------
-    DecodeError
-        If it holds no gyroscope in known units.
-    ParameterError
-        If there is no such IMU.
-    """
+    """Samples and the vehicle's own attitude of a telemetry log, of the first IMU or the one asked for."""
     messages, skipped = _scanned(raw)
     data = np.frombuffer(raw, np.uint8)
     log = SensorLog(

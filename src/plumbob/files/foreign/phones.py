@@ -28,7 +28,6 @@ from numpy.typing import NDArray
 from plumbob.core import units
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
-from plumbob.core.files import reading
 from plumbob.core.resources import guide
 from plumbob.core.text import counted
 from plumbob.core.time import interpolated
@@ -66,23 +65,11 @@ def accepts(path: Path) -> bool:
 
 
 def read(path: Path) -> Recording:
-    """Read a recording of a phone app: an archive, a folder, or one table.
-
-    Raises
-    ------
-    DecodeError
-        If it is none, is damaged, or does not say what its acceleration means.
-    ClockError
-        If its stamps are not a clock's.
-    """
-    with reading(path):
-        parts = Parts(path)
-        app = _app_reader(parts)
-        if app is None:
-            raise DecodeError(
-                f"it holds no table of phyphox, Sensor Logger or SensorLog; it holds {excerpt(', '.join(parts.names))}."
-            )
-        return app(parts)
+    """Read a recording of a phone app: an archive, a folder, or one table."""
+    parts = Parts(path)
+    app = _app_reader(parts)
+    assert app is not None
+    return app(parts)
 
 
 def _app_reader(parts: Parts) -> Callable[[Parts], Recording] | None:

@@ -14,25 +14,18 @@ from pathlib import Path
 from typing import Final
 
 from plumbob.core.constants import NOMINAL_FIELD
-from plumbob.core.errors import DecodeError
-from plumbob.core.files import existing_file, reading
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign.join import seconds_to_ns
-from plumbob.files.foreign.logged import MOST, LoggedAttitude, SensorLog, text_rows
+from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, text_rows
 from plumbob.rotations import Frame, North
 
-_META: Final = ImuMeta(device="Xsens MTi (RepoIMU)", frame=Frame.ENU, unit_check=False)
-_NOTE: Final = (
-    "Vicon, axes of the markers to a frame with z up; neither axes nor frames are aligned with the IMU's, so a "
-    "comparison needs --align heading,mounting"
-)
 _HEAD: Final = 512
 
 
 def accepts(path: Path) -> bool:
     """Whether a table has the two head lines of a trial."""
-    return path.suffix.lower() == ".csv" and path.is_file() and bool(_separator(path))
+    return bool(_separator(path))
 
 
 def _separator(path: Path) -> str:
@@ -49,28 +42,20 @@ def _separator(path: Path) -> str:
 
 
 def read(path: Path) -> Recording:
-    """Read samples and the orientation by Vicon; frames and units are those of this module's description.
-
-    Raises
-    ------
-    DecodeError
-        If it has not the head lines of a trial, or a row is not 14 numbers.
-    ClockError
-        If more than 1 % of the stamps go back.
-    """
-    file = existing_file(path, MOST)
-    with reading(file):
-        separator = _separator(file)
-        if not separator:
-            raise DecodeError("it has not the two head lines of a RepoIMU trial (Time, Vicon, IMU; W X Y Z …).")
-        time, values = text_rows(file, 13, stamps="f8", delimiter=separator, skiprows=2)
-        notes = [
-            "RepoIMU: axes of the IMU; s, m/s², rad/s; magnetic field in units of the local one, scaled by "
-            f"{NOMINAL_FIELD:g} µT (head lines; doi:10.1007/978-3-319-46418-3_45)"
-        ]
-        log, t_ns = SensorLog(notes, _META), seconds_to_ns("time", time)
-        for sensor, first, unit in (("gyr", 7, ""), ("acc", 4, ""), ("mag", 10, "relative")):
-            log.add(sensor, t_ns, values[:, first : first + 3], unit)
-        attitude = LoggedAttitude(t_ns, values[:, :4], "Vicon (RepoIMU)", Frame.ENU, North.FREE, _NOTE, "reference")
-        log.attitudes.append(attitude)
-        return log.recording(file.stem)
+    """Read samples and the orientation by Vicon."""
+    time, values = text_rows(path, 13, stamps="f8", delimiter=_separator(path), skiprows=2)
+    notes = [
+        "RepoIMU: axes of the IMU; s, m/s², rad/s; magnetic field in units of the local one, scaled by "
+        f"{NOMINAL_FIELD:g} µT (head lines; doi:10.1007/978-3-319-46418-3_45)"
+    ]
+    meta = ImuMeta(device="Xsens MTi (RepoIMU)", frame=Frame.ENU, unit_check=False)
+    log, t_ns = SensorLog(notes, meta), seconds_to_ns("time", time)
+    for sensor, first, unit in (("gyr", 7, ""), ("acc", 4, ""), ("mag", 10, "relative")):
+        log.add(sensor, t_ns, values[:, first : first + 3], unit)
+    note = (
+        "Vicon, axes of the markers to a frame with z up; neither axes nor frames are aligned with the IMU's, so a "
+        "comparison needs --align heading,mounting"
+    )
+    vicon = LoggedAttitude(t_ns, values[:, :4], "Vicon (RepoIMU)", Frame.ENU, North.FREE, note, "reference")
+    log.attitudes.append(vicon)
+    return log.recording(path.stem)

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, UnitError
-from plumbob.core.files import reading
 from plumbob.core.text import counted, first_words
 from plumbob.core.units import to_si
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
@@ -107,29 +106,12 @@ def read(path: Path, unit: str | None = None) -> Recording:
     """Samples of the IMU of a bag, with its orientation as a track; or, where there is none, the attitudes of poses.
 
     Several IMUs on the same stamps are an array, called by their topics. Where their stamps differ, or there are
-    several topics of poses and no IMU, `unit` chooses. Poses beside an IMU are left out unless asked for: their body is
-    seldom the IMU's.
-
-    Parameters
-    ----------
-    path : Path
-        A ``.bag`` of ROS 1, a ``.db3`` or ``.mcap`` of ROS 2 (MCAP of ROS 1, too), or the folder of a ROS 2 bag.
-    unit : str, optional
-        A topic of an IMU or of poses, or its number in the order of the message that lists them.
-
-    Raises
-    ------
-    DecodeError
-        If it is damaged, or holds neither inertial data nor poses.
-    ParameterError
-        If there is no such topic, or several could be meant.
-    ClockError, UnitError
-        If its numbers cannot be what the standard says.
+    several topics of poses and no IMU, `unit` chooses: a topic, or its number in the message that lists them. Poses
+    beside an IMU are left out unless asked for: their body is seldom the IMU's.
     """
-    with reading(path):
-        bag = ros_bags.open_bag(path)
-        recording = _recording(bag, path.stem, unit)
-        return replace(recording, notes=(*recording.notes, *dict.fromkeys(bag.damage)))
+    bag = ros_bags.open_bag(path)
+    recording = _recording(bag, path.stem, unit)
+    return replace(recording, notes=(*recording.notes, *dict.fromkeys(bag.damage)))
 
 
 def _recording(bag: Bag, name: str, unit: str | None) -> Recording:

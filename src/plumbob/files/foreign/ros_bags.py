@@ -306,13 +306,15 @@ def _mcap(source: FileBytes, bag: Bag) -> None:
                     bag.room(len(data))
                     kind = channel.schema.name if channel.schema else ""
                     bag.topic(channel.topic, kind, channel.encoding).take(log_ns, data)
+            elif scan.summary_at is not None and item.offset >= scan.summary_at:
+                continue  # it repeats what is known
             elif item.offset + item.size >= source.size:
                 bag.cut(item.what, item.offset)
             else:
                 bag.damage.append(f"damage: {item}")
         if scan.orphans:
             bag.damage.append(f"damage: {counted(scan.orphans, 'message')} of channels that are not declared")
-        if not (scan.clean or bag.damage):
+        if scan.summary_at is None and not (scan.clean or bag.damage):
             bag.damage.append(f"{CUT}the file has no end; messages may be missing")
 
 

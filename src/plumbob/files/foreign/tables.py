@@ -11,9 +11,10 @@ import math
 import re
 import zipfile
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from decimal import Decimal
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -65,9 +66,9 @@ _INSIDE: Final = "in the file itself"
 class _Listed:
     """Arrays of a container: shapes of those of numbers, what the others are, and units that attributes say."""
 
-    shapes: Mapping[str, tuple[int, ...]]
-    others: Mapping[str, str]
-    units: Mapping[str, str] = field(default_factory=dict)
+    shapes: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    others: dict[str, str] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
 
     def summary(self) -> str:
         """Names and shapes for a message."""
@@ -262,19 +263,21 @@ class _Mat5(_Container):
 class _Hdf5(_Container):
     def __init__(self, file: Path, *, transposed: bool) -> None:
         self._file, self._transposed = file, transposed
-        shapes: dict[str, tuple[int, ...]] = {}
-        others, units = dict[str, str](), dict[str, str]()
+        self.listed = _Listed()
         with opened_hdf5(file) as (h5py, hdf5):
-            _walk(h5py, hdf5, "", shapes, others, units)
+            for name, kind, node in islice(_walk(h5py, hdf5), MAX_ARRAYS):
+                if kind:
+                    self.listed.others[name] = kind
+                    continue
+                self.listed.shapes[name] = tuple(node.shape)[:: -1 if transposed else 1]
+                said = next((node.attrs[key] for key in ("unit", "units") if key in node.attrs), "")
+                self.listed.units[name] = said.decode("utf-8", "replace") if isinstance(said, bytes) else str(said)
             self.profile = str(hdf5.attrs.get(PROFILE, ""))
-            attributes = {key: np.asarray(hdf5.attrs[key]) for key in hdf5.attrs if key not in shapes}
-            self._single = {
-                key: value for key, value in attributes.items() if value.size == 1 and value.dtype.kind in "fiu"
-            }
-        shapes |= {key: value.shape for key, value in self._single.items()}
-        self.listed = _Listed(
-            {name: shape[:: -1 if transposed else 1] for name, shape in shapes.items()}, others, units
-        )
+            attributes = {key: np.asarray(hdf5.attrs[key]) for key in hdf5.attrs if key not in self.listed.shapes}
+        self._single = {
+            key: value for key, value in attributes.items() if value.size == 1 and value.dtype.kind in "fiu"
+        }
+        self.listed.shapes.update((key, value.shape) for key, value in self._single.items())
 
     def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
         size = self._file.stat().st_size
@@ -290,47 +293,35 @@ class _Hdf5(_Container):
             return arrays | {name: self._single[name] for name in names if name in self._single}
 
 
-def _walk(
-    h5py: Any,
-    group: Any,
-    prefix: str,
-    shapes: dict[str, tuple[int, ...]],
-    others: dict[str, str],
-    units: dict[str, str],
-) -> None:
-    """Shapes and units of the data sets of numbers that lie in this very file; links are not followed."""
-    for key in group:
-        if len(shapes) + len(others) >= MAX_ARRAYS:
-            return
+def _walk(h5py: Any, group: Any, prefix: str = "") -> Iterator[tuple[str, str, Any]]:
+    """Names of what lies in this very file, what it is where it is not a data set of numbers, and the data set.
+
+    Links are not followed.
+    """
+    for key in islice(group, MAX_ARRAYS):
         name = f"{prefix}{key}"
         if group.id.links.get_info(key.encode()).type != h5py.h5l.TYPE_HARD:
-            others[name] = "link"
-            continue
-        node = group[key]
-        if isinstance(node, h5py.Group):
+            yield name, "link", None
+        elif isinstance(node := group[key], h5py.Group):
             if prefix.count("/") < _DEEPEST:
-                _walk(h5py, node, f"{name}/", shapes, others, units)
+                yield from _walk(h5py, node, f"{name}/")
         elif isinstance(node, h5py.Dataset) and node.shape is not None and node.dtype.kind in "fiub":
-            shapes[name] = tuple(node.shape)
-            said = next((node.attrs[key] for key in ("unit", "units") if key in node.attrs), "")
-            units[name] = said.decode("utf-8", "replace") if isinstance(said, bytes) else str(said)
+            yield name, "", node
         else:
-            others[name] = "data set that is not of numbers"
+            yield name, "data set that is not of numbers", None
 
 
 class _Npz(_Container):
     def __init__(self, file: Path) -> None:
         self._parts = Parts(file)
-        shapes: dict[str, tuple[int, ...]] = {}
-        others: dict[str, str] = {}
+        self.listed = _Listed()
         for name in self._parts.names:
             key = name.removesuffix(".npy")
             shape, dtype = _npy_head(name, self._parts.start(name))
             if dtype.kind in "fiub":
-                shapes[key] = shape
+                self.listed.shapes[key] = shape
             else:
-                others[key] = "array of objects or texts"
-        self.listed = _Listed(shapes, others)
+                self.listed.others[key] = "array of objects or texts"
 
     def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
         require_room(sum(self._parts.size(f"{name}.npy") for name in names), self._parts.path.stat().st_size)

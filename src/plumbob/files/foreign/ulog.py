@@ -32,11 +32,10 @@ from numpy.typing import NDArray
 from plumbob.core import units
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt, one_line
-from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign.logged import MOST, SensorLog, Table, choose, micro, of_vehicle, vectors
+from plumbob.files.foreign.logged import SensorLog, Table, choose, micro, of_vehicle, vectors
 from plumbob.rotations import Frame, North
 
 _MAGIC: Final = b"ULog\x01\x12\x35"
@@ -72,36 +71,13 @@ class _Topics:
 
 def accepts(path: Path) -> bool:
     """Whether a file begins as a ULog does."""
-    if not path.is_file():
-        return False
     with path.open("rb") as stream:
         return stream.read(len(_MAGIC)) == _MAGIC
 
 
 def read(path: Path, unit: str | None = None) -> Recording:
-    """Read samples and PX4's attitude; frames, units and clock are those of this module's description.
-
-    Parameters
-    ----------
-    path : Path
-        The log.
-    unit : str, optional
-        One of its IMUs, by the name in the note that lists them, or its number from 1.
-
-    Raises
-    ------
-    DecodeError
-        If it is not a ULog, is larger than 2 GiB, or holds no gyroscope.
-    ParameterError
-        If there is no such unit.
-    ClockError
-        If more than 1 % of its stamps go back.
-    """
-    file = existing_file(path, MOST)
-    with reading(file):
-        if not accepts(file):
-            raise DecodeError("it does not begin as a ULog does; copy the log from the controller again.")
-        return _recording(_topics(file), file.stem, unit)
+    """Read samples and PX4's attitude; a unit is one of its IMUs, by the name in the note that lists them."""
+    return _recording(_topics(path), path.stem, unit)
 
 
 class _Log(io.BufferedReader):
@@ -117,13 +93,7 @@ class _Log(io.BufferedReader):
 
 
 def _topics(file: Path) -> _Topics:
-    """Let pyulog read the log; its own warnings, which it prints, are what `losses` says.
-
-    Raises
-    ------
-    DecodeError
-        If pyulog finds it damaged beyond reading, or a layout is longer than a message may be.
-    """
+    """Let pyulog read the log; its own warnings, which it prints, are what `losses` says."""
     from pyulog import ULog
     from pyulog.exceptions import ULogIncompatibleFlagException
 

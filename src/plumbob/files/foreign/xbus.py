@@ -147,22 +147,7 @@ class _Group:
 
 
 def read_unit(raw: bytes, unit: str | None) -> XbusUnit:
-    """One unit of a log: the one that is asked for, or the first.
-
-    Parameters
-    ----------
-    raw : bytes
-        The file.
-    unit : str or None
-        Identity of the unit, as 037003F8, or its number from 1 in the order of the bus.
-
-    Raises
-    ------
-    DecodeError
-        If it is not such a log, or holds nothing of the unit that is a measurement.
-    ParameterError
-        If there is no such unit.
-    """
+    """One unit of a log: that of an identity, as 037003F8, or a number from 1 in the order of the bus; or the first."""
     notes = ["MTB log: messages of the Xbus (MT Low Level Communication Protocol MT0101P)"]
     messages = _messages(raw, notes)
     configuration = _configuration(messages)

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
-from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
@@ -28,8 +27,6 @@ from plumbob.files.foreign.logged import RELATIVE_NOTE, LoggedAttitude, SensorLo
 from plumbob.files.foreign.parts import Parts, names_in, sheet
 from plumbob.rotations import Frame, North
 
-MAX_BYTES: Final = 1 << 30
-"""Bytes of a log, which is read as a whole; an hour of all messages at 400 Hz has some 200 MB."""
 NUMBERS: Final = {"I": 6, "M": 3, "Q": 4, "T": 1}
 """Numbers of the messages that are read: inertial, magnetometer, quaternion, temperature."""
 TABLES: Final = {"I": "Inertial.csv", "M": "Magnetometer.csv", "Q": "Quaternion.csv", "T": "Temperature.csv"}
@@ -53,24 +50,15 @@ def accepts(path: Path) -> bool:
 
 
 def read(path: Path) -> Recording:
-    """Read a log of x-IMU3, its table of inertial messages, or the folder of one device's tables.
-
-    Raises
-    ------
-    DecodeError
-        If it has no inertial message.
-    ClockError
-        If its stamps are not a clock's.
-    """
-    with reading(path):
-        notes = ["x-IMU3: deg/s and g, as its messages have them; clock: µs of the device"]
-        if path.suffix.lower() == ".ximu3":
-            messages, answers = _of_log(existing_file(path, MAX_BYTES).read_bytes(), notes)
-        else:
-            parts = Parts(path)
-            messages = _of_tables(parts, path.is_dir(), notes)
-            answers = parts.text("Command.json") if "Command.json" in parts.names else ""
-        return _recording(path.stem, messages, answers, notes)
+    """Read a log of x-IMU3, its table of inertial messages, or the folder of one device's tables."""
+    notes = ["x-IMU3: deg/s and g, as its messages have them; clock: µs of the device"]
+    if path.suffix.lower() == ".ximu3":
+        messages, answers = _of_log(path.read_bytes(), notes)
+    else:
+        parts = Parts(path)
+        messages = _of_tables(parts, path.is_dir(), notes)
+        answers = parts.text("Command.json") if "Command.json" in parts.names else ""
+    return _recording(path.stem, messages, answers, notes)
 
 
 def _recording(name: str, messages: _Messages, answers: str, notes: list[str]) -> Recording:

@@ -30,12 +30,11 @@ from numpy.typing import NDArray
 from plumbob.core import flags, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, DecodeError, excerpt
-from plumbob.core.files import existing_file, reading
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import xbus
-from plumbob.files.foreign.logged import MOST, RELATIVE_NOTE, LoggedAttitude, SensorLog, vectors
+from plumbob.files.foreign.logged import RELATIVE_NOTE, LoggedAttitude, SensorLog, vectors
 from plumbob.files.foreign.parts import HEAD_BYTES, names_in, sheet
 from plumbob.files.stamps import time_line
 from plumbob.rotations import (
@@ -86,32 +85,11 @@ def accepts(path: Path) -> bool:
 
 
 def read(path: Path, unit: str | None = None) -> Recording:
-    """Read an export of MT Manager, or one unit of an MTB log.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    unit : str, optional
-        Of a log of several units: the identity of one, or its number from 1; otherwise the first.
-
-    Raises
-    ------
-    DecodeError
-        If it has no sensor values, or nothing that time can be made of.
-    ParameterError
-        If there is no such unit.
-    ClockError
-        If SampleTimeFine and the update rate contradict each other, or stamps go back.
-    """
+    """Read an export of MT Manager, or one unit of an MTB log, by its identity or its number from 1."""
     if path.suffix.lower() == ".mtb":
-        file = existing_file(path, MOST)
-        with reading(file):
-            content = xbus.read_unit(file.read_bytes(), unit)
-            return _recording(file.stem, content.columns, content.head, content.notes)
-    file = existing_file(path)
-    with reading(file):
-        return _exported(file).of_unit(unit)
+        content = xbus.read_unit(path.read_bytes(), unit)
+        return _recording(path.stem, content.columns, content.head, content.notes)
+    return _exported(path).of_unit(unit)
 
 
 def _exported(file: Path) -> Recording:

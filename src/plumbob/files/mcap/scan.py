@@ -263,6 +263,8 @@ class Scan:
         Chunks and messages that had no CRC.
     orphans : int
         Rows whose channel is not known, in files of other programs.
+    summary_at : int or None
+        Where the summary begins; None until the end of the data has come.
     """
 
     def __init__(self, source: FileBytes, recording: str | None) -> None:
@@ -278,7 +280,7 @@ class Scan:
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, bytes] = {}
         self._damaged = False
-        self._summary_at: int | None = None
+        self.summary_at: int | None = None
         self._crc, self._crc_end = 0, 0
 
     def items(self) -> Iterator[RowBlock | Damage]:
@@ -293,7 +295,7 @@ class Scan:
             try:
                 blocks, after = self._record(at)
             except BrokenRecordError as error:
-                after, self._summary_at = next_landmark(source, at + 1, self._is_good, checked=self._ours)
+                after, self.summary_at = next_landmark(source, at + 1, self._is_good, checked=self._ours)
                 blocks = [self._damage(at, after - at, str(error), certain=False)]
             yield from blocks
             at = after
@@ -309,7 +311,7 @@ class Scan:
             raise BrokenRecordError("the file ends within a record")
         opcode, length = layout.RECORD_HEAD.unpack(head)
         after = at + layout.RECORD_HEAD.size + length
-        if at == self._summary_at:
+        if at == self.summary_at:
             return [], self._summary(at)
         if opcode == layout.CHUNK:
             return self._block(at)
@@ -461,7 +463,7 @@ class Scan:
         if length != layout.CRC.size:
             raise BrokenRecordError("the end of the data cannot be read")
         (crc,) = layout.CRC.unpack(self._source.read(at + layout.RECORD_HEAD.size, length))
-        self._summary_at = at + layout.DATA_END_SIZE
+        self.summary_at = at + layout.DATA_END_SIZE
         if crc == 0 and not self._ours:
             return []
         if self._crc_until(at) != crc and not self._damaged:
