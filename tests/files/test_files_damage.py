@@ -1,4 +1,4 @@
-"""Damaged copies of every kind of file: read, or refused by an error of the project, in one line that names the file.
+"""Which reader claims each kind of file, one or none; and damaged copies: read, or refused in a line that names it.
 
 What a kind promises beyond that, as which rows of a cut file come back, stands in its own tests.
 """
@@ -12,9 +12,11 @@ import pytest
 import scipy.io
 
 from plumbob.core.errors import PlumbobError
-from plumbob.files import read
+from plumbob.files import formats, read
+from plumbob.files.draft import known_profile
 from tests.helpers import file_kinds as kinds
 from tests.helpers import log_samples as logs
+from tests.helpers.real_data import DATA
 
 CUTS, COPIES = 12, 30
 
@@ -92,6 +94,49 @@ KINDS = {
     **{f"ROS, {name}": Kind(bag(name)) for name in ("bag", "bag, bz2", "bag, lz4", "db3", "mcap")},
     "ROS, folder, mcap": Kind(bag("folder, mcap"), "a.mcap"),
 }
+
+
+ECHO = "%time,field.header.stamp," + ",".join(f"field.angular_velocity.{axis}" for axis in "xyz") + "\n"
+CLAIMS = {
+    **{name: (kind.put, name.partition(",")[0]) for name, kind in KINDS.items()},
+    "phyphox": (lambda folder, m: kinds.foldered(folder / "a", kinds.phyphox_of(m)), "phone"),
+    "SensorLog": (content("a.csv", kinds.sensorlog_of), "phone"),
+    "phyphox, table": (content("Gyroscope.csv", lambda m: kinds.phyphox_table("Gyroscope ", "rad/s", m.gyr)), "phone"),
+    "MT Manager, commas": (lambda folder, m: kinds.xsens_of(folder / "a.csv", m), "Xsens"),
+    "EuRoC, table": (lambda folder, m: euroc(folder, m) / "mav0" / "imu0" / "data.csv", "EuRoC"),
+    "x-IMU3, folder": (lambda folder, m: kinds.ximu3_folder(folder / "a", m), "x-IMU3"),
+    "x-IMU3, table": (lambda folder, m: kinds.ximu3_folder(folder / "a", m) / "Inertial.csv", "x-IMU3"),
+    "echo": (content("a.csv", lambda m: ECHO + "".join(f"{t},{t},.1,.2,.3\n" for t in m.t_ns)), "rostopic echo -p"),
+    "text": (content("a.csv", lambda m: kinds.text_of(m)[0]), ""),
+    **{head: (content("a.csv", lambda _, head=head: f"{head}\n" + "1,2,3,4\n2,3,4,5\n3,4,5,6\n"), "")
+       for head in ("Time (s),X (m/s^2),Y (m/s^2)", "t,gx,gy,gz", "time,x,y,z", "Time (s),Voltage (V)")},
+    **{f"{raw[:4]!r} as {suffix}": (content(f"a{suffix}", lambda _, raw=raw: raw), "")
+       for suffix in (".bag", ".db3", ".mcap", ".ulg", ".bin", ".txt", ".zip") for raw in (b"t,x\n1,2\n", bytes(4000))},
+}  # fmt: skip
+READERS = {"PX4": "ULog", "telemetry": "DataFlash", "MTB": "Xsens", "MT Manager": "Xsens", "MATLAB": "", "NumPy": ""}
+
+
+def claims(path):
+    """Readers that take a path for theirs by its content, and the known log that it is."""
+    suffix = "" if path.is_dir() else path.suffix.lower()
+    asked = [kind for kind in formats.FORMATS if kind.accepts and suffix in kind.suffixes]
+    known = known_profile(path) if suffix in {".csv", ".txt"} else None
+    return [kind.name for kind in asked if formats._named(kind.accepts)(path)] + ([known.origin] if known else [])
+
+
+@pytest.mark.parametrize("name", CLAIMS)
+def test_one_reader_or_none_claims_a_file(tmp_path, moving, name):
+    put, claim = CLAIMS[name]
+    path, claim = put(tmp_path, moving), READERS.get(claim, claim)
+    assert claims(path) == [claim] * bool(claim)
+    assert not claim or read(path).name
+
+
+def test_at_most_one_reader_claims_a_real_file():
+    roots = [DATA / name for name in ("formats", "ferraris", "static_l3gd20", "phones")] + [DATA.parent / "cases"]
+    for path in (path for root in roots for path in root.rglob("*")):
+        if path.suffix in formats.suffixes() or path.is_dir():
+            assert len(claims(path)) <= 1, path
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,6 @@ from tests.helpers.real_data import DATA, needs
 @pytest.mark.parametrize("put", [kinds.zipped, kinds.foldered])
 def test_phyphox_reads_in_each_of_its_layouts(tmp_path, separator, decimal, put):
     path = put(tmp_path / "swing.zip", kinds.phyphox_files(separator=separator, decimal=decimal))
-    assert kind_of(path).name == "phone"
     recording = read(path)
     imu = recording.imu
     assert imu.meta.device == "google Pixel 6a"
@@ -145,7 +144,6 @@ def test_sensorlog_turns_the_sign_of_ios_and_takes_each_sample_once(tmp_path):
         lines.append(",".join([stamp, f"{sampled:.4f}", *(f"{v}" for v in values)]))
     path = tmp_path / "2025-10-05_10_20_00_iPhone.csv"
     path.write_text("\n".join([names, *lines, ""]), encoding="utf-8")
-    assert kind_of(path).name == "phone"
     recording = read(path)
     imu = recording.imu
     assert len(imu) == 50
@@ -256,7 +254,6 @@ FOLDERS = sorted(path for path in (DATA / "phones").glob("*") if path.is_dir())
 @pytest.mark.parametrize("number", range(4))
 def test_a_real_phone_folder_agrees_with_its_own_attitude(number):
     folder = FOLDERS[number]
-    assert kind_of(folder).name == "phone"
     recording = read(folder)
     imu, track = recording.imu, recording.track
     direct = np.loadtxt(folder / "gyroscope-calibrated.txt")
