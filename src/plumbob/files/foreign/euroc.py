@@ -140,12 +140,12 @@ def _sensor(file: Path, name: str, notes: list[str]) -> tuple[Floats, float | No
         return identity, None
     text = re.sub(r"#.*", "", text_of(inside(file.parent.parent, file.parent.name, file.name)))
     rate = re.search(r"^rate_hz:[ \t]*([0-9.]{1,24})[ \t]*$", text, re.MULTILINE)
-    hertz = _number(rate[1], "rate_hz", file) if rate else None
+    hertz = _numbers(rate[1], "rate_hz", file)[0] if rate else None
     listed = re.search(r"^T_BS:[^\[\]]{0,200}?data:\s{0,80}\[([^\]]{0,2000})\]", text, re.MULTILINE)
     if listed is None:
         notes.append(f"{name}: no T_BS in sensor.yaml, so its axes are taken for those of the body")
         return identity, hertz
-    numbers = [_number(word, "T_BS", file) for word in listed[1].replace(",", " ").split()]
+    numbers = _numbers(listed[1], "T_BS", file)
     if len(numbers) != 16:
         raise DecodeError(f"T_BS in {name}/{file.name} must have 16 numbers, 4 rows of 4, but it has {len(numbers)}.")
     c_bs = np.array(numbers).reshape(4, 4)[:3, :3]
@@ -158,14 +158,14 @@ def _sensor(file: Path, name: str, notes: list[str]) -> tuple[Floats, float | No
     return turn, hertz if hertz else None
 
 
-def _number(text: str, key: str, file: Path) -> float:
+def _numbers(text: str, key: str, file: Path) -> list[float]:
     try:
-        value = float(text)
+        values = [float(word) for word in text.replace(",", " ").split()]
     except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
+        values = [np.nan]
+    if not np.isfinite(values).all():
         raise DecodeError(f"{key} in {file.parent.name}/{file.name} holds {text[:20]!r}, which is not a number.")
-    return value
+    return values
 
 
 _RATE, _FORCE, _SPEED = "[rad s^-1]", "[m s^-2]", "[m s^-1]"

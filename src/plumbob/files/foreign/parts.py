@@ -253,22 +253,15 @@ def _first_rows(title: str, raw: bytes, comment: str) -> tuple[str, str]:
     return rows[0], rows[1] if len(rows) > 1 else ""
 
 
-def pairs(text: str) -> dict[str, str]:
-    """Properties of a table of two columns."""
-    rows = _rows(text)
-    return {row[0].strip(): row[1].strip() for row in rows if len(row) == 2}
-
-
-def records(text: str) -> list[dict[str, str]]:
-    """Rows of a small table by the names of its columns."""
-    rows = _rows(text)
-    return [dict(zip((cell.strip() for cell in rows[0]), row, strict=False)) for row in rows[1:]] if rows else []
-
-
-def _rows(text: str) -> list[list[str]]:
-    head = text.partition("\n")[0]
-    separator = max(_SEPARATORS, key=head.count)
+def small_table(text: str) -> list[list[str]]:
+    """Cells of the rows of a small table; none where it is not one."""
+    separator = max(_SEPARATORS, key=text.partition("\n")[0].count)
     try:
-        return [row for row in csv.reader(text.splitlines(), delimiter=separator) if row]
+        return [[*map(str.strip, row)] for row in csv.reader(text.splitlines(), delimiter=separator) if row]
     except csv.Error:
         return []
+
+
+def records(rows: list[list[str]]) -> list[dict[str, str]]:
+    """Rows by the names in the first."""
+    return [dict(zip(rows[0], row, strict=False)) for row in rows[1:]]

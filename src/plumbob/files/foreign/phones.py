@@ -40,9 +40,9 @@ from plumbob.files.foreign.parts import (
     Parts,
     Sheet,
     names_in,
-    pairs,
     records,
     sheet,
+    small_table,
     zipfile_like,
 )
 from plumbob.files.profile import TextLayout
@@ -190,26 +190,26 @@ def _phyphox(parts: Parts) -> Recording:
     if others := sorted(name for name in _tables(parts) if name not in headers):
         notes.append(f"left out: {excerpt(', '.join(others))}")
     notes.append(_phyphox_clock(events))
-    device = _meta(parts, "device.csv", pairs)
+    device = dict(row for row in _meta(parts, "device.csv") if len(row) == 2)
     model = " ".join(device[key] for key in ("deviceBrand", "deviceModel") if device.get(key))
     return _recording(parts, log, model)
 
 
-def _meta(parts: Parts, which: str, parse: Any) -> Any:
-    """Content of a table in ``meta``."""
-    name = next((name for name in parts.names if name == f"meta/{which}" or name.endswith(f"/meta/{which}")), None)
-    return parse(parts.text(name)) if name is not None else parse("")
+def _meta(parts: Parts, which: str) -> list[list[str]]:
+    """Rows of a table in ``meta``."""
+    name = next((name for name in parts.names if f"/{name}".endswith(f"/meta/{which}")), None)
+    return [] if name is None else small_table(parts.text(name))
 
 
 def _phyphox_events(parts: Parts) -> list[tuple[int, int]]:
     """Start and each resume: ns of the experiment, and what UTC is ahead of them, ns."""
     events = []
-    for row in _meta(parts, "time.csv", records):
-        if row.get("event", "").strip() != "START":
+    for row in records(_meta(parts, "time.csv")):
+        if row.get("event") != "START":
             continue
         try:
             experiment, system = (
-                round(Decimal(row[key].strip().replace(",", ".")) * 10**9) for key in ("experiment time", "system time")
+                round(Decimal(row[key].replace(",", ".")) * 10**9) for key in ("experiment time", "system time")
             )
         except (KeyError, InvalidOperation, OverflowError, ValueError) as error:
             raise DecodeError("meta/time.csv has a START without its times in seconds; export it again.") from error
@@ -249,8 +249,8 @@ def _sensor_logger(parts: Parts) -> Recording:
         for name, names in headers.items()
         if {"x", "y", "z"} <= set(names) and _stem(name) in _WANTED
     }
-    rows = next((records(parts.text(name)) for name in parts.names if PurePosixPath(name).name == "Metadata.csv"), [])
-    meta = rows[0] if rows else {}
+    texts = (parts.text(name) for name in parts.names if PurePosixPath(name).name == "Metadata.csv")
+    meta = next(iter(records(small_table(next(texts, "")))), {})
     log = _log("Sensor Logger")
     log.epoch_ns, notes = 0, log.notes
     data = {stem: stream for stem, table in sheets.items() if (stream := _logger_stream(table, notes)) is not None}

@@ -63,15 +63,8 @@ def encode(record: "McapRecord") -> bytes:
 def chunk_record(content: bytes, stored: bytes, compression: str, first: int, last: int) -> bytes:
     """Chunk of `content`, which is `stored` compressed; `first` and `last` are log times, ns."""
     name = compression.encode()
-    head = CHUNK_HEAD.pack(
-        CHUNK,
-        chunk_length(len(name), len(stored)),
-        first,
-        last,
-        len(content),
-        zlib.crc32(content),
-        len(name),
-    )
+    sizes = chunk_length(len(name), len(stored)), first, last, len(content), zlib.crc32(content), len(name)
+    head = CHUNK_HEAD.pack(CHUNK, *sizes)
     return b"".join((head, name, SIZE.pack(len(stored)), stored))
 
 
@@ -226,20 +219,16 @@ class Channel:
         """Schema record (empty without a schema) and channel record; schema and channel have the same number."""
         from mcap import records
 
-        schema = b""
-        if self.schema is not None:
-            schema = encode(
-                records.Schema(
-                    id=number, name=self.schema.name, encoding=self.schema.encoding, data=bytes(self.schema.data)
-                )
-            )
+        schema, of = b"", self.schema
+        if of is not None:
+            schema = encode(records.Schema(id=number, name=of.name, encoding=of.encoding, data=bytes(of.data)))
         origin = {RECORDING_KEY: self.recording, OFFSET_KEY: str(self.epoch_offset_ns)}
         channel = records.Channel(
             id=number,
             topic=self.topic,
             message_encoding=self.encoding,
             metadata={**self.metadata, **origin},
-            schema_id=number if self.schema is not None else 0,
+            schema_id=number if of is not None else 0,
         )
         return schema, encode(channel)
 
@@ -275,8 +264,6 @@ def parse_schema(body: bytes) -> Schema:
 
 
 def _stream(body: bytes) -> "ReadDataStream":
-    from io import BytesIO
-
     from mcap.data_stream import ReadDataStream
 
     return ReadDataStream(BytesIO(body))
@@ -373,14 +360,10 @@ def compressor(name: str) -> tuple[str, Compress]:
     A zstd frame carries a checksum of its own: a chunk that is damaged passes two.
     """
     if name == "none":
-        return "", _as_is
+        return "", bytes
     from zstandard import ZstdCompressor
 
     return "zstd", ZstdCompressor(level=ZSTD_LEVEL, write_checksum=True).compress
-
-
-def _as_is(content: bytes) -> bytes:
-    return content
 
 
 NAME: Final = "plumbob"
@@ -454,17 +437,10 @@ class PartInfo:
             return None
         follows, boot = entries.pop(f"{RESERVED}follows", None), entries.pop(f"{RESERVED}boot", "")
         try:
-            return cls(
-                recording=fields["recording"],
-                part=int(fields["part"]),
-                epoch_offset_ns=int(fields["epoch_offset_ns"]),
-                starts=_numbers(fields["starts"]),
-                ends=None if fields["ends"] == "null" else _numbers(fields["ends"]),
-                dropped=_numbers(fields["dropped"]),
-                metadata=entries,
-                follows=follows,
-                boot=boot,
-            )
+            ends = None if fields["ends"] == "null" else _numbers(fields["ends"])
+            starts, dropped = _numbers(fields["starts"]), _numbers(fields["dropped"])
+            part, offset = int(fields["part"]), int(fields["epoch_offset_ns"])
+            return cls(fields["recording"], part, offset, starts, ends, dropped, entries, follows, boot)
         except ValueError:
             return None
 
@@ -492,14 +468,11 @@ def _checksum(entries: Mapping[str, str]) -> str:
 
 
 def _entries(body: bytes) -> dict[str, str] | None:
-    import struct
-
-    from mcap.data_stream import ReadDataStream
     from mcap.exceptions import McapError
     from mcap.records import Metadata
 
     try:
-        record = Metadata.read(ReadDataStream(BytesIO(body)))
+        record = Metadata.read(_stream(body))
     except (McapError, ValueError, struct.error):
         return None
     return dict(record.metadata) if record.name == NAME else None

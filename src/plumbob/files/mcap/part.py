@@ -93,8 +93,12 @@ def closing(contents: Contents, channels: Mapping[int, tuple[bytes, bytes]], off
             for at, length in contents.infos
         ),
     }
-    summary = b"".join(groups.values())
-    offsets = _offsets(groups, start)
+    summary, offsets = b"", b""
+    for opcode, group in groups.items():
+        at = start + len(summary)
+        offset_record = records.SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(group))
+        offsets += layout.encode(offset_record) if group else b""
+        summary += group
     footer = layout.RECORD_HEAD.pack(layout.FOOTER, layout.FOOTER_BODY.size)
     places = layout.FOOTER_BODY.pack(start, start + len(summary), 0)[:-4]
     checked = summary + offsets + footer + places
@@ -117,17 +121,6 @@ def _statistics(contents: Contents, used: list[tuple[bytes, bytes]]) -> bytes:
             schema_count=sum(bool(schema) for schema, _ in used),
         )
     )
-
-
-def _offsets(groups: Mapping[int, bytes], at: int) -> bytes:
-    from mcap.records import SummaryOffset
-
-    offsets = bytearray()
-    for opcode, group in groups.items():
-        if group:
-            offsets += layout.encode(SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(group)))
-        at += len(group)
-    return bytes(offsets)
 
 
 LIBRARY = "plumbob recording 1"

@@ -19,6 +19,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 
 from plumbob.core.errors import DecodeError
+from plumbob.core.files import existing_file, reading
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.content import (
     FOREIGN_BYTES,
@@ -49,7 +50,9 @@ class FileBytes:
 
     def __init__(self, path: Path, content: BinaryIO | None = None) -> None:
         self.path = path
-        self._file = content or _open(path)
+        file = existing_file(path) if content is None else path
+        with reading(path):
+            self._file = content or file.open("rb")
         self.size = self._file.seek(0, os.SEEK_END)
         self._left = _SEARCHES * self.size + WINDOW
 
@@ -85,15 +88,6 @@ class FileBytes:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._file.close()
-
-
-def _open(path: Path) -> BinaryIO:
-    if not path.is_file():
-        raise DecodeError(f"{path} is not a file that can be read; check the path.")
-    try:
-        return path.open("rb")
-    except OSError as error:
-        raise DecodeError(f"{path} cannot be read: {error.strerror}.") from error
 
 
 _CHUNK: Final = rb"\x06[\s\S]{4}\x00{4}[\s\S]{28}(?:\x00{4}|\x04\x00{3}zstd|\x03\x00{3}lz4)"
@@ -165,28 +159,24 @@ def _candidates(source: FileBytes, start: int, pattern: re.Pattern[bytes]) -> It
 _LARGEST = 1 << 24
 
 
-def rows_by_topic(source: FileBytes, summary: int, end: int) -> dict[str, int]:
+def rows_by_topic(source: FileBytes, at: int, end: int) -> dict[str, int]:
     """Rows per topic by the statistics of a summary whose CRC holds, up to its end; empty where it has none."""
+    topics: dict[int, str] = {}
     try:
-        return _read(source, summary, end)
+        while True:
+            opcode, length = layout.RECORD_HEAD.unpack(source.read(at, layout.RECORD_HEAD.size))
+            if opcode not in (layout.SCHEMA, layout.CHANNEL, layout.STATISTICS) or length > min(_LARGEST, end - at):
+                return {}
+            body = ReadDataStream(BytesIO(source.read(at + layout.RECORD_HEAD.size, length)))
+            if opcode == layout.CHANNEL:
+                channel = records.Channel.read(body)
+                topics[channel.id] = channel.topic
+            elif opcode == layout.STATISTICS:
+                counts = records.Statistics.read(body).channel_message_counts
+                return {topics[channel]: count for channel, count in counts.items() if channel in topics}
+            at += layout.RECORD_HEAD.size + length
     except (McapError, ValueError, struct.error):  # its CRC holds, but no recorder wrote that
         return {}
-
-
-def _read(source: FileBytes, at: int, end: int) -> dict[str, int]:
-    topics: dict[int, str] = {}
-    while True:
-        opcode, length = layout.RECORD_HEAD.unpack(source.read(at, layout.RECORD_HEAD.size))
-        if opcode not in (layout.SCHEMA, layout.CHANNEL, layout.STATISTICS) or length > min(_LARGEST, end - at):
-            return {}
-        body = ReadDataStream(BytesIO(source.read(at + layout.RECORD_HEAD.size, length)))
-        if opcode == layout.CHANNEL:
-            channel = records.Channel.read(body)
-            topics[channel.id] = channel.topic
-        elif opcode == layout.STATISTICS:
-            counts = records.Statistics.read(body).channel_message_counts
-            return {topics[channel]: count for channel, count in counts.items() if channel in topics}
-        at += layout.RECORD_HEAD.size + length
 
 
 @dataclass(frozen=True, slots=True)

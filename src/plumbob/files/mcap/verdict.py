@@ -314,34 +314,19 @@ def _rewrite(log: Log, target: Path, verdict: Verdict) -> None:
         follows=None if info is None else info.follows,
         boot="" if info is None else info.boot,
     )
-    numbers = _Numbers()
+    numbers: dict[str, int] = {}
+    records: dict[int, tuple[bytes, bytes]] = {}
     with whole_part(target, first) as (part, write):
         for rows in log.blocks():
             verdict.count(rows)
-            write(_chunk(rows, numbers))
+            chunk = OpenChunk(rows[0].t_ns)
+            for row in rows:
+                number = numbers.setdefault(row.channel.topic, len(numbers) + 1)
+                if number not in records:
+                    records[number] = row.channel.records(number)
+                if number not in chunk.entries:
+                    chunk.introduce(number, row.sequence, records[number])
+                chunk.add(number, row.sequence, row.t_ns + row.channel.epoch_offset_ns, row.data)
+            write(chunk)
         verdict.conclude(log)
-        part.finish(dict(numbers.records), log.ends, log.missing)
-
-
-class _Numbers:
-    """Numbers of channels in the new file, by topic, in the order in which they come."""
-
-    def __init__(self) -> None:
-        self.records: dict[int, tuple[bytes, bytes]] = {}
-        self._numbers: dict[str, int] = {}
-
-    def number(self, channel: Channel) -> int:
-        number = self._numbers.setdefault(channel.topic, len(self._numbers) + 1)
-        if number not in self.records:
-            self.records[number] = channel.records(number)
-        return number
-
-
-def _chunk(rows: list[LogMessage], numbers: _Numbers) -> OpenChunk:
-    chunk = OpenChunk(rows[0].t_ns)
-    for row in rows:
-        number = numbers.number(row.channel)
-        if number not in chunk.entries:
-            chunk.introduce(number, row.sequence, numbers.records[number])
-        chunk.add(number, row.sequence, row.t_ns + row.channel.epoch_offset_ns, row.data)
-    return chunk
+        part.finish(records, log.ends, log.missing)
