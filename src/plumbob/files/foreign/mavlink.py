@@ -48,21 +48,14 @@ class _Kind:
 
 _KINDS: Final = {
     0: _Kind("HEARTBEAT", 50, np.dtype([("mode", "<u4"), ("type", "u1"), ("autopilot", "u1"), ("rest", "u1", (3,))])),
-    26: _Kind("SCALED_IMU", 170, np.dtype([("ms", "<u4"), *_NINE]), _MILLI),
     27: _Kind("RAW_IMU", 144, np.dtype([("us", "<u8"), *_NINE]), _MILLI),
-    30: _Kind(
-        "ATTITUDE", 39, np.dtype([("ms", "<u4"), ("roll", "<f4"), ("pitch", "<f4"), ("yaw", "<f4"), ("w", "<f4", (3,))])
-    ),
+    30: _Kind("ATTITUDE", 39, np.dtype([("ms", "<u4"), *((name, "<f4") for name in ("roll", "pitch", "yaw", *"pqr"))])),
     31: _Kind("ATTITUDE_QUATERNION", 246, np.dtype([("ms", "<u4"), ("q", "<f4", (4,)), ("w", "<f4", (3,))])),
-    105: _Kind(
-        "HIGHRES_IMU",
-        93,
-        np.dtype([("us", "<u8"), *_FLOAT_NINE, ("rest", "<f4", (4,)), ("updated", "<u2")]),
-        _SI,
-    ),
-    116: _Kind("SCALED_IMU2", 76, np.dtype([("ms", "<u4"), *_NINE]), _MILLI),
-    129: _Kind("SCALED_IMU3", 46, np.dtype([("ms", "<u4"), *_NINE]), _MILLI),
-}
+    105: _Kind("HIGHRES_IMU", 93, np.dtype([("us", "<u8"), *_FLOAT_NINE, ("rest", "<f4", (4,)), ("updated", "<u2")]),
+               _SI),
+    **{number: _Kind(name, extra, np.dtype([("ms", "<u4"), *_NINE]), _MILLI) for number, name, extra in (
+        (26, "SCALED_IMU", 170), (116, "SCALED_IMU2", 76), (129, "SCALED_IMU3", 46))},
+}  # fmt: skip
 """By message number: fields and CRC_EXTRA of `common.xml`."""
 _ANGLES: Final = ("yaw", "pitch", "roll")
 _PREFERRED: Final = (105, 26, 27, 116, 129)

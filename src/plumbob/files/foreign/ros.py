@@ -30,7 +30,8 @@ from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import ros_bags
-from plumbob.files.foreign.join import Readings, joined, joined_recordings
+from plumbob.files.foreign.join import joined_recordings
+from plumbob.files.foreign.logged import SensorLog
 from plumbob.files.foreign.ros_bags import Bag, MessageTable, Topic
 from plumbob.files.mcap import layout
 from plumbob.files.stamps import time_line
@@ -249,25 +250,24 @@ def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> _RosImu:
     stamps, notes = _stamps(topic, table)
     if len(table.frames) > 1:
         raise DecodeError(f"{topic.name}: its messages are in the frames {', '.join(table.frames[:5])}, not in one.")
-    numbers, epoch, used = table.numbers, _epoch(stamps, notes), [topic]
-    streams = {key: Readings(stamps, values) for key, values in _measured(table).items()}
-    for key in sorted({"gyr", "acc"} - set(streams)):
+    meta, used = ImuMeta(device=next(iter(table.frames), topic.name), frame=_world(table)), [topic]
+    log = SensorLog(notes, meta, _epoch(stamps, notes))
+    for key, values in _measured(table).items():
+        log.add(key, stamps, values)
+    for key in sorted({"gyr", "acc"} - set(log.streams)):
         notes.append(f"{topic.name}: no {key}: absent by its covariance, or exactly zero in every message")
     track = _orientation(topic, table, stamps, notes)
-    if not streams:
+    if not log.streams:
         if track is None:
             raise DecodeError(f"{topic.name} holds neither rates, accelerations nor orientations: all are absent.")
         return _RosImu(None, track, used, notes)
-    frame = next(iter(table.frames), "")
-    meta = ImuMeta(device=frame or topic.name, frame=_world(table))
     if mag := _in_frame(MAG, topic, table, topics):
         numbers = mag[1].numbers
-        values = to_si(_present(numbers[:, :3], numbers[:, 3]), "T")
-        _add("mag", mag[0], Readings(_stamps(*mag)[0], values), streams, stamps, used, notes)
+        _add("mag", *mag, to_si(_present(numbers[:, :3], numbers[:, 3]), "T"), log, stamps, used)
     if temperature := _in_frame(TEMPERATURE, topic, table, topics):
-        values = np.where(np.isfinite(temperature[1].numbers[:, 0]), temperature[1].numbers[:, 0], np.nan)
-        _add("temp_c", temperature[0], Readings(_stamps(*temperature)[0], values), streams, stamps, used, notes)
-    made = joined(streams, meta=meta, epoch_ns=epoch)
+        numbers = temperature[1].numbers[:, 0]
+        _add("temp_c", *temperature, np.where(np.isfinite(numbers), numbers, np.nan), log, stamps, used)
+    made = log.joined()
     return _RosImu(made.imu, track, used, notes + list(made.notes))
 
 
@@ -297,16 +297,15 @@ def _alike(name: str, other: str) -> int:
 def _add(
     key: str,
     topic: Topic,
-    stream: Readings,
-    streams: dict[str, Readings],
+    table: MessageTable,
+    values: Floats,
+    log: SensorLog,
     rows: NDArray[np.int64],
     used: list[Topic],
-    notes: list[str],
 ) -> None:
     """Take in a stream unless it cannot be in its unit; one whose stamps are all among the IMU's stays at these."""
-    stamps, values = np.asarray(stream.t_ns), np.asarray(stream.values)
-    finite = np.isfinite(values if values.ndim == 1 else values.all(axis=1) & np.isfinite(values).all(axis=1))
-    if not np.count_nonzero(finite):
+    stamps, notes = _stamps(topic, table)[0], log.notes
+    if not np.isfinite(values.reshape(len(values), -1)).all(axis=1).any():
         notes.append(f"{topic.name} is left out: it has no value")
         return
     if key == "mag":
@@ -318,12 +317,12 @@ def _add(
     used.append(topic)
     where = np.minimum(np.searchsorted(rows, stamps), rows.size - 1)
     if (np.diff(rows) > 0).all() and (np.diff(stamps) > 0).all() and np.array_equal(rows[where], stamps):
-        placed = np.full((rows.size, *values.shape[1:]), np.nan)
-        placed[where] = values
         if stamps.size < rows.size:
             notes.append(f"{key}: {counted(stamps.size, 'sample')} on {topic.name}, each at its own stamp")
-        stream = Readings(rows, placed)
-    streams[key] = stream
+        placed = np.full((rows.size, *values.shape[1:]), np.nan)
+        placed[where] = values
+        stamps, values = rows, placed
+    log.add(key, stamps, values)
 
 
 def _orientation(

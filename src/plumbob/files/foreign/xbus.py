@@ -37,7 +37,7 @@ _MOST_LAYOUTS: Final = 8
 _PERIOD_HZ: Final = 115_200.0
 _EVERY_PACKET: Final = (0, 0xFFFF)
 _UTC_VALID: Final = 0x04
-_XYZ: Final = ("X", "Y", "Z")
+_VECTORS: Final = {0x4010: "VelInc", 0x4020: "Acc", 0x4040: "Acc", 0x8020: "Gyr", 0x8040: "Gyr", 0xC020: "Mag"}
 _QUATERNION, _MATRIX, _EULER = 0x2010, 0x2020, 0x2030
 _COUNTER, _TIME, _UTC, _STATUS = 0x1020, 0x1060, 0x1010, 0xE020
 _SNAPSHOTS: Final = (0xC810, 0xC820)
@@ -51,40 +51,20 @@ _COLUMNS: Final[dict[int, tuple[str, ...]]] = {
     _QUATERNION: tuple(f"Quat_q{k}" for k in range(4)),
     _MATRIX: tuple(f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3)),
     _EULER: ("Roll", "Pitch", "Yaw"),
-    0x4010: tuple(f"VelInc_{axis}" for axis in _XYZ),
-    0x4020: tuple(f"Acc_{axis}" for axis in _XYZ),
-    0x4040: tuple(f"Acc_{axis}" for axis in _XYZ),
-    0x8020: tuple(f"Gyr_{axis}" for axis in _XYZ),
     0x8030: tuple(f"OriInc_q{k}" for k in range(4)),
-    0x8040: tuple(f"Gyr_{axis}" for axis in _XYZ),
-    0xC020: tuple(f"Mag_{axis}" for axis in _XYZ),
+    **{kind: tuple(f"{name}_{axis}" for axis in "XYZ") for kind, name in _VECTORS.items()},
     _STATUS: ("StatusWord",),
 }
 """Columns that MT Manager makes of a block in its export."""
 _CHOICES: Final = ((0x8020, 0x8040, 0x8030), (0x4020, 0x4040, 0x4010), (_QUATERNION, _MATRIX, _EULER))
 """Blocks of which the first that a log has is taken."""
 _NAMES: Final = {
-    0x1070: "SampleTimeCoarse",
-    0x2010: "quaternion",
-    0x2020: "matrix",
-    0x2030: "Euler angles",
-    0x3010: "pressure",
-    0x4010: "velocity increments",
-    0x4020: "acceleration",
-    0x4030: "FreeAcceleration",
-    0x4040: "AccelerationHR",
-    0x5020: "altitude",
-    0x5040: "latitude and longitude",
-    0x7010: "GNSS solution",
-    0x7020: "GNSS satellites",
-    0x8020: "rate of turn",
-    0x8030: "orientation increments",
-    0x8040: "RateOfTurnHR",
-    0xA010: "raw counts",
-    0xC810: "Awinda snapshots",
-    0xC820: "full snapshots",
-    0xD010: "velocity",
-}
+    0x1070: "SampleTimeCoarse", 0x2010: "quaternion", 0x2020: "matrix", 0x2030: "Euler angles", 0x3010: "pressure",
+    0x4010: "velocity increments", 0x4020: "acceleration", 0x4030: "FreeAcceleration", 0x4040: "AccelerationHR",
+    0x5020: "altitude", 0x5040: "latitude and longitude", 0x7010: "GNSS solution", 0x7020: "GNSS satellites",
+    0x8020: "rate of turn", 0x8030: "orientation increments", 0x8040: "RateOfTurnHR", 0xA010: "raw counts",
+    0xC810: "Awinda snapshots", 0xC820: "full snapshots", 0xD010: "velocity",
+}  # fmt: skip
 _WHOLE: Final[dict[int, list[tuple[str, str]]]] = {
     _COUNTER: [("PacketCounter", ">u2")],
     _TIME: [("SampleTimeFine", ">u4")],
@@ -99,16 +79,9 @@ _Block = tuple[int, int, int]
 
 @dataclass
 class XbusUnit:
-    """What one unit sent, under the names of MT Manager's export.
+    """What one unit sent, as MT Manager exports it: what stands before its table, by key, the table, and notes.
 
-    Attributes
-    ----------
-    head : dict
-        What an export says before its table, by key in small letters.
-    columns : dict
-        A vector (N,) for each column of a table with a row for each packet; NaN where a packet has no such value.
-    notes : list of str
-        What was left out.
+    A column is a vector (N,) with a row for each packet; NaN where a packet has no such value.
     """
 
     head: dict[str, str] = field(default_factory=dict)
