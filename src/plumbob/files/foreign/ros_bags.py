@@ -169,7 +169,7 @@ def _open_file(path: Path, bag: Bag) -> None:
         start = file.read(len(SQLITE))
         file.seek(0)
         if start.startswith(_ZSTD):
-            content = _zstd_file(file, bag)
+            content = _zstd(file, "a file", bag)
             if content.startswith(SQLITE):
                 _sqlite(path, bag, content)
             else:
@@ -184,18 +184,18 @@ def _open_file(path: Path, bag: Bag) -> None:
             raise DecodeError(f"{path.name} begins with {start[:8]!r}, as neither a ROS bag, MCAP nor SQLite does.")
 
 
-def _zstd_file(file: BinaryIO, bag: Bag) -> bytes:
-    """Content of a file that rosbag2 compressed as a whole; no more than is allowed for its size."""
+def _zstd(stream: BinaryIO, what: str, bag: Bag) -> bytes:
+    """Content of what rosbag2 compressed; no more than is allowed for the size of the file."""
     import zstandard
 
     pieces = []
     try:
-        with zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True) as stream:
-            while piece := stream.read(1 << 20):
+        with zstandard.ZstdDecompressor().stream_reader(stream, read_across_frames=True) as reader:
+            while piece := reader.read(1 << 20):
                 bag.room(len(piece))
                 pieces.append(piece)
     except zstandard.ZstdError as error:
-        raise DecodeError(f"its zstd is damaged: {error}.") from error
+        raise DecodeError(f"{what} that is compressed by zstd is damaged: {error}.") from error
     return b"".join(pieces)
 
 
@@ -355,25 +355,8 @@ def _query_messages(ask: Callable[..., Iterator[tuple[Any, ...]]], bag: Bag) -> 
         for log_ns, data in rows:
             if type(log_ns) is not int or not isinstance(data, bytes):
                 raise DecodeError(f"a message of {topic.name} is not one; the table is damaged.")
-            bag.room(len(data))
-            topic.take(log_ns, _message(data, bag))
-
-
-def _message(data: bytes, bag: Bag) -> bytes:
-    """A message, unpacked where rosbag2 compressed each: no encapsulation of CDR begins as zstd does."""
-    if not data.startswith(_ZSTD):
-        return data
-    import zstandard
-
-    most = 1 << 16  # of the types that are read, with the longest names
-    try:
-        message = zstandard.ZstdDecompressor().stream_reader(BytesIO(data)).read(most + 1)
-    except zstandard.ZstdError as error:
-        raise DecodeError(f"a message that is compressed by zstd is damaged: {error}.") from error
-    if len(message) > most:
-        raise DecodeError(f"a message unpacks to more than {most} bytes, which none of its type has.")
-    bag.room(len(message))
-    return message
+            bag.room(len(data))  # no encapsulation of CDR begins as zstd does
+            topic.take(log_ns, _zstd(BytesIO(data), "a message", bag) if data.startswith(_ZSTD) else data)
 
 
 def table(topic: Topic) -> MessageTable:

@@ -27,8 +27,14 @@ from plumbob.files.foreign.logged import RELATIVE_NOTE, LoggedAttitude, SensorLo
 from plumbob.files.foreign.parts import Parts, names_in, sheet
 from plumbob.rotations import Frame, North
 
-NUMBERS: Final = {"I": 6, "M": 3, "Q": 4, "T": 1}
-"""Numbers of the messages that are read: inertial, magnetometer, quaternion, temperature."""
+_HEADINGS: Final = {
+    "I": [*(rf"Gyroscope {axis} \(deg/s\)" for axis in "XYZ"), *(rf"Accelerometer {axis} \(g\)" for axis in "XYZ")],
+    "M": [rf"(Magnetometer )?{axis}( Axis)? \(a\.u\.\)" for axis in "XYZ"],
+    "Q": [f"{axis}( Element)?" for axis in "WXYZ"],
+    "T": [r"Temperature \((degC|°C)\)"],
+}
+"""Columns of the messages that are read: inertial, magnetometer, quaternion, temperature."""
+NUMBERS: Final = {letter: len(names) for letter, names in _HEADINGS.items()}
 TABLES: Final = {"I": "Inertial.csv", "M": "Magnetometer.csv", "Q": "Quaternion.csv", "T": "Temperature.csv"}
 STAMP: Final = "Timestamp (us)"
 _ESCAPE: Final = 0xDB
@@ -176,19 +182,7 @@ def _of_tables(parts: Parts, folder: bool, notes: list[str]) -> _Messages:
     return messages
 
 
-_HEADINGS: Final = {
-    "I": r"Gyroscope [XYZ] \(deg/s\)|Accelerometer [XYZ] \(g\)",
-    "M": r"(Magnetometer )?[XYZ]( Axis)? \(a\.u\.\)",
-    "Q": r"[WXYZ]( Element)?",
-    "T": r"Temperature \((degC|°C)\)",
-}
-
-
 def _headings_fit(letter: str, names: tuple[str, ...]) -> bool:
     """Whether a table has the columns of its messages, with their units and in their order."""
-    pattern = re.compile(_HEADINGS[letter])
-    axes = "".join(
-        re.sub(r"\(.*|Gyroscope|Accelerometer|Magnetometer|Axis|Element|Temperature| ", "", n) for n in names[1:]
-    )
-    expected = {"I": "XYZXYZ", "M": "XYZ", "Q": "WXYZ", "T": ""}[letter]
-    return names[:1] == (STAMP,) and all(pattern.fullmatch(name) for name in names[1:]) and axes == expected
+    expected = (re.escape(STAMP), *_HEADINGS[letter])
+    return len(names) == len(expected) and all(map(re.fullmatch, expected, names))

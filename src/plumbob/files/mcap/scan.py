@@ -324,7 +324,7 @@ class Scan:
 
     def _metadata(self, at: int, length: int) -> list[RowBlock | Damage]:
         """What the part says about itself."""
-        info = self._info_at(at)
+        info = self.info_at(at)
         if info is not None:
             self.info = info
         elif not self._goes_on(at + layout.RECORD_HEAD.size + length):
@@ -333,7 +333,8 @@ class Scan:
             return [self._damage(at, 9 + length, "what the part says about itself is damaged; no row is lost")]
         return []
 
-    def _info_at(self, at: int) -> PartInfo | None:
+    def info_at(self, at: int) -> PartInfo | None:
+        """What a part says about itself at an offset; None where no whole word of the wanted recording stands there."""
         opcode, length = layout.RECORD_HEAD.unpack(self._source.read(at, 9).ljust(9, b"\0"))
         complete = opcode == layout.METADATA and length <= self._source.size - at and self._source.may_search(length)
         info = PartInfo.parse(self._source.read(at + 9, length)) if complete else None
@@ -344,7 +345,7 @@ class Scan:
         return at == self._source.size or self._source.read(at, 9) == _DATA_END or self._is_good(at)
 
     def _is_good(self, at: int) -> bool:
-        return self.is_chunk(at) or (self._ours and self._info_at(at) is not None)
+        return self.is_chunk(at) or (self._ours and self.info_at(at) is not None)
 
     # --- rows ---------------------------------------------------------------------------------------------------
 
@@ -509,7 +510,7 @@ def identify(path: Path) -> Identity:
         magic = source.read(0, len(layout.MAGIC))
         if len(magic) < len(layout.MAGIC) and layout.MAGIC.startswith(magic):
             return Identity(path, "")
-        info = _info_at_start(source)
+        info = Scan(source, "").info_at(_header(source)[1])
         if info is not None:
             return Identity(path, info.recording, info)
         if magic == layout.MAGIC and _is_foreign(source):
@@ -544,17 +545,6 @@ def _is_foreign(source: FileBytes) -> bool:
     alike = sum(a == b for a, b in zip(library, _OWN, strict=False))
     complete = len(library) == len(_OWN) or source.size > len(layout.MAGIC) + 64
     return bool(library) and complete and alike < len(_OWN) - 2
-
-
-def _info_at_start(source: FileBytes) -> PartInfo | None:
-    _, at = _header(source)
-    head = source.read(at, layout.RECORD_HEAD.size)
-    if len(head) < layout.RECORD_HEAD.size:
-        return None
-    opcode, length = layout.RECORD_HEAD.unpack(head)
-    if opcode != layout.METADATA or at + layout.RECORD_HEAD.size + length > source.size:
-        return None
-    return PartInfo.parse(source.read(at + layout.RECORD_HEAD.size, length))
 
 
 def _recording_of_chunks(source: FileBytes) -> str | None:
