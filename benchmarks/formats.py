@@ -356,9 +356,9 @@ def compared(a: Recording, b: Recording) -> tuple[dict[str, str], set[str]]:
 
 def _findings_alone(a: Recording, b: Recording) -> bool:
     """Whether the notes that went are findings, which a reader makes of the data again."""
-    from plumbob.data.recording import provenance
+    from plumbob.core.findings import lasting
 
-    return set(provenance(a.notes)) <= set(b.notes)
+    return set(lasting(a.notes)) <= set(b.notes)
 
 
 def _samples(a: ImuData, b: ImuData, differences: dict[str, str], lost: set[str]) -> bool:

@@ -232,7 +232,9 @@ def look(path: Any, frame: str, run: dict[str, Any], card: bool = False) -> tupl
     if card:
         run = {"calibration": replace(_card(), device=source.imu.meta.device)}
     made, info = pb.estimate(source, frame=frame, **run), pb.info(source)
-    lines = [re.sub("; the heading there is the gyroscope's", "", line) for line in (*made.notes, *source.notes)]
+    lines = [
+        re.sub("; the heading there is the gyroscope's", "", line) for line in map(str, (*made.notes, *source.notes))
+    ]
     lines += [f"flag {name}" for name, count in made.outline.flags.items() if count > 0.02 * made.outline.samples]
     lines += [f"{c.name}: {c.measured}" for c in info.grade.criteria if c.lost >= 1.0]
     lines = [line for line in lines if not line.startswith("field at")]

@@ -144,7 +144,7 @@ def test_without_a_magnetometer_the_heading_is_free_and_less_and_less_certain(fi
     units = {name: ImuData(one.t, one.gyr, one.acc, meta=one.meta) for name, one in made.array.units.items()}
     found = run(card, ImuArray(units), params=INSTANT, causal=True)
     assert (found.joints.flags & flags.HEADING_FREE).all()
-    assert "no magnetometer and no fixed base" in " ".join(found.notes)
+    assert "no magnetometer and no fixed base" in " ".join(map(str, found.notes))
     assert heading_var(found, "s1")[-1] > 1.5 * heading_var(found, "s1")[200] > 0.0
     for error in errors(made, found.tracks, made.t > 5.0).values():
         assert rms(error) < 2.0
@@ -212,7 +212,7 @@ def test_units_that_were_exchanged_are_said_to_be(five):
     made, card = five
     units = dict(made.array.units) | {"u3": made.array.units["u4"], "u4": made.array.units["u3"]}
     found = run(card, ImuArray(units), params=INSTANT)
-    assert sum("was exchanged" in note for note in found.notes) > 0
+    assert sum("was exchanged" in str(note) for note in found.notes) > 0
     assert (found.joints.flags & flags.INCONSISTENT != 0).mean() > 0.2
 
 

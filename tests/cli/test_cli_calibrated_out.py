@@ -43,7 +43,7 @@ def test_convert_writes_calibrated_samples_as_python_gives_them(made, tmp_path):
         np.testing.assert_array_equal(recording.imu.gyr, ours.gyr)
         np.testing.assert_array_equal(recording.imu.acc, raw.acc)
         assert recording.imu.meta.calibration == ours.meta.calibration
-        assert not any("uncalibrated" in note for note in recording.notes)
+        assert not any("uncalibrated" in str(note) for note in recording.notes)
 
 
 def test_allan_before_and_after(made, tmp_path):

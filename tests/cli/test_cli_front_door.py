@@ -49,7 +49,11 @@ def test_run_is_estimate(sea, tmp_path):
     printed = answer(f"run {sea} --filter mahony --out a.parquet", cwd=tmp_path)
     notes, done = [], []
     result = plumbob.estimate(sea, "mahony", note=notes.append, progress=lambda *counts: done.append(counts))
-    assert (tuple(notes), done[0], done[-1]) == (result.notes, (0, 1200), (1200, 1200))
+    assert (notes, done[0], done[-1]) == (
+        [f"{result.name}: {finding}" for finding in result.notes],
+        (0, 1200),
+        (1200, 1200),
+    )
     assert result.summary() == {name: printed[name] for name in result.summary()}
     recording = plumbob.read(sea)
     tracks = [plumbob.estimate(given, "mahony").track for given in (str(sea), recording, recording.imu)]

@@ -48,7 +48,7 @@ def test_benchmarks_and_the_simulator_take_the_card_and_say_so(unit, tmp_path):
     own, given = (NoiseCard.load(path) for path in (tmp_path / "own.json", unit[1]))
     assert own.gyr.n_rpsd.tolist() == given.gyr.n_rpsd.tolist()
     notes = files.read(tmp_path / "x.parquet").notes
-    assert any("noise of gyr, acc, mag from the card of" in note for note in notes)
+    assert any("noise of gyr, acc, mag from the card of" in str(note) for note in notes)
 
 
 def test_a_unit_s_own_card_is_the_one_that_sim_writes(unit):

@@ -105,7 +105,7 @@ def run_report(**changes):
     counts = dict.fromkeys(("junk", "bad_checksum", "bad_content", "bad_length", "unknown"), 0)
     counts |= {"received": 6000, "framed": 6000} | changes.pop("bytes", {})
     given = {"samples": 200, "duration_s": 60.0, "not_usable": 0, "calibration": None,
-             "inferred_gaps": None, "unchecked_bytes": None}  # fmt: skip
+             "notes": [], "unchecked_bytes": None}  # fmt: skip
     stage = dict.fromkeys(("filter", "frame", "north", "declination_deg"))
     return {"time": time, "bytes": counts} | stage | given | changes
 
@@ -119,7 +119,7 @@ def run_report(**changes):
         ({"bytes": {"bad_checksum": 2, "unknown": 1}}, "rejected     bad checksum 2, unknown 1"),
         ({"time": {"lost": 3, "gap_count": 2}}, "lost         3 frames in 2 gaps; 0 repeated or late"),
         ({"not_usable": 4}, "lost         0 frames in 0 gaps; 4 repeated or late"),
-        ({"inferred_gaps": "inferred gaps: 1 gap, 5 s in all"}, "inferred     1 gap, 5 s in all"),
+        ({"notes": [{"text": "inferred gaps: 1 gap"}]}, "note         inferred gaps: 1 gap"),
         ({}, "device clock -12.3 ppm against this host"),
         ({"unchecked_bytes": 6}, f"checks       {UNCHECKED.format(6)}"),
         ({"filter": "mahony(kp=1)"}, "filter       mahony(kp=1)"),

@@ -179,10 +179,10 @@ class TestTemperature:
     def test_leaving_the_span_is_told(self, changes, data, share):
         made = card("acc", **{"bias_per_k": [1e-3, 0.0, 0.0]} | changes)
         expected = share and (
-            f"{share} % of the samples are at 20.0 to 40.0 °C, beyond the 22.0 to 38.0 °C of the calibration of acc, "
-            "where its polynomial is only prolonged."
+            f"temperature: {share} % of the samples are at 20.0 to 40.0 °C, beyond the 22.0 to 38.0 °C of the "
+            "calibration of acc, where its polynomial is only prolonged."
         )
-        assert temperature_beyond(made, recording(**data)) == expected
+        assert list(map(str, temperature_beyond(made, recording(**data)))) == ([expected] if expected else [])
 
     def test_a_live_sample_without_temperature_becomes_absent(self):
         data = recording(temp_c=np.r_[np.nan, np.full(N - 1, 25.0)])

@@ -44,9 +44,9 @@ def test_no_delay_is_none_nor_is_there_one_of_forces_that_have_nothing_to_do_wit
 def test_the_smoother_says_so():
     smoother = Smoother(frame=Frame.ENU)
     smoother.process(late(0.05))
-    assert smoother.remarks[0].startswith("the gyroscope seems to lag the accelerometer by 50 ± ")
+    assert str(smoother.remarks[0]).startswith("the gyroscope seems to lag the accelerometer by 50 ± ")
     assert len(smoother.remarks) == 1
     smoother.process(late(-0.03))
-    assert smoother.remarks[0].startswith("the accelerometer seems to lag the gyroscope by 30 ± ")
+    assert str(smoother.remarks[0]).startswith("the accelerometer seems to lag the gyroscope by 30 ± ")
     smoother.process(late(0.0))
     assert smoother.remarks == ()

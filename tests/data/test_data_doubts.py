@@ -57,7 +57,7 @@ def test_what_is_wrong_is_doubted_and_what_is_right_is_not(name):
 @pytest.mark.parametrize(("frame", "sign"), [(Frame.ENU, -1.0), (Frame.NWU, -1.0), (Frame.NED, 1.0)])
 def test_the_wrong_sign_of_gravity(frame, sign):
     (message,) = told(nodding(sign=sign), frame)
-    assert upside_down(nodding(sign=sign), frame)[0] == message
+    assert f"{upside_down(nodding(sign=sign), frame)[0]}".replace("?.", "?") == message
     assert re.search("the unit is upside down throughout.*`sign`.*`axes`", message)
     assert upside_down(nodding(sign=-sign), frame) == ()
 
@@ -94,10 +94,10 @@ def test_bursts_are_even_over_a_second_and_gaps_are_not():
     assert bursts(even) is None
     assert bursts(even + 0.002 * rng.uniform(size=6000)) is None
     told = bursts(burst)
-    assert told.startswith(
-        "the stamps come in bursts: the usual step is 0.001 s, but 6000 rows in 59.909 s are one every"
+    assert str(told).startswith(
+        "time: the stamps come in bursts: the usual step is 0.001 s, but 6000 rows in 59.909 s are one every"
     )
-    assert 'rate = "100.135 Hz" alone' in told  # 5999 steps in 59.909 s: the last burst's pause is not in the record
+    assert 'rate = "100.135 Hz" alone' in str(told)  # 5999 steps in 59.909 s: without the last burst's pause
     assert bursts(np.cumsum(np.where(rng.random(6000) < 0.02, rng.exponential(2.0, 6000), 0.001))) is None
     assert bursts(np.concatenate((even[:3000], even[3000:] + 40.0))) is None
 

@@ -156,7 +156,7 @@ def test_a_repeating_motion_is_called_one(track):
     result = evaluate(track(t, nod), track(t, nod), align="time")
     assert result.alignment.time.rival == pytest.approx(1.0, abs=1e-6)
     assert abs(result.alignment.time.rival_at) == pytest.approx(0.5, abs=0.011)  # |rate| repeats every half period
-    assert any("motion repeats" in note for note in result.notes)
+    assert any("motion repeats" in str(note) for note in result.notes)
 
 
 def test_masked_correlation_against_numpy():

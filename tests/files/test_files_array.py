@@ -49,7 +49,7 @@ def test_every_bit_comes_back(tmp_path):
     found = plumbob.read(tmp_path / "a.parquet")
     assert found.imu is None
     assert_same(array, found.array)
-    assert "by a test" in found.notes
+    assert "by a test" in map(str, found.notes)
     plumbob.write(tmp_path / "b.parquet", found)
     assert_same(array, plumbob.read(tmp_path / "b.parquet").array)
 
@@ -82,7 +82,7 @@ def test_one_unit_by_name_or_number(tmp_path):
         found = plumbob.read(path, unit=asked)
         assert found.array is None
         assert found.imu.gyr.tobytes() == array.units["left.arm"].gyr.tobytes()
-        assert "unit left.arm of u1, 左, left.arm" in found.notes
+        assert "unit left.arm of u1, 左, left.arm" in map(str, found.notes)
     refused(
         plumbob.read,
         path,

@@ -84,7 +84,7 @@ def test_numpy_archives(tmp_path, save):
     (tmp_path / "log.toml").write_text(FLAT)
     recording = read(path)  # found beside the file
     np.testing.assert_array_equal(recording.imu.gyr, GYR)
-    assert any("gyr has its samples side by side" in note for note in recording.notes)
+    assert any("gyr has its samples side by side" in str(note) for note in recording.notes)
 
 
 def test_unix_time_in_whole_nanoseconds_keeps_every_one(tmp_path):

@@ -196,8 +196,8 @@ def test_broken_lines_are_left_out_and_counted(tmp_path):
     lost = [99, 299, 300, 599]
     assert recording.imu.t == pytest.approx(np.delete(T, lost), abs=1e-9)
     assert recording.imu.acc == pytest.approx(np.delete(ACC, lost, axis=0), abs=1e-4)
-    assert any("3 lines of 599 left out" in note and "line 101 has 2 cells" in note for note in recording.notes)
-    assert any("line 601, the last, is cut" in note for note in recording.notes)
+    assert any("3 lines of 599 left out" in note and "line 101 has 2 cells" in str(note) for note in recording.notes)
+    assert any("line 601, the last, is cut" in str(note) for note in recording.notes)
 
 
 def test_of_a_rate_alone_lines_that_are_left_out_keep_their_time(tmp_path):
@@ -370,7 +370,7 @@ def test_blanks_where_another_sensor_has_its_row(tmp_path):
     recording = drafted(tmp_path, "a.csv", text, UP | {"gyr.unit": "rad/s"})
     assert recording.imu.t == pytest.approx(T, abs=1e-6)
     assert np.isfinite(recording.imu.acc[1:]).all()
-    assert any("rows of their own" in note for note in recording.notes)
+    assert any("rows of their own" in str(note) for note in recording.notes)
 
 
 def test_several_samples_in_a_line_are_refused(tmp_path):

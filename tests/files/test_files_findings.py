@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from plumbob import Frame, ImuData, ImuMeta, files
+from plumbob.core.findings import info, lasting, warning
 from plumbob.data.plausibility import doubts, turning, upside_down
-from plumbob.data.recording import EARTH_FIELD, TOPICS, findings, provenance
+from plumbob.data.recording import EARTH_FIELD, findings
 from plumbob.simulation import SCENARIOS, simulate
 from tests.helpers.io_samples import make_imu
 from tests.helpers.real_data import DATA, needs
@@ -14,13 +15,14 @@ META = ImuMeta(calibration="card", unit_check=False)
 
 
 def lines(topic, **changes):
-    return [line for line in findings(make_imu(**({"meta": META} | changes))) if line.startswith(topic)]
+    return [line for line in map(str, findings(make_imu(**({"meta": META} | changes)))) if line.startswith(topic)]
 
 
 def test_clean_and_uncalibrated_recordings_and_provenance():
     assert findings(make_imu(meta=META)) == ()
     assert lines("calibration: ", meta=ImuMeta()) != []
-    assert provenance(["b", *(f"{topic}x" for topic in TOPICS), "a", "b"]) == ("b", "a")
+    kept = info("source.estimated", name="a", by="mekf"), warning("reading.starts", starts=2)
+    assert lasting([kept[0], *findings(make_imu(meta=ImuMeta())), kept[1], kept[0]]) == kept
     # IGRF-13: total intensity from 22 µT (South Atlantic anomaly) to 67 µT (near the southern magnetic pole).
     assert EARTH_FIELD == (22.0, 67.0)
 
@@ -38,7 +40,7 @@ def test_clipped_and_invalid_samples_and_gaps_are_counted():
     gyr[9, 0] = np.inf
     t[6:] += 0.5
     meta = ImuMeta(calibration="card", unit_check=False, gyr_range=10.0)
-    assert findings(make_imu(t=t, gyr=gyr, meta=meta)) == (
+    assert tuple(map(str, findings(make_imu(t=t, gyr=gyr, meta=meta)))) == (
         "clipped: gyr is at the end of the range in 3 of 12 samples",
         "invalid: gyr is infinite or impossible in 1 of 12 samples",
         "gaps: samples are missing before 1 of 12; the longest step is 0.51 s",
@@ -51,7 +53,7 @@ def still(rows=1000, **changes):
 
 
 def stuck(imu):
-    return [line for line in findings(imu) if line.startswith("stuck: ")]
+    return [line for line in map(str, findings(imu)) if line.startswith("stuck: ")]
 
 
 def with_rows(name, *rows):
@@ -107,7 +109,7 @@ def turned(imu, factor, **changes):
 
 
 def gyroscope(imu):
-    return [line for line in findings(imu) if line.startswith("gyroscope: ")]
+    return [line for line in map(str, findings(imu)) if line.startswith("gyroscope: ")]
 
 
 @pytest.mark.parametrize("name", ["buoy", "rod", "fin"])

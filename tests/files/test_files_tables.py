@@ -89,7 +89,7 @@ def test_a_real_trial_is_what_its_own_library_reads(path):
             check(recording, {key: hdf5[key][()] for key in KEYS[:-1]}, float(hdf5.attrs["sampling_rate"]))
     assert recording.name == path.stem
     assert np.median(np.linalg.norm(recording.imu.acc, axis=1)) == pytest.approx(9.81, abs=0.2)  # gravity, and motion
-    assert any("doi:10.3390/data6070072" in note for note in recording.notes)
+    assert any("doi:10.3390/data6070072" in str(note) for note in recording.notes)
 
 
 @needs("broad")

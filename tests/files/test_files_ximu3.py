@@ -40,7 +40,7 @@ def test_escapes_other_messages_and_junk(tmp_path):
     np.testing.assert_allclose(np.diff(imu.t), 0xDB * 256 / 1e6, atol=1e-9)
     known = np.isfinite(imu.mag).all(axis=1)
     np.testing.assert_allclose(imu.mag[known], np.tile([30.0, 0.0, -40.0], (6, 1)), rtol=1e-6)
-    told = " ".join(recording.notes)
+    told = " ".join(map(str, recording.notes))
     assert "2 messages of other kinds" in told and "3 lines that are not a message" in told and "cut: " in told
 
 

@@ -28,7 +28,7 @@ def test_counter_and_declared_rate_with_a_wrap_and_a_lost_packet(tmp_path, separ
     np.testing.assert_allclose(imu.mag[0], np.array(VALUES[6:9]) * 50.0)  # a.u., of a nominal field of 50 µT
     assert imu.meta.rate_nominal == 100.0
     assert recording.track is None  # the old head does not say the frame
-    told = " ".join(recording.notes)
+    told = " ".join(map(str, recording.notes))
     assert "leaves out 1 packet" in told and "the file does not say its frame" in told and "arbitrary units" in told
 
 
@@ -88,7 +88,7 @@ def test_increments_stand_for_rates_and_accelerations(tmp_path):
     path = export(tmp_path / "b.txt", NEW, columns[:5], [[i, 100 * i, *row[:3]] for i in range(10)])
     recording = read(path)
     np.testing.assert_allclose(recording.imu.acc, [[1.0, 0.0, 9.81]] * 10, atol=1e-12)
-    assert any("in the axes at its beginning, as no rate is known" in note for note in recording.notes)
+    assert any("in the axes at its beginning, as no rate is known" in str(note) for note in recording.notes)
     with pytest.raises(ParameterError, match="holds one unit without a name"):
         read(path, unit="2")
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from plumbob import Stream, read
-from plumbob.data.recording import inferred, inferred_in
+from plumbob.data.recording import inferred
 from plumbob.live.recorded import convert, read_recorded
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
@@ -40,15 +40,17 @@ def late(tmp_path_factory):
 
 def test_it_is_said_and_goes_from_file_to_file(late, track, tmp_path):
     _, report = late
-    assert report["inferred_gaps"].startswith(TELLS)
+    assert report["notes"][0]["text"].startswith(TELLS)
     assert report["time"]["inferred"] == 1
     assert report["time"]["inferred_time"] == pytest.approx(5.0, abs=0.01)
-    assert "inferred     1 gap, 5 s in all" in "\n".join(report_lines(report, ""))
+    assert f"note         {TELLS}" in "\n".join(report_lines(report, ""))
     copy = shutil.copy(track, tmp_path / "copy.parquet")
     for words in (["info", late[0]], ["run", late[0], "--filter", "tilt_compass"], ["eval", track, copy]):
         assert f"note: {words[1].name}: {TELLS}" in ok(*words).stderr
-    assert "inferred     1 gap, 5 s in all" in ok("replay", late[0]).stdout
-    assert sum(note.startswith(TELLS) for note in json.loads(ok("info", late[0], "--json").stdout)["notes"]) == 1
+    assert f"note         {TELLS}" in ok("replay", late[0]).stdout
+    assert (
+        sum(note["text"].startswith(TELLS) for note in json.loads(ok("info", late[0], "--json").stdout)["notes"]) == 1
+    )
 
 
 @pytest.fixture(scope="module")
@@ -61,16 +63,17 @@ def track(late, tmp_path_factory):
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
 def test_it_goes_from_file_to_file(late, tmp_path, suffix):
     convert(late[0], tmp_path / f"out{suffix}")
-    (note,) = [note for note in read_recorded(late[0]).notes if note.startswith(TELLS)]
-    assert [note for note in read(tmp_path / f"out{suffix}").notes if note.startswith("inferred gaps")] == [note]
+    (note,) = [note for note in read_recorded(late[0]).notes if note.code.startswith("reading.inferred")]
+    back = read(tmp_path / f"out{suffix}").notes
+    assert [other for other in back if other.code.startswith("reading.inferred")] == [note]
 
 
 @pytest.mark.parametrize("gone", [0, 100], ids=["whole", "half a second gone"])
 def test_gaps_that_the_device_s_counts_show_are_not_inferred(tmp_path, gone):
     report = kept(tmp_path / "a.mcap", gone=gone)
     assert report["time"]["lost"] == gone
-    assert report["inferred_gaps"] is None
-    assert not inferred_in(read_recorded(tmp_path / "a.mcap").notes)
+    assert report["notes"] == []
+    assert not any(note.code.startswith("reading.") for note in read_recorded(tmp_path / "a.mcap").notes)
 
 
 @pytest.mark.parametrize(
@@ -83,6 +86,6 @@ def test_gaps_that_the_device_s_counts_show_are_not_inferred(tmp_path, gone):
 )
 def test_what_to_do_depends_on_what_the_frames_have(mode, drift, words):
     report = Stream(session()).time.report()
-    (line, *_) = inferred(replace(report, mode=mode, drift_ppm=drift, inferred=2, inferred_time=3.25))
-    assert "2 gaps, 3.25 s in all" in line
-    assert words in line
+    (finding,) = inferred(replace(report, mode=mode, drift_ppm=drift, inferred=2, inferred_time=3.25))
+    assert "2 gaps, 3.25 s in all" in str(finding)
+    assert words in str(finding)

@@ -69,8 +69,8 @@ def test_the_units_of_a_format_are_doubted_in_a_note_but_open(tmp_path):
     ok("record", "--from", tmp_path / "a.bin", "--format", tmp_path / "three.toml", "--out", tmp_path / "a.mcap")
     found = read_recorded(tmp_path / "a.mcap")
     np.testing.assert_allclose(found.imu.acc, [[0.0, 0.0, 1.0]] * 200)
-    (note,) = [note for note in found.notes if note.startswith("units: ")]
-    assert "|acc| is 1 m/s²" in note and note.endswith("looks like g; check the units of the format")
+    (note,) = [note for note in found.notes if note.code == "reading.unit_doubt"]
+    assert "|acc| is 1 m/s²" in str(note) and str(note).endswith("looks like g; check the units of the format")
 
 
 def form_of(*types):

@@ -126,7 +126,7 @@ def test_damage_is_said(folder, tmp_path, monkeypatch):
         notes = []
         damaged = plumbob.report(tmp_path / "bad.mcap", filter="mekf", note=notes.append).subjects[0]
         assert damaged.gathered.samples < 2000
-        assert [any("damaged: " in line for line in lines) for lines in (notes, damaged.remarks)] == [True, True]
+        assert [any("damaged: " in str(line) for line in lines) for lines in (notes, damaged.remarks)] == [True, True]
 
 
 def test_a_tilt_limit_is_a_limit_and_what_does_not_go_together_is_refused(folder):

@@ -8,6 +8,7 @@ from plumbob.calibration.fit import Fitted
 from plumbob.calibration.mount import Mounted
 from plumbob.core import __version__
 from plumbob.core.errors import CalibrationError, ParameterError
+from plumbob.core.findings import Finding
 from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
@@ -31,15 +32,15 @@ class Capture:
         The card so far, which the new one completes.
     date : str
         Day of the capture, ISO 8601.
-    found : tuple of str
-        What the reader found wrong with the recording, a line each.
+    found : tuple of Finding
+        What the reader found wrong with the recording.
     """
 
     imu: ImuData
     device: str
     base: CalibrationCard | None
     date: str
-    found: tuple[str, ...] = ()
+    found: tuple[Finding, ...] = ()
 
     @property
     def acc_calibrated(self) -> bool:

@@ -37,11 +37,10 @@ def _read(args: argparse.Namespace, call: Call, note: Callable[[str], object] = 
 def array(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Read the units, say what is found in them, and combine or compare them."""
     from plumbob.data.array import UnitMount
-    from plumbob.data.recording import found_in
 
     notes: list[str] = []
     units = _read(args, call, notes.append)
-    common.note(*found_in(notes))
+    common.note(*notes)
     if not hasattr(args, "mounts") and all(
         replace(mount, noise=None) == UnitMount() for mount in units.mounts.values()
     ):

@@ -245,14 +245,14 @@ def static_test(
         What the columns of a CSV or text file mean.
     """
     from plumbob.calibration.calibration import capture
+    from plumbob.core.findings import warnings
     from plumbob.data.cards import CalibrationCard
-    from plumbob.data.recording import found_in
     from plumbob.door.reading import read
     from plumbob.papers.buoy.static_test import static_test
 
     def opened(path: str | Path, profile: str | Path | None = None) -> "Recording":
         opened = read(path, profile=None if profile is None else Path(profile)).of_unit(None)
-        common.note(*(f"{Path(path).name}: {line}" for line in found_in(opened.notes)))
+        common.note(*(f"{Path(path).name}: {line}" for line in warnings(opened.notes)))
         return opened
 
     for word in align:

@@ -8,6 +8,7 @@ import numpy as np
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
+from plumbob.core.findings import Finding, warning
 from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
 from plumbob.data.cards.residuals import left_by
 from plumbob.data.imu import TRIADS, ImuData
@@ -68,8 +69,8 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
     return data.corrected(**changed, meta=meta)
 
 
-def temperature_beyond(card: CalibrationCard, data: ImuData) -> str | None:
-    """Say in words how far a recording's temperature leaves the span of the card's temperature terms; None if not."""
+def temperature_beyond(card: CalibrationCard, data: ImuData) -> tuple[Finding, ...]:
+    """How far a recording's temperature leaves the span of the card's temperature terms; nothing where it does not."""
     for name in TRIADS:
         model: TriadCalibration | None = getattr(card, name)
         if model is None or model.temp_span_c is None or not model.bias_per_k.any() or (temp_c := data.temp_c) is None:
@@ -78,11 +79,14 @@ def temperature_beyond(card: CalibrationCard, data: ImuData) -> str | None:
         finite = temp_c[np.isfinite(temp_c)]
         share = float(np.mean((finite < low) | (finite > high))) if finite.size else 0.0
         if share > 0.0:
+            coldest, warmest = float(finite.min()), float(finite.max())
             return (
-                f"{100.0 * share:.0f} % of the samples are at {finite.min():.1f} to {finite.max():.1f} °C, beyond the "
-                f"{low:.1f} to {high:.1f} °C of the calibration of {name}, where its polynomial is only prolonged."
-            )
-    return None
+                warning(
+                    "card.temperature_beyond", percent=100.0 * share, coldest_c=coldest, warmest_c=warmest, low_c=low,
+                    high_c=high, sensor=name,
+                ),
+            )  # fmt: skip
+    return ()
 
 
 def temperature_drift(model: TriadCalibration, temp_c: Floats) -> Floats:

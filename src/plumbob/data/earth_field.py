@@ -10,6 +10,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import MissingExtraError, ParameterError
+from plumbob.core.findings import Finding, warning
 from plumbob.core.units import deg, to_deg
 from plumbob.data.imu import BLOCK, ImuData, median, norms
 
@@ -110,7 +111,7 @@ UNLIKE: Final = 0.5
 """Part of the field of a place by which the measured one may differ: iron of a unit and of rooms, no more."""
 
 
-def unlike(imu: ImuData, field: EarthField) -> str | None:
+def unlike(imu: ImuData, field: EarthField) -> Finding | None:
     """Say what the magnetometer measures along and across the vertical, where the field of the place is another.
 
     Parameters
@@ -136,10 +137,7 @@ def unlike(imu: ImuData, field: EarthField) -> str | None:
     true = field.strength * math.cos(field.dip), field.strength * math.sin(field.dip)
     if math.hypot(level - true[0], vertical - true[1]) < UNLIKE * field.strength:
         return None
-    return (
-        f"magnetic field: {level:.0f} µT level and {vertical:.0f} µT down are measured, but at the place it is "
-        f"{true[0]:.0f} and {true[1]:.0f}: the place is wrong, or unit, axes or sign of magnetometer or accelerometer"
-    )
+    return warning("place.field", level=level, vertical=vertical, place_level=true[0], place_vertical=true[1])
 
 
 def iso_day(t0_ns: int) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
+from plumbob.core.findings import Finding, warning
 from plumbob.core.units import deg, to_deg
 from plumbob.data.imu import BLOCK, ENOUGH, ImuData, known_rows, median, norms
 from plumbob.rotations import Frame
@@ -33,6 +34,12 @@ FEWEST_WINDOWS: Final = 5
 THROUGHOUT: Final = 0.99
 STEEP: Final = math.cos(float(deg(135.0)))
 
+
+DOUBTS: Final = frozenset({
+    "samples.step_too_long", "samples.step_too_short", "samples.bursts", "samples.gyr_against_acc",
+    "samples.gyr_in_dps", "samples.gyr_in_rad_s", "samples.rates_large",
+})  # fmt: skip
+"""Codes of what `doubts` finds."""
 
 ALL_AXES: Final = 7
 NOT_KNOWN: Final = 8
@@ -101,8 +108,8 @@ def _measured(imu: ImuData, name: str) -> Statistics:
     return Statistics(count, middle + off, std if count else middle, median(sizes[:count]), repeats)
 
 
-def doubts(imu: ImuData) -> tuple[str, ...]:
-    """Lines about times and rates that are hardly in their units, and gyroscopes that turn against the accelerometer.
+def doubts(imu: ImuData) -> tuple[Finding, ...]:
+    """What contradicts the units of times and rates, and gyroscopes that turn against the accelerometer.
 
     Parameters
     ----------
@@ -114,8 +121,8 @@ def doubts(imu: ImuData) -> tuple[str, ...]:
     return tuple(_steps(imu)) or _turning(imu) or _rates(imu)
 
 
-def upside_down(imu: ImuData, frame: Frame) -> tuple[str, ...]:
-    """A line where a unit is upside down throughout, as one is whose signs or axes are declared wrongly.
+def upside_down(imu: ImuData, frame: Frame) -> tuple[Finding, ...]:
+    """A finding where a unit is upside down throughout, as one is whose signs or axes are declared wrongly.
 
     Parameters
     ----------
@@ -135,31 +142,24 @@ def upside_down(imu: ImuData, frame: Frame) -> tuple[str, ...]:
     upward = np.concatenate(of_parts)
     if upward.size < ENOUGH or np.mean(upward < 0.0) < THROUGHOUT or median(upward) > STEEP:
         return ()
-    level = "+g" if frame.up[2] > 0.0 else "−g"
-    return (
-        f"accelerometer: the unit is upside down throughout: in {frame} a level body reads {level} about z, and this "
-        "one the opposite. Is `sign` right (acc is specific force and points up at rest), and are `axes`?",
-    )
+    return (warning("samples.upside_down", frame=str(frame), level="+g" if frame.up[2] > 0.0 else "−g"),)
 
 
-def _steps(imu: ImuData) -> Iterator[str]:
+def _steps(imu: ImuData) -> Iterator[Finding]:
     t = imu.t
     if t.size < 2:
         return
     usual, mean = median(np.diff(t)), float(t[-1] - t[0]) / (t.size - 1)
     if usual >= LONGEST_STEP:
-        yield (
-            f"time: the usual step is {usual:.4g} s, too long to follow a gyroscope; if the times are ms or µs, "
-            "convert them: t / 1000, or unit = 'ms' in the profile"
-        )
+        yield warning("samples.step_too_long", step=usual)
     elif mean <= SHORTEST_STEP:
-        yield f"time: the mean step is {mean:.4g} s, shorter than any MEMS part's; check the unit of the times"
+        yield warning("samples.step_too_short", step=mean)
     elif (burst := bursts(t)) is not None:
-        yield f"time: {burst}"
+        yield burst
 
 
-def bursts(t: Floats) -> str | None:
-    """Say in words that the times (N,), s, are those at which bursts of even samples came; None where they are not.
+def bursts(t: Floats) -> Finding | None:
+    """Say that the times (N,), s, are those at which bursts of even samples came; None where they are not.
 
     Rows come at a steady rate over a second, but not from one to the next.
     """
@@ -175,40 +175,29 @@ def bursts(t: Floats) -> str | None:
     counts = np.diff(np.searchsorted(t, np.arange(t[0], t[-1], window)))
     if counts.size < FEWEST_WINDOWS or np.median(np.abs(counts - np.median(counts))) > STEADY * np.median(counts):
         return None
-    rate = f'rate = "{1.0 / mean:.6g} Hz"'
-    return (
-        f"the stamps come in bursts: the usual step is {usual:.4g} s, but {t.size} rows in {span:.6g} s are one every "
-        f"{mean:.4g} s; if the device samples evenly, declare it: [time] of the profile with {rate} alone"
-    )
+    return warning("samples.bursts", step=usual, rows=t.size, span=span, mean=mean, rate=1.0 / mean)
 
 
-def _turning(imu: ImuData) -> tuple[str, ...]:
+def _turning(imu: ImuData) -> tuple[Finding, ...]:
     fit = turning(imu)
     if not fit.tells:
         return ()
     times = to_deg(1.0)
     if fit.factor < 0.0:
-        return ("gyroscope: it turns against the accelerometer: a sign or an axis is wrong",)
-    ways = (fit.factor * times, "slower", "°/s", "rad/s"), (fit.factor / times, "faster", "rad/s", "°/s")
-    for ratio, pace, unit, declared in ways:
+        return (warning("samples.gyr_against_acc"),)
+    for ratio, code in ((fit.factor * times, "samples.gyr_in_dps"), (fit.factor / times, "samples.gyr_in_rad_s")):
         # within a factor of two: a buoy in waves shows only 0.6 of its turning, since the waves push it, too
         if abs(math.log2(ratio)) < 1.0:
-            return (
-                f"gyroscope: the acceleration turns {times:.0f} times {pace} than the rates say; they look like "
-                f"{unit} declared as {declared}",
-            )
+            return (warning(code, factor=times),)
     return ()
 
 
-def _rates(imu: ImuData) -> tuple[str, ...]:
+def _rates(imu: ImuData) -> tuple[Finding, ...]:
     stats = statistics(imu, "gyr")
     usual, size = stats.norm, stats.samples
     if size < ENOUGH or usual <= USUAL_RATE:
         return ()
-    return (
-        f"gyroscope: |gyr| is {usual:.3g} rad/s ({to_deg(usual):.0f} °/s) in the middle of {size} samples; if "
-        "the source holds °/s, convert it: units.dps(gyr), or unit = 'dps' in the profile",
-    )
+    return (warning("samples.rates_large", rate=usual, rate_dps=to_deg(usual), samples=size),)
 
 
 WINDOW: Final = 0.2

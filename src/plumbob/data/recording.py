@@ -4,7 +4,7 @@ Most of it is found in the data at each reading and never stored; what only the 
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from shlex import quote
 from typing import TYPE_CHECKING, Any, Final
@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.text import FactsText, counted
+from plumbob.core.findings import Finding, as_findings, info, lasting, warning
+from plumbob.core.text import FactsText
 from plumbob.core.time import quantile
-from plumbob.data import UNCALIBRATED, AttitudeTrack, ImuData, calibration_told
+from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray
 from plumbob.data.imu import TRIAD_FLAGS
 from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, doubts, statistics
@@ -157,21 +158,21 @@ class Recording(FactsText):
         With samples: the reference that belongs to them. Alone: an estimate or a reference.
     name : str
         Short name, usually the stem of the file.
-    notes : tuple of str
-        Provenance, one line each: where the data come from and what was done to them.
+    notes : tuple of Finding
+        Where the data come from, what was done to them, and what was seen in them; lines of text may be given.
     array : ImuArray or None
         The samples of several units, where it holds these; then `imu` is None.
 
     Raises
     ------
     ShapeError
-        If there is neither, or the notes are not lines of text.
+        If there is neither, or the notes are neither findings nor lines of text.
     """
 
     imu: ImuData | None = None
     track: AttitudeTrack | None = None
     name: str = ""
-    notes: tuple[str, ...] = ()
+    notes: tuple[Any, ...] = ()
     array: ImuArray | None = None
 
     def __post_init__(self) -> None:
@@ -183,7 +184,7 @@ class Recording(FactsText):
         for name, expected in (("imu", ImuData), ("track", AttitudeTrack), ("array", ImuArray)):
             if getattr(self, name) is not None:
                 check.kind(name, getattr(self, name), expected)
-        object.__setattr__(self, "notes", lines("notes", self.notes))
+        object.__setattr__(self, "notes", as_findings("notes", self.notes))
 
     def facts(self) -> Mapping[str, str]:
         """Name, samples, attitude, and how many notes there are."""
@@ -215,13 +216,13 @@ class Recording(FactsText):
             )
         name = self.array.named(unit)
         imu = self.array.units[name]
-        notes = (*provenance(self.notes), f"unit {name} of {names}", *findings(imu))
+        notes = (*lasting(self.notes), info("source.unit", unit=name, units=names), *findings(imu))
         return replace(self, imu=imu, track=None, array=None, notes=notes)
 
 
 def unsaved(imu: ImuData, name: str) -> Recording:
     """Recording of samples that no file holds, with what is found in them, by their device's name or another."""
-    return Recording(imu=imu, name=imu.meta.device or name, notes=tuple(findings(imu)))
+    return Recording(imu=imu, name=imu.meta.device or name, notes=findings(imu))
 
 
 def recalibrated(recording: Recording, card: "CalibrationCard") -> Recording:
@@ -246,134 +247,78 @@ def recalibrated(recording: Recording, card: "CalibrationCard") -> Recording:
     if recording.imu is None:
         raise ShapeError(f"{recording.name} holds an attitude but no samples that a calibration card could correct.")
     imu = apply_card(card, recording.imu)
-    beyond = () if (warning := temperature_beyond(card, imu)) is None else (f"temperature: {warning}",)
-    return replace(recording, imu=imu, notes=(*provenance(recording.notes), *findings(imu), *beyond))
-
-
-def lines(name: str, given: Iterable[str]) -> tuple[str, ...]:
-    """Lines of text, each without breaks; one text is refused, for its lines would be its letters."""
-    texts = None if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
-    if texts is None or not all(isinstance(line, str) for line in texts):
-        raise ShapeError(f"{name} must be a sequence of lines of text, but got {given!r}.")
-    return tuple(" ".join(line.split()) for line in texts)
+    return replace(
+        recording, imu=imu, notes=(*lasting(recording.notes), *findings(imu), *temperature_beyond(card, imu))
+    )
 
 
 EARTH_FIELD: Final = (22.0, 67.0)
 """Smallest and largest flux density at the surface of the Earth, µT [Alken2021]."""
-
-TOPICS: Final = (
-    "calibration: ",
-    "magnetic field: ",
-    "clipped: ",
-    "invalid: ",
-    "gaps: ",
-    "stuck: ",
-    "time: ",
-    "gyroscope: ",
-)
-"""How the lines of `findings` begin."""
-
-INFERRED: Final = "inferred gaps: "
-CUT: Final = "cut: "
-"""How lines of what only the reading shows begin; they go from file to file: samples alone do not show them again."""
 
 STUCK_FOR: Final = 1.0
 """A sensor that repeats its value to the bit for so long is stuck, s: noise changes the last digit before."""
 STUCK_SAMPLES: Final = 50
 
 
-def findings(imu: ImuData) -> tuple[str, ...]:
-    """Lines about calibration, the magnetic field, clipped and invalid samples, gaps, stuck sensors, and `doubts`."""
-    notes, words = [], imu.flags
+def findings(imu: ImuData) -> tuple[Finding, ...]:
+    """Calibration, the magnetic field, clipped and invalid samples, gaps, stuck sensors, and `doubts`."""
+    notes, bits = list[Finding](), imu.flags
     if imu.meta.calibration is None:
-        notes.append(f"calibration: {UNCALIBRATED}, as the device gave them")
+        notes.append(warning("samples.uncalibrated"))
     if "mag" in imu.triads:
         low, high = EARTH_FIELD
         typical = float(np.nan_to_num(statistics(imu, "mag").norm, nan=math.inf))
         if not low <= typical <= high:
-            notes.append(
-                f"magnetic field: the median of |mag| is {typical:.4g} µT, but the Earth's field lies in {low:g} to "
-                f"{high:g} µT; the magnetometer is disturbed, uncalibrated, or in another unit"
-            )
-    for place, topic, what in ((1, "clipped", "at the end of the range"), (2, "invalid", "infinite or impossible")):
+            notes.append(warning("samples.field", median=typical, low=low, high=high))
+    for place, code in ((1, "samples.clipped"), (2, "samples.invalid")):
         for name in imu.triads:
-            if count := int(np.count_nonzero(words & np.uint32(TRIAD_FLAGS[name][place]))):
-                notes.append(f"{topic}: {name} is {what} in {count} of {len(imu)} samples")
-    if count := int(np.count_nonzero(words & np.uint32(flags.GAP))):
+            if count := int(np.count_nonzero(bits & np.uint32(TRIAD_FLAGS[name][place]))):
+                notes.append(warning(code, sensor=name, count=count, samples=len(imu)))
+    if count := int(np.count_nonzero(bits & np.uint32(flags.GAP))):
         longest = int(np.diff(imu.t_ns).max()) / 1e9
-        notes.append(f"gaps: samples are missing before {count} of {len(imu)}; the longest step is {longest:.6g} s")
+        notes.append(warning("samples.gaps", count=count, samples=len(imu), longest=longest))
     return (*notes, *_stuck(imu), *doubts(imu))
 
 
-def all_findings(recording: Recording) -> tuple[str, ...]:
-    """Findings of the samples; of several units, each line once, with the units that it is about if not all."""
+def all_findings(recording: Recording) -> tuple[Finding, ...]:
+    """Findings of the samples; of several units, each once, with the units that it is about if not all."""
     if recording.array is None:
         return () if recording.imu is None else findings(recording.imu)
-    of: dict[str, list[str]] = {}
+    of: dict[Finding, list[str]] = {}
     for name, unit in recording.array.units.items():
-        for line in findings(unit):
-            of.setdefault(line, []).append(name)
-    return tuple(
-        line if len(names) == len(recording.array.names) else line.replace(": ", f": {', '.join(names)}: ", 1)
-        for line, names in of.items()
-    )
+        for finding in findings(unit):
+            of.setdefault(finding, []).append(name)
+    every = len(recording.array.names)
+    return tuple(finding if len(names) == every else finding.on(*names) for finding, names in of.items())
 
 
-def inferred(report: TimeReport) -> tuple[str, ...]:
-    """Line about gaps that nothing but the host's delays spoke for; none where there are none."""
+def inferred(report: TimeReport) -> tuple[Finding, ...]:
+    """Finding about gaps that nothing but the host's delays spoke for; none where there are none."""
     if not report.inferred:
         return ()
-    gaps = counted(report.inferred, "gap")
-    rate = "" if math.isfinite(report.drift_ppm) else ", declare its rate"
-    count = f"add a counter or a clock to the frame{rate}, or" if report.mode == "host" else "its frames' counts go on;"
-    return (
-        f"{INFERRED}{gaps}, {report.inferred_time:.3g} s in all, by the host's delays alone: a stall of the host looks "
-        f'the same, and times around them may be wrong; {count} where the line waits for its reader set time = "count" '
-        "(docs/time.md)",
-    )
+    code = "host" if report.mode == "host" else "clock"
+    rate = "" if math.isfinite(report.drift_ppm) else "yes"
+    seconds = report.inferred_time
+    return (warning(f"reading.inferred_gaps_{code}", count=report.inferred, seconds=seconds, no_rate=rate),)
 
 
-def inferred_in(notes: Iterable[str]) -> tuple[str, ...]:
-    """Lines among notes that only the reading shows, for what is made of the recording."""
-    return tuple(note for note in notes if note.startswith((INFERRED, CUT)))
-
-
-def found_in(notes: Iterable[str]) -> tuple[str, ...]:
-    """Findings among the notes of a recording that has been read, so that nobody looks for them twice."""
-    return tuple(note for note in notes if note.startswith((INFERRED, CUT, *TOPICS)))
-
-
-def provenance(notes: Iterable[str]) -> tuple[str, ...]:
-    """Notes without findings, which would go stale in a file, and without repetitions."""
-    return tuple(dict.fromkeys(note for note in notes if not note.startswith(TOPICS)))
-
-
-def stored_notes(recording: Recording) -> tuple[str, ...]:
-    """Notes as a file keeps them: provenance, and in words whether the sensor values are calibrated."""
+def stored_notes(recording: Recording) -> tuple[Finding, ...]:
+    """Notes as a file keeps them: those that last, and whether the sensor values are calibrated."""
     units = (recording.imu,) if recording.array is None else recording.array.units.values()
-    return (*provenance(recording.notes), *_stored(*units))
+    cards = dict.fromkeys(calibration_told(unit.meta.calibration) for unit in units if unit is not None)
+    return (*lasting(recording.notes), *(info("samples.calibration", card=card) for card in cards))
 
 
-def read_notes(notes: Iterable[str], *units: ImuData | None) -> tuple[str, ...]:
-    """Notes of a file without what `stored_notes` added, which its meta says too."""
-    return tuple(note for note in notes if note not in _stored(*units))
-
-
-def _stored(*units: ImuData | None) -> tuple[str, ...]:
-    texts = (f"calibration: {calibration_told(unit.meta.calibration)}" for unit in units if unit is not None)
-    return tuple(dict.fromkeys(texts))
-
-
-def _dead(name: str, axes: NDArray[np.uint8], mean: NDArray[np.float64]) -> Iterator[str]:
+def _dead(name: str, axes: NDArray[np.uint8], mean: NDArray[np.float64]) -> Iterator[Finding]:
     """Axes that never change in a recording in which the others do: a wire, a register or a column is missing."""
     if axes.size < STUCK_SAMPLES or np.mean(axes[1:] == ALL_AXES) > 0.5:
         return
     for i, axis in enumerate("xyz"):
         if (axes[1:] >> i & 1).all():
-            yield f"stuck: {name} {axis} is {mean[i]:.6g} in every sample, while the others change"
+            yield warning("samples.stuck_axis", sensor=name, axis=axis, value=float(mean[i]))
 
 
-def _stuck(imu: ImuData) -> Iterator[str]:
+def _stuck(imu: ImuData) -> Iterator[Finding]:
     for name in imu.triads:
         axes = statistics(imu, name).repeats
         yield from _dead(name, axes[axes != NOT_KNOWN], statistics(imu, name).mean)
@@ -388,11 +333,13 @@ def _stuck(imu: ImuData) -> Iterator[str]:
         places = np.flatnonzero(axes != NOT_KNOWN)
         starts, ends = places[starts[long]], places[ends[long]]
         t = imu.t
-        lasting = t[ends] - t[starts]
-        i = int(np.argmax(lasting))
-        if lasting[i] >= STUCK_FOR:
+        seconds = t[ends] - t[starts]
+        i = int(np.argmax(seconds))
+        if seconds[i] >= STUCK_FOR:
             start = int(starts[i])
-            what = "does not change" if imu[start : start + 1].usable(name).any() else "is exactly zero"
-            count = int(np.count_nonzero(lasting >= STUCK_FOR))
-            more = f", the longest of {count} such stretches" if count > 1 else ""
-            yield f"stuck: {name} {what} for {lasting[i]:.6g} s from t = {t[start]:.6g} s{more}"
+            alive = imu[start : start + 1].usable(name).any()
+            count = int(np.count_nonzero(seconds >= STUCK_FOR))
+            yield warning(
+                "samples.stuck" if alive else "samples.stuck_at_zero",
+                sensor=name, seconds=float(seconds[i]), start=float(t[start]), count=count if count > 1 else None,
+            )  # fmt: skip

@@ -10,11 +10,12 @@ from plumbob.calibration.calibration import Capture, capture, card_of
 from plumbob.core import check
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError
+from plumbob.core.findings import warnings
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.earth_field import earth_field_at, parse_place
-from plumbob.data.recording import Recording, found_in
+from plumbob.data.recording import Recording
 from plumbob.door.reading import read
 from plumbob.reporting.report import Report, Reported
 from plumbob.rotations import Frame
@@ -175,8 +176,8 @@ def calibrate(
     )
     say = note or (lambda line: None)
     if not isinstance(recording, Capture):
-        for line in opened.found:
-            say(line)
+        for finding in opened.found:
+            say(str(finding))
     fits, mounted = how.find(opened, say, **options)
     return Calibrated(card_of(opened, fits, mounted=mounted), fits, opened)
 
@@ -203,7 +204,7 @@ def read_capture(
         raise CalibrationError(f"{path} holds an attitude but no sensor data, so there is nothing to calibrate.")
     captured = capture(recording.imu, triads=triads, if_present=if_present, span=span, device=device, base=base)
     # That it is uncalibrated is what a capture is for.
-    findings = tuple(line for line in found_in(recording.notes) if not line.startswith("calibration: "))
+    findings = tuple(finding for finding in warnings(recording.notes) if finding.code != "samples.uncalibrated")
     return replace(captured, found=findings)
 
 

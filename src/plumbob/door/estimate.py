@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from plumbob.core import __version__, check, flags
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.core.files import as_list
+from plumbob.core.findings import Finding, as_json, info, lasting, warning, warnings
 from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.time import timing
@@ -22,7 +23,7 @@ from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.earth_field import located, unlike
 from plumbob.data.plausibility import upside_down
-from plumbob.data.recording import Recording, findings, found_in, inferred_in, unsaved
+from plumbob.data.recording import Recording, findings, unsaved
 from plumbob.door.reading import read
 from plumbob.files import write
 from plumbob.files.parquet import write_parquet
@@ -80,15 +81,13 @@ class Estimated(Series):
         What made it; a filter in its first state.
     name : str
         Of the recording.
-    notes : tuple of str
-        What was found in the samples or in the result, a line each.
+    notes : tuple of Finding
+        What was found in the samples or in the result.
     reference : AttitudeTrack or None
         The reference that came with the recording.
-    temperature_beyond, bias_beyond : str or None
-        By how much the samples leave the card's temperatures, and the estimated bias its prior, in words.
     noise_card : str or None
         Which noise card the filter took its parameters from.
-    inferred : tuple of str
+    inferred : tuple of Finding
         What the reader had to infer, for the notes of a file.
     applied : CalibrationCard or None
         The card that was applied to the samples.
@@ -99,12 +98,10 @@ class Estimated(Series):
     imu: ImuData
     filter: "Filter | Smoother"
     name: str
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
     reference: AttitudeTrack | None = None
-    temperature_beyond: str | None = None
-    bias_beyond: str | None = None
     noise_card: str | None = None
-    inferred: tuple[str, ...] = ()
+    inferred: tuple[Finding, ...] = ()
     applied: "CalibrationCard | None" = None
 
     @property
@@ -189,9 +186,8 @@ class Estimated(Series):
             "last_attitude_deg": {"heading": heading, **self._last},
             "flags": {name: outline.flags[name] for _, (name, _) in flags.MEANING.items() if name in outline.flags},
             "filter": self.filter.describe(),
-            "bias_beyond": self.bias_beyond,
             "declination_deg": declination_deg(self.filter, track),
-            "temperature_beyond": self.temperature_beyond,
+            "notes": as_json(self.notes),
             "noise_card": self.noise_card,
             "claimed_sd_deg": _claimed(track),
         }
@@ -352,7 +348,7 @@ def estimate(
     DecodeError
         If a file cannot be read.
     """
-    notes: list[str] = []
+    notes: list[Finding] = []
     written = None if out is None else check.path("out", out)
     native = written is not None and written.suffix.lower() == ".parquet"
     label, source, imu = opened_samples(recording, profile, unit, whole=keep and not native)
@@ -360,20 +356,19 @@ def estimate(
     stage = Stage(named or SMOOTHER, dict(settings or {}), noise=given_noise(noise), init=init)
     frame = navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
 
-    def say(line: str) -> None:
-        notes.append(line)
-        if note is not None:
-            note(line)
+    def say(*of: Finding, name: str = "") -> None:
+        notes.extend(of)
+        for finding in of if note is not None else ():
+            note(f"{name}{finding}")  # type: ignore[misc]
 
     if place is not None:
         imu = _placed(imu, place, date, stage, say)
     elif date is not None:
         raise ParameterError("date needs place. Give both.")
     card = None if calibration is None else _card(calibration)
-    imu, beyond = (imu, None) if card is None else _calibrated(imu, card)
-    doubt = tuple(inferred_in(source.notes))
-    for line in _remarks(source, imu, frame, card, beyond):
-        say(f"{source.name}: {line}")
+    imu, beyond = (imu, ()) if card is None else _calibrated(imu, card)
+    doubt = warnings(lasting(source.notes))
+    say(*_remarks(source, imu, frame, card, beyond), name=f"{source.name}: ")
     used, runs = started(imu, stage, frame, source.track)
     made_by = make_estimator(stage, frame, imu.meta) if isinstance(runs, Filter) else runs
     parts, outline = track_parts(used, runs), Outline()
@@ -386,41 +381,36 @@ def estimate(
     else:
         deque(parts, maxlen=0)
         attitude = outline.last
-    for line in _restarts(imu, outline) if isinstance(made_by, Filter) else made_by.remarks:
-        say(line)
-    if (contradiction := bias_beyond(made_by, outline.last)) is not None:
-        say(contradiction)
+    say(*(_restarts(imu, outline) if isinstance(made_by, Filter) else made_by.remarks))
+    say(*bias_beyond(made_by, outline.last))
     model = None if stage.noise is None else f"{stage.noise.device} ({stage.noise.source})"
-    result = Estimated(
-        attitude, outline, imu, made_by, source.name, tuple(notes), source.track, beyond, contradiction, model, doubt,
-        card,
-    )  # fmt: skip
+    result = Estimated(attitude, outline, imu, made_by, source.name, tuple(notes), source.track, model, doubt, card)
     if written is not None and attitude is not written:
         result.save(written, overwrite=overwrite)
     return result
 
 
 def _remarks(
-    source: Recording, imu: ImuData, frame: Frame, card: "CalibrationCard | None", beyond: str | None
-) -> Iterator[str]:
+    source: Recording, imu: ImuData, frame: Frame, card: "CalibrationCard | None", beyond: tuple[Finding, ...]
+) -> Iterator[Finding]:
     """What is known of the samples before anything is estimated."""
-    yield from found_in(source.notes) if card is None else (*inferred_in(source.notes), *findings(imu))
-    if beyond is not None:
-        yield f"temperature: {beyond}"
-    yield from upside_down(imu, frame)
+    yield from warnings(source.notes if card is None else (*lasting(source.notes), *findings(imu)))
+    yield from (*beyond, *upside_down(imu, frame))
 
 
-def _streamed(file: Path, parts: Iterator[AttitudeTrack], name: str, inferred: Sequence[str], overwrite: bool) -> Path:
+def _streamed(
+    file: Path, parts: Iterator[AttitudeTrack], name: str, inferred: Sequence[Finding], overwrite: bool
+) -> Path:
     """The file, written part by part."""
     write_parquet(file, map(partial(_part, name, inferred), parts), overwrite)  # a `for` would keep a part
     return file
 
 
-def _provenance(name: str, track: AttitudeTrack, inferred: Sequence[str]) -> tuple[str, ...]:
-    return (f"estimated from {name} by {track.source}", *inferred)
+def _provenance(name: str, track: AttitudeTrack, inferred: Sequence[Finding]) -> tuple[Finding, ...]:
+    return (info("source.estimated", name=name, by=track.source), *inferred)
 
 
-def _part(name: str, inferred: Sequence[str], track: AttitudeTrack) -> Recording:
+def _part(name: str, inferred: Sequence[Finding], track: AttitudeTrack) -> Recording:
     """Part of a track as it is written, with where it comes from."""
     return Recording(track=track, notes=_provenance(name, track, inferred))
 
@@ -468,7 +458,7 @@ def _card(given: "CalibrationCard | str | Path") -> "CalibrationCard":
     return CalibrationCard.of(given)
 
 
-def _calibrated(imu: ImuData, card: "CalibrationCard") -> tuple[ImuData, str | None]:
+def _calibrated(imu: ImuData, card: "CalibrationCard") -> tuple[ImuData, tuple[Finding, ...]]:
     """Samples with a card applied, and by how much they leave its temperatures."""
     from plumbob.data.calibrated import apply_card, temperature_beyond
 
@@ -476,12 +466,12 @@ def _calibrated(imu: ImuData, card: "CalibrationCard") -> tuple[ImuData, str | N
     return imu, temperature_beyond(card, imu)
 
 
-def _placed(imu: ImuData, place: str, date: str | None, stage: Stage, say: Note) -> ImuData:
+def _placed(imu: ImuData, place: str, date: str | None, stage: Stage, say: Callable[..., None]) -> ImuData:
     """Samples with the declination of their place, and a note of the field there."""
     if "declination" in stage.params:
         raise ParameterError("place and the parameter declination both give the declination. Give one of them.")
     imu, field = located(imu, place, date=date)
-    say(f"field at the place: {field.told}")
+    say(info("place.reference", field=field.told))
     if (doubt := unlike(imu, field)) is not None:
         say(doubt)
     return imu
@@ -533,15 +523,12 @@ def _card_in_use(result: Estimated) -> "CalibrationCard":
     return replace(card, gyr=gyr, date=date, software=f"plumbob {__version__}")
 
 
-def _restarts(imu: ImuData, outline: Outline) -> list[str]:
+def _restarts(imu: ImuData, outline: Outline) -> list[Finding]:
     """A filter that restarts all the time estimates nothing: most often time is in another unit than declared."""
     share = outline.flags[flags.MEANING[flags.GAP][0]] / outline.samples
     if share <= _OFTEN:
         return []
-    return [
-        f"{100.0 * share:.0f} % of the samples come after a gap, and a filter restarts after a gap longer than "
-        f"max_gap; the median step is {1.0 / timing(imu.t).rate:.4g} s. Check the unit of time, and max_gap."
-    ]
+    return [warning("estimate.restarts", percent=100.0 * share, step=1.0 / timing(imu.t).rate)]
 
 
 def _claimed(track: AttitudeTrack) -> dict[str, float | None] | None:

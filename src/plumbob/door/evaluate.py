@@ -10,9 +10,10 @@ import numpy as np
 from plumbob.core.check import number, said
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.files import is_same_file
+from plumbob.core.findings import warnings
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.recording import Recording, found_in
+from plumbob.data.recording import Recording
 from plumbob.door.reading import read
 from plumbob.evaluation.align import ALIGNMENTS
 from plumbob.evaluation.compare import LONGEST_OFFSET, Comparison, compare_attitudes, compare_recordings
@@ -113,7 +114,7 @@ def _attitude(
         path = Path(what)
         recording = read(path, profile=profile)
         say = note or (lambda line: None)
-        for line in found_in(recording.notes):
+        for line in warnings(recording.notes):
             say(f"{path.name}: {line}")
         if recording.track is None:
             raise ShapeError(
@@ -206,7 +207,7 @@ def _opened(what: Any, unit: str | None, profile: str | Path | None, note: Calla
         return what.of_unit(unit)
     described = profile is not None and kind_of(what, described=True).takes_profile
     recording = read(what, profile=profile if described else None, unit=unit).of_unit(None)
-    for line in found_in(recording.notes) if note is not None else ():
+    for line in warnings(recording.notes) if note is not None else ():
         note(f"{Path(what).name}: {line}")  # type: ignore[misc]
     return replace(recording, name=Path(what).name)
 

@@ -16,6 +16,7 @@ from plumbob.calibration.gyr.drift import GyroDrift, chen2013
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.findings import Finding, as_json, info, warning
 from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, g, given, to_dps
 from plumbob.data import ImuData, calibration_told
@@ -45,14 +46,14 @@ class FilteredRates(FactsText):
         Name and parameters of the filter of rates.
     drift : GyroDrift
         What was taken off before; its bias is the constant of the stretch at rest.
-    notes : tuple of str
+    notes : tuple of Finding
         What was done, a line each.
     """
 
     recording: Recording
     filter: str
     drift: GyroDrift
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
 
     @property
     def imu(self) -> ImuData:
@@ -73,14 +74,14 @@ class FilteredRates(FactsText):
             "filter": self.filter,
             "calibration": self.imu.meta.calibration,
             "constant_dps": to_dps(self.drift.bias).tolist(),
-            "notes": list(self.notes),
+            "notes": as_json(self.notes),
             "flags": flags.counts(self.imu.flags),
         }
 
     def text(self) -> str:
         """What a reader wants to know first, a line each."""
         lines = [f"calibration  {calibration_told(self.imu.meta.calibration)}"]
-        lines += [f"{topic:12} {text}" for topic, _, text in (note.partition(": ") for note in self.notes)]
+        lines += [f"{topic:12} {text}" for topic, _, text in (str(note).partition(": ") for note in self.notes)]
         for name, count in flags.counts(self.imu.flags & _OF_RATES).items():
             share = 100.0 * count / len(self.imu)
             lines.append(f"flag         {name}: {counted(count, 'sample')} ({share:.2f} %)")
@@ -154,12 +155,12 @@ def filter_rates(
     if imu.gyr is None:
         raise ShapeError(f"{label} has no gyroscope, whose rates this filters.")
     smoother = RateFilter(filter, channels=3, params=params)
-    notes: list[str] = []
+    notes: list[Finding] = []
 
-    def say(line: str) -> None:
-        notes.append(line)
+    def say(finding: Finding) -> None:
+        notes.append(finding)
         if note is not None:
-            note(line)
+            note(str(finding))
 
     model = _model(drift)
     if calibration is not None:
@@ -170,9 +171,9 @@ def filter_rates(
     if rest is not None:
         model = _at_rest(model, imu, rest, say)
     filtered = smoother.process(imu.t, model.compensate(imu.usable("gyr"), imu.temp_c, imu.acc))
-    say(f"filter: {smoother.describe()}")
+    say(info("rates.filter", filter=smoother.describe()))
     imu = imu.corrected(gyr=filtered.rate, meta=imu.meta).flagged(filtered.flags & _KEPT)
-    made = replace(source, imu=imu, notes=(*source.notes, *(f"rates: {line}" for line in notes)))
+    made = replace(source, imu=imu, notes=(*source.notes, *(finding.on("rates") for finding in notes)))
     result = FilteredRates(made, smoother.describe(), model, tuple(notes))
     if out is not None:
         result.save(check.path("out", out), overwrite=overwrite)
@@ -190,24 +191,24 @@ def _model(drift: str | GyroDrift | None) -> GyroDrift:
     return DRIFTS[drift]()
 
 
-def _usable(model: GyroDrift, imu: ImuData, say: Callable[[str], None]) -> GyroDrift:
+def _usable(model: GyroDrift, imu: ImuData, say: Callable[[Finding], None]) -> GyroDrift:
     """Model without the parts whose sensor the recording lacks."""
     if model.bias_per_k.any() and imu.temp_c is None:
-        say("drift: no temperature was recorded, so that what it contributes stays in the rates")
+        say(warning("rates.no_temperature"))
         model = replace(model, bias_per_k=np.zeros(3))
     if model.g_sensitivity.any() and imu.acc is None:
-        say("drift: no specific force was recorded, so that what it contributes stays in the rates")
+        say(warning("rates.no_force"))
         model = replace(model, g_sensitivity=np.zeros((3, 3)))
     if model.bias_per_k.any():
-        say(f"drift: taken off {_three(to_dps(model.bias_per_k))} °/s per °C from {model.temp_ref_c:g} °C")
+        say(info("rates.drift_of_temperature", slope=_three(to_dps(model.bias_per_k)), from_c=model.temp_ref_c))
     if model.g_sensitivity.any():
         per_g = to_dps(model.g_sensitivity) * g(1.0)
-        say(f"drift: taken off {', '.join(map(_three, per_g))} °/s per g along x, y, z, a row for each axis")
+        say(info("rates.drift_of_force", slope=", ".join(map(_three, per_g))))
     return model
 
 
 def _at_rest(
-    model: GyroDrift, imu: ImuData, rest: tuple[float | str, float | str], say: Callable[[str], None]
+    model: GyroDrift, imu: ImuData, rest: tuple[float | str, float | str], say: Callable[[Finding], None]
 ) -> GyroDrift:
     start, stop = (given("rest", end, Quantity.TIME) or 0.0 for end in rest)
     rows = (imu.t >= start) & (imu.t < stop)
@@ -217,7 +218,7 @@ def _at_rest(
             f"rest = {start:g} to {stop:g} s holds no sample; the recording goes from {imu.t[0]:g} to {imu.t[-1]:g} s."
         )
     resting = model.at_rest(still.usable("gyr"), still.temp_c, still.acc)  # [Chen2013] (6)
-    say(f"constant: {_three(to_dps(resting.bias))} °/s, the mean from {start:g} to {stop:g} s")
+    say(info("rates.constant", bias=_three(to_dps(resting.bias)), start=start, stop=stop))
     return resting
 
 

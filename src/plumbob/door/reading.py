@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from plumbob.core import check
 from plumbob.core.errors import ClockError, DecodeError, ParameterError
+from plumbob.core.findings import Finding, warnings
 from plumbob.files.formats import is_own
 from plumbob.files.formats import read as read_samples
 
@@ -120,13 +121,13 @@ def read_array(
     """
     if not isinstance(sources, str | os.PathLike):
         named = sources if isinstance(sources, Mapping) else _by_stem(sources)
-        array, notes = _joined(named), list[str]()
+        array, notes = _joined(named), list[Finding]()
     elif format is not None:
         array, notes = _of_bytes(check.path("sources", sources), format, rate)
     else:
         array, notes = _of_file(check.path("sources", sources))
-    for line in notes if note is not None else ():
-        note(line)  # type: ignore[misc]
+    for finding in warnings(notes) if note is not None else ():
+        note(str(finding))  # type: ignore[misc]
     return array if mounts is None else _mounted(array, mounts)
 
 
@@ -140,7 +141,7 @@ def _by_stem(sources: Sequence[Source]) -> dict[str, Source]:
     return named
 
 
-def _of_file(file: Path) -> "tuple[ImuArray, list[str]]":
+def _of_file(file: Path) -> "tuple[ImuArray, list[Finding]]":
     if is_own(file):
         from plumbob.live.recorded import read_recorded
 
@@ -154,7 +155,8 @@ def _of_file(file: Path) -> "tuple[ImuArray, list[str]]":
     return recording.array, list(recording.notes)
 
 
-def _of_bytes(file: Path, format: str | Path, rate: float | str | None) -> "tuple[ImuArray, list[str]]":
+def _of_bytes(file: Path, format: str | Path, rate: float | str | None) -> "tuple[ImuArray, list[Finding]]":
+    from plumbob.live.recorded import decoded_note
     from plumbob.live.runner import run_stream
     from plumbob.live.session_toml import ALL, capture_session
     from plumbob.live.sinks import Collected
@@ -166,8 +168,7 @@ def _of_bytes(file: Path, format: str | Path, rate: float | str | None) -> "tupl
     run_stream(stream, open_source(session.source), sinks=[collected])
     array = collected.array(calibrated=True)
     assert array is not None
-    counts = stream.decoder.counts
-    return array, [f"decoded from {counts.received} raw bytes as {session.form.name}, {counts.junk} of them junk"]
+    return array, [decoded_note(stream)]
 
 
 def _joined(named: Mapping[str, Source]) -> "ImuArray":

@@ -420,7 +420,7 @@ def write_netcdf(path: Path, recording: Recording, overwrite: bool = False) -> N
             variable.attrs.update({"units": unit} | about.get(name, {}))
         made = {"device": imu.meta.device} if imu is not None else {}
         made |= {"source": track.source} if track is not None else {}
-        made |= {"history": notes} if (notes := "\n".join(stored_notes(recording))) else {}
+        made |= {"history": notes} if (notes := "\n".join(map(str, stored_notes(recording)))) else {}
         said = {"Conventions": "CF-1.11", "title": recording.name or path.stem, PROFILE: profile}
         file.attrs.update(said | made)
     with replacing(path, overwrite=overwrite) as temporary:

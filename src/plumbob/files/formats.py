@@ -13,9 +13,10 @@ from plumbob.core import check
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnknownFormatError
 from plumbob.core.extensions import ExtensibleTable
 from plumbob.core.files import ARRAYS, TABLES, existing_file, reading, replacing, sidecars
+from plumbob.core.findings import Finding, as_findings, lasting
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray
-from plumbob.data.recording import Recording, all_findings, lines, provenance
+from plumbob.data.recording import Recording, all_findings
 
 if TYPE_CHECKING:
     from plumbob.files.profile import Profile
@@ -233,14 +234,14 @@ def _together(paths: "Sequence[str | os.PathLike[str]]", profile: "Profile | str
         joined = read_text([Path(path) for path in paths], profile)
     else:
         joined = joined_recordings([read(path) for path in paths], Path(paths[0]).stem)
-    return replace(joined, notes=(*provenance(joined.notes), *all_findings(joined)))
+    return replace(joined, notes=(*lasting(joined.notes), *all_findings(joined)))
 
 
 def write(
     path: str | os.PathLike[str],
     what: Recording | ImuData | ImuArray | AttitudeTrack,
     *,
-    notes: Iterable[str] = (),
+    notes: Iterable[Finding | str] = (),
     overwrite: bool = False,
 ) -> Path:
     """Write a recording, samples of a unit or of an array, or an attitude; the file appears whole or not at all.
@@ -251,8 +252,8 @@ def write(
         The file; its suffix says the format.
     what : Recording, ImuData, ImuArray or AttitudeTrack
         The content; of an array, ``.parquet`` holds all units.
-    notes : iterable of str
-        Lines of provenance to add.
+    notes : iterable of Finding or str
+        Provenance to add.
     overwrite : bool
         Whether a file that lies there may be replaced.
 
@@ -270,9 +271,9 @@ def write(
     ClockError
         If samples and attitude have different time stamps.
     ShapeError
-        If the notes are not lines of text.
+        If the notes are neither findings nor lines of text.
     """
-    added, file = lines("notes", notes), check.path("path", path)
+    added, file = as_findings("notes", notes), check.path("path", path)
     suffix = file.suffix.lower() or "."
     kinds = chain(FORMATS, _of_suffix(suffix))
     writer = next((writer for kind in kinds for written, writer in kind.writers if written == suffix), None)

@@ -8,6 +8,7 @@ import numpy as np
 
 from plumbob.core import schema
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
+from plumbob.core.findings import as_json, note
 from plumbob.core.schema import Parse
 from plumbob.data import ImuMeta
 from plumbob.data.array import ImuArray, UnitMount
@@ -33,7 +34,7 @@ def file_header(recording: Recording, columns: list[str]) -> dict[str, Any]:
         "units": {name: column(name).unit for name in columns},
         "imu": None if imu is None else asdict(plain_meta(imu.meta)),
         "track": None if track is None else _storable(TRACK, "track", {key: getattr(track, key) for key in _TRACK}),
-        "notes": list(stored_notes(recording)),
+        "notes": as_json(stored_notes(recording)),
     } | several
 
 
@@ -184,7 +185,7 @@ _HEADER: Final = {
     "kind": schema.text,
     "format_version": schema.whole(),
     **dict.fromkeys(("units", "imu", "track"), schema.anything),
-    "notes": schema.texts,
+    "notes": schema.listed(note, of="findings"),
 }
 _HEADERS: Final = {
     FORMAT_VERSION: _complete(_HEADER, name="it"),

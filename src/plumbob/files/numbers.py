@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, excerpt, one_line
 from plumbob.core.files import existing_file, reading
-from plumbob.data.recording import CUT
+from plumbob.core.findings import Finding, warning
 from plumbob.files.arrow import column_numbers
 from plumbob.files.profile_toml import GUIDE
 from plumbob.files.text_table import single_blanks
@@ -66,10 +66,10 @@ class Text:
     complete: bool
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Finding, ...]:
         """What is left out."""
-        what = "number has nothing after it" if self.one_line else "line has no line end"
-        return () if self.complete else (f"{CUT}the last {what}, and was left out: the file may be incomplete",)
+        code = "reading.last_number_cut" if self.one_line else "reading.last_line_open"
+        return () if self.complete else (warning(code),)
 
     def blocks(self) -> Iterator[tuple[Floats, int]]:
         """Blocks with the bytes used so far."""
@@ -283,7 +283,7 @@ class Binary:
     rows: int
     columns: int
     by_column: bool = False
-    notes: tuple[str, ...] = ()
+    notes: tuple[Finding, ...] = ()
 
     def blocks(self) -> Iterator[tuple[Floats, int]]:
         """Blocks with the bytes used so far."""
@@ -398,7 +398,7 @@ class Numbers:
         return self.source.columns
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Finding, ...]:
         """What was left out, in words."""
         return self.source.notes
 

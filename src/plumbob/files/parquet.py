@@ -21,10 +21,11 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.files import existing_file, read_in_parts, reading, replacing, require_room
+from plumbob.core.findings import lasting
 from plumbob.core.time import is_gap, to_ns, to_s
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
-from plumbob.data.recording import Recording, read_notes
+from plumbob.data.recording import Recording
 from plumbob.files import header
 from plumbob.files.arrow import arrow_column, column_numbers, unpacked_bytes
 from plumbob.files.columns import (
@@ -200,7 +201,7 @@ def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
             imu=imu,
             track=None if track is None else track_from(columns, **track),
             name=file.stem,
-            notes=read_notes(content["notes"], imu, *units.values()),
+            notes=lasting(content["notes"]),
             array=ImuArray(units, mounts) if units else None,
         )
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from plumbob.core.findings import Finding
 from plumbob.data import Range
 from plumbob.rotations import Frame, North
 
@@ -286,7 +287,7 @@ class Profile:
     flag_words: bool = False
     reference: ReferenceSource | None = None
     meta: Mapping[str, Any] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Finding | str, ...] = ()
     axes_applied: bool = False
     place: str | None = None
     date: str | None = None

@@ -14,6 +14,7 @@ import numpy as np
 from plumbob.core import schema
 from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt
 from plumbob.core.files import reading, sidecars, text_of
+from plumbob.core.findings import note
 from plumbob.core.resources import guide
 from plumbob.core.schema import Parse
 from plumbob.core.text import counted
@@ -469,7 +470,7 @@ _KEYS: Final = {
     "t0_ns": schema.whole(None),
     "calibration": schema.text,
     "unit_check": schema.truth,
-    "notes": schema.texts,
+    "notes": schema.listed(note, of="texts"),
 }
 _TEXT_PROFILE: Final = _form(_KEYS, ("separator", "header", "time"), name="profile")
 _STREAMS: Final = schema.tables(schema.mapping(schema.anything))

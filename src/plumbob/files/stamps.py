@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError
-from plumbob.core.text import counted
+from plumbob.core.findings import Finding, warning
 from plumbob.core.time import GAP_FACTOR
 
 _COUNTERS: Final = tuple(float(1 << bits) for bits in (8, 12, 16, 24, 32))
@@ -45,10 +45,10 @@ _JITTERING: Final = 0.25
 
 
 class SampleTimes(NamedTuple):
-    """Times (N,), ns, that increase, and what was done to have them, a sentence each."""
+    """Times (N,), ns, that increase, and what was done to have them."""
 
     t_ns: NDArray[np.int64]
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
 
 
 def _row(row: int) -> str:
@@ -84,7 +84,7 @@ def time_line(
         raise ClockError(f"{place(int(np.argmin(np.isfinite(stamps))))} has no time stamp.")
     zero = stamps[0] if stamps.size else 0
     values = np.asarray(stamps - zero, dtype=np.float64)  # ns since 1970 are more than float64 holds
-    notes: list[str] = []
+    notes: list[Finding] = []
     if not (np.diff(values) > 0.0).all():
         ahead, notes = _turns(values, float(zero), unit_ns, place)
         values = values + ahead
@@ -95,7 +95,7 @@ def time_line(
     return SampleTimes(t_ns + (int(zero) if unit_ns == 1.0 else round(float(zero) * unit_ns)), tuple(notes))
 
 
-def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], str]) -> tuple[Floats, list[str]]:
+def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], str]) -> tuple[Floats, list[Finding]]:
     """What to add to the values of a counter that began again; zeros where none of the known lengths explains it.
 
     A length explains a step back if what is then left is a step forward no longer than those that the file has.
@@ -126,8 +126,7 @@ def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], s
         remaining = steps[far] + length
         if ((remaining > 0.0) & (remaining <= longest)).all():
             ahead = np.concatenate(([0.0], np.cumsum(far))) * length
-            times = counted(int(far.sum()), "time")
-            return ahead, [f"time: the stamps begin again at {name}, {times}, and were counted on"]
+            return ahead, [warning("reading.clock_turned", at=name, count=int(far.sum()))]
     row = 1 + int(np.argmax(far))
     raise ClockError(
         f"time begins again at {place(row)}: {values[row - 1] + zero:.10g} is followed by {values[row] + zero:.10g}. "
@@ -135,7 +134,7 @@ def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], s
     )
 
 
-def _even(t_ns: NDArray[np.int64], place: Callable[[int], str]) -> tuple[NDArray[np.int64], str]:
+def _even(t_ns: NDArray[np.int64], place: Callable[[int], str]) -> tuple[NDArray[np.int64], Finding]:
     """Times that increase, through stamps that repeat or go back a little, and how far they were moved."""
     forward = np.diff(t_ns)
     repeated = int(np.count_nonzero(forward <= 0))
@@ -159,11 +158,10 @@ def _even(t_ns: NDArray[np.int64], place: Callable[[int], str]) -> tuple[NDArray
     while (back := np.flatnonzero(np.diff(times) <= 0)).size:  # where two stretches meet
         times[back + 1] = times[back] + 1
     rate = 1e9 * (times.size - 1) / float(times[-1] - times[0])
-    single = f", {counted(alone, 'stamp')} alone far off" if alone else ""
-    return times, (
-        f"time: {repeated} of {t_ns.size} stamps repeat or go back{single}; the samples are on an even clock fitted to "
-        f"the stamps, {rate:.6g} Hz on the mean, and none was moved by more than {moved.max() / 1e6:.3g} ms"
-    )
+    return times, warning(
+        "reading.clock_fitted", repeated=repeated, stamps=t_ns.size, alone=alone or None, rate=rate,
+        moved_ms=float(moved.max()) / 1e6,
+    )  # fmt: skip
 
 
 def _without_single(t_ns: NDArray[np.int64], room: float) -> tuple[NDArray[np.int64], int]:

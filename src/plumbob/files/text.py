@@ -20,10 +20,11 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError, UnknownFormatError, excerpt
 from plumbob.core.files import as_list, existing_file, reading, text_of
+from plumbob.core.findings import Finding, as_findings, lasting, warning
 from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.imu import known_rows
-from plumbob.data.recording import Recording, read_notes
+from plumbob.data.recording import Recording
 from plumbob.files.arrow import text_bytes
 from plumbob.files.columns import StampError, to_seconds
 from plumbob.files.foreign.join import Readings, joined, joined_recordings
@@ -108,7 +109,7 @@ def table_recording(profile: Profile, table: TextTable, name: str, note: str) ->
     t, t0_ns, clock = _time(profile, table)
     imu, clock = _in_turns(_imu(profile, table, t, t0_ns), clock) if profile.triads else (None, clock)
     track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
-    notes = (*read_notes(profile.notes, imu), note, *table.notes, *clock, *_changes(profile, t0_ns))
+    notes = (*lasting(as_findings("notes", profile.notes)), note, *table.notes, *clock, *_changes(profile, t0_ns))
     return Recording(imu=imu, track=track, name=name, notes=notes)
 
 
@@ -134,12 +135,11 @@ def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
         zero += Decimal(float(columns[source.exact][0]))
         columns[source.exact] = columns[source.exact] - columns[source.exact][0]
     texts = {ref: cells[::-1] for ref, cells in table.texts.items()}
-    note = "time: the newest row stands first, so the rows were read from the last to the first"
-    notes, line_of = (*table.notes, note), table.line_of
+    notes, line_of = (*table.notes, warning("reading.newest_first")), table.line_of
     return replace(table, columns=columns, zero=zero, texts=texts, notes=notes, line_of=lambda row: line_of(last - row))
 
 
-def _in_turns(imu: ImuData, notes: tuple[str, ...]) -> tuple[ImuData, tuple[str, ...]]:
+def _in_turns(imu: ImuData, notes: tuple[Finding, ...]) -> tuple[ImuData, tuple[Finding, ...]]:
     """Samples on one time line where gyroscope and accelerometer have rows of their own; others as they are."""
     rows = {name: known_rows(getattr(imu, name)) for name in imu.triads}
     both = rows["gyr"] & rows["acc"] if {"gyr", "acc"} <= set(rows) else np.ones(1, dtype=np.bool_)
@@ -147,7 +147,7 @@ def _in_turns(imu: ImuData, notes: tuple[str, ...]) -> tuple[ImuData, tuple[str,
         return imu, notes
     streams = {name: Readings(imu.t_ns[valid], getattr(imu, name)[valid]) for name, valid in rows.items()}
     made = joined(streams, meta=imu.meta, epoch_ns=imu.meta.t0_ns or None)
-    return made.imu, (*notes, "time: gyroscope and accelerometer have rows of their own", *made.notes)
+    return made.imu, (*notes, warning("reading.rows_in_turns"), *as_findings("notes", made.notes))
 
 
 def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profile, str]:
@@ -174,7 +174,7 @@ def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profil
     return load_profile(profiles[0]), f"read with the profile {profiles[0].name}, found beside the file"
 
 
-def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[str, ...]]:
+def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[Finding, ...]]:
     """Times, s, the UTC of the first, ns or 0, and what was done to have them."""
     source = profile.time
     if isinstance(source, TimeRate):
@@ -202,7 +202,7 @@ def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[str, .
     return line.t_ns / 1e9, t0_ns, line.notes
 
 
-def _of_stamps(source: TimeStamps, table: TextTable) -> tuple[Floats, int, tuple[str, ...]]:
+def _of_stamps(source: TimeStamps, table: TextTable) -> tuple[Floats, int, tuple[Finding, ...]]:
     try:
         t, t0_ns = to_seconds([table.texts[ref] for ref in source.columns], source.zone)
     except StampError as error:

@@ -20,8 +20,8 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt, one_line
-from plumbob.core.text import counted, sentence_checksum
-from plumbob.data.recording import CUT
+from plumbob.core.findings import Finding, warning
+from plumbob.core.text import sentence_checksum
 from plumbob.files.arrow import column_numbers
 from plumbob.files.columns import FORM, is_clocklike
 from plumbob.files.profile import BLANK, JSON, QUOTED, ColumnRef, TextLayout
@@ -420,7 +420,7 @@ class TextTable:
         What was taken from the exact column, so that its differences keep every digit; 0 without one.
     rows : int
         N.
-    notes : tuple of str
+    notes : tuple of Finding
         What was left out.
     texts : dict
         Cells of the columns that are not numbers.
@@ -433,7 +433,7 @@ class TextTable:
     columns: dict[ColumnRef, Floats]
     zero: Decimal
     rows: int
-    notes: tuple[str, ...]
+    notes: tuple[Any, ...]
     texts: dict[ColumnRef, list[str]]
     line_of: Callable[[int], int]
     places: Floats | None = None
@@ -538,18 +538,18 @@ class _Reading:
             more = "" if len(self.left_out) == 1 else f" {len(self.left_out)} of {self.rows} rows cannot be read."
             raise DecodeError(f"{first}{more}") from first
 
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Finding, ...]:
         """What was left out."""
         if not self.left_out:
             return ()
         _, first = next(iter(self.left_out.values()))
-        others = ", ".join(str(line) for line, _ in islice(self.left_out.values(), 1, 6))
-        also = "" if not others else f"; also line{'s' if len(self.left_out) > 2 else ''} {others}"
-        also += ", …" if len(self.left_out) > 6 else ""
+        lines = [str(line) for line, _ in islice(self.left_out.values(), 1, 6)]
         return (
-            f"{counted(len(self.left_out), 'line')} of {self.rows} left out, which cannot be read: "
-            f"{str(first).rstrip('.')}{also}",
-        )
+            warning(
+                "reading.lines_left_out", count=len(self.left_out), rows=self.rows, error=str(first).rstrip("."),
+                lines=(*lines, *(["…"] if len(self.left_out) > 6 else [])),
+            ),
+        )  # fmt: skip
 
 
 def read_table(
@@ -617,7 +617,7 @@ def read_table(
     return TextTable(columns, zero, count, (*cut, *reading.notes()), reading.texts, line_number, places_read)
 
 
-def _ended(text: str, layout: TextLayout) -> tuple[str, tuple[str, ...]]:
+def _ended(text: str, layout: TextLayout) -> tuple[str, tuple[Finding, ...]]:
     """Text that ends with a line end, and a note where its last line was cut and is left out.
 
     Many loggers write no line end behind the last line. It is cut where the number of rows is declared, or a cell or a
@@ -634,8 +634,7 @@ def _ended(text: str, layout: TextLayout) -> tuple[str, tuple[str, ...]]:
     shortest = min((digits for cells, digits in sizes[:-1] if cells == width and digits != _WORD), default=-1)
     if layout.rows is None and sizes[-1][0] == width and sizes[-1][1] >= shortest:
         return f"{text}\n", ()
-    line = 1 + text.count("\n")
-    return f"{before}\n", (f"{CUT}line {line}, the last, is cut and was left out: the file may be incomplete",)
+    return f"{before}\n", (warning("reading.last_line_cut", line=1 + text.count("\n")),)
 
 
 def _size(row: str, layout: TextLayout) -> tuple[int, int]:

@@ -3,6 +3,7 @@
 Of MATLAB and NetCDF, whose arrays have names and units, `plumbob.files.arrays` writes the same profile into the file.
 """
 
+import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -11,6 +12,7 @@ import numpy as np
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import replacing_all, sidecars
+from plumbob.core.findings import TEXT, Finding, Value
 from plumbob.core.schema import toml_text
 from plumbob.core.text import visible
 from plumbob.core.time import to_s
@@ -87,7 +89,7 @@ def _head(path: Path, recording: Recording, columns: Columns) -> Iterator[str]:
     if recording.imu is not None:
         yield f"# device,{text_cell(recording.imu.meta.device)}"
     for note in stored_notes(recording):
-        yield f"# note,{text_cell(note)}"
+        yield f"# note,{text_cell(str(note))}"
     yield ",".join(_title(name) for name in columns)
 
 
@@ -115,7 +117,7 @@ def table_profile(recording: Recording, columns: Columns, *, arrays: bool = Fals
     lines += ["arrays = true"] if arrays else ['separator = ","', 'comment = "#"', f"rows = {columns[TIME].size}"]
     if recording.imu is not None:
         lines += _meta(plain_meta(recording.imu.meta))
-    lines += [f"notes = [{', '.join(toml_text(note) for note in stored_notes(recording))}]"]
+    lines += [f"notes = [{', '.join(map(inline_toml, stored_notes(recording)))}]"]
     lines += [] if arrays else ["", "[header]", "names = true"]
     names = _PLACES if arrays else {name: _title(name) for name in COLUMNS}
     lines += ["", "[time]", f"column = {toml_text(names[TIME])}", 'unit = "s"']
@@ -182,3 +184,20 @@ def _listed(group: str, names: Mapping[str, str]) -> str:
 
 def _encoded(text: str) -> bytes:
     return text.encode("utf-8", "replace")
+
+
+def inline_toml(finding: Finding) -> str:
+    """A finding as a value in TOML: a text that somebody wrote is a string, any other a table."""
+    if finding.code == TEXT:
+        return toml_text(str(finding))
+    parts = ", ".join(f"{name} = {_toml(value)}" for name, value in finding.values.items() if value is not None)
+    head = f"code = {toml_text(finding.code)}, severity = {toml_text(finding.severity)}"
+    return f"{{ {head}, values = {{ {parts} }}, text = {toml_text(str(finding))} }}"
+
+
+def _toml(value: Value) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return toml_text(value)
+    return f"[{', '.join(map(toml_text, value))}]" if isinstance(value, tuple) else json.dumps(value)

@@ -8,6 +8,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import FrameError, ParameterError
+from plumbob.core.findings import Finding, warning
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.reading import read_at
@@ -25,8 +26,8 @@ BEYOND: Final = 3.0
 """Standard deviations of the prior above which an estimate contradicts it."""
 
 
-def bias_beyond(filter_: "Filter | Smoother", track: AttitudeTrack) -> str | None:
-    """Say in words that the last estimated bias contradicts the filter's prior, and what to do; None where not.
+def bias_beyond(filter_: "Filter | Smoother", track: AttitudeTrack) -> tuple[Finding, ...]:
+    """Say that the last estimated bias contradicts the filter's prior; nothing where it does not.
 
     Parameters
     ----------
@@ -37,16 +38,14 @@ def bias_beyond(filter_: "Filter | Smoother", track: AttitudeTrack) -> str | Non
     """
     prior = filter_.bias_prior
     if prior is None or track.bias_b is None:
-        return None
+        return ()
     name, sd = prior
     last = track.bias_b[-1]  # the first ones are those of a start in motion
     largest = float(np.max(np.abs(last), initial=0.0, where=np.isfinite(last)))
     if largest <= BEYOND * sd:
-        return None
-    return (
-        f"the estimated gyroscope bias, {to_dps(largest):.3g} °/s, is far outside of the prior of {to_dps(sd):.3g} °/s "
-        f"(1 sd) that {filter_.name} assumes: calibrate the gyroscope (plumbob calibrate gyro), or set {name}."
-    )
+        return ()
+    bias, prior_sd = float(to_dps(largest)), float(to_dps(sd))
+    return (warning("estimate.bias_beyond", bias_dps=bias, sd_dps=prior_sd, filter=filter_.name, parameter=name),)
 
 
 CHUNK = 1 << 14

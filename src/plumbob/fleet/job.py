@@ -302,7 +302,7 @@ def _row(statistics: Mapping[str, Any], subject: Subject, device: str) -> dict[s
     return {name: value for name, value in (statistics["estimate"] | named | times).items() if name in COLUMNS} | {
         "device": device, "end_utc": subject.utc(times["end_s"]), "gap_share": times["lost_share"],
         "flags": ", ".join(f"{name} {flag['samples']}" for name, flag in statistics["flags"].items()),
-        "remarks": " | ".join(subject.remarks),
+        "remarks": " | ".join(map(str, subject.remarks)),
         "grade": quality.MEANING[max(worst.values(), key=_WORST.index, default=quality.MISSING)],
         "grades": ", ".join(f"{name} {quality.MEANING[flag]}" for name, flag in worst.items()),
     }  # fmt: skip

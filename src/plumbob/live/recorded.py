@@ -12,16 +12,17 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from plumbob import files
-from plumbob.core import flags
+from plumbob.core import flags, schema
 from plumbob.core.errors import DecodeError, ParameterError, ShapeError
 from plumbob.core.files import reading, replacing
-from plumbob.core.schema import texts
+from plumbob.core.findings import Finding, as_json, info, lasting, warning
+from plumbob.core.findings import note as parsed_note
 from plumbob.core.text import counted, visible
 from plumbob.core.time import to_ns
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import CalibrationCard
-from plumbob.data.recording import Recording, all_findings, inferred, provenance, read_notes, recalibrated, stored_notes
+from plumbob.data.recording import Recording, all_findings, inferred, recalibrated, stored_notes
 from plumbob.files.formats import EXTENSIBLE, is_own
 from plumbob.files.header import ARRAY, META, TRACK, array_told, parsed, plain_meta
 from plumbob.files.mcap import Log, open_log
@@ -31,6 +32,7 @@ from plumbob.live.replay import Replayed, replay
 from plumbob.live.session import reference_names
 from plumbob.live.session_toml import ALL, SESSION, of_unit, recorded_session
 from plumbob.live.sinks import track_lines
+from plumbob.live.stream import Stream
 from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
 
 _META: Final = "recording"
@@ -78,16 +80,16 @@ def read_recorded(
     array = replayed.found.array(calibrated=calibrated)
     units = {"": imu} if array is None else array.units
     units = {name: replace(sensed, meta=replace(sensed.meta, t0_ns=replayed.t0_ns)) for name, sensed in units.items()}
-    counts = replayed.stream.decoder.counts
-    notes = [f"decoded from {counts.received} raw bytes as {session.form.name}, {counts.junk} of them junk"]
-    if log.starts > 1:
-        notes += [f"recorded in {log.starts} starts; the recorder was away in between"]
-    notes += [f"damaged: {damage}" for damage in log.damage]
-    notes += inferred(replayed.stream.time_report())
     dead = [] if array is None else [u.unit for u in replayed.stream.session.units if u.unit not in array.units]
-    notes += [f"unit {name} has no value in any sample, and is left out" for name in dead]
     doubts = dict.fromkeys(doubt for sensed in units.values() for doubt in sensed.unit_doubts())
-    notes += [f"units: {doubt}; check the units of the format" for doubt in doubts]
+    notes = (
+        decoded_note(replayed.stream),
+        *([warning("reading.starts", starts=log.starts)] if log.starts > 1 else []),
+        *(warning("reading.damaged", damage=str(damage)) for damage in log.damage),
+        *inferred(replayed.stream.time_report()),
+        *(warning("reading.dead_unit", unit=name) for name in dead),
+        *(warning("reading.unit_doubt", doubt=str(doubt)) for doubt in doubts),
+    )
     recording = Recording(
         imu=units[""] if array is None else None,
         track=replayed.track if estimated else logged_reference(replayed),
@@ -95,6 +97,12 @@ def read_recorded(
         array=None if array is None else ImuArray(units, array.mounts),
     )
     return replace(recording, notes=(*notes, *all_findings(recording)))
+
+
+def decoded_note(stream: Stream) -> Finding:
+    """How many bytes were decoded as which format, and how many belong to no frame."""
+    counts = stream.decoder.counts
+    return info("source.decoded", bytes=counts.received, format=stream.session.form.name, junk=counts.junk)
 
 
 def logged_reference(replayed: Replayed) -> AttitudeTrack | None:
@@ -167,7 +175,7 @@ def _about(recording: Recording) -> dict[str, Any]:
     several = {} if array is None else {"array": array_told(array)}
     meta = {} if imu is None else asdict(plain_meta(imu.meta))
     track_meta = {} if track is None else {"frame": str(track.frame), "north": str(track.north), "source": track.source}
-    return {"imu": meta, "track": track_meta, "notes": list(stored_notes(recording))} | several
+    return {"imu": meta, "track": track_meta, "notes": as_json(stored_notes(recording))} | several
 
 
 def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
@@ -187,8 +195,7 @@ def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
         array = _array(by_topic, parsed(ARRAY, "array", about["array"])) if "array" in about else None
         wanted = by_topic[rows.ATTITUDE] and (estimated or (imu is None and array is None))
         track = _track(by_topic[rows.ATTITUDE], about.get("track")) if wanted else None
-        units = [imu] if array is None else array.units.values()
-        notes = read_notes(texts("notes", about.get("notes", [])), *units)
+        notes = lasting(schema.listed(parsed_note, of="findings")("notes", about.get("notes", [])))
         return Recording(imu=imu, track=track, name=file.stem, notes=notes, array=array)
 
 
@@ -303,9 +310,9 @@ def convert(
     recording = only(recording if unit is None else recording.of_unit(unit), what)
     if calibration is not None:
         recording = recalibrated(recording, CalibrationCard.of(calibration))
-        for line in recording.notes:
-            if note is not None and line.startswith("temperature: "):
-                note(line)
+        for finding in recording.notes:
+            if note is not None and finding.code == "card.temperature_beyond":
+                note(str(finding))
     writer = LAYOUTS[layout].write if layout is not None else _OWN.get(file.suffix)
     shared = layout != "euroc" and writer not in _OWN_CLOCKS
     if shared and recording.track is not None and not _on_one_clock(recording, recording.track):
@@ -372,7 +379,7 @@ def _extras(recording: Recording) -> Iterator[str]:
             "start of the time": not _units(recording) and track.t[0] != 0.0,
         }
         yield from compress(said, said.values())
-    if provenance(recording.notes):
+    if lasting(recording.notes):
         yield "notes"
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.errors import DecodeError, FrameError, ParameterError
 from plumbob.core.event import Event
+from plumbob.core.findings import info
 from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuData
@@ -80,7 +81,7 @@ class Replayed(Ran, Series):
         ParameterError
             If there is none.
         """
-        source = f"replayed from {self.log.paths[0].name} by {self._estimate.source}"
+        source = info("source.replayed", file=self.log.paths[0].name, by=self._estimate.source)
         return Recording(track=self._estimate, notes=(source, *inferred(self.stream.time_report())))
 
     def summary(self) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from plumbob.core.event import Event
+from plumbob.core.findings import Finding, as_json
 from plumbob.core.text import FactsText, counted
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, calibration_told
@@ -54,8 +55,8 @@ class Watch:
         The newest part that has samples.
     track : AttitudeTrack or None
         The newest attitudes.
-    temperature_beyond, bias_beyond : str or None
-        By how much the samples leave the card's temperatures, and the estimated bias its prior, in words.
+    beyond : tuple of Finding
+        By how much the samples leave the card's temperatures, and the estimated bias its prior.
     """
 
     def __init__(
@@ -71,8 +72,7 @@ class Watch:
         self.samples = 0
         self.last: ItemResult | None = None
         self.track: AttitudeTrack | None = None
-        self.temperature_beyond: str | None = None
-        self.bias_beyond: str | None = None
+        self.beyond: tuple[Finding, ...] = ()
         self._doubted = False
 
     def on_part(self, part: ItemResult) -> None:
@@ -81,19 +81,19 @@ class Watch:
         if part.t_ns.size:
             self.samples += part.t_ns.size
             self.last = part
-            if card is not None and self.temperature_beyond is None:
-                self.temperature_beyond = temperature_beyond(card, part.imu)
-                self._say(float(part.imu.t[0]), self.temperature_beyond)
+            if card is not None:
+                self._say_once(float(part.imu.t[0]), temperature_beyond(card, part.imu))
         if track is not None:
             self.track = track
-            if filter_ is not None and float(track.t[-1]) >= SETTLED and self.bias_beyond is None:
-                self.bias_beyond = bias_beyond(filter_, track)
-                self._say(float(track.t[0]), self.bias_beyond)
+            if filter_ is not None and float(track.t[-1]) >= SETTLED:
+                self._say_once(float(track.t[0]), bias_beyond(filter_, track))
         self._progress(self)
 
-    def _say(self, t: float, what: str | None) -> None:
-        if what is not None:
-            self._note(f"at {t:.1f} s: {what}")
+    def _say_once(self, t: float, findings: tuple[Finding, ...]) -> None:
+        for finding in findings:
+            if finding.code not in {said.code for said in self.beyond}:
+                self.beyond += (finding,)
+                self._note(f"at {t:.1f} s: {finding}")
 
     def look(self) -> None:
         """Say once that bytes come and none of them is a frame, while there is time to do something about it."""
@@ -204,8 +204,7 @@ def run_report(watch: Watch) -> dict[str, Any]:
         "unchecked_bytes": session.form.framing.length if passes_anything(session.form) and not by_kernel else None,
         "device": session.meta.device,
         "calibration": last.imu.meta.calibration if last else session.card and session.card.name,
-        "temperature_beyond": watch.temperature_beyond,
-        "bias_beyond": watch.bias_beyond,
+        "notes": as_json((*watch.beyond, *inferred(stream.time_report()))),
         "filter": None if stream.filter is None else stream.filter.describe(),
         "frame": None if session.frame is None else str(session.frame),
         "north": None if track is None else str(track.north),
@@ -213,7 +212,6 @@ def run_report(watch: Watch) -> dict[str, Any]:
         "samples": watch.samples,
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **stream.report(),
-        "inferred_gaps": next(iter(inferred(stream.time_report())), None),
     } | ({"units": [spec.unit for spec in session.units]} if session.units else {})
 
 
@@ -236,8 +234,7 @@ def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
     if timing["lost"] or timing["gap_count"] or report["not_usable"]:
         lost, gaps = counted(timing["lost"], "frame"), counted(timing["gap_count"], "gap")
         lines.append(f"lost         {lost} in {gaps}; {report['not_usable']} repeated or late")
-    if report["inferred_gaps"]:
-        lines.append(f"inferred     {report['inferred_gaps'].partition(': ')[2]}")
+    lines += [f"note         {note['text']}" for note in report["notes"]]
     long_enough = report["duration_s"] >= LONG  # before, jitter of the host passes for drift
     if long_enough and timing["drift_ppm"] is not None and timing["mode"] == "clock":
         lines.append(f"device clock {timing['drift_ppm']:+.1f} ppm against this host")

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ParameterError, ShapeError, UnitError
+from plumbob.core.findings import Finding, Note
 from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import Quantity
@@ -51,7 +52,7 @@ class PlainNumbers(Protocol):
         """Numbers in a row."""
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Finding, ...]:
         """What a reader must know."""
 
     def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[Floats]:
@@ -133,7 +134,7 @@ class StaticRecord:
     size: int
     groups: tuple[Channels, ...]
     refused: Mapping[str, str]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def check_static(

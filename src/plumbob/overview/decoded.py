@@ -5,11 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from plumbob.core.errors import DecodeError
+from plumbob.core.findings import warning
 from plumbob.data import ImuData
 from plumbob.data.recording import Recording, inferred
 from plumbob.files import read
 from plumbob.files.mcap import Log
 from plumbob.files.parquet import write_parquet
+from plumbob.live.recorded import decoded_note
 from plumbob.live.session import Session
 from plumbob.live.sources import ReplaySource
 from plumbob.live.stream import ItemResult, Stream
@@ -36,12 +38,10 @@ def decoded_to(file: Path, log: Log, session: Session) -> Recording:
     """
     stream = Stream(replace(session, stage=None))
     write_parquet(file, _samples(stream, log))
-    counts = stream.decoder.counts
-    notes = [f"decoded from {counts.received} raw bytes as {session.form.name}, {counts.junk} of them junk"]
-    notes += [f"damaged: {damage}" for damage in log.damage]
-    notes += inferred(stream.time_report())
+    damage = (warning("reading.damaged", damage=str(damage)) for damage in log.damage)
     recording = read(file, whole=False)
-    return replace(recording, notes=(*notes, *recording.notes))
+    notes = (decoded_note(stream), *damage, *inferred(stream.time_report()), *recording.notes)
+    return replace(recording, notes=notes)
 
 
 def _samples(stream: Stream, log: Log) -> Iterator[Recording]:

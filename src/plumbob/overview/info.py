@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.findings import Finding, as_json, warnings
 from plumbob.core.text import FactsText, counted, visible
 from plumbob.core.time import timing
 from plumbob.core.units import to_deg
@@ -18,7 +19,7 @@ from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray
 from plumbob.data.cards import UNITS
 from plumbob.data.plausibility import statistics
-from plumbob.data.recording import Recording, found_in
+from plumbob.data.recording import Recording
 from plumbob.rotations.headings import heading_zero
 
 if TYPE_CHECKING:
@@ -124,10 +125,10 @@ def info(
         return _card(file)
     else:
         name, recording = str(file), read(file, profile=profile, unit=unit, whole=False)
-    said = () if note is None else found_in(recording.notes)
+    said = () if note is None else warnings(recording.notes)
     for line in said:
         note(f"{Path(name).name}: {line}")  # type: ignore[misc]
-    report: dict[str, Any] = {"file": name, "notes": list(recording.notes)}
+    report: dict[str, Any] = {"file": name, "notes": as_json(dict.fromkeys(recording.notes))}
     if recording.imu is not None:
         report["sensors"] = _sensors(recording.imu)
     if recording.array is not None:
@@ -136,7 +137,7 @@ def info(
         report["attitude"] = _attitude(recording.track)
     made = grade_of(recording, judged=not isinstance(what, Recording), examined=True)
     report["grade"] = made.summary()
-    lines = [name, *(f"{topic:12} {visible(text)}" for topic, text in _facts(report, said))]
+    lines = [name, *(f"{topic:12} {visible(text)}" for topic, text in _facts(report, recording.notes, said))]
     return Info(report, lines, made, made.points)
 
 
@@ -249,9 +250,9 @@ def _timing(t: Floats) -> dict[str, Any]:
     }
 
 
-def _facts(report: Mapping[str, Any], said: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _facts(report: Mapping[str, Any], notes: Sequence[Finding], said: Sequence[Finding]) -> Iterator[tuple[str, str]]:
     """Topics, and what there is to say of each; a topic that goes on is empty."""
-    yield from (("note", line) for line in dict.fromkeys(report["notes"]) if line not in said)
+    yield from (("note", str(note)) for note in dict.fromkeys(notes) if note not in said)
     if sensors := report.get("sensors"):
         yield "device", f"{sensors['device']}, body axes '{sensors['axes']}' of the case"
         yield "calibration", calibration_told(sensors["calibration"])

@@ -15,11 +15,12 @@ import numpy as np
 from plumbob.core import __version__
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import file_sha256
+from plumbob.core.findings import Finding, warnings
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.imu import BLOCK, TITLES
 from plumbob.data.reading import read_at
-from plumbob.data.recording import Recording, found_in, inferred_in
+from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.reading import read
 from plumbob.files.formats import is_own
@@ -56,7 +57,7 @@ class Subject:
         Statistics and traces.
     facts : tuple of (str, str)
         Provenance, a name and a value each.
-    remarks : tuple of str
+    remarks : tuple of Finding
         What a reader must know.
     calibrated : bool
         Whether a card was applied to the sensor values, or there are none.
@@ -75,7 +76,7 @@ class Subject:
     files: tuple[Path, ...]
     gathered: Gathered
     facts: tuple[tuple[str, str], ...]
-    remarks: tuple[str, ...]
+    remarks: tuple[Finding, ...]
     calibrated: bool
     north: North | None
     numbers: Mapping[str, Any]
@@ -119,7 +120,7 @@ def read_subject(
         if which in (OWN, NONE) or recording.imu is None:
             made = _as_recorded(recording, paths, session, gatherer, which != NONE)
             return replace(made, grade=grade_of(recording, judged=bool(paths))) if graded else made
-        name, notes = recording.name, _file_notes(recording)
+        name, notes = recording.name, warnings(note for note in recording.notes if note.family == "reading")
         for line in notes if note is not None else ():
             note(f"{name}: {line}")  # type: ignore[misc]
         result = estimate(
@@ -139,7 +140,7 @@ def subject_from(
     gatherer: Gatherer,
     paths: Sequence[Path] = (),
     session: "Session | None" = None,
-    of_file: Sequence[str] = (),
+    of_file: Sequence[Finding] = (),
     graded: Grade | None = None,
 ) -> Subject:
     """Of an estimate that a gatherer has followed; `of_file` are remarks about the file, `graded` its grade."""
@@ -149,7 +150,7 @@ def subject_from(
         ("estimate", result.told.partition("; --causal")[0]),
         ("frame", f"{last.frame}, heading from {counted_from(last.north, numbers['declination_deg'])}"),
     ]
-    remarks = (*of_file, *(line.removeprefix(f"{result.name}: ") for line in result.notes))
+    remarks = tuple(dict.fromkeys((*of_file, *result.notes)))
     about = {"remarks": remarks, "north": last.north, "numbers": numbers, "grade": graded}
     return _subject(result.name, paths, session, result.imu.meta, gatherer.done(), facts, about)
 
@@ -207,20 +208,11 @@ def _as_recorded(
             ("frame", f"{track.frame}, heading from {counted_from(track.north, None)}"),
         ]
         numbers = {"frame": str(track.frame), "north": str(track.north), "filter": track.source, **numbers}
-    notes = (*_file_notes(recording), *found_in(recording.notes), *inferred_in(recording.notes))
     about = {
-        "remarks": tuple(dict.fromkeys(notes)), "north": None if track is None else track.north, "numbers": numbers,
+        "remarks": warnings(recording.notes), "north": None if track is None else track.north, "numbers": numbers,
         "grade": None,
     }  # fmt: skip
     return _subject(recording.name, paths, session, meta, gatherer.done(), facts, about)
-
-
-_FILE: Final = ("damaged: ", "recorded in ", "units: ", "unit ")
-
-
-def _file_notes(recording: Recording) -> tuple[str, ...]:
-    """What the notes say of the file itself: damage, restarts, units that are missing."""
-    return tuple(dict.fromkeys(line for line in recording.notes if line.startswith(_FILE)))
 
 
 def _follow(imu: ImuData | None, track: AttitudeTrack | None, gatherer: Gatherer) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from plumbob.core import flags
 from plumbob.core.check import Floats
+from plumbob.core.findings import as_json
 from plumbob.core.text import number
 from plumbob.core.units import to_deg
 from plumbob.data import UNCALIBRATED
@@ -244,7 +245,7 @@ def summary(subject: Subject) -> dict[str, Any]:
     numbers: dict[str, Any] = {
         "recording": subject.name,
         "provenance": [list(fact) for fact in subject.facts],
-        "remarks": list(subject.remarks),
+        "remarks": as_json(subject.remarks),
         "calibrated": subject.calibrated,
         "estimate": dict(subject.numbers),
         "time": {
@@ -360,7 +361,7 @@ def remarks(subject: Subject) -> list[str]:
             f"plots: each pair of points is the smallest and the largest of {g.traces.each} samples; statistics, "
             "spectra and flags are of all samples"
         )
-    lines += [line for line in subject.remarks if not line.startswith("calibration: ")]
+    lines += [str(finding) for finding in subject.remarks if finding.code != "samples.uncalibrated"]
     if g.tilt is not None:
         for name, motion in (("roll", g.tilt.roll), ("pitch", g.tilt.pitch)):
             if motion.wrapped:

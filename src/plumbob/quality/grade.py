@@ -9,7 +9,6 @@ Everything is found block by block, so that a recording that stays in its file i
 """
 
 import math
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
@@ -20,13 +19,14 @@ from numpy.typing import NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.findings import Finding
 from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR, is_gap, to_ns
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.imu import BLOCK, TITLES, TRIAD_FLAGS, median, norms
-from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, bursts, doubts, statistics
-from plumbob.data.recording import EARTH_FIELD, INFERRED, STUCK_FOR, STUCK_SAMPLES, Recording
+from plumbob.data.plausibility import ALL_AXES, DOUBTS, NOT_KNOWN, bursts, doubts, statistics
+from plumbob.data.recording import EARTH_FIELD, STUCK_FOR, STUCK_SAMPLES, Recording
 from plumbob.quality import quality
 from plumbob.quality.diagnosis import Declared, Examination
 from plumbob.rotations import North, quat_angle
@@ -151,15 +151,15 @@ def grade_of(recording: Recording, *, judged: bool = False, examined: bool = Fal
     return grade_track(recording.track)
 
 
-def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False, examined: bool = False) -> Grade:
+def grade(imu: ImuData, notes: Sequence[Finding] = (), *, judged: bool = False, examined: bool = False) -> Grade:
     """Grade the samples of one unit.
 
     Parameters
     ----------
     imu : ImuData
         The samples.
-    notes : sequence of str
-        What the reading of the file found; lines about gaps that only the host's clock shows count.
+    notes : sequence of Finding
+        What the reading of the file found; those about gaps that only the host's clock shows count.
     judged : bool
         Whether the notes hold the doubts about units and signs already, as those of a file that has been read do.
     examined : bool
@@ -184,7 +184,7 @@ def grade(imu: ImuData, notes: Sequence[str] = (), *, judged: bool = False, exam
     return Grade(tuple(criterion for criterion in made if criterion is not None))
 
 
-def grade_units(units: Mapping[str, ImuData], notes: Sequence[str] = (), *, examined: bool = False) -> Grade:
+def grade_units(units: Mapping[str, ImuData], notes: Sequence[Finding] = (), *, examined: bool = False) -> Grade:
     """Grade of several units: that of the worst."""
     each = {name: grade(imu, notes, examined=examined) for name, imu in units.items()}
     worst = min(each.values(), key=lambda unit: 100.0 - sum(reason.lost for reason in unit.criteria))
@@ -254,7 +254,7 @@ class _Steps:
 
     How many there are, the usual one and the sum, s; by how much those that are gaps are longer than usual, s; how many
     repeat a stamp; their standard deviation about whole numbers of the usual one, in steps; the share of the rows that
-    are missing one to four at a time; and how they come in bursts, in words.
+    are missing one to four at a time; and how they come in bursts.
     """
 
     count: int
@@ -264,10 +264,10 @@ class _Steps:
     tiny: int = 0
     jitter: float = 0.0
     lost: float = 0.0
-    bursts: str | None = None
+    bursts: Finding | None = None
 
     @classmethod
-    def measure(cls, said: str | None, dt_ns: NDArray[np.int64]) -> "_Steps":
+    def measure(cls, bursts: Finding | None, dt_ns: NDArray[np.int64]) -> "_Steps":
         """Measure steps (N,), ns, that come in bursts as is said. A day of them leaves little room for copies."""
         if not dt_ns.size:
             return cls(0)
@@ -278,8 +278,8 @@ class _Steps:
         # the median step may be one of two that alternate: the usual one is the mean of those about it
         usual = float(np.mean(dt, where=near)) if near.any() else middle
         tiny = dt < TINY * usual
-        steps = cls(dt.size, usual, float(dt.sum()), dt[gaps] - usual, int(np.count_nonzero(tiny)), bursts=said)
-        if said:
+        steps = cls(dt.size, usual, float(dt.sum()), dt[gaps] - usual, int(np.count_nonzero(tiny)), bursts=bursts)
+        if bursts:
             return steps
         jitter, lost = _uneven(dt, usual, gaps, tiny)
         return replace(steps, jitter=jitter, lost=lost)
@@ -347,7 +347,7 @@ def _gaps(steps: _Steps) -> Criterion:
     )  # fmt: skip
 
 
-def _loss(repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Sequence[str]) -> Criterion:
+def _loss(repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Sequence[Finding]) -> Criterion:
     shares = {"rows": steps.lost, "bytes": _junk(notes)}
     shares |= {name: _absent(axes != NOT_KNOWN, each=name != "mag") for name, axes in repeated.items()}
     worst = max(shares, key=lambda name: shares[name])
@@ -358,12 +358,10 @@ def _loss(repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Seque
     )  # fmt: skip
 
 
-def _junk(notes: Sequence[str]) -> float:
-    """Share of the bytes of a stream that belong to no frame, by the note of who decoded them."""
-    for note in notes:
-        if match := re.match(r"decoded from (\d+) raw bytes as .*, (\d+) of them junk", note):
-            return int(match[2]) / max(1, int(match[1]))
-    return 0.0
+def _junk(notes: Sequence[Finding]) -> float:
+    """Share of the bytes of a stream that belong to no frame, as who decoded them says."""
+    counts = [note.values for note in notes if note.code == "source.decoded"]
+    return int(str(counts[0]["junk"])) / max(1, int(str(counts[0]["bytes"]))) if counts else 0.0
 
 
 def _absent(present: NDArray[np.bool_], *, each: bool) -> float:
@@ -523,11 +521,11 @@ def _plausible(imu: ImuData, still: _Still | None, doubted: Sequence[str], exami
     )  # fmt: skip
 
 
-def _doubts(imu: ImuData, notes: Sequence[str] | None) -> list[str]:
+def _doubts(imu: ImuData, notes: Sequence[Finding] | None) -> list[str]:
     """Doubts about units and signs; without that about bursts, which is the clock's."""
     sizes = () if imu.meta.unit_check else imu.unit_doubts()  # else the reading has refused it
-    others = doubts(imu) if notes is None else [note for note in notes if note.startswith(("time: ", "gyroscope: "))]
-    return [doubt for doubt in (*sizes, *others) if not doubt.startswith("time: the stamps come in bursts")]
+    others = doubts(imu) if notes is None else [note for note in notes if note.code in DOUBTS]
+    return [*sizes, *(str(doubt) for doubt in others if doubt.code != "samples.bursts")]
 
 
 def _contradicted(imu: ImuData) -> list[str]:
@@ -580,20 +578,24 @@ def _calibration(card: str | None) -> Criterion:
     )  # fmt: skip
 
 
-def _clock(imu: ImuData, steps: _Steps, notes: Sequence[str]) -> Criterion:
+def _clock(imu: ImuData, steps: _Steps, notes: Sequence[Finding]) -> Criterion:
     faults = int(np.count_nonzero(imu.flags & np.uint32(flags.TIME_FAULT))) + steps.tiny
     share = 0.0 if steps.bursts else faults / len(imu)
     said = [f"{_percent(share)} of the stamps repeat or go back"] if share else []
     lost = 15.0 * _share(share, quality.SHARE)
     if steps.bursts:
-        said.append(steps.bursts)
+        said.append(str(steps.bursts))
         lost = 15.0
-    if any(note.startswith(INFERRED) for note in notes):
-        said.append("gaps that only the host's delays show")
-        lost += 5.0
+    for code, what in (
+        ("reading.inferred", "gaps that only the host's delays show"),
+        ("reading.clock", "a fitted clock"),
+    ):
+        if any(note.code.startswith(code) for note in notes):
+            said.append(what)
+            lost += 5.0
     return Criterion(
         "clock", 15.0, round(min(15.0, lost), 2), "; ".join(said) or "stamps increase evenly",
         f"share of stamps that repeat, from {_percent(quality.SHARE[0])} to {_percent(quality.SHARE[1])}; no points "
-        "where they come in bursts; 5 less where gaps rest on the host's delays alone", OURS,
+        "where they come in bursts; 5 less where gaps rest on the host's delays alone, or the clock is fitted", OURS,
         "send the device's clock or a counter, or declare the rate (docs/time.md)" if lost else "", share,
     )  # fmt: skip

@@ -34,7 +34,7 @@ FINE = 0.3
 def smoothed(imu, **params):
     """Track and what was remarked."""
     smoother = Smoother(frame="ENU", params=params)
-    return smoother.process(imu), " ".join(smoother.remarks)
+    return smoother.process(imu), " ".join(map(str, smoother.remarks))
 
 
 def errors(track, h):

@@ -34,7 +34,7 @@ NOT_CONVERGED = np.uint32(flags.NOT_CONVERGED)
 def followed(imu, **params):
     """Track without a lag, and what was remarked."""
     smoother = Smoother(frame="ENU", params={"lag": 0.0, **params})
-    return smoother.process(imu), " ".join(smoother.remarks)
+    return smoother.process(imu), " ".join(map(str, smoother.remarks))
 
 
 def converged(track):

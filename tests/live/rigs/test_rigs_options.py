@@ -40,7 +40,7 @@ def test_a_noise_card_is_what_the_units_have(tmp_path):
     np.testing.assert_allclose(scatter[2], 0.1 * math.sqrt(500.0), rtol=0.1)  # x and y are clipped at 100 °/s
     LOUD.save(tmp_path / "card.json")
     frames, truth = emulated("fin", tmp_path, noise=tmp_path / "card.json")
-    assert any("noise of gyr from the card of unit 7" in note for note in truth.notes)
+    assert any("noise of gyr from the card of unit 7" in str(note) for note in truth.notes)
     assert len(frames) == 2500
 
 

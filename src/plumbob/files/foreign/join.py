@@ -52,7 +52,7 @@ class Joined(NamedTuple):
 
     imu: ImuData
     rows_ns: NDArray[np.int64]
-    notes: tuple[str, ...]
+    notes: tuple[Any, ...]
 
 
 def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | None = None) -> Joined:
@@ -80,7 +80,7 @@ def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | No
     ClockError
         If the time of a stream begins again, or recordings do not overlap.
     """
-    ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[str]()
+    ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[Any]()
     for name, stream in streams.items():
         ordered[name] = _ordered(name, stream, notes)
     triads = [name for name in TRIADS if name in ordered and ordered[name][0].size]
@@ -154,7 +154,7 @@ def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
     return Recording(imu=imu, name=name, notes=tuple(notes))
 
 
-def _ordered(name: str, stream: Readings, notes: list[str]) -> tuple[NDArray[np.int64], Floats]:
+def _ordered(name: str, stream: Readings, notes: list[Any]) -> tuple[NDArray[np.int64], Floats]:
     """Stamps that increase, with their values, and a note where they had to be made so."""
     stamps = np.asarray(stream.t_ns, dtype=np.int64)
     values = np.asarray(stream.values, dtype=np.float64)
@@ -171,7 +171,7 @@ def _ordered(name: str, stream: Readings, notes: list[str]) -> tuple[NDArray[np.
             "stamps are wrong, or they are not in the unit that the format says."
         )
     line = time_line(stamps)
-    notes += (f"{name}: {note.removeprefix('time: ')}" for note in line.notes)
+    notes += (finding.on(name) for finding in line.notes)
     return line.t_ns, values
 
 

@@ -80,7 +80,7 @@ class SensorLog:
         Notes that come last: what of the file is cut or damaged.
     """
 
-    notes: list[str]
+    notes: list[Any]
     meta: ImuMeta
     epoch_ns: int | None = None
     streams: dict[str, Readings] = field(default_factory=dict)
@@ -128,7 +128,7 @@ class SensorLog:
 
 
 def choose(
-    notes: list[str], counts: Mapping[str, int], unit: str | None, of: str = "samples", what: str = "record"
+    notes: list[Any], counts: Mapping[str, int], unit: str | None, of: str = "samples", what: str = "record"
 ) -> str:
     """One of a log's units, with the counts of their records: by name (``IMU.1``, ``imu1``) or number, or the first.
 
@@ -176,7 +176,7 @@ def micro(stamps: NDArray[Any]) -> NDArray[np.int64]:
     return np.minimum(stamps.astype(np.uint64), np.uint64(most)).astype(np.int64) * 1000
 
 
-def _attitude_at(rows_ns: NDArray[np.int64], logged: LoggedAttitude, notes: list[str]) -> Floats | None:
+def _attitude_at(rows_ns: NDArray[np.int64], logged: LoggedAttitude, notes: list[Any]) -> Floats | None:
     """Quaternions at the rows of the samples, NaN where the log has none; None where it has none at all."""
     (t_ns, _), q_nb = without_leaps(logged.t_ns), logged.q_nb
     valid = np.abs(np.sqrt(np.sum(q_nb * q_nb, axis=1)) - 1.0) < _NORM
@@ -191,7 +191,7 @@ def _attitude_at(rows_ns: NDArray[np.int64], logged: LoggedAttitude, notes: list
     except ClockError as error:  # the samples have a clock of their own
         notes.append(f"attitude: left out: {error}")
         return None
-    notes += (f"attitude: {note.removeprefix('time: ')}" for note in line.notes)
+    notes += (finding.on("attitude") for finding in line.notes)
     attitude = read_rows(line.t_ns, quat_normalize(q_nb[valid]), rows_ns, max_gap=longest_bridged(line.t_ns))
     missing = attitude.outside | attitude.gap
     if missing.all():

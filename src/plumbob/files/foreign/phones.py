@@ -455,5 +455,5 @@ def _android(parts: Parts) -> Recording:
 def _android_stream(parts: Parts, stem: str, count: int, notes: list[str]) -> tuple[NDArray[np.int64], Floats]:
     """Stamps and so many values of a table without names."""
     table = read_table(parts.read(f"{stem}.txt"), _BLANKS, range(1, count + 2))
-    notes += [note.replace("cut: ", f"cut: {stem}: ", 1) for note in table.notes]
+    notes += [finding.on(stem) for finding in table.notes]
     return seconds_to_ns(stem, table.columns[1]), vectors(table.columns, *range(2, count + 2))

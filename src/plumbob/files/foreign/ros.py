@@ -17,7 +17,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -351,7 +351,7 @@ def _track(
     table: MessageTable,
     stamps: NDArray[np.int64],
     xyzw: Floats,
-    notes: list[str],
+    notes: list[Any],
     *,
     cov_n: Floats | None = None,
     start: int | None = None,
@@ -361,7 +361,7 @@ def _track(
     Its time begins at the stamp `start`, ns, or at its own first.
     """
     line = time_line(stamps)
-    notes += (f"{topic.name}: {note.removeprefix('time: ')}" for note in line.notes)
+    notes += (finding.on(topic.name) for finding in line.notes)
     some = ~np.isnan(xyzw).all(axis=1)
     wrong = ~(np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= 1e-3)
     if (count := int(np.count_nonzero(some & wrong))) > 0:

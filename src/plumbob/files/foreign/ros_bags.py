@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import MAX_TEXT, require_room
+from plumbob.core.findings import Finding, warning
 from plumbob.core.text import counted
-from plumbob.data.recording import CUT
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.content import BrokenRecordError, inflate
 from plumbob.files.mcap.scan import FileBytes, RowBlock, Scan
@@ -108,7 +108,7 @@ class Bag:
     """Topics of a bag, and what of it could not be read."""
 
     topics: dict[tuple[str, str], Topic] = field(default_factory=dict)
-    damage: list[str] = field(default_factory=list)
+    damage: list[Finding] = field(default_factory=list)
     stored: int = 0
     unpacked: int = 0
 
@@ -126,7 +126,7 @@ class Bag:
 
     def cut(self, what: str, at: int) -> None:
         """Note the end of a file in the middle of something."""
-        self.damage.append(f"{CUT}{what} at byte {at}; what comes before it was read")
+        self.damage.append(warning("reading.cut_within", what=what, byte=at))
 
 
 def open_bag(path: Path) -> Bag:
@@ -311,11 +311,11 @@ def _mcap(source: FileBytes, bag: Bag) -> None:
             elif item.offset + item.size >= source.size:
                 bag.cut(item.what, item.offset)
             else:
-                bag.damage.append(f"damage: {item}")
+                bag.damage.append(warning("reading.damaged_record", record=item))
         if scan.orphans:
-            bag.damage.append(f"damage: {counted(scan.orphans, 'message')} of channels that are not declared")
+            bag.damage.append(warning("reading.orphan_messages", count=scan.orphans))
         if scan.summary_at is None and not (scan.clean or bag.damage):
-            bag.damage.append(f"{CUT}the file has no end; messages may be missing")
+            bag.damage.append(warning("reading.no_end"))
 
 
 def _sqlite(path: Path, bag: Bag, content: bytes | None = None) -> None:
@@ -326,7 +326,7 @@ def _sqlite(path: Path, bag: Bag, content: bytes | None = None) -> None:
 
     source = f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1" if content is None else ":memory:"
     if path.with_name(f"{path.name}-wal").exists():
-        bag.damage.append(f"{CUT}the recorder did not close it; what is in {path.name}-wal alone was not read")
+        bag.damage.append(warning("reading.bag_open", file=path.name))
     try:
         with closing(sqlite3.connect(source, uri=content is None)) as tables:
             if content is not None:

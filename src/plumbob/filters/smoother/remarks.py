@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
+from plumbob.core.findings import Finding, warning
 from plumbob.core.units import to_deg
 from plumbob.data import ImuData
 from plumbob.data.delay import gyr_delay
@@ -24,30 +25,22 @@ TOLD: Final = 1.5
 """Smaller fields of the unit, µT, are not named."""
 
 
-FREE: Final = "no field of the recording gives a heading: it counts from a free zero"
-WEIGHTLESS: Final = "no gravity shows in the specific force ({}): the attitude there may be any"
-WRONG: Final = "the field was not that of the place ({}); the heading there is the gyroscope's"
 MOSTLY: Final = 0.5
 """Share of a recording above which a remark names the other causes that it may have."""
-PUSHED: Final = "; unless it was pushed or fell for that time, gyroscope or accelerometer"
-IRON: Final = "; unless iron was near for that time, gyroscope or magnetometer"
-OTHERWISE: Final = " has a wrong factor, rate, unit, axis or sign: plumbob doctor shows which"
 
 
-def remarks_before(imu: ImuData) -> list[str]:
-    """Remarks on a recording before it is smoothed; a line each."""
+def remarks_before(imu: ImuData) -> list[Finding]:
+    """Remarks on a recording before it is smoothed."""
     lag = gyr_delay(imu)
     if lag is None or not lag.found:
         return []
     late, early = ("gyroscope", "accelerometer") if lag.delay > 0.0 else ("accelerometer", "gyroscope")
-    return [
-        f"the {late} seems to lag the {early} by {1e3 * abs(lag.delay):.0f} ± {1e3 * lag.sd:.0f} ms, and attitudes in "
-        f"motion are off by what the unit turns meanwhile: give the {late} earlier times, and read it again"
-    ]
+    delay, sd = 1e3 * abs(lag.delay), 1e3 * lag.sd
+    return [warning("estimate.delay", late=late, early=early, delay_ms=delay, sd_ms=sd)]
 
 
-def remarks_so_far(gaps: Floats, t: Floats, word: NDArray[np.uint32], *, mag: bool) -> list[str]:
-    """Remarks on samples (N,) of which each knows only what came before, by their flags; a line each.
+def remarks_so_far(gaps: Floats, t: Floats, word: NDArray[np.uint32], *, mag: bool) -> list[Finding]:
+    """Remarks on samples (N,) of which each knows only what came before, by their flags.
 
     `gaps` are the ends of the gaps before them, s, and `mag` says whether there is a field at all.
     """
@@ -55,26 +48,26 @@ def remarks_so_far(gaps: Floats, t: Floats, word: NDArray[np.uint32], *, mag: bo
     if not mag:
         return remarks
     if ((word & flags.HEADING_FREE) != 0).all():
-        return [*remarks, FREE]
+        return [*remarks, warning("estimate.heading_free")]
     gated = (word[1:] & flags.MAG_GATED) != 0
     if when := _spells(t, gated, float(t[0]), float(t[-1])):
-        remarks.append(_doubted(WRONG.format(when), gated, IRON))
+        remarks.append(_doubted("estimate.field_wrong", when, gated))
     return remarks
 
 
-def _doubted(remark: str, which: Bools, unless: str) -> str:
-    return f"{remark}{unless}{OTHERWISE}" if which.mean() > MOSTLY else remark
+def _doubted(code: str, when: str, which: Bools) -> Finding:
+    return warning(code, when=when, mostly="yes" if which.mean() > MOSTLY else "")
 
 
-def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[str]:
-    """Remarks on a stretch of a recording, with the times (N,) at which its attitude is kept; a line each."""
+def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[Finding]:
+    """Remarks on a stretch of a recording, with the times (N,) at which its attitude is kept."""
     begin, end = float(t[0]), float(t[-1])
     remarks = _gaps(smoothed.frames.time[1:][smoothed.frames.gap], begin, end)
     if when := _spells(smoothed.frames.time, smoothed.weightless, begin, end):
-        remarks.append(_doubted(WEIGHTLESS.format(when), smoothed.weightless, PUSHED))
+        remarks.append(_doubted("estimate.weightless", when, smoothed.weightless))
     if smoothed.reference is None:
         if np.isfinite(smoothed.frames.mag[:, 0]).any():
-            remarks.append(FREE)
+            remarks.append(warning("estimate.heading_free"))
         return remarks
     remarks += _of_unit(smoothed)
     if smoothed.attached is not None and smoothed.attached.present:
@@ -82,42 +75,37 @@ def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[str]:
         size = float(np.linalg.norm(magnet, axis=1).max())
         when = _spells(smoothed.frames.time, np.asarray(magnet.any(axis=1)), begin, end)
         if when:
-            remarks.append(f"a field of {size:.0f} µT turned with the sensor ({when}); it was taken off")
+            remarks.append(warning("estimate.field_of_sensor", field=size, when=when))
     gated = (smoothed.weight < GATED) & np.isfinite(smoothed.sweep.field[:, 0])
     if when := _spells(smoothed.frames.time, gated, begin, end):
-        remarks.append(_doubted(WRONG.format(when), gated, IRON))
+        remarks.append(_doubted("estimate.field_wrong", when, gated))
     if smoothed.reference.rival is not None:
         level, up = smoothed.reference.rival
         remarks.append(
-            f"two fields have nearly equal weight, {smoothed.reference.level:.0f} µT level, "
-            f"{smoothed.reference.vertical:.0f} up, and {level:.0f} level, {up:.0f} up: the heading may be off by "
-            f"{to_deg(smoothed.rival_turn):.0f}°, which its standard deviation counts"
-        )
+            warning(
+                "estimate.two_fields", level=smoothed.reference.level, up=smoothed.reference.vertical,
+                other_level=level, other_up=up, heading_deg=float(to_deg(smoothed.rival_turn)),
+            )
+        )  # fmt: skip
     return remarks
 
 
-def _of_unit(smoothed: Smoothed) -> list[str]:
+def _of_unit(smoothed: Smoothed) -> list[Finding]:
     """A field of the unit itself, taken off or not."""
     if smoothed.attached is None:
         return []
     if size := float(np.linalg.norm(smoothed.attached.iron)):
-        return [f"the unit has a field of {size:.1f} µT of its own; it was taken off: calibrate the magnetometer"]
+        return [warning("estimate.field_of_unit", field=size)]
     if (size := float(np.linalg.norm(smoothed.attached.suspect))) < TOLD:
         return []
-    return [
-        f"a field of {size:.1f} µT seems to turn with the unit, or that of the place is uneven; it was not taken off: "
-        f"the heading may be off by {to_deg(smoothed.iron_turn):.0f}°, which its standard deviation counts"
-    ]
+    return [warning("estimate.field_suspect", field=size, heading_deg=float(to_deg(smoothed.iron_turn)))]
 
 
-def _gaps(time: Floats, begin: float, end: float) -> list[str]:
+def _gaps(time: Floats, begin: float, end: float) -> list[Finding]:
     inside = time[(time >= begin) & (time <= end)]
     if not inside.size:
         return []
-    count = "a gap" if inside.size == 1 else f"{inside.size} gaps"
-    return [
-        f"{count} in the samples (until {', '.join(f'{x:.1f}' for x in inside[:MOST])} s): the attitude starts again"
-    ]
+    return [warning("estimate.gaps", count=inside.size, ends=tuple(f"{x:.1f}" for x in inside[:MOST]))]
 
 
 def _spells(time: Floats, which: Bools, begin: float, end: float) -> str:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.findings import Finding
 from plumbob.core.params import build, describe, shown
 from plumbob.core.text import closest
 from plumbob.core.time import Repeats
@@ -72,7 +73,7 @@ class Smoother(AttitudeEstimator):
         Its own parameters, SI.
     common : CommonParams
         Declination in use, use of the magnetometer.
-    remarks : tuple of str
+    remarks : tuple of Finding
         What a reader of the last track should know: what could not be known, and when.
     learned : Learned or None
         What the last recording showed of the gyroscope.
@@ -116,7 +117,7 @@ class Smoother(AttitudeEstimator):
         self._decided = "declination" in given
         self._meta = meta or ImuMeta()
         self._heed(self._meta)
-        self.remarks: tuple[str, ...] = ()
+        self.remarks: tuple[Finding, ...] = ()
         self.learned: Learned | None = None
 
     @property
@@ -215,7 +216,7 @@ class Smoother(AttitudeEstimator):
         from plumbob.filters.smoother.live import Live
 
         live = Live(self.params, data.meta, mag=self.common.mag, start=self._given)
-        remarks = dict[str, None]()
+        remarks = dict[Finding, None]()
         t, word, has_mag, remaining = list[Floats](), list[NDArray[np.uint32]](), False, len(data)
         for part in data.chunks(AT_ONCE):
             piece = _live_piece(live, part)
@@ -262,11 +263,11 @@ class Along:
         Gets the remarks, and what is learned of the gyroscope.
     meta : ImuMeta
         Of the samples.
-    remarks : sequence of str
+    remarks : sequence of Finding
         What is to be said of them already.
     """
 
-    def __init__(self, smoother: Smoother, meta: ImuMeta, remarks: Sequence[str] = ()) -> None:
+    def __init__(self, smoother: Smoother, meta: ImuMeta, remarks: Sequence[Finding] = ()) -> None:
         self._smoother = smoother
         self._start = start = smoother._given
         self._known = _prior(meta, start)

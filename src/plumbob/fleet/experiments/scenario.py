@@ -154,8 +154,8 @@ def measure_scenario(
         for stage in with_noise(stages, run.noise) if own_noise else stages:
             track = run_stage(run.imu, stage, frame=frame)
             ran[stage.name] = track.source
-            warning = bias_beyond(make_estimator(stage, frame, run.imu.meta), track)
-            warnings.setdefault(stage.name, []).extend([warning] if warning else [])
+            beyond = bias_beyond(make_estimator(stage, frame, run.imu.meta), track)
+            warnings.setdefault(stage.name, []).extend(map(str, beyond))
             _append(values.setdefault(stage.name, {}), evaluate(track, run.truth, settle=settle).summary())
         if progress:
             progress(done, len(seeds))
