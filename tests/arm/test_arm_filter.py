@@ -36,7 +36,6 @@ def true_units(made):
 
 
 def filter_at_truth(name, params=INSTANT, q_sd=0.05):
-    """A filter that begins with the truth in the middle of a motion."""
     made, samples = samples_of_ideal(name, 4.2, rate=500.0)
     first = len(samples) - 100
     part = samples.rows(first, len(samples))

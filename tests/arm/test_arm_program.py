@@ -46,8 +46,7 @@ def test_limits_are_kept_by_differences_of_samples(track, bounds, rate):
         assert most <= top, (order, most, top)
     assert program.angles.min() >= bounds.low and program.angles.max() <= bounds.high
     assert np.abs(program.velocities).max() <= bounds.velocity
-    assert np.abs(program.accelerations).max() <= bounds.acceleration
-    assert np.isfinite(program.angles).all()
+    assert np.abs(program.accelerations).max() <= bounds.acceleration and np.isfinite(program.angles).all()
     np.testing.assert_allclose(np.diff(program.t), 1.0 / rate, rtol=1e-6)
 
 
@@ -93,8 +92,7 @@ def test_only_what_is_too_fast_is_slowed():
     t = np.arange(0.0, 20.0, 0.01)
     angles = 0.5 * np.sin(0.5 * t) + 0.5 * eased((t - 10.0) / 0.5)  # the flick's top speed is 1.875 · 0.5 / 0.5 rad/s
     program = taught(JointTrack(t, ("a",), angles[:, np.newaxis]), Limits(velocity=0.6, acceleration=20.0, jerk=400.0))
-    assert program.used(Limits(velocity=0.6))["velocity"] <= 1.0
-    assert program.t[-1] < 24.0
+    assert program.used(Limits(velocity=0.6))["velocity"] <= 1.0 and program.t[-1] < 24.0
     recorded = np.interp(program.t, t, angles)
     np.testing.assert_allclose(program.angles[:700, 0], recorded[:700], atol=0.03)  # 7 s before it: as recorded
 
@@ -116,8 +114,7 @@ def test_smoothing_removes_what_is_faster_than_its_knots():
     program = taught(JointTrack(t, ("a",), (slow + tremor)[:, np.newaxis]), Limits(), smooth=0.2)
     inner = slice(200, -200)
     left = program.angles[inner, 0] - slow[inner]
-    assert np.abs(left).max() < 0.01
-    assert abs(np.mean(left * tremor[inner])) / np.mean(tremor[inner] ** 2) < 0.02
+    assert np.abs(left).max() < 0.01 and abs(np.mean(left * tremor[inner])) / np.mean(tremor[inner] ** 2) < 0.02
 
 
 def test_poses_beyond_the_range_are_brought_inside_and_said():

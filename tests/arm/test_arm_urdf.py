@@ -14,25 +14,10 @@ from plumbob.arm.urdf import hand_link, moved
 from plumbob.core.errors import ClockError, MissingExtraError, ParameterError, PlumbobError
 from plumbob.data.chain import Limits
 from plumbob.rotations import dcm_from_quat
-from tests.helpers import examples
+from tests.helpers import beside, examples
 from tests.helpers.arm_samples import arm, pick_and_place, scipy_hand
 
-ROBOT = """<?xml version="1.0"?>
-<robot name="two">
-  <link name="tip"/>
-  <link name="base"/>
-  <link name="upper"><visual><geometry><mesh filename="package://two/upper.stl"/></geometry></visual></link>
-  <joint name="elbow" type="revolute">
-    <parent link="upper"/><child link="tip"/>
-    <origin xyz="0.4 0 0" rpy="0.1 -0.2 0.3"/><axis xyz="0 0 2"/>
-    <limit lower="-1.5" upper="2" effort="10" velocity="3.5"/>
-  </joint>
-  <joint name="shoulder" type="continuous">
-    <parent link="base"/><child link="upper"/>
-    <origin xyz="0 0 1.2" rpy="0 0 1.5707963267948966"/><axis xyz="0 1 0"/>
-  </joint>
-</robot>
-"""
+ROBOT = beside(__file__, "two.urdf")
 
 LAUGHS = "".join(f'<!ENTITY e{k + 1} "{f"&e{k};" * 10}">' for k in range(12))
 

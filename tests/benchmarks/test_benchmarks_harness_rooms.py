@@ -36,8 +36,7 @@ def test_a_planted_magnetometer_is_found_with_its_delay(turned):
     unit, imu, track = turned
     room = room_of(imu, track)
     size = np.cbrt(np.linalg.det(unit.matrix))
-    assert room.delay == pytest.approx(0.01)
-    assert room.bias == pytest.approx(unit.bias, abs=0.01)
+    assert (room.delay, room.bias) == (pytest.approx(0.01), pytest.approx(unit.bias, abs=0.01))
     assert room.matrix == pytest.approx(unit.matrix / size, abs=1e-3)
     assert room.field == pytest.approx(FIELD_N / size, abs=0.05)
     assert room.unevenness < 0.01
@@ -112,5 +111,4 @@ def test_grades_say_what_their_cards_are_worth():
     assert (good.cards, good.beyond, good.worse) == (2, 1, 1)
     assert good.ratio == pytest.approx(2.15, abs=0.01)
     assert (every.cards, every.beyond, every.worst) == (3, 0, pytest.approx(3.0))
-    assert rooms.shares("chosen") == {}
-    assert rooms.refusals("chosen") == {"cone": 2, "no-gain": 1}
+    assert (rooms.shares("chosen"), rooms.refusals("chosen")) == ({}, {"cone": 2, "no-gain": 1})

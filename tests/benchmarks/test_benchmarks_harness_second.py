@@ -38,8 +38,7 @@ class Told:
 def test_errors_and_claims_are_of_heading_and_inclination():
     clean = record(NONE, LONGEST)
     heard = listen(Told(6.0, sd_deg=[1.0, 1.0, 2.0]), clean, free=False)
-    assert heard.error_deg == pytest.approx(6.0)
-    assert heard.claimed.ratio == pytest.approx(3.0)
+    assert (heard.error_deg, heard.claimed.ratio) == (pytest.approx(6.0), pytest.approx(3.0))
     heard = listen(Told(0.0, 6.0, sd_deg=[3.0, 4.0, 4.0]), clean, free=False)
     assert heard.claimed.error_deg[0] == pytest.approx([0.0, 6.0], abs=1e-6)
     assert heard.claimed.ratio == pytest.approx(6.0 / 5.0)  # of both tilts, 3° and 4°

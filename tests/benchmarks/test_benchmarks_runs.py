@@ -33,8 +33,7 @@ def test_a_serial_line_loses_nothing_and_calibrations_run():
     assert 0.0 < found["p50_ms"] <= found["p99_ms"] <= found["worst_ms"]
     assert found["reads_per_s"] > 0.0
     _, result = run("calibration_speed", "--samples", "3000", "--rounds", "1")
-    assert min(result["seconds"].values()) > 0.0
-    assert result["error_deg"]["whole"] < 1.0
+    assert min(result["seconds"].values()) > 0.0 and result["error_deg"]["whole"] < 1.0
     assert bool(result["ratio"]) == ("magcal" in result["seconds"])
 
 
@@ -77,8 +76,7 @@ def test_blocks_of_endurance_have_no_gap_and_a_broken_limit_is_told():
     endurance = import_module("benchmarks.endurance")
     assert not (endurance.block(0, 500).flags & flags.GAP).any()
     good = {"name": "x", "samples": 1, "ns": 1.0, "at_block_ends": 0.0, "largest": 1e-13, "bias_dps": 0.0}
-    assert endurance.Endured(**good, finite=True).met
-    assert not endurance.Endured(**good, finite=False).met
+    assert endurance.Endured(**good, finite=True).met and not endurance.Endured(**good, finite=False).met
     assert not endurance.Endured(**good | {"largest": 1e-12}, finite=True).met
 
 
@@ -92,18 +90,15 @@ def test_a_case_of_damage_is_made_again_from_its_seed():
     assert max(map(len, cases[0])) <= 1 << 20
 
 
-@pytest.mark.parametrize(
-    ("change", "good"),
-    [
-        ({}, True),
-        ({"code": 3}, True),
-        ({"code": 70}, False),
-        ({"code": 2}, False),
-        ({"traceback": True}, False),
-        ({"seconds": 11.0}, False),
-        ({"mebibytes": 301}, False),
-    ],
-)
+@pytest.mark.parametrize(("change", "good"), [
+    ({}, True),
+    ({"code": 3}, True),
+    ({"code": 70}, False),
+    ({"code": 2}, False),
+    ({"traceback": True}, False),
+    ({"seconds": 11.0}, False),
+    ({"mebibytes": 301}, False),
+])  # fmt: skip
 def test_what_is_a_bad_end_of_a_damaged_file(change, good):
     tally = import_module("benchmarks.fuzz").Tally("a")
     assert tally.take({"code": 0, "seconds": 0.1, "mebibytes": 20, "traceback": False} | change) == good

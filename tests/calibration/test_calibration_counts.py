@@ -50,8 +50,7 @@ def test_one_averaged_row_a_pose_gives_the_counts_of_1_g(poses):
     scale, bias = np.array([2040.0, 2060.0, 2100.0]), np.array([30.0, -50.0, 80.0])
     up = np.vstack([np.eye(3), -np.eye(3), directions(poses)])[:poses]
     found = plumbob.calibrate_counts(up * scale + bias, "acc")
-    assert found.counts_per_g == pytest.approx(scale, rel=1e-6)
-    assert found.bias == pytest.approx(bias, abs=1e-3)
+    assert (found.counts_per_g, found.bias) == (pytest.approx(scale, rel=1e-6), pytest.approx(bias, abs=1e-3))
     assert np.linalg.norm((up * scale) @ found.matrix, axis=1) == pytest.approx(1.0, abs=1e-6)
 
 

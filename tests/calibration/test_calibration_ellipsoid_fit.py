@@ -48,8 +48,7 @@ def test_a_hyperboloid_is_no_ellipsoid():
     z, angle = rng.uniform(-2, 2, 50), rng.uniform(0, 2 * np.pi, 50)
     radius = np.sqrt(1.0 + z * z)
     points = np.stack((radius * np.cos(angle), radius * np.sin(angle), z), axis=-1)
-    assert ellipsoids.fit_axes(points) is None
-    assert ellipsoids.fit_quadric(points) is None
+    assert ellipsoids.fit_axes(points) is None and ellipsoids.fit_quadric(points) is None
     assert ellipsoids.fit_quadric(np.ones((20, 3))) is None
 
 
@@ -112,8 +111,7 @@ def test_outliers_are_set_aside_and_nothing_else(count, wrong):
     radial = (m[:wrong] - bias) / np.linalg.norm(m[:wrong] - bias, axis=1, keepdims=True)
     m[:wrong] += 10.0 * radial
     fit = ellipsoids.fit_norm(m, ellipsoids.Shape.ELLIPSOID, ellipsoids.fit_quadric(m))
-    assert not fit.used[:wrong].any()
-    assert fit.used[wrong:].all()
+    assert not fit.used[:wrong].any() and fit.used[wrong:].all()
     assert np.abs(fit.ellipsoid.centre - bias).max() < 4.0 * np.sqrt(np.diag(fit.covariance)[:3].max())
 
 

@@ -77,12 +77,10 @@ def test_any_start_and_any_hard_iron_will_do(seed):
 
 def test_who_follows_the_guide_of_the_accelerometer_holds_every_pose(acc_capture):
     imu, guide, progress = acc_capture
-    assert progress.filled.all()
-    assert progress.done
+    assert progress.filled.all() and progress.done
     found = [imu.acc[one].mean(axis=0) for one in stills(imu.t, imu.acc, imu.gyr)]
-    assert set(region_index(np.array(found) - 0.1).tolist()) == set(
-        range(len(REGIONS))
-    )  # the fit finds what was promised
+    # the fit finds what was promised
+    assert set(region_index(np.array(found) - 0.1).tolist()) == set(range(len(REGIONS)))
     enough = next(moment for moment in guide.timeline if "enough" in moment.text)
     seen = [moment for moment in guide.timeline if "seen" in moment.text and moment.t <= enough.t]
     assert f"{ENOUGH} of 18" in seen[-1].text

@@ -75,8 +75,7 @@ def test_a_slow_sensor_repeats_itself_without_a_flat_top():
     rate = dps(200.0) * np.sin(np.linspace(0.0, np.pi, 25))
     held = np.repeat(rate, 4)[:, np.newaxis] * np.ones(3)
     where = [slice(0, 0), slice(100, 100)]
-    assert not flat_tops(held, where).any()
-    assert flat_tops(np.minimum(held, dps(150.0)), where).any()
+    assert not flat_tops(held, where).any() and flat_tops(np.minimum(held, dps(150.0)), where).any()
     assert not flat_tops(0.2 * np.minimum(held, dps(150.0)), where).any()  # 30 °/s is no end of a range
 
 

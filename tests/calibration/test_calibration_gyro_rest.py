@@ -43,8 +43,7 @@ def test_what_the_card_has_already_is_kept_and_taken_off():
     drifted = gyr + np.outer(temp_c - 25.0, slope) + acc @ coupling.T
     found = fit_rest(Rates(t, drifted, acc=acc, temp_c=temp_c, known=known)).calibration
     assert np.abs(found.bias - bias).max() <= 5.0 * WHITE / np.sqrt(60.0)
-    assert (found.matrix == known.matrix).all()
-    assert (found.bias_per_k == known.bias_per_k).all()
+    assert (found.matrix == known.matrix).all() and (found.bias_per_k == known.bias_per_k).all()
     for missing, others in (("temp_c", {"acc": acc}), ("acc", {"temp_c": temp_c})):
         with pytest.raises(CalibrationError, match=f"record {missing} too"):
             fit_rest(Rates(t, drifted, known=known, **others))

@@ -60,15 +60,11 @@ def test_scale_magnets_and_regions():
     assert quality.regions == 18 and quality.grade in {"good", "fair"}
 
 
-@pytest.mark.parametrize(
-    ("response", "expected"),
-    [
-        (np.eye(3), "sphere"),
-        (np.diag([1.1, 0.93, 1.02]), "axis-aligned"),
-        (np.diag([1.1, 0.93, 1.02]) + 0.03 * (np.ones((3, 3)) - np.eye(3)), "general"),
-    ],
-    ids=["sphere", "axes", "ellipsoid"],
-)
+@pytest.mark.parametrize(("response", "expected"), [
+    (np.eye(3), "sphere"),
+    (np.diag([1.1, 0.93, 1.02]), "axis-aligned"),
+    (np.diag([1.1, 0.93, 1.02]) + 0.03 * (np.ones((3, 3)) - np.eye(3)), "general"),
+], ids=["sphere", "axes", "ellipsoid"])  # fmt: skip
 def test_the_shape_is_the_smallest_that_holds(response, expected):
     """1 % of captures takes a larger shape than the true one, by the test's own significance."""
     rng = np.random.default_rng(3)

@@ -18,14 +18,12 @@ def fitted(seed, *, count=1000, tilt=None, sd=0.2, step=0.073):
     return fit_mag_acc(mag, acc, strength=STRENGTH), unit
 
 
-@pytest.mark.parametrize(
-    ("scene", "bar", "trials"),
-    [  # the project's study of calibrations, magnetometer table: acc+mag, with mounting; text below; tilt ≤ 25°
-        ({}, 0.07, 8),
-        ({"count": 18, "sd": 0.02, "step": 0.0}, 0.27, 24),
-        ({"tilt": np.radians(25.0)}, 0.31, 8),
-    ],
-)
+@pytest.mark.parametrize(("scene", "bar", "trials"), [
+    # the project's study of calibrations, magnetometer table: acc+mag, with mounting; text below; tilt ≤ 25°
+    ({}, 0.07, 8),
+    ({"count": 18, "sd": 0.02, "step": 0.0}, 0.27, 24),
+    ({"tilt": np.radians(25.0)}, 0.31, 8),
+])  # fmt: skip
 def test_heading_meets_the_bar_and_the_covariance_is_honest(scene, bar, trials):
     """And small tilt leaves no bias: derivatives at the measured vectors would share their noise, and the mean error
     be −1 standard deviations; of 12 parameters one in 1000 is beyond 3.3."""
@@ -62,8 +60,7 @@ def test_outliers_of_either_sensor_are_set_aside():
     fit = fit_mag_acc(mag, acc, strength=STRENGTH)
     assert not fit.used[:30].any()
     assert np.count_nonzero(~fit.used[30:60]) >= 24  # where the push is along the vertical, the direction stays
-    assert np.count_nonzero(~fit.used[60:]) <= 2
-    assert np.degrees(heading_rms(fit.calibration, unit)) < 0.2
+    assert np.count_nonzero(~fit.used[60:]) <= 2 and np.degrees(heading_rms(fit.calibration, unit)) < 0.2
 
 
 def test_turns_and_scales_are_split_with_their_derivatives():

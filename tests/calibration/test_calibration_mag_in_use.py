@@ -94,19 +94,15 @@ def test_what_is_missing_is_left_out():
     )
 
 
-@pytest.mark.parametrize(
-    ("change", "kind"),
-    [
-        (lambda t, mag, gyr: (t[:300], mag[:300], gyr[:300]), "too-few"),
-        (lambda t, mag, gyr: (t[:50], np.full((50, 3), np.nan), gyr[:50]), "too-few"),
-        (lambda t, mag, gyr: (t, mag[:1] + 0.0 * mag, 0.0 * gyr), "ill-conditioned"),
-        (lambda t, mag, gyr: (t, mag * [1.0, 1.0, -1.0], gyr), "ill-conditioned"),
-        (lambda t, mag, gyr: (t, mag, np.degrees(gyr)), "ill-conditioned"),
-        (lambda t, mag, gyr: (t, mag * [1.0, 1.0, 0.0], gyr), "implausible"),
-        (lambda t, mag, gyr: (t, 1e9 * mag, gyr), "wrong-field"),
-    ],
-    ids=["30 s", "no field", "at rest", "mirrored", "degrees", "dead axis", "no µT"],
-)
+@pytest.mark.parametrize(("change", "kind"), [
+    (lambda t, mag, gyr: (t[:300], mag[:300], gyr[:300]), "too-few"),
+    (lambda t, mag, gyr: (t[:50], np.full((50, 3), np.nan), gyr[:50]), "too-few"),
+    (lambda t, mag, gyr: (t, mag[:1] + 0.0 * mag, 0.0 * gyr), "ill-conditioned"),
+    (lambda t, mag, gyr: (t, mag * [1.0, 1.0, -1.0], gyr), "ill-conditioned"),
+    (lambda t, mag, gyr: (t, mag, np.degrees(gyr)), "ill-conditioned"),
+    (lambda t, mag, gyr: (t, mag * [1.0, 1.0, 0.0], gyr), "implausible"),
+    (lambda t, mag, gyr: (t, 1e9 * mag, gyr), "wrong-field"),
+], ids=["30 s", "no field", "at rest", "mirrored", "degrees", "dead axis", "no µT"])  # fmt: skip
 def test_what_cannot_calibrate_is_refused(change, kind):
     _, measured, _ = scene(9, minutes=2.0)
     (reason, *_) = reasons(fit_mag_in_use, *change(*measured))

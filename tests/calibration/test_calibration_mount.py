@@ -109,9 +109,8 @@ def test_a_reference_gives_the_planted_mounting_within_its_claim(q_bs):
 
 def test_the_average_is_robust():
     ours, theirs = tracks(MOUNTINGS[0])
-    ours[:300] = rot.quat_multiply(
-        ours[:300], rot.quat_from_rotvec(np.array([0.0, 0.0, 1.0]))
-    )  # 15 % lost their heading
+    # 15 % lost their heading
+    ours[:300] = rot.quat_multiply(ours[:300], rot.quat_from_rotvec(np.array([0.0, 0.0, 1.0])))
     error = rot.quat_angle(mount_from_attitudes(ours, theirs).mount.q_bs, MOUNTINGS[0])
     # a mean is 15 % of 1 rad off, 8.6°; Cauchy's weight at 1 rad, with a scale of the median, about 2°: 0.1 % of it
     assert error < deg(0.3)

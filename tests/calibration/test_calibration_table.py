@@ -226,8 +226,7 @@ def test_short_stretches_nan_and_short_recordings_are_none():
     assert plateaus(t, gyr) == []
     t, gyr, _ = recording([0.0, 50.0])
     gyr[:, 1] = np.nan
-    assert plateaus(t, gyr) == []
-    assert plateaus(t[:3], gyr[:3]) == []
+    assert (plateaus(t, gyr), plateaus(t[:3], gyr[:3])) == ([], [])
     gyr[:, 1] = 0.0
     gyr[1100, 1] = np.nan  # in the second plateau, from 8 to 14 s
     assert len(plateaus(t, gyr)) == 3 and all(np.isfinite(gyr[one]).all() for one in plateaus(t, gyr))

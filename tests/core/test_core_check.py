@@ -13,27 +13,22 @@ TRUTH = r"score\[1\] = .*must be True or False"
 WORD = r"flags\[1\] = .*, but flags are whole numbers from 0 to"
 
 
-@pytest.mark.parametrize(
-    "value",
-    [
-        [1, 2, 3],
-        (1.0, 2.0, 3.0),
-        np.array([1, 2, 3], dtype=np.uint64),
-        np.array([1, 2, 3], dtype=np.float16),
-        np.array([1, 2, 3], dtype=">f8"),
-        np.array([1, 2, 3], dtype=">i2"),
-        np.array([3.0, 2.0, 1.0])[::-1],
-        np.repeat([1.0, 2.0, 3.0], 2)[::2],
-        memoryview(np.array([1.0, 2.0, 3.0])),
-        range(1, 4),
-    ],
-    ids=lambda v: f"{type(v).__name__}-{getattr(v, 'dtype', '')}",
-)
+@pytest.mark.parametrize("value", [
+    [1, 2, 3],
+    (1.0, 2.0, 3.0),
+    np.array([1, 2, 3], dtype=np.uint64),
+    np.array([1, 2, 3], dtype=np.float16),
+    np.array([1, 2, 3], dtype=">f8"),
+    np.array([1, 2, 3], dtype=">i2"),
+    np.array([3.0, 2.0, 1.0])[::-1],
+    np.repeat([1.0, 2.0, 3.0], 2)[::2],
+    memoryview(np.array([1.0, 2.0, 3.0])),
+    range(1, 4),
+], ids=lambda v: f"{type(v).__name__}-{getattr(v, 'dtype', '')}")  # fmt: skip
 def test_numbers_in_any_dress(value):
     array = check.floats("x", value)
     assert array.dtype == np.float64
-    assert array.dtype.isnative
-    assert array.flags.c_contiguous
+    assert array.dtype.isnative and array.flags.c_contiguous
     assert array.tolist() == [1.0, 2.0, 3.0]
 
 
@@ -44,8 +39,7 @@ def test_values_order_and_shapes_stay():
     assert check.floats("x", 5.0).shape == ()
     for shape in ((3,), (1, 3), (0, 3), (2, 4, 3)):
         assert check.last_axis("v", np.ones(shape), 3).shape == shape
-    assert check.rows("v", np.ones((5, 3)), 3, 5).shape == (5, 3)
-    assert check.column("t", [1, 2], 2).shape == (2,)
+    assert (check.rows("v", np.ones((5, 3)), 3, 5).shape, check.column("t", [1, 2], 2).shape) == ((5, 3), (2,))
     words = [0, 1, 2**31, 2**32 - 1]
     assert check.bits("flags", words, 4).tolist() == words
     assert check.bits("flags", np.array(words, dtype=np.uint32), 4).dtype == np.uint32
@@ -135,8 +129,7 @@ class TestReadOnly:
         mine = np.arange(6.0)
         for given in (mine, mine[:3], mine[::2], mine.reshape(2, 3)):
             frozen = check.read_only(given)
-            assert not np.shares_memory(frozen, mine)
-            assert np.array_equal(frozen, given)
+            assert not np.shares_memory(frozen, mine) and np.array_equal(frozen, given)
             with pytest.raises(ValueError, match="read-only"):
                 frozen[0] = 1.0
             with pytest.raises(ValueError, match="WRITEABLE"):

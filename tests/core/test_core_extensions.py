@@ -32,17 +32,14 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("list filters absent", "filter 'absent' of faults 1.0 cannot be used (ModuleNotFoundError: No module named"),
-        ("list filters bare", "filter 'bare' of faults 1.0 cannot be used (ParameterError: it must have SUMMARY,"),
-        ("info log.seven", "file 'seven' of faults 1.0 cannot be used"),
-        ("info log.csv", "log.csv: a table does not say its units"),
-        ("info log.dat", "log.dat: what read gives must be a Recording"),
-        ("info other.dat", "other.dat: a table does not say its units"),
-    ],
-)
+@pytest.mark.parametrize(("line", "message"), [
+    ("list filters absent", "filter 'absent' of faults 1.0 cannot be used (ModuleNotFoundError: No module named"),
+    ("list filters bare", "filter 'bare' of faults 1.0 cannot be used (ParameterError: it must have SUMMARY,"),
+    ("info log.seven", "file 'seven' of faults 1.0 cannot be used"),
+    ("info log.csv", "log.csv: a table does not say its units"),
+    ("info log.dat", "log.dat: what read gives must be a Recording"),
+    ("info other.dat", "other.dat: a table does not say its units"),
+])  # fmt: skip
 def test_what_cannot_be_used_is_refused_with_its_package(folder, line, message):
     assert message in refused(*line.split(), cwd=folder, **PROCESS)
 

@@ -24,9 +24,7 @@ def test_each_flag_is_one_bit_of_32_and_has_its_name_and_a_meaning():
 
 
 def test_names_and_counts():
-    assert flags.names(0) == ()
-    assert flags.names(flags.GAP | flags.GYR_ABSENT) == ("gyr-absent", "gap")
+    assert (flags.names(0), flags.names(flags.GAP | flags.GYR_ABSENT)) == ((), ("gyr-absent", "gap"))
     assert len(flags.names(0xFFFF)) == 16
     words = np.array([flags.GAP, flags.GAP | flags.GYR_ABSENT, 0], dtype=np.uint32)
-    assert flags.counts(words) == {"gyr-absent": 1, "gap": 2}
-    assert flags.counts(words[2:]) == {}
+    assert (flags.counts(words), flags.counts(words[2:])) == ({"gyr-absent": 1, "gap": 2}, {})

@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 
 from plumbob.core.errors import CalibrationError, DecodeError, ShapeError
 from plumbob.data.cards import CalibrationCard, Mount, NoiseCard, Quality, TriadCalibration, TriadNoise
-from tests.helpers import examples
+from tests.helpers import beside, examples
 
 MATRIX = [[1.01, 0.02, -0.03], [0.0, 0.98, 0.01], [0.004, -0.005, 1.02]]
 
@@ -102,17 +102,7 @@ def test_round_trip_keeps_every_bit(tmp_path, data):
     assert_same_bits(card, CalibrationCard.load(tmp_path / "card.json"))
 
 
-VERSION_1 = """{
-  "kind": "plumbob calibration card", "format_version": 1,
-  "device": "unit 7", "date": "2026-01-31", "method": "six faces",
-  "gyr": {
-    "matrix": [[1.0, 0.0, 0.0], [0.0, 1.5, 0.0], [0.0, 0.0, 1.0]], "bias": [0.1, 0.2, 0.3],
-    "unit_in": "rad/s", "unit_out": "rad/s", "bias_per_k": [0.001, 0.0, -0.002], "temp_ref_c": 20.0,
-    "residual_rms": null
-  },
-  "acc": null, "mag": null
-}
-"""
+VERSION_1 = beside(__file__, "card_version_1.json")
 
 
 def test_a_file_of_version_1_and_a_noise_card_are_read(tmp_path):
@@ -167,8 +157,7 @@ class TestParts:
         assert (both.acc, both.mag) == (old.acc, old.mag)
         assert (both.gyr, both.mount) == (new.gyr, new.mount)
         assert (both.date, both.software) == ("2027-01-01", "plumbob 1")
-        assert both.method == "at rest; ellipsoid; hung"
-        assert both.gyr.date == "2026-11-20"
+        assert (both.method, both.gyr.date) == ("at rest; ellipsoid; hung", "2026-11-20")
         with pytest.raises(CalibrationError, match="the card is of device 'unit 7', but the new one is of 'unit 8'"):
             calibration().merged(calibration(device="unit 8"))
 
@@ -264,15 +253,12 @@ def test_what_is_just_right_is_taken():
     assert np.array_equal(triad(covariance=covariance).covariance, covariance)
 
 
-@pytest.mark.parametrize(
-    ("change", "found"),
-    [
-        ({"matrix": np.eye(3)}, False),
-        ({"matrix": np.eye(3), "covariance": np.diag([1.0] * 3 + [0.0] * 9)}, False),
-        ({"matrix": np.eye(3), "covariance": np.eye(12)}, True),
-        ({"matrix": MATRIX}, True),
-    ],
-)
+@pytest.mark.parametrize(("change", "found"), [
+    ({"matrix": np.eye(3)}, False),
+    ({"matrix": np.eye(3), "covariance": np.diag([1.0] * 3 + [0.0] * 9)}, False),
+    ({"matrix": np.eye(3), "covariance": np.eye(12)}, True),
+    ({"matrix": MATRIX}, True),
+])  # fmt: skip
 def test_an_identity_without_variance_was_not_found(change, found):
     assert triad(**change).matrix_found is found
 
@@ -369,5 +355,4 @@ class TestFiles:
             return
         for name in ("matrix", "bias", "bias_per_k", "g_sensitivity", "covariance", "temp_span_c"):
             assert np.isfinite(getattr(card.acc, name)).all()
-        assert np.isfinite(card.acc.temp_ref_c)
-        assert abs(np.linalg.norm(card.mount.q_bs) - 1.0) < 1e-3
+        assert np.isfinite(card.acc.temp_ref_c) and abs(np.linalg.norm(card.mount.q_bs) - 1.0) < 1e-3

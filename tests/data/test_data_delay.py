@@ -30,8 +30,7 @@ def test_a_delay_is_found(by, push):
 
 def test_no_delay_is_none_nor_is_there_one_of_forces_that_have_nothing_to_do_with_the_rates():
     delay = gyr_delay(late(0.0, push=0.5))
-    assert not delay.found
-    assert abs(delay.delay) < 3.0 * delay.sd
+    assert not delay.found and abs(delay.delay) < 3.0 * delay.sd
     # forces of 5 m/s² that have nothing to do with the rates
     found = gyr_delay(late(0.0, push=5.0))
     assert found is None or not found.found

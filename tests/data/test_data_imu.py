@@ -91,8 +91,7 @@ class TestTaken:
     def test_time_is_kept_to_the_nanosecond_and_a_gap_is_flagged_behind_it(self):
         t_ns = np.cumsum(np.random.default_rng(0).integers(1, 10**7, N))
         data = made(t=to_s(t_ns))
-        assert np.array_equal(data.t_ns, t_ns)
-        assert np.array_equal(made(t=data.t).t, data.t)
+        assert np.array_equal(data.t_ns, t_ns) and np.array_equal(made(t=data.t).t, data.t)
         assert flagged(made(t=parts()["t"] + (np.arange(N) >= 50)), flags.GAP) == [50]
 
     @given(st.floats(22.0, 67.0), st.floats(-1, 1))
@@ -216,8 +215,7 @@ class TestLostSamples:
             assert np.count_nonzero(data.flags) == 1
             assert np.array_equal(getattr(data, name), triad[name], equal_nan=True)  # nothing is lost
             usable = data.usable(name)
-            assert np.isnan(usable[row]).all()
-            assert np.isfinite(np.delete(usable, row, axis=0)).all()
+            assert np.isnan(usable[row]).all() and np.isfinite(np.delete(usable, row, axis=0)).all()
 
     @pytest.mark.parametrize("name", TRIADS)
     def test_bursts_and_a_few_spikes_are_no_question_of_units(self, name):
@@ -245,8 +243,7 @@ class TestRanges:
         gyr[13, 1] = 0.99 * FULL
         data = made(gyr=gyr, meta=ImuMeta(gyr_range=FULL))
         assert flagged(data, flags.GYR_CLIPPED) == [10, 11, 12]
-        assert not flagged(data, flags.GYR_INVALID)
-        assert np.array_equal(data.usable("gyr"), gyr)
+        assert not flagged(data, flags.GYR_INVALID) and np.array_equal(data.usable("gyr"), gyr)
         data = made(**changed("gyr", (10, 0), 1.2 * FULL), meta=ImuMeta(gyr_range=FULL))
         assert flagged(data, flags.GYR_INVALID) == [10]
         assert not flagged(data, flags.GYR_CLIPPED)
@@ -256,8 +253,7 @@ class TestRanges:
         gyr[:, 2] = units.dps(250.0)
         gyr[10, 0], gyr[11, 2], gyr[12, 1], gyr[13, 2] = units.dps(np.array([100.0, -300.0, -110.0, 320.0]))
         data = made(gyr=gyr, meta=ImuMeta(gyr_range=FIN))
-        assert flagged(data, flags.GYR_CLIPPED) == [10, 11]
-        assert flagged(data, flags.GYR_INVALID) == [12, 13]
+        assert (flagged(data, flags.GYR_CLIPPED), flagged(data, flags.GYR_INVALID)) == ([10, 11], [12, 13])
         live = ImuData.live(data.t_ns, {"gyr": gyr}, flags=np.zeros(N, dtype=np.uint32), meta=data.meta)
         judged = np.uint32(flags.GYR_CLIPPED | flags.GYR_INVALID)
         np.testing.assert_array_equal(live.flags & judged, data.flags & judged)
@@ -300,8 +296,7 @@ class TestFrozen:
         data = ImuData(**mine)
         before = {name: getattr(data, name).copy() for name in mine}
         for name, array in mine.items():
-            assert np.array_equal(array, given_[name])
-            assert array.flags.writeable
+            assert np.array_equal(array, given_[name]) and array.flags.writeable
             array[:] = 7
         for name, expected in before.items():
             assert np.array_equal(getattr(data, name), expected)
@@ -385,8 +380,7 @@ class TestCorrected:
         data = made(**changed("acc", 4, units.g(2.0)), meta=ImuMeta(acc_range=units.g(2.0)))
         corrected = data.corrected(meta=replace(data.meta, calibration="card"), acc=10.0 * data.acc)
         assert flagged(corrected, flags.ACC_CLIPPED) == [4]
-        assert not flagged(corrected, flags.ACC_INVALID)
-        assert np.array_equal(corrected.acc, 10.0 * data.acc)
+        assert not flagged(corrected, flags.ACC_INVALID) and np.array_equal(corrected.acc, 10.0 * data.acc)
         assert np.shares_memory(corrected.gyr, data.gyr)
         assert corrected.meta.calibration == "card"
         assert data.meta.calibration is None

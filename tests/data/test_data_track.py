@@ -33,8 +33,7 @@ def test_rounded_digits_are_normalised_and_unknown_attitudes_are_nan():
     track = made(q_nb=q)
     assert len(track) == N
     assert np.flatnonzero(~track.known).tolist() == [3, 4]
-    assert np.isnan(track.q_nb[4]).all()
-    assert np.array_equal(track.q_nb[track.known], q[track.known])
+    assert np.isnan(track.q_nb[4]).all() and np.array_equal(track.q_nb[track.known], q[track.known])
 
 
 def at(row, value):
@@ -43,31 +42,28 @@ def at(row, value):
     return t
 
 
-@pytest.mark.parametrize(
-    ("error", "name", "value", "says"),
-    [
-        (ShapeError, "q_nb", np.zeros((4, N)), r"q_nb must have shape \(N, 4\).*transposed"),
-        (ShapeError, "q_nb", np.zeros((N, 3)), r"q_nb must have shape \(N, 4\)"),
-        (ShapeError, "q_nb", np.zeros((N, 4)), r"q_nb\[0\] has norm 0, but"),
-        (ShapeError, "q_nb", np.tile([1.0, 0.1, 0, 0], (N, 1)), "q_nb.*has norm 1.00498756"),
-        (ShapeError, "q_nb", np.tile([np.inf, 0, 0, 0], (N, 1)), "q_nb.*has norm inf"),
-        (ShapeError, "q_nb", np.ones((N + 1, 4)) / 2, "q_nb must have one row per time stamp"),
-        (ShapeError, "bias_b", np.zeros((N, 4)), r"bias_b must have shape \(N, 3\)"),
-        (ShapeError, "cov_b", np.zeros((N, 3)), r"cov_b must have shape \(50, 3, 3\), but its shape is \(50, 3\)"),
-        (ShapeError, "cov_b", np.zeros((N - 1, 3, 3)), r"cov_b must have shape \(50, 3, 3\)"),
-        (ShapeError, "flags", np.full(N, -1), "flags"),
-        (ShapeError, "flags", np.zeros(N + 1), "flags must have one entry"),
-        (ShapeError, "score", np.full(N, np.nan), r"score\[0\] = nan, but it must be True or False"),
-        (ShapeError, "score", np.full(N, 2), "score"),
-        (ShapeError, "t", np.zeros((N, 1)), "t must have shape"),
-        (ClockError, "t", at(7, 0.01), "strictly increase"),
-        (ClockError, "t", at(7, 0.06 + 1e-10), "rounded to nanoseconds"),
-        *(
-            (FrameError, name, bad, "known are")
-            for name, bad in (("frame", None), ("frame", "XYZ"), ("north", "grid"), ("north", None))
-        ),
-    ],
-)
+@pytest.mark.parametrize(("error", "name", "value", "says"), [
+    (ShapeError, "q_nb", np.zeros((4, N)), r"q_nb must have shape \(N, 4\).*transposed"),
+    (ShapeError, "q_nb", np.zeros((N, 3)), r"q_nb must have shape \(N, 4\)"),
+    (ShapeError, "q_nb", np.zeros((N, 4)), r"q_nb\[0\] has norm 0, but"),
+    (ShapeError, "q_nb", np.tile([1.0, 0.1, 0, 0], (N, 1)), "q_nb.*has norm 1.00498756"),
+    (ShapeError, "q_nb", np.tile([np.inf, 0, 0, 0], (N, 1)), "q_nb.*has norm inf"),
+    (ShapeError, "q_nb", np.ones((N + 1, 4)) / 2, "q_nb must have one row per time stamp"),
+    (ShapeError, "bias_b", np.zeros((N, 4)), r"bias_b must have shape \(N, 3\)"),
+    (ShapeError, "cov_b", np.zeros((N, 3)), r"cov_b must have shape \(50, 3, 3\), but its shape is \(50, 3\)"),
+    (ShapeError, "cov_b", np.zeros((N - 1, 3, 3)), r"cov_b must have shape \(50, 3, 3\)"),
+    (ShapeError, "flags", np.full(N, -1), "flags"),
+    (ShapeError, "flags", np.zeros(N + 1), "flags must have one entry"),
+    (ShapeError, "score", np.full(N, np.nan), r"score\[0\] = nan, but it must be True or False"),
+    (ShapeError, "score", np.full(N, 2), "score"),
+    (ShapeError, "t", np.zeros((N, 1)), "t must have shape"),
+    (ClockError, "t", at(7, 0.01), "strictly increase"),
+    (ClockError, "t", at(7, 0.06 + 1e-10), "rounded to nanoseconds"),
+    *(
+        (FrameError, name, bad, "known are")
+        for name, bad in (("frame", None), ("frame", "XYZ"), ("north", "grid"), ("north", None))
+    ),
+])  # fmt: skip
 def test_refused(error, name, value, says):
     with pytest.raises(error, match=says):
         made(**{name: value})
@@ -112,8 +108,7 @@ def test_frozen_for_good():
         track.frame = Frame.NED
     for twin in (track, copy.deepcopy(track), pickle.loads(pickle.dumps(track))):  # noqa: S301
         for name in arrays:
-            assert np.array_equal(getattr(twin, name), before[name])
-            assert not getattr(twin, name).flags.writeable
+            assert np.array_equal(getattr(twin, name), before[name]) and not getattr(twin, name).flags.writeable
     assert track.flags.dtype == np.uint32
     assert track.score.dtype == bool
 

@@ -15,8 +15,6 @@ IMU, TRACK = MADE.imu, MADE.truth
 
 
 class Table:
-    """As a data frame looks."""
-
     columns, shape, index = ["a"], (2, 1), [0, 1]
 
     def __getitem__(self, key):

@@ -24,7 +24,6 @@ pytestmark = pytest.mark.skipif(not PATHS, reason="this is no checkout of git")
 
 
 def pointed_to(pattern):
-    """What matches in each file, with its place."""
     for path in READ:
         text = (ROOT / path).read_text(encoding="utf-8")
         for match in re.finditer(pattern, text):

@@ -102,7 +102,6 @@ def texts(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def docstrings(node: ast.Module | ast.ClassDef) -> Iterator[tuple[int, str]]:
-    """Docstrings of public functions and classes."""
     for inner in node.body:
         if isinstance(inner, (ast.FunctionDef, ast.ClassDef)) and not inner.name.startswith("_"):
             yield inner.lineno, ast.get_docstring(inner) or ""

@@ -31,16 +31,14 @@ def test_slerp_is_exact_at_constant_rate(track):
     slow, fast = np.arange(60) / 10.0, np.sort(np.random.default_rng(0).uniform(0.0, 5.9, 500))
     match = associate(track(fast, spin(fast)), track(slow, spin(slow)))
     # stamps are kept to the nanosecond, and the body turns at 1 rad/s
-    assert quat_angle(match.q_ref, spin(fast)).max() < 2e-9
-    assert not match.exact.any()
+    assert quat_angle(match.q_ref, spin(fast)).max() < 2e-9 and not match.exact.any()
 
 
 def test_ends_are_not_extrapolated(track):
     t = np.arange(100) / 10.0
     match = associate(track(t, spin(t)), track(t[20:50], spin(t[20:50])))
     assert match.counts() == {Fate.SCORED: 30, Fate.OUTSIDE: 70}
-    assert np.isnan(match.q_ref[:20]).all()
-    assert np.isnan(match.q_ref[50:]).all()
+    assert np.isnan(match.q_ref[:20]).all() and np.isnan(match.q_ref[50:]).all()
 
 
 def test_gaps_of_the_reference_are_not_bridged(track):
@@ -48,8 +46,7 @@ def test_gaps_of_the_reference_are_not_bridged(track):
     holed = np.delete(coarse, np.arange(10, 20))  # from 0.45 s to 1.0 s
     match = associate(track(fine, spin(fine)), track(holed, spin(holed)))
     inside = (fine > 0.45 + 1e-9) & (fine < 1.0 - 1e-9)
-    assert (match.fate[inside] == Fate.GAP).all()
-    assert np.isnan(match.q_ref[inside]).all()
+    assert (match.fate[inside] == Fate.GAP).all() and np.isnan(match.q_ref[inside]).all()
     assert (match.fate[~inside & (fine <= 1.95)] == Fate.SCORED).all()
 
 

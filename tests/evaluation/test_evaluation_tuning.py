@@ -97,8 +97,7 @@ def test_what_only_noise_prefers_is_not_a_gain():
     """The rest detector's waiting time does nothing on a buoy in motion: whatever is fitted, nothing is gained."""
     several = [recording(seed, duration=8.0) for seed in range(1, 5)]
     got = tune(several, "vqf", params=["mag_reject", "rest_after"], budget=8)
-    assert not got.proven
-    assert got.verdict().startswith("Keep the defaults")
+    assert not got.proven and got.verdict().startswith("Keep the defaults")
 
 
 def test_groups_are_held_out_together(several):
@@ -137,8 +136,7 @@ def test_one_recording_promises_nothing(several, tmp_path):
 def test_places_of_a_range_are_even_in_logarithms_and_one_at_its_end_is_said(several):
     beta = next(p for p in describe(load("madgwick").Params) if p.name == "beta")
     one = Range(beta, 0.01, 1.0)
-    assert one.value_at(0.5) == pytest.approx(0.1)
-    assert one.place(0.1) == pytest.approx(0.5)
+    assert (one.value_at(0.5), one.place(0.1)) == (pytest.approx(0.1), pytest.approx(0.5))
     bare = Recording(imu=several[0].imu, track=None, name="bare")
     low = ["beta=1e-5 1/s..1e-4 1/s"]
     got = tune([*several[:2], bare], "madgwick", params=low, budget=8, metric="inclination")

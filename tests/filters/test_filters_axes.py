@@ -17,7 +17,6 @@ STUCK = {"gyr": flags.GYR_STUCK, "acc": flags.ACC_STUCK, "mag": flags.MAG_STUCK}
 
 
 def with_noise(seed=0):
-    """Samples in whole digits."""
     rng = np.random.default_rng(seed)
     return {k: STEP[k] * np.rint((getattr(DATA, k) + rng.normal(0.0, sd, (N, 3))) / STEP[k]) for k, sd in NOISE.items()}
 
@@ -55,8 +54,7 @@ def test_an_axis_that_sticks_while_the_others_move(triad, flicker, estimator):
     found = (words_of(triads, estimator) & STUCK[triad]) != 0
     first = int(np.argmax(found))
     assert BEGIN + 100 * LONG - 1 <= first < BEGIN + 100 * LONG + 20
-    assert found[first:END].all()
-    assert not found[END + 2 :].any()
+    assert found[first:END].all() and not found[END + 2 :].any()
 
 
 def test_an_axis_at_rest_that_says_nothing_new_is_not_stuck():
@@ -82,5 +80,4 @@ def test_an_end_of_range_that_nobody_declared_and_a_rate_that_wraps_around(estim
     assert not clipped[inside].any()
     assert np.mean(clipped[beyond]) > 0.9  # not those before the first six of an axis
     invalid = (words_of({**triads, "gyr": np.mod(gyr + end, 2.0 * end) - end}, estimator) & flags.GYR_INVALID) != 0
-    assert np.mean(invalid[beyond]) > 0.9
-    assert np.mean(invalid[~beyond]) < 0.02
+    assert np.mean(invalid[beyond]) > 0.9 and np.mean(invalid[~beyond]) < 0.02

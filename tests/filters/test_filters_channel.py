@@ -165,9 +165,8 @@ def test_average_is_the_mean_of_the_last_samples(n):
     y = np.random.default_rng(4).standard_normal(500)
     found = RateFilter("moving_average", params={"samples": n}).process(even(500), y).rate
     full = signal.lfilter(np.ones(n), 1.0, y) / np.minimum(np.arange(1, 501), n)
-    np.testing.assert_allclose(
-        found, full, rtol=0, atol=2 * min(n, 500) * 4.0 * EPS
-    )  # sums of n numbers below 4, twice
+    # sums of n numbers below 4, twice
+    np.testing.assert_allclose(found, full, rtol=0, atol=2 * min(n, 500) * 4.0 * EPS)
 
 
 def test_average_forgets_a_large_value_and_all_rounding():

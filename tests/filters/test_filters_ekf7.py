@@ -341,8 +341,7 @@ def test_the_rod_keeps_the_paper_s_bars(seed):
         assert up @ f.cov_b @ up < 1.01 * quaternion_bias.HEADING_LIMIT
     q_nb, words = (np.concatenate([getattr(part, of) for part in parts]) for of in ("q_nb", "flags"))
     errors = tilt_errors(q_nb, run.truth)
-    assert np.abs(errors).max() <= 1.0
-    assert np.sqrt((errors**2).mean(axis=1)).max() <= 0.25
+    assert np.abs(errors).max() <= 1.0 and np.sqrt((errors**2).mean(axis=1)).max() <= 0.25
     compass = Filter("tilt_compass", frame=Frame.NED).process(run.imu)
     assert np.abs(tilt_errors(compass.q_nb, run.truth)).max() > 5.0
     error_n = quat_multiply(q_nb, quat_conjugate(run.truth.q_nb))

@@ -25,7 +25,6 @@ class Compass:
         self.dt = dt
 
     def see(self, seconds, size_and_dip, turning=2.0 * TURNING):
-        """Answers to a field that lasts."""
         size, dip = size_and_dip
         h, v = size * math.cos(dip), -size * math.sin(dip)  # upwards, as in ENU
         answers = [field.disturbed.py_func(self.x, AT, self.dt, turning, h, v) for _ in range(round(seconds / self.dt))]
@@ -34,7 +33,6 @@ class Compass:
         return np.array(answers)
 
     def knows(self):
-        """Whether there is a reference."""
         return field.has_ref.py_func(self.x, AT)
 
 
@@ -81,21 +79,16 @@ class TestFirstReference:
         answers = compass.see(2.0 * FIRST_AFTER, EARTH)
         when = first_after(answers, dt, False)
         assert abs(when - FIRST_AFTER) <= 2.01 * dt  # the first sample only proposes it
-        assert answers[: round(when / dt) - 1].all()
-        assert not answers[round(when / dt) :].any()
+        assert answers[: round(when / dt) - 1].all() and not answers[round(when / dt) :].any()
         size, dip = compass.x[AT + 4], compass.x[AT + 5]
         assert size == pytest.approx(EARTH[0], rel=1e-12)
         assert dip == pytest.approx(-math.sin(EARTH[1]), rel=1e-12)
 
     def test_not_without_turning_whose_pauses_do_not_count(self):
         compass = Compass()
-        assert compass.see(60.0, EARTH, turning=0.99 * TURNING).all()
-        assert not compass.knows()
-        assert compass.see(0.8 * FIRST_AFTER, EARTH).all()
-        assert compass.see(60.0, EARTH, turning=0.0).all()
-        assert not compass.knows()
-        assert not compass.see(0.3 * FIRST_AFTER, EARTH)[-1]
-        assert compass.knows()
+        assert compass.see(60.0, EARTH, turning=0.99 * TURNING).all() and not compass.knows()
+        assert compass.see(0.8 * FIRST_AFTER, EARTH).all() and compass.see(60.0, EARTH, turning=0.0).all()
+        assert not compass.knows() and not compass.see(0.3 * FIRST_AFTER, EARTH)[-1] and compass.knows()
 
     def test_a_field_that_does_not_last_is_none(self):
         """What turns with the unit changes size and dip all the time, seen in the level frame."""

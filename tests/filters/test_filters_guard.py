@@ -31,8 +31,6 @@ LIMIT = JUMP * DT
 
 
 class Gate:
-    """The guard with its state."""
-
     def __init__(self):
         self.c = coefficients_of(Filter("integrate", frame=Frame.ENU))  # for its largest gap, 1 s
         self.x = np.zeros(OWN + GUARD_SIZE)

@@ -33,7 +33,6 @@ N, B, V, COV = mekf.N, mekf.B, mekf.V, mekf.COV
 
 
 def full(x):
-    """P of a state."""
     upper = np.triu(x[COV : COV + N * N].reshape(N, N))
     return upper + np.triu(upper, 1).T
 
@@ -66,8 +65,7 @@ def test_the_step_of_attitude_and_bias_is_linearised_right():
     jacobian = by_differences(error_after, np.zeros(6), step=1e-4)
     r, u = dcm_from_quat(after), (rate - bias) * dt
     effect = np.array([mekf.effect(dt, *u, *row) for row in r])
-    assert np.abs(jacobian[:, :3] - np.eye(3)).max() < 1e-8
-    assert np.abs(jacobian[:, 3:] + effect).max() < 1e-8
+    assert np.abs(jacobian[:, :3] - np.eye(3)).max() < 1e-8 and np.abs(jacobian[:, 3:] + effect).max() < 1e-8
 
     f = np.eye(N)
     f[:3, 3:6] = -effect
@@ -311,9 +309,8 @@ def test_a_gyroscope_s_bias_that_jumps_is_noticed_and_learned():
 def test_a_clipped_gyroscope_makes_the_attitude_uncertain_and_it_begins_again():
     data, q = consistent(2000, amplitude=1.0)
     late = data.t >= 10.0
-    noise = np.random.default_rng(0).normal(
-        0.0, 1e-6, data.gyr.shape
-    )  # so that nothing else shows the end of the range
+    # so that nothing else shows the end of the range
+    noise = np.random.default_rng(0).normal(0.0, 1e-6, data.gyr.shape)
     gyr = np.where(late[:, np.newaxis], np.clip(data.gyr, -0.5, 0.5) + noise, data.gyr)  # that the motion leaves
     words = np.where((np.abs(gyr) >= 0.49999).any(axis=1) & late, flags.GYR_CLIPPED, 0)
     same = {"t": data.t, "gyr": gyr, "acc": data.acc, "mag": data.mag, "meta": ImuMeta(gyr_range=3.0)}

@@ -85,17 +85,15 @@ def yaw(f):
     return float(euler_zyx_from_quat(f.q_nb)[0])
 
 
-@pytest.mark.parametrize(
-    ("params", "known", "north", "expected"),
-    [  # true where a declination is known, whoever knows it; the parameter has the last word
-        ({}, None, North.MAGNETIC, 0.0),
-        ({}, 0.1, North.TRUE, 0.1),
-        ({"declination": 0.2}, None, North.TRUE, 0.2),
-        ({"declination": 0.2}, 0.1, North.TRUE, 0.2),
-        ({"declination": "off"}, 0.1, North.MAGNETIC, 0.0),
-        ({"mag": False}, 0.1, North.FREE, 0.0),
-    ],
-)
+@pytest.mark.parametrize(("params", "known", "north", "expected"), [
+    # true where a declination is known, whoever knows it; the parameter has the last word
+    ({}, None, North.MAGNETIC, 0.0),
+    ({}, 0.1, North.TRUE, 0.1),
+    ({"declination": 0.2}, None, North.TRUE, 0.2),
+    ({"declination": 0.2}, 0.1, North.TRUE, 0.2),
+    ({"declination": "off"}, 0.1, North.MAGNETIC, 0.0),
+    ({"mag": False}, 0.1, North.FREE, 0.0),
+])  # fmt: skip
 def test_headings_are_true_where_a_declination_is_known(params, known, north, expected):
     data = facing_north(declination=known)
     whole = Filter("tilt_compass", frame=Frame.NED, params=params)

@@ -79,9 +79,7 @@ def test_rows_are_known_again_for_a_while_and_bit_by_bit():
     """The same values at another time are no repeat."""
     rows = np.column_stack((np.arange(300.0), np.full(300, np.nan)))
     repeats = Repeats()
-    assert repeats.fresh(rows).all()
-    assert not repeats.fresh(rows[-REMEMBERED:]).any()
-    assert repeats.fresh(rows[:1]).all()
-    assert repeats.fresh([[np.nextafter(rows[-1, 0], 1e9), np.nan]]).all()
+    assert repeats.fresh(rows).all() and not repeats.fresh(rows[-REMEMBERED:]).any()
+    assert repeats.fresh(rows[:1]).all() and repeats.fresh([[np.nextafter(rows[-1, 0], 1e9), np.nan]]).all()
     assert repeats.fresh(-rows[-1:]).all()
     assert Repeats().fresh(np.column_stack((np.arange(1000.0), np.ones((1000, 9))))).all()

@@ -24,7 +24,6 @@ class Unit:
         self.dt, self.limits = dt, [*{**LIMITS, **limits}.values(), after]
 
     def take(self, gyr=(0.0, 0.0, 0.0), acc=LEVEL, dt=None):
-        """Feed one sample."""
         return at_rest.py_func(self.x, AT, self.dt if dt is None else dt, *self.limits, *gyr, *acc)
 
     def still(self, seconds, **sample):
@@ -74,11 +73,9 @@ def test_at_rest_the_mean_rate_is_the_bias():
 )
 def test_motion_ends_it_at_once_and_the_time_counts_again(motion):
     unit = Unit()
-    assert unit.still(3.0)
-    assert not unit.take(**motion)
+    assert unit.still(3.0) and not unit.take(**motion)
     assert not unit.take(dt=0.0)  # a repeated time is no sample
-    assert not unit.still(AFTER - 0.05)
-    assert unit.still(4.0)
+    assert not unit.still(AFTER - 0.05) and unit.still(4.0)
 
 
 @pytest.mark.parametrize("triad", ["gyr", "acc"])
@@ -88,9 +85,7 @@ def test_a_missing_sample_ends_it(triad):
     before = mean_rate.py_func(unit.x, AT)
     assert not unit.take(**{triad: (math.nan,) * 3})
     assert mean_rate.py_func(unit.x, AT) == before
-    assert not unit.still(AFTER - 0.02)
-    assert unit.still(0.1)
-    assert np.isfinite(unit.x).all()
+    assert not unit.still(AFTER - 0.02) and unit.still(0.1) and np.isfinite(unit.x).all()
 
 
 def test_a_steady_turn_is_no_rest_where_it_is_too_fast_to_be_a_bias():

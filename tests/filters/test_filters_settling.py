@@ -20,7 +20,6 @@ def level(seconds=10.0, *, rate=100.0, turning=0.5, force=(0.0, 0.0, G0)):
 
 
 def flagged(data, name="complementary", **settings):
-    """Which samples are not converged."""
     return (Filter(name, frame=Frame.ENU, **settings).process(data).flags & flags.NOT_CONVERGED) != 0
 
 
@@ -117,8 +116,7 @@ def test_upright_is_the_shortest_turn(up, angle):
         assert upright(up, *e) == (0.0, 1.0, 0.0, 0.0)
     q = np.array(upright(up, *e))
     np.testing.assert_allclose(quat_rotate(q, e), [0.0, 0.0, up], rtol=0.0, atol=1e-15)  # a few roundings
-    assert quat_angle(q, [1.0, 0.0, 0.0, 0.0]) == pytest.approx(angle, abs=1e-15)
-    assert q[3] == 0.0
+    assert (quat_angle(q, [1.0, 0.0, 0.0, 0.0]), q[3]) == (pytest.approx(angle, abs=1e-15), 0.0)
 
 
 def test_a_unit_that_is_upside_down_though_level_was_said_is_turned_up():

@@ -134,8 +134,7 @@ class TestHorizon:
         lean = np.arctan(push * (1.0 - np.exp(-s) * (np.cos(s) + np.sin(s))) / G0)
         leans = tilt_between(track.q_nb, POSE)
         # a bias of a few 1e-6 rad/s over a few τ, and arccos, which knows no angle below 2e-8
-        assert np.abs(leans - np.abs(lean)).max() < 1e-5 * tau
-        assert leans.max() <= 1.0433 * push / G0
+        assert np.abs(leans - np.abs(lean)).max() < 1e-5 * tau and leans.max() <= 1.0433 * push / G0
 
     def test_a_wrong_horizon_is_found_at_the_first_look_and_then_by_the_mean(self):
         """Looks count 1, 1/2, 1/3 … until τ is over: of one look among n that is wrong by 5°, 5°/n is left."""
@@ -157,8 +156,7 @@ class TestHorizon:
         track = run(at_pose(t, acc=quat_rotate(quat_conjugate(POSE), force)), params=FROZEN)
         gated = (track.flags & flags.ACC_GATED) != 0
         y = 0.08 / 0.2  # the share of the climb that the smoothed force shows when it leaves the band; it leans as much
-        assert gated[1250:1500].all()
-        assert not gated[:1050].any()
+        assert gated[1250:1500].all() and not gated[:1050].any()
         assert quat_angle(track.q_nb[:1500], POSE).max() < 1.05 * y * 0.2
 
 
@@ -234,8 +232,7 @@ class TestBias:
         jump = np.outer(np.arange(6000) >= 3000, dps(5.0) * np.array([0.6, 0.8, 0.0]))
         track = self.learned(data, jump, bias_max=dps(10.0))
         found = (track.flags & flags.INCONSISTENT) != 0
-        assert not found[:3000].any()
-        assert found[3000:4500].any()
+        assert not found[:3000].any() and found[3000:4500].any()
         assert np.abs(track.bias_b[-1] - jump[-1]).max() < dps(1.0)
 
 
@@ -245,8 +242,7 @@ class TestMissing:
         c[vqf.TAU_ACC] = 3.0
         for missed in (0.01, 0.02, 0.0, 0.04, 0.0):
             assert not vqf.miss(x, missed)
-        assert x[vqf.MISSED] == 0.0
-        assert x[vqf.MISSED2] == pytest.approx(0.03**2 + 0.04**2, rel=1e-12)
+        assert (x[vqf.MISSED], x[vqf.MISSED2]) == (0.0, pytest.approx(0.03**2 + 0.04**2, rel=1e-12))
         vqf.make_up(c, x, 3.0)
         assert x[vqf.MISSED2] == pytest.approx(0.05**2 * math.exp(-2.0), rel=1e-12)
         assert vqf.miss(x, deg(3.0))
@@ -308,8 +304,7 @@ class TestSlowTurns:
         """
         track, q = self.run([(30, 0.0 * UP), (110, size * UP)], mag=mag)
         resting = (track.flags & flags.AT_REST) != 0
-        assert resting[200:3000].all()
-        assert not resting[3050:].any()
+        assert resting[200:3000].all() and not resting[3050:].any()
         assert np.degrees(quat_angle(track.q_nb, q)).max() < 1.2
 
     @pytest.mark.parametrize(("axis", "mag"), [(UP, True), (np.array([1.0, 0.0, 0.0]), False)])
@@ -350,8 +345,7 @@ class TestSlowTurns:
         assert expected < track.t[at[0]] - 30.0 < expected + 0.7
         assert np.abs(track.bias_b[-1] - jump[-1]).max() < dps(0.01)
         track, _ = self.run([(60, 0.0 * UP)], mag=False, bias=jump)
-        assert not (track.flags & flags.INCONSISTENT).any()
-        assert np.abs(track.bias_b[-1]).max() < REST_BAND
+        assert not (track.flags & flags.INCONSISTENT).any() and np.abs(track.bias_b[-1]).max() < REST_BAND
 
     def test_gravity_that_shows_a_bias_about_a_level_axis_says_nothing_of_the_vertical(self):
         """1 °/s beside a turn of 5 °/s about the vertical.

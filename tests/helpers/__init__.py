@@ -24,6 +24,11 @@ def examples(share: float, **more: Any) -> settings:
     return settings(max_examples=max(1, round(share * settings.default.max_examples)), **more)
 
 
+def beside(test, name):
+    """Text of a file that lies beside a test."""
+    return Path(test).with_name(name).read_text(encoding="utf-8")
+
+
 def until(condition, what="what was waited for did not come", patience=PATIENCE):
     """Wait for a condition, and fail where it does not come; what it gave."""
     end = time.monotonic() + patience

@@ -10,7 +10,6 @@ from plumbob.rotations import quat_from_rotvec
 
 
 def card(gyr=1e-3, acc=1e-2, mag=0.1):
-    """Noise card with these densities on every axis."""
     parts = {"gyr": gyr, "acc": acc, "mag": mag}
     return NoiseCard("u", "test", **{k: TriadNoise(np.full(3, n), np.zeros(3), np.zeros(3)) for k, n in parts.items()})
 

@@ -8,6 +8,5 @@ from plumbob.fleet.experiments.trials import read_trial
 
 @lru_cache
 def room_at(path):
-    """Recording and room of a trial."""
     imu, reference = read_trial(path)
     return imu, room_of(imu, reference)

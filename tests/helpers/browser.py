@@ -33,8 +33,6 @@ def browser():
 
 
 class View:
-    """A `plumbob view` that runs."""
-
     def __init__(self, process, said):
         self.process, self.said = process, said
         self.url = until(self._url, lambda: f"no address: {''.join(said)}", COLD)
@@ -47,7 +45,6 @@ class View:
         return parse_qs(urlsplit(self.url).query)["token"][0]
 
     def get(self, path):
-        """JSON of a route."""
         request = urllib.request.Request(urlsplit(self.url)._replace(path=path, query="").geturl())
         request.add_header("Authorization", f"Bearer {self.token}")
         with urllib.request.urlopen(request, timeout=10) as answer:
@@ -55,7 +52,6 @@ class View:
 
     @property
     def server(self):
-        """Process of its server."""
         port = urlsplit(self.url).port
         for folder in Path("/proc").iterdir():
             with suppress(OSError):

@@ -87,8 +87,8 @@ def answer(line, *more, cwd=None, code=0):
 
 
 def table_of(text):
-    """Rows of a table that is written as lines of cells with bars between them."""
-    return [[cell.strip() for cell in line.split("|")] for line in text.strip().splitlines()]
+    """Rows of a table that is written as lines of cells with bars between them; a line that begins with # is none."""
+    return [[cell.strip() for cell in line.split("|")] for line in text.strip().splitlines() if line[:1] != "#"]
 
 
 @contextlib.contextmanager

@@ -2,6 +2,8 @@
 
 import hashlib
 import itertools
+import math
+import re
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 
 from benchmarks.harness.decoder_fuzz import fuzz, mutated
 from benchmarks.harness.decoder_streams import columns_for, frames_of, settled
+from plumbob.core import units
 from plumbob.protocols.decode import Decoder, decode
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import device_names, find_format
@@ -20,6 +23,26 @@ MILLION = 1_000_000
 
 def form_of(name):
     return settled(find_format(name))
+
+
+def options_of(cell=""):
+    """Options of a cell of a table, as 'rr 200, gr 4'."""
+    return dict(one.split(" ", 1) for one in cell.split(", ") if one)
+
+
+def fields_of(cell=""):
+    """Fields of a cell, as 'temp_c -3920/340+36.53, gyr.z 100 deg/s, st 1', in SI where they have a unit."""
+    fields = {}
+    for name, text in options_of(cell).items():
+        number, _, unit = text.partition(" ")
+        value = int(number) if number.isdigit() else sum(map(_product, number.split("+")))
+        fields[name] = units.to_si(value, unit) if unit else value
+    return fields
+
+
+def _product(text):
+    factors = re.findall(r"([*/]?)([^*/]+)", text)
+    return math.prod(1.0 / float(number) if sign == "/" else float(number) for sign, number in factors)
 
 
 def streams():

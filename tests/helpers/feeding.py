@@ -91,8 +91,6 @@ class Body:
 
 
 class Feed:
-    """The feed's end of the pipe."""
-
     def __init__(self, end: socket.socket) -> None:
         self._end = end
         self.writer = PipeWriter(end)
@@ -290,7 +288,6 @@ class Asking:
         return self.answer(self.send(verb, **more))
 
     def texts(self, kind: str) -> list[dict[str, Any]]:
-        """What came of a type."""
         return [one for one in self.came if isinstance(one, dict) and one["type"] == kind]
 
     def ticks(self) -> list[Tick]:

@@ -342,8 +342,7 @@ class FilterBattery:
                 getattr(good, k)[i + 10] if v is None else v for k, v in zip(("gyr", "acc", "mag"), triads, strict=True)
             ]
             f.update(ImuSample(t_ns, *now, flags=word))
-            assert abs(np.linalg.norm(f.q_nb) - 1.0) < 8 * EPS
-            assert np.isfinite(f.bias_b).all()
+            assert abs(np.linalg.norm(f.q_nb) - 1.0) < 8 * EPS and np.isfinite(f.bias_b).all()
         Filter.restore(f.save())
 
     @pytest.mark.parametrize("channel", ["gyr", "acc", "mag"])
@@ -352,8 +351,7 @@ class FilterBattery:
         arrays = {k: getattr(data, k).copy() for k in ("gyr", "acc", "mag")}
         arrays[channel][0] = np.nan
         track = Filter(name, frame=Frame.ENU).process(ImuData(t=data.t, **arrays))
-        assert np.isfinite(track.q_nb).all()
-        assert quat_angle(track.q_nb[1:], q[1:]).max() < 0.01
+        assert np.isfinite(track.q_nb).all() and quat_angle(track.q_nb[1:], q[1:]).max() < 0.01
 
     def test_a_long_gap_is_flagged_and_not_integrated(self, name):
         data, q = consistent(400)
@@ -374,8 +372,7 @@ class FilterBattery:
         for late in (all_samples[49], all_samples[20]):
             assert f.update(late) & flags.TIME_FAULT
         after = state_of(f)
-        assert (after[:CLOCK] == before[:CLOCK]).all()
-        assert (after[OWN:] == before[OWN:]).all()
+        assert (after[:CLOCK] == before[:CLOCK]).all() and (after[OWN:] == before[OWN:]).all()
         assert not f.update(all_samples[50]) & flags.TIME_FAULT
 
     @slow_as_python

@@ -22,7 +22,6 @@ class Hand:
         self.trembling, self.rate = trembling, rate
 
     def hold(self, duration):
-        """Samples of a time at rest."""
         return self._samples(np.zeros(3), duration)
 
     def turn(self, turn, speed=1.0):
@@ -48,7 +47,6 @@ class Hand:
 
 
 def joined(*parts):
-    """Parts of a recording as one."""
     return ImuData(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in ("t", "gyr", "acc", "mag")}
     )

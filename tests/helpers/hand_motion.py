@@ -41,7 +41,6 @@ class Hand(NamedTuple):
         return quat_rotate(quat_conjugate(self.middle), vectors_n)
 
     def rows(self, which):
-        """Some of the samples."""
         return Hand(*(values[which] for values in self))
 
 

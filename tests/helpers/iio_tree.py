@@ -10,8 +10,6 @@ ACCEL = 0.004785  # m/s² a count, ±16 g: Linux, drivers/iio/imu/inv_mpu6050/in
 
 
 class Tree:
-    """Folders for /sys and /dev."""
-
     def __init__(self, root):
         self.sys, self.dev = root / "sys", root / "dev"
         self.dev.mkdir()

@@ -103,7 +103,6 @@ def assert_same(a: Recording, b: Recording, *, nan_bits: bool = True) -> None:
 
 
 def schema_keys(schema):
-    """Every key of a JSON Schema, in whatever table."""
     named = schema.get("properties", {})
     inner = [*schema.get("anyOf", ()), schema.get("items"), schema.get("additionalProperties")]
     return {*named, *(key for part in (*named.values(), *filter(None, inner)) for key in schema_keys(part))}

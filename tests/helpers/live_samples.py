@@ -13,65 +13,12 @@ from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import values_by_field
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
+from tests.helpers import beside
 
 RATE = 200.0
 OFFSET = 1_700_000_000_000_000_000
-FORMAT = """
-kind = "plumbob format"
-version = 1
-name = "imu9"
-title = "made-up unit with nine axes"
-byte_order = "little"
-[frame]
-sync = "A5 5A"
-length = 30
-rate = "200 Hz"
-checksum = { kind = "crc16-ccitt-false", at = -2, from = 2 }
-[[field]]
-name = "counter"
-type = "u16"
-role = "counter"
-[[field]]
-name = "clock"
-type = "u32"
-role = "clock"
-unit = "us"
-[[field]]
-name = "gyr"
-axes = "xyz"
-type = "s16"
-counts = 65.5
-unit = "deg/s"
-[[field]]
-name = "acc"
-axes = "xyz"
-type = "s16"
-counts = 8192
-unit = "g"
-[[field]]
-name = "mag"
-axes = "xyz"
-type = "s16"
-counts = 10
-unit = "uT"
-[[field]]
-name = "temp_c"
-type = "s16"
-counts = 100
-unit = "degC"
-"""
-SESSION = """
-kind = "plumbob session"
-version = 1
-[format]
-file = "imu9.toml"
-[imu]
-device = "bench 7"
-frame = "NED"
-[estimate]
-filter = "mahony"
-params = { kp = 0.5, gate = "0.08 g" }
-"""
+FORMAT = beside(__file__, "imu9.toml")
+SESSION = beside(__file__, "session.toml")
 
 
 @functools.cache
@@ -112,8 +59,6 @@ def session(text=SESSION, **files):
 
 
 class Handed:
-    """Source of items that are there already."""
-
     name = "handed"
 
     def __init__(self, items):

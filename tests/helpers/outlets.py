@@ -16,8 +16,6 @@ from plumbob.viewer.messages import Command
 
 
 class Kept:
-    """Outlet that keeps everything."""
-
     def __init__(self, *commands):
         self.hellos, self.batches, self.events, self.answers, self.resets = [], [], [], [], 0
         self.commands = list(commands)
@@ -61,8 +59,6 @@ class Kept:
 
 
 class Clock:
-    """Clock that is set by hand, ns."""
-
     def __init__(self, now=0.0):
         self.ns = round(now * 1e9)
 

@@ -37,7 +37,6 @@ def fill(r, numbers, count, start=0, step_ns=10_000_000):
 
 
 def record(path, count=60, **options):
-    """A whole recording; returns its rows."""
     r = recorder(path, **options)
     r.metadata["session"] = "[device]\nname = 'demo'\n"
     with r:
@@ -52,7 +51,6 @@ def rows_of(log):
 
 
 def read(path):
-    """Log and its rows."""
     log = open_log(path)
     return log, rows_of(log)
 
@@ -82,7 +80,6 @@ def records_of(raw):
 
 
 def chunks_of(raw):
-    """Offset and length of each chunk record."""
     return [(at, length) for opcode, at, length in records_of(raw) if opcode == layout.CHUNK]
 
 

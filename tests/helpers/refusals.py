@@ -13,5 +13,4 @@ def reasons(call, *args, **options):
 
 
 def reason_kinds(call, *args, **options):
-    """Kinds of all reasons."""
     return [reason.kind for reason in reasons(call, *args, **options)]

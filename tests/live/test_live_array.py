@@ -19,21 +19,12 @@ from plumbob.live.rigs.rig import make_rig
 from plumbob.live.session_toml import of_unit, parse_session
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import decode, triads_of
+from tests.helpers import beside
 from tests.helpers.commandline import ok, refused
 from tests.helpers.live_samples import through
 
 UNITS = ("u1", "u2", "u3", "u4", "u5", "u6")
-ALL = """
-kind = "plumbob session"
-version = 1
-[format]
-name = "arm"
-units = "all"
-[imu]
-frame = "NED"
-[estimate]
-filter = "mahony"
-"""
+ALL = beside(__file__, "all_units.toml")
 
 
 @functools.cache
@@ -60,19 +51,7 @@ def card(device, scale):
     return CalibrationCard(device=device, gyr=part, date="2024-05-01", method="test")
 
 
-CARDS = """
-[[unit]]
-name = "u4"
-axes = "-x -y z"
-lever = ["20 mm", "0 mm", "0 mm"]
-device = "arm 7 u4"
-card = "u4.json"
-[[unit]]
-name = "u2"
-clock_offset = "2 ms"
-device = "arm 7 u2"
-card = "u2.json"
-"""
+CARDS = beside(__file__, "unit_cards.toml")
 FILES = {
     "arm.json": card("arm", 1.0).text(),
     "u4.json": card("arm 7 u4", 1.02).text(),
@@ -134,8 +113,7 @@ def test_an_array_of_the_recording_has_the_rows_of_its_channels(recording):
     counts = Counter(row.topic for row in open_log(path))
     assert counts == {"raw": counts["raw"], "attitude": 60} | {f"imu/{name}": 60 for name in UNITS}
     assert_same(found.array(calibrated=False), read_array(path), but=("meta",))
-    assert plumbob.verify(path).whole
-    assert plumbob.replay(path, check=True).comparison.equal
+    assert plumbob.verify(path).whole and plumbob.replay(path, check=True).comparison.equal
 
 
 def test_an_older_recording_of_one_unit_gives_all(tmp_path):
@@ -290,7 +268,6 @@ def test_one_unit_of_an_array_runs_as_one(recording, tmp_path):
 
 
 def single(path, **changes):
-    """A file of one unit."""
     rng = np.random.default_rng(3)
     meta = ImuMeta(device="d", unit_check=False)
     imu = ImuData(t=np.arange(50) / 50.0, gyr=rng.normal(size=(50, 3)) * 0.1, meta=meta)
@@ -324,13 +301,11 @@ def test_dead_units_and_lags():
             gone = {triad: np.full((len(sensed), 3), np.nan) for triad in dead}
             part.units[name] = part.units[name]._replace(sensed=sensed.corrected(meta=sensed.meta, **gone))
     array = found.array(calibrated=False)
-    assert array.names == ("u1", "u2", "u4", "u5", "u6")
-    assert array.units["u5"].triads == ("gyr", "acc")
+    assert (array.names, array.units["u5"].triads) == (("u1", "u2", "u4", "u5", "u6"), ("gyr", "acc"))
     assert_decoded(ImuArray({"u6": array.units["u6"]}), arm(), ["u6"])
     # the attitudes that wait come at the end, in a part without samples; its array is empty
     _, found = through(items(arm()), session(ALL.replace('filter = "mahony"', 'params = { lag = "1 s" }')))
-    assert len(found.track()) == 60
-    assert len(found.array(calibrated=True)) == 60
+    assert (len(found.track()), len(found.array(calibrated=True))) == (60, 60)
     assert len(found.parts[-1].array) == found.parts[-1].t_ns.size
 
 

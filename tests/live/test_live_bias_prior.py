@@ -32,18 +32,15 @@ def test_filters_with_a_prior_are_those_with_such_a_parameter():
     }
 
 
-@pytest.mark.parametrize(
-    ("filter", "params", "bias", "beyond"),
-    [
-        ("mekf", {}, [1.49, 0.0, -1.49], False),  # 3 × 0.5 °/s
-        ("mekf", {}, [0.0, 0.0, -1.51], True),
-        ("mekf", {}, [[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]], False),  # the last counts, not the start
-        ("mekf", {"bias_start": "5 deg/s"}, [12.3, 0.0, 0.0], False),
-        ("mekf", {}, [np.nan, 0.0, 0.0], False),
-        ("mekf", {}, None, False),
-        ("mahony", {}, [100.0, 0.0, 0.0], False),  # it has no prior
-    ],
-)
+@pytest.mark.parametrize(("filter", "params", "bias", "beyond"), [
+    ("mekf", {}, [1.49, 0.0, -1.49], False),  # 3 × 0.5 °/s
+    ("mekf", {}, [0.0, 0.0, -1.51], True),
+    ("mekf", {}, [[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]], False),  # the last counts, not the start
+    ("mekf", {"bias_start": "5 deg/s"}, [12.3, 0.0, 0.0], False),
+    ("mekf", {}, [np.nan, 0.0, 0.0], False),
+    ("mekf", {}, None, False),
+    ("mahony", {}, [100.0, 0.0, 0.0], False),  # it has no prior
+])  # fmt: skip
 def test_three_standard_deviations(filter, params, bias, beyond):
     assert (bias_beyond(Filter(filter, frame=Frame.NED, params=params), track(bias)) != ()) is beyond
     (beyond,) = bias_beyond(Filter("mekf", frame=Frame.NED), track([0.1, -12.3, 0.0]))

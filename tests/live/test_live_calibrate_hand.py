@@ -112,20 +112,17 @@ def rates_of_another_hour(imu):
     return replace(imu, gyr=imu.gyr[::-1])
 
 
-@pytest.mark.parametrize(
-    ("change", "kinds", "start", "advice"),
-    [
-        (turned_to_one_side, {"too-few-regions"}, "accelerometer: no pose", "so it comes first."),
-        (rates_of_another_hour, None, "gyroscope: ", "'plumbob calibrate accel' alone would do"),
-        pytest.param(
-            late_magnet,
-            {"magnet-moved", "outliers"},
-            "magnetometer: ",
-            "'plumbob calibrate accel', then 'gyro', would do",
-            marks=pytest.mark.skipif(is_plain(), reason="a quarter of a minute as plain Python"),
-        ),
-    ],
-)
+@pytest.mark.parametrize(("change", "kinds", "start", "advice"), [
+    (turned_to_one_side, {"too-few-regions"}, "accelerometer: no pose", "so it comes first."),
+    (rates_of_another_hour, None, "gyroscope: ", "'plumbob calibrate accel' alone would do"),
+    pytest.param(
+        late_magnet,
+        {"magnet-moved", "outliers"},
+        "magnetometer: ",
+        "'plumbob calibrate accel', then 'gyro', would do",
+        marks=pytest.mark.skipif(is_plain(), reason="a quarter of a minute as plain Python"),
+    ),
+])  # fmt: skip
 def test_a_triad_that_cannot_be_calibrated_refuses_all(whole, change, kinds, start, advice):
     """The reasons name it, and what would do."""
     found = reasons(calibrate_by_hand, replace(whole, imu=change(whole.imu)))

@@ -76,14 +76,11 @@ def test_gaps_that_the_device_s_counts_show_are_not_inferred(tmp_path, gone):
     assert not any(note.code.startswith("reading.") for note in read_recorded(tmp_path / "a.mcap").notes)
 
 
-@pytest.mark.parametrize(
-    ("mode", "drift", "words"),
-    [
-        ("host", 0.0, "add a counter or a clock to the frame, or where"),
-        ("host", float("nan"), "to the frame, declare its rate, or where"),
-        ("clock", 0.0, 'its frames\' counts go on; where the line waits for its reader set time = "count"'),
-    ],
-)
+@pytest.mark.parametrize(("mode", "drift", "words"), [
+    ("host", 0.0, "add a counter or a clock to the frame, or where"),
+    ("host", float("nan"), "to the frame, declare its rate, or where"),
+    ("clock", 0.0, 'its frames\' counts go on; where the line waits for its reader set time = "count"'),
+])  # fmt: skip
 def test_what_to_do_depends_on_what_the_frames_have(mode, drift, words):
     report = Stream(session()).time.report()
     (finding,) = inferred(replace(report, mode=mode, drift_ppm=drift, inferred=2, inferred_time=3.25))

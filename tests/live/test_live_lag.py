@@ -40,9 +40,7 @@ def test_attitudes_are_those_of_the_recording_to_the_bit_and_none_is_lost():
     assert [part.t_ns.size for part in found.parts][-1] == 0  # the last ones come with the end of the stream
     np.testing.assert_array_equal(np.concatenate([part.track_ns for part in found.parts]), found.t_ns)
     late = [part.imu.t[-1] - part.track.t[0] for part in found.parts[:-1] if part.track is not None]
-    assert len(late) > 3
-    assert min(late) > 0.6
-    assert max(late) < 0.8
+    assert len(late) > 3 and min(late) > 0.6 and max(late) < 0.8
 
 
 def test_a_recording_of_it_is_replayed_to_the_bit_and_text_has_the_times_of_its_attitudes(tmp_path):

@@ -155,16 +155,12 @@ def test_an_attitude_beside_the_samples_brings_both_to_memory(tmp_path):
     assert numbers(plumbob.read(tmp_path / "b.parquet").track) == numbers(result.track)
 
 
-@pytest.mark.parametrize(
-    ("change", "error"),
-    [
-        (lambda c: c["t_ns"].__setitem__(1700, c["t_ns"][1699]), ClockError),
-        (lambda c: c["acc_x"].__imul__(50.0), UnitError),
-        (lambda c: c["gyr_y"].__setitem__(slice(None), 1e4), UnitError),
-        (lambda c: [c[f"mag_{i}"].__setitem__(slice(None), np.nan) for i in "xyz"], plumbob.errors.ShapeError),
-    ],
-    ids=["time", "acc", "gyr", "mag"],
-)
+@pytest.mark.parametrize(("change", "error"), [
+    (lambda c: c["t_ns"].__setitem__(1700, c["t_ns"][1699]), ClockError),
+    (lambda c: c["acc_x"].__imul__(50.0), UnitError),
+    (lambda c: c["gyr_y"].__setitem__(slice(None), 1e4), UnitError),
+    (lambda c: [c[f"mag_{i}"].__setitem__(slice(None), np.nan) for i in "xyz"], plumbob.errors.ShapeError),
+], ids=["time", "acc", "gyr", "mag"])  # fmt: skip
 def test_the_whole_is_refused_in_the_same_words(tmp_path, monkeypatch, change, error):
     """A file with other columns, and a checksum that fits them."""
     to_columns, said = parquet.to_columns, []

@@ -105,20 +105,17 @@ def test_a_plan_says_rates_and_specific_force(tmp_path, session, planned, fitted
     assert (one.start, one.stop) == (0.0, 5.0)
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (f"{HEADER}\n0,5,0,0,9\n5,9,0,0,fast\n", "line 3: rate_z_dps must be a number, but it is 'fast'"),
-        (f"{HEADER}\n0,5,0,0\n", "line 2: rate_z_dps must be a number, but it is None"),
-        (f"{HEADER}\n0,5,0,0,9,4\n", "line 2: a column too many"),
-        (f"{HEADER}\n5,5,0,0,9\n", "line 2: numbers must be finite, and from_s before to_s"),
-        (f"{HEADER}\n0,5,0,0,nan\n", "line 2: numbers must be finite"),
-        ("from_s,to_s,rate_x,rate_y,rate_z\n", "line 1: a plan has the columns from_s, to_s, rate_x_dps"),
-        (f"{HEADER},acc_x_g\n", "line 1: .*all or none of acc_x_g"),
-        ("", "line 1: .* this one has none"),
-        ("\udcff\udcfe", "not UTF-8 text"),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), [
+    (f"{HEADER}\n0,5,0,0,9\n5,9,0,0,fast\n", "line 3: rate_z_dps must be a number, but it is 'fast'"),
+    (f"{HEADER}\n0,5,0,0\n", "line 2: rate_z_dps must be a number, but it is None"),
+    (f"{HEADER}\n0,5,0,0,9,4\n", "line 2: a column too many"),
+    (f"{HEADER}\n5,5,0,0,9\n", "line 2: numbers must be finite, and from_s before to_s"),
+    (f"{HEADER}\n0,5,0,0,nan\n", "line 2: numbers must be finite"),
+    ("from_s,to_s,rate_x,rate_y,rate_z\n", "line 1: a plan has the columns from_s, to_s, rate_x_dps"),
+    (f"{HEADER},acc_x_g\n", "line 1: .*all or none of acc_x_g"),
+    ("", "line 1: .* this one has none"),
+    ("\udcff\udcfe", "not UTF-8 text"),
+])  # fmt: skip
 def test_a_bad_plan_is_refused_by_its_line(tmp_path, text, words):
     path = tmp_path / "plan.csv"
     path.write_bytes(text.encode(errors="surrogateescape"))

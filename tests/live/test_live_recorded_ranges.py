@@ -87,14 +87,11 @@ def form_of(*types):
 S16, SLOW = ("s16", 0.001, ""), ("s16", -0.0005, "")
 
 
-@pytest.mark.parametrize(
-    ("types", "ranges"),
-    [
-        ([("z", *S16)], [32.767] * 3),  # an axis that is not there takes the largest
-        # the other way round, −32768 to 32767 counts; u16 about 32768, −32.768 to 32.767 rad/s
-        ([("x", *SLOW), ("y", "u16", 0.001, "raw_offset = -32768")], [16.3835, 32.767, 32.767]),
-    ],
-)
+@pytest.mark.parametrize(("types", "ranges"), [
+    ([("z", *S16)], [32.767] * 3),  # an axis that is not there takes the largest
+    # the other way round, −32768 to 32767 counts; u16 about 32768, −32.768 to 32.767 rad/s
+    ([("x", *SLOW), ("y", "u16", 0.001, "raw_offset = -32768")], [16.3835, 32.767, 32.767]),
+])  # fmt: skip
 def test_ranges_of_a_format(types, ranges):
     np.testing.assert_allclose(full_scales(form_of(*types).message(""))["gyr"], ranges)
     np.testing.assert_allclose(full_scales(find_format("fin").message(""))["gyr"], FIN, rtol=1e-12)

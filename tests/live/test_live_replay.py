@@ -43,8 +43,7 @@ def test_recording_holds_every_byte_with_its_time(recording):
     with path.open("rb") as stream_:
         for schema, channel, message in make_reader(stream_, validate_crcs=True).iter_messages():
             topics.setdefault(channel.topic, (schema.encoding if schema else None, message.log_time))
-    assert set(topics) == {"raw", "events", "imu", "attitude"}
-    assert topics["imu"][0] == "jsonschema"
+    assert (set(topics), topics["imu"][0]) == ({"raw", "events", "imu", "attitude"}, "jsonschema")
     assert topics["raw"][1] == OFFSET + items[0].t_ns
 
 
@@ -95,19 +94,16 @@ def false(row):
     return row.replace(b"[0.", b"[0.9")
 
 
-@pytest.mark.parametrize(
-    ("change", "counts"),
-    [
-        (lambda live: live, (400, 0, 0, 0)),
-        # the false rows meet the replay's, and the true ones are what nobody made
-        (lambda live: [*map(false, live), *live], (400, 400, 400, 0)),
-        (lambda live: [r for row in live for r in (false(row), row)], (400, 400, 400, 0)),
-        (lambda live: live + live[-3:], (400, 0, 3, 0)),
-        (lambda live: live[:5] + live[8:], (397, 0, 0, 3)),
-        (lambda live: live[:-5], (395, 0, 0, 5)),
-        (lambda live: [row.replace(b'"t_ns":', b'"t_ns":-') for row in live], (0, 0, 400, 400)),
-    ],
-)
+@pytest.mark.parametrize(("change", "counts"), [
+    (lambda live: live, (400, 0, 0, 0)),
+    # the false rows meet the replay's, and the true ones are what nobody made
+    (lambda live: [*map(false, live), *live], (400, 400, 400, 0)),
+    (lambda live: [r for row in live for r in (false(row), row)], (400, 400, 400, 0)),
+    (lambda live: live + live[-3:], (400, 0, 3, 0)),
+    (lambda live: live[:5] + live[8:], (397, 0, 0, 3)),
+    (lambda live: live[:-5], (395, 0, 0, 5)),
+    (lambda live: [row.replace(b'"t_ns":', b'"t_ns":-') for row in live], (0, 0, 400, 400)),
+])  # fmt: skip
 def test_rows_are_compared_in_their_order_and_none_is_left_out(short, tmp_path, change, counts):
     result = rewritten(short, tmp_path / "a.mcap", change).comparison
     assert (result.compared, result.different, result.only_live, result.only_replayed) == counts
@@ -133,14 +129,12 @@ def test_bytes_missing_from_a_damaged_recording_become_a_gap(recording, tmp_path
     track = replayed.found.track()
     whole = len(motion().imu)
     assert whole - 60 < len(track) < whole  # a chunk of 0.1 s is 20 frames, two may be hit; cut frames go with them
-    assert np.isfinite(track.q_nb).all()
-    assert (track.flags & flags.GAP).any()
+    assert np.isfinite(track.q_nb).all() and (track.flags & flags.GAP).any()
     assert not replayed.comparison.equal
 
 
 @pytest.fixture(scope="module")
 def whole(recording):
-    """Samples and attitudes of the recording."""
     return read_recorded(recording[0], estimated=True)
 
 
@@ -307,5 +301,4 @@ def test_a_gyroscope_started_from_the_reference_follows_it_and_replays(tmp_path,
     replayed = replay(log, session=session, check=True)
     assert replayed.comparison.equal
     first, reference = replayed.found.track(), read_recorded(tmp_path / "rod.mcap").track
-    assert first.north is North.MAGNETIC
-    assert quat_angle(first.q_nb[0], reference.q_nb[0]) < 1e-12
+    assert first.north is North.MAGNETIC and quat_angle(first.q_nb[0], reference.q_nb[0]) < 1e-12

@@ -99,8 +99,6 @@ class Terminal(Reading):
 
 
 class Joining(Reading):
-    """A client of a server."""
-
     def __init__(self, port):
         self.socket = socket.create_connection(("127.0.0.1", port), timeout=30.0)
         super().__init__(lambda: self.socket.recv(65536))

@@ -33,8 +33,7 @@ def test_session_says_what_it_was_told():
     assert made.frame is Frame.NED
     assert made.meta.device == "bench 7"
     assert made.meta.gyr_range == pytest.approx(np.radians(32767 / 65.5), rel=1e-12)  # the largest count both ways
-    assert made.record.rotate == 3600.0
-    assert made.stage.params["gate"] == "0.08 g"
+    assert (made.record.rotate, made.stage.params["gate"]) == (3600.0, "0.08 g")
 
 
 def test_session_keeps_every_text_that_it_needs_and_reads_back_from_them(tmp_path):

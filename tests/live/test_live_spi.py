@@ -14,6 +14,7 @@ from plumbob.live.session import RecordSpec
 from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected, RecordingSink
 from plumbob.live.sources import spi_source
+from tests.helpers import beside
 from tests.helpers.chips.adxrs290 import Adxrs290
 from tests.helpers.chips.adxrs453 import Adxrs453, Fault, sensor_command
 
@@ -21,43 +22,9 @@ MS = 1_000_000
 START_NS = 50_000_000_000
 LSB = np.radians(1.0 / 80.0)  # DS-453: 80 LSB/(°/s)
 
-# DS-453: CHK 100 ms after power-up; 50 ms later the rate, whose reply belongs to CHK; 50 ms later two more, which tell
-# ST = 2 with every fault; the faults are gone within 50 ms. Mode 0, at most 8.08 MHz.
-ADXRS453 = """
-kind = "plumbob session"
-version = 1
-[source]
-kind = "spi"
-bus = 0
-device = 1
-mode = 0
-hz = 4000000
-rate = "250 Hz"
-exchange = ["20 00 00 00"]
-start = ["100 ms", "20000003", "50 ms", "20000000", "50 ms", "20000000", "20000000"]
-[format]
-name = "adxrs453"
-[imu]
-device = "yaw 1"
-"""
+ADXRS453 = beside(__file__, "adxrs453.toml")
 
-# K-290: mode 3, at most 5 MHz; POWER (10) = 3 measures rate and temperature, 100 ms to start; 88 reads from 08 on.
-ADXRS290 = """
-kind = "plumbob session"
-version = 1
-[source]
-kind = "spi"
-bus = 0
-device = 0
-mode = 3
-hz = 5000000
-rate = "100 Hz"
-exchange = ["88 000000000000"]
-skip = 1
-start = ["1003", "100 ms"]
-[format]
-name = "adxrs290"
-"""
+ADXRS290 = beside(__file__, "adxrs290.toml")
 
 
 class Bench:

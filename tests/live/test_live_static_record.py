@@ -51,8 +51,7 @@ def test_a_recording_gives_its_triads(recording):
     for group, (triad, quantity) in zip(record.groups, quantities.items(), strict=True):
         assert group.names == tuple(f"{triad} {axis}" for axis in "xyz")
         assert group.quantity is quantity
-        assert group.dt == pytest.approx(DT, rel=1e-9)
-        assert group.start == 5.0
+        assert (group.dt, group.start) == (pytest.approx(DT, rel=1e-9), 5.0)
         assert np.array_equal(group.read(), content[triad])
         assert np.array_equal(np.concatenate(list(group.blocks())), content[triad])
     assert record.refused == {}
@@ -111,14 +110,10 @@ BURSTS = np.floor(np.arange(ROWS) / 4) * 4 * DT + (np.arange(ROWS) % 4) * 4e-4
 """Rows of 100 Hz that come in fours, 0.4 ms apart, as a radio or a buffer hands them over."""
 
 
-@pytest.mark.parametrize(
-    ("t", "words"),
-    [
-        (np.cumsum(np.random.default_rng(4).uniform(0.001, 0.014, ROWS)), "the steps between samples scatter by"),
-        (BURSTS, 'come in bursts: .*3000 rows in .* one every 0\\.00999(.|\n)*with rate = "100'),
-    ],
-    ids=["uneven", "bursts"],
-)
+@pytest.mark.parametrize(("t", "words"), [
+    (np.cumsum(np.random.default_rng(4).uniform(0.001, 0.014, ROWS)), "the steps between samples scatter by"),
+    (BURSTS, 'come in bursts: .*3000 rows in .* one every 0\\.00999(.|\n)*with rate = "100'),
+], ids=["uneven", "bursts"])  # fmt: skip
 def test_uneven_samples_are_refused_with_what_to_declare(recording, t, words):
     with pytest.raises(ClockError, match=words):
         load_static(recording(**make(t=t)))
@@ -139,14 +134,10 @@ def test_lost_rows_are_seen_beside_jitter(recording, scatter, lost):
         assert sum("samples are missing at" in str(note) for note in record.notes) == 1
 
 
-@pytest.mark.parametrize(
-    ("there", "reason"),
-    [
-        (np.arange(ROWS) % 4 != 3, "comes unevenly, 2250 values in 3000 rows, at most 3 of them evenly"),
-        (np.random.default_rng(5).random(ROWS) < 0.1, "comes unevenly"),
-    ],
-    ids=["three quarters", "as it likes"],
-)
+@pytest.mark.parametrize(("there", "reason"), [
+    (np.arange(ROWS) % 4 != 3, "comes unevenly, 2250 values in 3000 rows, at most 3 of them evenly"),
+    (np.random.default_rng(5).random(ROWS) < 0.1, "comes unevenly"),
+], ids=["three quarters", "as it likes"])  # fmt: skip
 def test_a_magnetometer_that_comes_unevenly_is_refused_alone(recording, there, reason):
     content = make()
     path = recording(**content | {"mag": np.where(there[:, np.newaxis], content["mag"], np.nan)})
@@ -202,40 +193,33 @@ def test_a_trial_moves_and_its_start_does_not():
     assert again.steps["gyr x"] == pytest.approx(dps(2000.0 / 2**15), rel=1e-3)  # 16 bits for ±2000 °/s
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "words"),
-    [
-        ({}, ParameterError, r"their rate .* and their scale \(such as .0.00875 deg/s. for counts"),
-        ({"scale": "1"}, ParameterError, r"give their rate \(samples per second\)\. For a"),
-        ({"rate": 100.0}, ParameterError, r"give their scale .*give --profile FILE.toml instead"),
-        ({"rate": 0.0, "scale": "1"}, ParameterError, "rate must be a positive number"),
-        ({"rate": 100.0, "scale": "1 furlong"}, UnitError, "is not a unit"),
-        ({"rate": 100.0, "scale": "1 V"}, UnitError, "is of voltage, but must be of rate"),
-        ({"rate": 100.0, "scale": "0 deg/s"}, UnitError, "must be more than 0"),
-    ],
-)
+@pytest.mark.parametrize(("options", "error", "words"), [
+    ({}, ParameterError, r"their rate .* and their scale \(such as .0.00875 deg/s. for counts"),
+    ({"scale": "1"}, ParameterError, r"give their rate \(samples per second\)\. For a"),
+    ({"rate": 100.0}, ParameterError, r"give their scale .*give --profile FILE.toml instead"),
+    ({"rate": 0.0, "scale": "1"}, ParameterError, "rate must be a positive number"),
+    ({"rate": 100.0, "scale": "1 furlong"}, UnitError, "is not a unit"),
+    ({"rate": 100.0, "scale": "1 V"}, UnitError, "is of voltage, but must be of rate"),
+    ({"rate": 100.0, "scale": "0 deg/s"}, UnitError, "must be more than 0"),
+])  # fmt: skip
 def test_numbers_need_a_rate_and_a_scale(numbers, options, error, words):
     with pytest.raises(error, match=words):
         load_static(numbers(np.zeros((5, 2))), **options)
 
 
-@pytest.mark.parametrize(
-    ("scale", "quantity", "factor"),
-    [
-        ("0.00875 deg/s", Quantity.RATE, np.radians(0.00875)),
-        ("0.061 mg", Quantity.ACCELERATION, 0.061 * 9.80665e-3),
-        ("1.5 mgauss", Quantity.FIELD, 0.15),
-        ("1", Quantity.RATIO, 1.0),
-    ],
-)
+@pytest.mark.parametrize(("scale", "quantity", "factor"), [
+    ("0.00875 deg/s", Quantity.RATE, np.radians(0.00875)),
+    ("0.061 mg", Quantity.ACCELERATION, 0.061 * 9.80665e-3),
+    ("1.5 mgauss", Quantity.FIELD, 0.15),
+    ("1", Quantity.RATIO, 1.0),
+])  # fmt: skip
 def test_counts_become_inside_units(numbers, scale, quantity, factor):
     counts = np.random.default_rng(6).integers(-50, 50, (1200, 2))
     record = load_static(numbers(counts, form="%d"), rate=200.0, scale=scale)
     (group,) = record.groups
     assert group.names == ("column 1", "column 2")
     assert group.quantity is quantity
-    assert group.dt == 0.005
-    assert group.read() == pytest.approx(counts * factor, rel=1e-15)
+    assert (group.dt, group.read()) == (0.005, pytest.approx(counts * factor, rel=1e-15))
     assert record.notes == ()
 
 

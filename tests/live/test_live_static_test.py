@@ -54,16 +54,14 @@ def test_noise_is_averaged_over_a_rest():
     made = on_table(acc=TriadErrors(white_sd=[sd] * 3), tilt=0.0)
     pitch = static_test(made.imu, made.truth, made.calibration).errors("after")[:, 1]
     samples = 12 * 4  # of a rest of 3 s at 20 Hz at least 48 are in blocks of 1/4 s that lie wholly in it
-    assert np.sqrt(np.mean(pitch**2)) < 1.36 * sd / 9.80665 / np.sqrt(
-        samples
-    )  # 3 sd: the rms of 36 has a relative sd of 0.12
+    # 3 sd: the rms of 36 has a relative sd of 0.12
+    assert np.sqrt(np.mean(pitch**2)) < 1.36 * sd / 9.80665 / np.sqrt(samples)
 
 
 def test_a_constant_heading_between_the_two_is_removed_where_asked(iron):
     turned = replace(iron.truth, north=North.FREE)
     free = static_test(iron.imu, turned, iron.calibration)
-    assert np.isnan(free.errors("after")[:, 0]).all()
-    assert "arbitrary zero" in free.text()
+    assert np.isnan(free.errors("after")[:, 0]).all() and "arbitrary zero" in free.text()
     aligned = static_test(iron.imu, turned, iron.calibration, align=("heading",))
     np.testing.assert_allclose(aligned.errors("after")[:, 0], 0.0, atol=1e-12)
     assert any("was removed" in remark for remark in aligned.remarks)
@@ -96,8 +94,7 @@ def test_rests_that_the_reference_does_not_tell_are_left_out(iron):
 def test_numbers_for_json_are_those_of_the_table(iron):
     test = static_test(iron.imu, iron.truth, iron.calibration)
     told = test.summary()
-    assert len(told["rests"]) == 36
-    assert told["rests"][9]["reference_deg"]["yaw"] == pytest.approx(90.0)
+    assert (len(told["rests"]), told["rests"][9]["reference_deg"]["yaw"]) == (36, pytest.approx(90.0))
     worst = max(abs(rest["before_deg"]["yaw"]) for rest in told["rests"])
     assert told["summary"]["yaw"]["max_before_deg"] == pytest.approx(worst)
     (yaw,) = [line.split() for line in test.text().splitlines() if line.startswith("yaw ")]

@@ -148,8 +148,7 @@ def test_a_low_pass_is_masked_and_white_noise_found_all_the_same(corner, order):
         x = lfilter([1.0 - decay], [1.0, -decay], x)
     found = analyse(x, 0.01)
     n = found.terms["N"]
-    assert found.mask.frequency < corner
-    assert found.mask.n * 0.01 > 1.0 / (2.0 * math.pi * corner)
+    assert found.mask.frequency < corner and found.mask.n * 0.01 > 1.0 / (2.0 * math.pi * corner)
     assert "falls there as none of the terms does" in found.mask.reason
     assert n.value == pytest.approx(0.02, rel=0.02)  # 3 % of the density is tolerated as no filter
     assert not found.terms["Q"].observable
@@ -246,8 +245,7 @@ def test_a_smoothed_record_is_recognised_and_what_lies_below_its_filter_is_found
     assert found.mask.n * 0.1 > 25.0
     n = found.terms["N"]
     assert abs(n.value - 0.1 * math.sqrt(0.1)) <= 3.0 * (n.hi - n.lo) + 0.015 * n.value  # 3 % of the density
-    assert found.markov is None
-    assert "K" not in found.lines.terms
+    assert found.markov is None and "K" not in found.lines.terms
     short = analyse(smoothed(11, 20_000, 5.0), 0.1)
     assert "too short to show more" in short.mask.reason
     assert dict(short.terms) == short.lines.terms == {}

@@ -72,8 +72,7 @@ def test_comments_tell_each_axis_with_its_interval_and_the_source(analyses):
     assert "#   N x: 0.3000 +/- 0.0012 deg/rth" in text
     assert "#   K z: 1.80 +/- 0.63 ug/s/rtHz" in text
     assert "# static ?.parquet rostopic: /evil" in text
-    assert text.isascii()
-    assert "quadratic mean" in text
+    assert text.isascii() and "quadratic mean" in text
 
 
 def test_a_limit_stands_for_what_is_not_observable(analyses):

@@ -32,8 +32,7 @@ RATE = np.random.default_rng(8).standard_normal((SAMPLES, 3)) * [1.0, 2.0, 3.0]
 def test_the_error_of_ieee_as_the_fin_paper_prints_it():
     """[Ou2017] (7): 220 s at 500 Hz, τ = √3 s: ± 6.299 %; n is whole, 866 of it, which makes it 6.2989 %."""
     one = make_curve([1.0, 0.9], [866, 900], 110_000, 0.002)
-    assert one.tau[0] == pytest.approx(1.732)
-    assert 100.0 * one.ieee[0] == pytest.approx(6.2989, abs=5e-5)
+    assert (one.tau[0], 100.0 * one.ieee[0]) == (pytest.approx(1.732), pytest.approx(6.2989, abs=5e-5))
     assert 100.0 / math.sqrt(2.0 * (220.0 / math.sqrt(3.0) - 1.0)) == pytest.approx(6.2990, abs=5e-5)
 
 
@@ -138,8 +137,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(noise, count):
     sd = math.sqrt(0.6827 * 0.3173 / count)
     truth = TRUTH[noise](found[0].n.astype(float))
     share = np.mean([(one.lo <= truth) & (truth <= one.hi) for one in found], axis=0)
-    assert share.min() >= 0.60 - 2.0 * sd
-    assert share.max() <= 0.78 + 2.0 * sd
+    assert share.min() >= 0.60 - 2.0 * sd and share.max() <= 0.78 + 2.0 * sd
     assert abs(share.mean() - 0.6827) <= sd + 0.03  # benchmarks/allan_coverage.py: means of 63 to 71 %
 
 
@@ -185,8 +183,7 @@ def test_where_two_noises_meet():
     """σ² = 1/τ + τ/T² bends from 0 to −2, at τ = T by half; a drift beyond a walk's slope counts as a walk."""
     meeting = 100.0
     alpha = identify("oadev", LONG, N, np.sqrt(1.0 / N + N / meeting**2))
-    assert alpha[0] == pytest.approx(0.0, abs=0.1)
-    assert alpha[-1] == pytest.approx(-2.0, abs=0.1)
+    assert (alpha[0], alpha[-1]) == (pytest.approx(0.0, abs=0.1), pytest.approx(-2.0, abs=0.1))
     assert np.interp(meeting, N, alpha) == pytest.approx(-1.0, abs=0.1)
     assert (np.diff(alpha[N >= 8]) < 0.01).all()
     assert (identify("oadev", LONG, N, N.astype(float)) == -2.0).all()
@@ -207,8 +204,7 @@ def test_scatter_on_white_noise():
     n = np.unique(np.round(np.geomspace(1, 2048, 45)).astype(int))
     dev = deviation(np.random.default_rng(11).standard_normal((4096, 100)), n)
     alpha = np.array([identify("oadev", 4096, n, one) for one in dev.T])
-    assert alpha.std(axis=0)[n <= 100].max() < 0.25
-    assert alpha.std(axis=0).max() < 0.5
+    assert alpha.std(axis=0)[n <= 100].max() < 0.25 and alpha.std(axis=0).max() < 0.5
     assert np.abs(alpha.mean(axis=0)).max() < 0.2
 
 

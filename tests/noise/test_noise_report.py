@@ -24,26 +24,23 @@ from tests.helpers.page_battery import HOSTILE, Outline, PageBattery
 PER_HOUR = math.degrees(1.0) * 3600.0  # °/h in a rad/s
 
 
-@pytest.mark.parametrize(
-    ("value", "lo", "hi", "text"),
-    [
-        (1.2345, 1.2, 1.27, "1.234 ± 0.036"),  # sides 0.0345 and 0.0355 are alike: the larger counts
-        (1.0, 0.9904, 1.0104, "1.000 ± 0.010"),  # the larger, 0.0104, says how many digits: 0.0096 would ask for more
-        (1.0, 0.99995, 1.00005, "1.000000 ± 0.000050"),  # the value says whether a power of ten is written
-        (57.03, 54.6, 60.1, "57.0 +3.1 -2.4"),
-        (10.0, 9.95, 11.5, "10.000 +1.500 -0.050"),  # no side is rounded to nothing
-        (0.0126, 0.01248, 0.01272, "0.01260 ± 0.00012"),
-        (12345.0, 12000.0, 12700.0, "12340 ± 360"),
-        (1.0, 0.9004, 1.0996, "1.00 ± 0.10"),  # 0.0996 has two digits as 0.10
-        (3.2e-6, 3.1e-6, 3.3e-6, "(3.20 ± 0.10)e-6"),
-        (2e7, 1.9e7, 2.2e7, "(2.00 +0.20 -0.10)e7"),
-        (-3.0, -3.1, -2.9, "-3.00 ± 0.10"),
-        (0.0, 0.0, 1.0, "0.0 +1.0 -0.0"),
-        (0.5, math.nan, math.nan, "0.500"),
-        (0.5, 0.5, 0.5, "0.500"),
-        (0.5, 0.4, math.inf, "0.500"),
-    ],
-)
+@pytest.mark.parametrize(("value", "lo", "hi", "text"), [
+    (1.2345, 1.2, 1.27, "1.234 ± 0.036"),  # sides 0.0345 and 0.0355 are alike: the larger counts
+    (1.0, 0.9904, 1.0104, "1.000 ± 0.010"),  # the larger, 0.0104, says how many digits: 0.0096 would ask for more
+    (1.0, 0.99995, 1.00005, "1.000000 ± 0.000050"),  # the value says whether a power of ten is written
+    (57.03, 54.6, 60.1, "57.0 +3.1 -2.4"),
+    (10.0, 9.95, 11.5, "10.000 +1.500 -0.050"),  # no side is rounded to nothing
+    (0.0126, 0.01248, 0.01272, "0.01260 ± 0.00012"),
+    (12345.0, 12000.0, 12700.0, "12340 ± 360"),
+    (1.0, 0.9004, 1.0996, "1.00 ± 0.10"),  # 0.0996 has two digits as 0.10
+    (3.2e-6, 3.1e-6, 3.3e-6, "(3.20 ± 0.10)e-6"),
+    (2e7, 1.9e7, 2.2e7, "(2.00 +0.20 -0.10)e7"),
+    (-3.0, -3.1, -2.9, "-3.00 ± 0.10"),
+    (0.0, 0.0, 1.0, "0.0 +1.0 -0.0"),
+    (0.5, math.nan, math.nan, "0.500"),
+    (0.5, 0.5, 0.5, "0.500"),
+    (0.5, 0.4, math.inf, "0.500"),
+])  # fmt: skip
 def test_a_value_has_the_digits_that_its_uncertainty_gives(value, lo, hi, text):
     assert measured(value, lo, hi) == text
 

@@ -184,11 +184,8 @@ def test_a_stream_takes_multiples_of_a_step():
     n = log_factors(10**9)
     fit = stream_factors(n)
     steps = stream_steps(fit)
-    assert (fit % steps == 0).all()
-    assert (fit[fit < 2**14] == n[n < 2**14]).all()
+    assert (fit % steps == 0).all() and (fit[fit < 2**14] == n[n < 2**14]).all()
     longer = fit // steps
-    assert longer[steps > 1].min() >= 2**13
-    assert longer.max() < 2**14
-    assert np.abs(fit / n - 1.0).max() <= 1.0 / 2**14
-    assert (stream_factors(fit) == fit).all()
+    assert longer[steps > 1].min() >= 2**13 and longer.max() < 2**14
+    assert np.abs(fit / n - 1.0).max() <= 1.0 / 2**14 and (stream_factors(fit) == fit).all()
     assert stream_factors([2**15 - 1, 1, 2**14, 1]).tolist() == [1, 2**14, 2**15]

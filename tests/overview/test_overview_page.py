@@ -184,7 +184,6 @@ def shown(tab):
 
 
 def pixels(tab, number):
-    """What a plot shows."""
     tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     return tab.evaluate(f"() => document.querySelectorAll('figure[data-chart] canvas')[{number}].toDataURL()")
 

@@ -61,10 +61,8 @@ def test_the_gate_passes_what_pythagoras_says_and_the_loop_what_its_poles_say():
     # the loop is linear in small angles: 1 °/s peaks at 1.6°
     assert literal.zero_rate_error(1.0) == pytest.approx(found.peak, rel=0.01)
     assert literal.zero_rate_error(5.0, mag=True) < literal.zero_rate_error(5.0)  # the field corrects it, too
-    assert literal.corrected_to(10.0, literal=False) < 0.5
-    assert literal.corrected_to(10.0, literal=True) > 10.0
-    assert literal.normalised_yaw(literal=False) < 1e-9
-    assert literal.normalised_yaw(literal=True) > 20.0
+    assert literal.corrected_to(10.0, literal=False) < 0.5 and literal.corrected_to(10.0, literal=True) > 10.0
+    assert literal.normalised_yaw(literal=False) < 1e-9 and literal.normalised_yaw(literal=True) > 20.0
 
 
 def test_the_paper_s_fit_finds_what_was_planted():
@@ -74,14 +72,12 @@ def test_the_paper_s_fit_finds_what_was_planted():
     ball /= np.linalg.norm(ball, axis=1, keepdims=True)
     scale, centre = np.array([480.0, 520.0, 450.0]), np.array([60.0, -40.0, 20.0])
     fit = modules.paper_fit(ball * scale + centre, 1.0)
-    assert fit.bias == pytest.approx(centre)
-    assert fit.matrix == pytest.approx(np.diag(1.0 / scale))
+    assert (fit.bias, fit.matrix) == (pytest.approx(centre), pytest.approx(np.diag(1.0 / scale)))
     z = rng.normal(size=18)
     around = rng.uniform(-math.pi, math.pi, 18)
     across = np.sqrt(1.0 + z * z)
     sheet = np.column_stack((across * np.cos(around), across * np.sin(around), z))  # x² + y² − z² = 1: F² is −1
-    assert modules.paper_fit(sheet, 1.0) is None
-    assert modules.by_paper(ball, sheet) is None
+    assert modules.paper_fit(sheet, 1.0) is None and modules.by_paper(ball, sheet) is None
 
 
 def test_modules_are_drawn_within_their_limits():
@@ -97,8 +93,7 @@ def test_modules_are_drawn_within_their_limits():
 def test_six_parameters_do_where_soft_iron_is_along_the_axes_and_nine_elsewhere():
     six = modules.measure_ring(modules.CaptureRow(), SEEDS)
     assert six.yaw95 < 2.5  # the specification's bar of 95 %
-    assert six.before > 5.0
-    assert six.level95 < 1.0
+    assert six.before > 5.0 and six.level95 < 1.0
     across = modules.measure_ring(modules.CaptureRow(c=0.1), SEEDS)
     assert modules.measure_ring(modules.CaptureRow(c=0.1, fit=modules.by_ellipsoid), SEEDS).yaw95 < 5.0 < across.yaw95
     alone = modules.measure_ring(modules.CaptureRow(fit=modules.mag_alone), SEEDS)
@@ -116,8 +111,7 @@ def test_the_gate_helps_the_recommended_filter_more_and_no_stroke_tilts_beyond_i
     """Bars of the specification: 3.3° and 2.7°, 60 %, and 1.2°."""
     found = bench.slide(*FIRST, [1])
     open_, shut, new = (found[name][0] for name in ("no gate", "gate 0.08 g", "mekf"))
-    assert (shut <= [3.3, 2.7]).all()
-    assert (shut <= 0.4 * open_).all()
+    assert (shut <= [3.3, 2.7]).all() and (shut <= 0.4 * open_).all()
     assert (new <= 1.2).all()
     # Kp v/g: the error that a stroke's whole speed feeds in, with nothing taken back
     assert bench.bound(3.0) == pytest.approx(to_deg(0.5 * 3.0 / G0))
@@ -139,10 +133,8 @@ def test_a_small_run_is_whole(found):
 def test_the_same_unit_goes_through_all_rigs(found):
     """The ring's own card: the buoy's offset of each sensor, found from other bytes."""
     assert found.unit.regions == 18
-    assert found.sailed.equal
-    assert found.device.same
-    assert found.device.junk == 0
-    assert sum(found.device.missed.values()) == 0
+    assert found.sailed.equal and found.device.same
+    assert (found.device.junk, sum(found.device.missed.values())) == (0, 0)
     assert sum(found.device.waiting.values()) > 0
     bias = found.unit.paper.gyr.bias
     assert to_dps(np.abs(bias - found.unit.best.gyr.bias).max()) < 0.3  # g-sensitivity of 0.1 °/s a g on three axes

@@ -49,8 +49,7 @@ def test_the_integrals_of_the_spectra_and_the_slopes_of_rounding():
     assert algorithm.quantisation_integral(0.002, math.sqrt(3.0), 250.0) == pytest.approx(0.77, abs=0.005)
     # papers 000, traps: slope −1/2 of a rounded rate (−0.500, −0.498), −1 of a rounded angle
     found = algorithm.slopes(np.random.default_rng(3))
-    assert found.rate == pytest.approx(-0.5, abs=0.02)
-    assert found.rate_at_second == pytest.approx(1.0, abs=0.1)
+    assert (found.rate, found.rate_at_second) == (pytest.approx(-0.5, abs=0.02), pytest.approx(1.0, abs=0.1))
     assert found.angle == pytest.approx(-1.0, abs=0.02)
 
 
@@ -78,8 +77,7 @@ def test_angles_of_swimming_diverge_per_axis_behind_a_high_pass_and_where_rates_
     free = attitude.without_noise()
     assert attitude.largest(free.axis)["pitch"] == pytest.approx(3351.0, abs=0.5)
     assert attitude.largest(free.axis)["yaw"] == pytest.approx(1219.0, abs=0.5)
-    assert max(attitude.largest(free.quaternion).values()) < 5e-4
-    assert attitude.coning() <= 1e-3
+    assert max(attitude.largest(free.quaternion).values()) < 5e-4 and attitude.coning() <= 1e-3
     # papers 000: peaks of 126 and 121 °/s at 1 Hz; a turn of 90° and a hold read 0.00° behind 0.011 Hz
     cut = by_key(attitude.clipping(work)[1])
     assert [cut[f"clip.peak.{axis}"].faithful for axis in "xy"] == pytest.approx([126.0, 121.0], abs=0.5)

@@ -30,19 +30,16 @@ def outcome(**how):
     return Outcome(**{"key": "a", "where": "Fig 8", "what": WHAT, "unit": "°", "paper": 9.6, "faithful": 3.0} | how)
 
 
-@pytest.mark.parametrize(
-    ("how", "verdict"),
-    [
-        ({}, "shown"),
-        ({"faithful_bar": at_most(3.0)}, "pass"),
-        ({"faithful_bar": at_most(2.9)}, "missed"),
-        ({"faithful_bar": at_most(2.9), "reason": Both("noise", "噪声")}, "missed: noise"),
-        ({"faithful": math.nan, "faithful_bar": at_most(3.0)}, "missed"),
-        ({"best": 0.5, "best_bar": (1.0, math.inf)}, "missed"),
-        ({"best": 0.5, "best_bar": (0.4, 0.6)}, "pass"),
-        ({"reproducible": False, "reason": Both("it is bounded", "有界")}, "not reproducible: it is bounded"),
-    ],
-)
+@pytest.mark.parametrize(("how", "verdict"), [
+    ({}, "shown"),
+    ({"faithful_bar": at_most(3.0)}, "pass"),
+    ({"faithful_bar": at_most(2.9)}, "missed"),
+    ({"faithful_bar": at_most(2.9), "reason": Both("noise", "噪声")}, "missed: noise"),
+    ({"faithful": math.nan, "faithful_bar": at_most(3.0)}, "missed"),
+    ({"best": 0.5, "best_bar": (1.0, math.inf)}, "missed"),
+    ({"best": 0.5, "best_bar": (0.4, 0.6)}, "pass"),
+    ({"reproducible": False, "reason": Both("it is bounded", "有界")}, "not reproducible: it is bounded"),
+])  # fmt: skip
 def test_a_verdict_follows_from_the_bars(how, verdict):
     assert outcome(**how).verdict == verdict
 
@@ -61,9 +58,7 @@ def test_an_outcome_says_something_reaches_another_process_whole_and_is_json():
 
 def test_a_text_in_both_languages_is_read_in_each():
     both = copy.deepcopy(Both("error", "误差"))
-    assert both == "error"
-    assert said(both, "en") == "error"
-    assert said(both, "zh") == "误差"
+    assert (both, said(both, "en"), said(both, "zh")) == ("error", "error", "误差")
     assert said(str(both), "zh") == "误差"  # a plot's label goes through str
     (row,) = table([outcome(best=0.5, best_bar=at_most(1.0), faithful=0.012345)]).rows
     assert row == ["Fig 8", "error", "°", "9.60", "0.0123", "0.500 (≤ 1)", "pass"]
@@ -118,13 +113,10 @@ def test_papers_side_by_side_give_their_outcomes_however_long(tmp_path, monkeypa
     assert sorted(steps) == [("fin: a", 0, 1), ("rod: a", 0, 1)]
 
 
-@pytest.mark.parametrize(
-    ("end", "told"),
-    [
-        ("sys.exit('no room')", "arm ended with exit code 1: no room"),
-        ("os.kill(os.getpid(), 9)", "arm was ended by signal 9, as a system does that is short of memory; try one job"),
-    ],
-)
+@pytest.mark.parametrize(("end", "told"), [
+    ("sys.exit('no room')", "arm ended with exit code 1: no room"),
+    ("os.kill(os.getpid(), 9)", "arm was ended by signal 9, as a system does that is short of memory; try one job"),
+])  # fmt: skip
 def test_the_first_paper_that_fails_ends_all(tmp_path, monkeypatch, end, told):
     started = alone(monkeypatch, f"time.sleep(60) if name != 'arm' else {end}")
     with pytest.raises(DecodeError, match=told):

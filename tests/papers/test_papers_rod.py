@@ -87,8 +87,7 @@ def test_the_kernel_is_the_corrected_steps_in_matrices(one):
     q, p = matrices(imu, g(0.1))
     for form in (Form(), Form(joseph=True)):
         found = literal(imu, g(0.1), form)
-        assert quat_angle(found.q_nb[-1], q) < 1e-9
-        assert np.abs(found.p - p).max() < 1e-9 * np.abs(p).max()
+        assert quat_angle(found.q_nb[-1], q) < 1e-9 and np.abs(found.p - p).max() < 1e-9 * np.abs(p).max()
     single = literal(imu, g(0.1), Form(single=True))
     assert 0.0 < quat_angle(single.q_nb[-1], q) < 1e-4
 
@@ -164,8 +163,7 @@ def test_a_run_through_bytes_is_compared_with_the_reference_and_the_truth(run):
     expected = np.degrees(np.linalg.norm(run.true_mounting[1:])) * 2.0
     assert 0.0 < parts[5].rms.max() < expected
     sizes = by_key(comparison.part(run)[1])
-    assert sizes["bytes.ahrs.roll"].met
-    assert sizes["bytes.ahrs.pitch"].met
+    assert sizes["bytes.ahrs.roll"].met and sizes["bytes.ahrs.pitch"].met
 
 
 def test_the_same_seed_gives_the_same_bits(table):

@@ -62,8 +62,7 @@ def found(short, white, long, table, tests):
 def test_the_turntable_is_the_paper_s():
     """0 to 10 r/min in 100 s, 1000 samples, then 1000 at 60 °/s; an axis in the plane of the table measures nothing."""
     rest, run = seeds.on_turntable(0, scale=0.0)
-    assert run.t.size == 2000
-    assert np.diff(run.t) == pytest.approx(seeds.STEP)
+    assert (run.t.size, np.diff(run.t)) == (2000, pytest.approx(seeds.STEP))
     assert run.true[:, 2] == pytest.approx(np.minimum(deg(0.6) * run.t, dps(60.0)), abs=1e-12)
     assert np.abs(run.true[:, :2]).max() < 1e-12
     noise = (run.measured - run.true).std()
@@ -183,8 +182,7 @@ def test_printed_forms_fail_as_they_must():
 def test_the_paper_s_temperature_makes_other_parts_worse(part, raw, left):
     """Figures of the corrected specification, from 25 to 45 °C; a card of the part itself leaves 0.002 °/s."""
     at = misprints.warmed(part, 7)
-    assert to_dps(at.raw) == pytest.approx(raw, abs=0.05)
-    assert to_dps(at.printed) == pytest.approx(left, abs=0.05)
+    assert (to_dps(at.raw), to_dps(at.printed)) == (pytest.approx(raw, abs=0.05), pytest.approx(left, abs=0.05))
     assert abs(to_dps(at.own)) < 0.002
     assert to_dps(at.coefficient) == pytest.approx(part, abs=5e-4)
 
@@ -205,8 +203,7 @@ def test_the_recorded_tests_are_the_paper_s_and_show_the_lag(tests):
     assert ends["calibrated"] < 5.0
     lapped = tests[3]
     off = {name: np.degrees(recorded.apart(at, lapped.tracks["true"])).max() for name, at in lapped.tracks.items()}
-    assert off["calibrated"] < 10.0
-    assert off["calibrated"] < min(off["best"], off["paper"], off["measured"])
+    assert off["calibrated"] < 10.0 and off["calibrated"] < min(off["best"], off["paper"], off["measured"])
 
 
 def test_outcomes_are_whole_and_items_name_them(found):

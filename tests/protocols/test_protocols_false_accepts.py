@@ -39,23 +39,20 @@ def test_the_catalogue_declares_what_follows_from_the_format(name):
     assert declared == float(f"{false_accepts(settled(name)):.1e}")
 
 
-@pytest.mark.parametrize(
-    ("name", "odds"),
-    [
-        # sync twice (confirmed), sum of 8 bits, a pitch of 32769 and a temperature of 4096 counts among 65536
-        ("ahrs400", 256.0**-2 / 256 * 32769 / 65536 * 4096 / 65536),
-        # sync of 16 bits, two sums of 16 bits, pitch as above
-        ("ahrs500ga", 256.0**-2 * 2 * 256.0**-2 * 32769 / 65536),
-        # sync, kind out of 5, sum of 8 bits, the next sync
-        ("witmotion", 256.0**-4 * 5),
-        # one of two beginnings of 16 bits, three messages with a register behind; the next, of either kind, confirms
-        ("witmotion_ble", 256.0**-2 * (1 + 3 * 256.0**-2) * 2 * 256.0**-2),
-        # sync of 24 bits out of 8 twice (confirmed), base and identity of 9 reports; the sync says the length
-        ("bno08x_shtp", (8 * 256.0**-3) ** 2 * 9 * 256.0**-2),
-        # sync of 32 bits, check of 16
-        ("vectornav_ypr", 256.0**-6),
-    ],
-)
+@pytest.mark.parametrize(("name", "odds"), [
+    # sync twice (confirmed), sum of 8 bits, a pitch of 32769 and a temperature of 4096 counts among 65536
+    ("ahrs400", 256.0**-2 / 256 * 32769 / 65536 * 4096 / 65536),
+    # sync of 16 bits, two sums of 16 bits, pitch as above
+    ("ahrs500ga", 256.0**-2 * 2 * 256.0**-2 * 32769 / 65536),
+    # sync, kind out of 5, sum of 8 bits, the next sync
+    ("witmotion", 256.0**-4 * 5),
+    # one of two beginnings of 16 bits, three messages with a register behind; the next, of either kind, confirms
+    ("witmotion_ble", 256.0**-2 * (1 + 3 * 256.0**-2) * 2 * 256.0**-2),
+    # sync of 24 bits out of 8 twice (confirmed), base and identity of 9 reports; the sync says the length
+    ("bno08x_shtp", (8 * 256.0**-3) ** 2 * 9 * 256.0**-2),
+    # sync of 32 bits, check of 16
+    ("vectornav_ypr", 256.0**-6),
+])  # fmt: skip
 def test_it_is_the_product_of_what_guards(name, odds):
     assert false_accepts(settled(name)) == pytest.approx(odds, rel=1e-12)
 

@@ -9,21 +9,12 @@ from plumbob.core.errors import DecodeError
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import find_format, parse_format
 from plumbob.protocols.unpack import read_counts
+from tests.helpers import beside
 from tests.helpers.decoder_battery import in_pieces
 
 HEAD = 'kind = "plumbob format"\nversion = 1\nname = "mine"\ntitle = "mine"\n'
 
-RANGED = """
-byte_order = "{order}"
-frame = {{ length = 13 }}
-field = [
-    {{ name = "a", type = "u8", role = "status", range = [10, 240] }},
-    {{ name = "b", type = "s16", unit = "deg", lsb = 0.1, range = [-30000, 20000] }},
-    {{ name = "c", type = "s24", unit = "m", range = [-8000000, 1] }},
-    {{ name = "d", at = 6, type = "s32", bits = [20, 5], role = "status", range = [-20000, 32000] }},
-    {{ name = "e", at = 10, type = "bcd", unit = "deg", lsb = 0.01, range = [-5000, 90000] }},
-]
-"""
+RANGED = beside(__file__, "ranged.toml")
 
 
 def decimal(count, rng):
@@ -115,30 +106,17 @@ def test_floats_that_are_no_numbers_are_absent_and_flagged():
     assert (found.flags[""] == [0, flags.GYR_INVALID, flags.GYR_INVALID, 0]).all()
 
 
-ONE_OF_TWO = """
-byte_order = "big"
-frame = {{ sync = "A5", {length}, checksum = {{ kind = "{kind}", at = {at}, from = 1 }} }}
-[[message]]
-name = "mine"
-length = 8
-field = [
-    {{ name = "id", at = 2, type = "u8", role = "constant", value = {value} }},
-    {{ name = "a", type = "u8", role = "status" }},
-]
-"""
+ONE_OF_TWO = beside(__file__, "one_of_two.toml")
 VARIABLE, FIXED = "length_field = { at = 1, size = 1, add = 0, least = 5, most = 9 }", "length = 8"
 
 
-@pytest.mark.parametrize(
-    ("length", "checksum", "believed"),
-    [
-        (VARIABLE, "crc16-xmodem", True),
-        (VARIABLE, "fletcher16", True),
-        (VARIABLE, "crc8", False),
-        (VARIABLE, "sum8", False),
-        (FIXED, "crc16-xmodem", False),
-    ],
-)
+@pytest.mark.parametrize(("length", "checksum", "believed"), [
+    (VARIABLE, "crc16-xmodem", True),
+    (VARIABLE, "fletcher16", True),
+    (VARIABLE, "crc8", False),
+    (VARIABLE, "sum8", False),
+    (FIXED, "crc16-xmodem", False),
+])  # fmt: skip
 def test_a_frame_of_no_known_message_is_believed_by_its_length_and_a_check_of_16_bits(length, checksum, believed):
     """Else it is no frame: a format of one length describes all of its frames, and a short check fits by chance."""
     words = {"length": length, "kind": checksum, "at": -1 if checksum in {"crc8", "sum8"} else -2}
@@ -157,31 +135,10 @@ def test_after_a_disturbance_a_frame_counts_once_another_begins_behind_it():
     assert decoder.feed(second, 2)["mine"].t_ns.tolist() == [1, 2]  # the second needs no other
     decoder = Decoder(form)
     assert decoder.feed(first + b"\x00" + second, 1) == {}  # no frame begins behind the first
-    assert decoder.feed(third, 2)["mine"].start.tolist() == [9, 17]
-    assert decoder.counts.junk == 9
+    assert (decoder.feed(third, 2)["mine"].start.tolist(), decoder.counts.junk) == ([9, 17], 9)
 
 
-PARTS = """
-byte_order = "big"
-frame = { sync = "A5", length_field = { at = 1, size = 1, add = 0, least = 4, most = 9 } }
-[part]
-count = [{ name = "id", type = "u8", role = "constant", value = 1 }, { name = "count", type = "u8", role = "counter" }]
-bits = [
-    { name = "kind", type = "u8", role = "constant", value = 2 },
-    { name = "high", at = 1, type = "u8", bits = [7, 4], role = "status" },
-    { name = "low", at = 1, type = "u8", bits = [3, 0], role = "status" },
-    { name = "temp_c", type = "s8", unit = "degC" },
-]
-[[message]]
-name = "both"
-length = 8
-parts = ["count", "bits"]
-field = [{ name = "last", type = "u8", role = "status" }]
-[[message]]
-name = "turned"
-length = 7
-parts = ["bits", "count"]
-"""
+PARTS = beside(__file__, "parts.toml")
 
 
 def test_parts_lie_one_behind_the_other_and_their_places_count_from_their_first_byte():

@@ -34,7 +34,6 @@ def rebuilt(q):
 
 
 def apart(angles, others):
-    """Differences of angles, on the circle."""
     return np.abs((np.subtract(angles, others) + np.pi) % (2 * np.pi) - np.pi)
 
 
@@ -45,16 +44,14 @@ def test_order_is_yaw_then_pitch_then_roll_about_moving_axes():
     assert quat_angle(quat_from_euler_zyx([yaw, pitch, roll]), quat_multiply(quat_multiply(z, y), x)) <= ROUNDING
 
 
-@pytest.mark.parametrize(
-    ("angles_deg", "axis", "expected"),
-    [  # in NED, body forward-right-down: what a pilot says
-        ((90, 0, 0), [1, 0, 0], [0, 1, 0]),  # heading 90°: the nose points east
-        ((0, 90, 0), [1, 0, 0], [0, 0, -1]),  # pitch +90°: the nose points up; in ENU and NWU, where z is up, down
-        ((0, 0, 90), [0, 1, 0], [0, 0, 1]),  # roll +90°: the right wing points down
-        ((90, 0, 90), [0, 1, 0], [0, 0, 1]),
-        ((90, 90, 0), [0, 0, 1], [0, 1, 0]),  # then pitched up: the belly faces east, where the nose was
-    ],
-)
+@pytest.mark.parametrize(("angles_deg", "axis", "expected"), [
+    # in NED, body forward-right-down: what a pilot says
+    ((90, 0, 0), [1, 0, 0], [0, 1, 0]),  # heading 90°: the nose points east
+    ((0, 90, 0), [1, 0, 0], [0, 0, -1]),  # pitch +90°: the nose points up; in ENU and NWU, where z is up, down
+    ((0, 0, 90), [0, 1, 0], [0, 0, 1]),  # roll +90°: the right wing points down
+    ((90, 0, 90), [0, 1, 0], [0, 0, 1]),
+    ((90, 90, 0), [0, 0, 1], [0, 1, 0]),  # then pitched up: the belly faces east, where the nose was
+])  # fmt: skip
 def test_signs_in_ned(angles_deg, axis, expected):
     turned = quat_rotate(quat_from_euler_zyx(np.multiply(angles_deg, DEG)), axis)
     np.testing.assert_allclose(turned, expected, atol=4 * EPS)
@@ -116,8 +113,7 @@ def test_around_the_gimbal(sign, yaw, roll, off):
 ])  # fmt: skip
 def test_half_turns_are_plus_pi(q, expected):
     """Angles lie in (−π, π], whatever the sign of a zero."""
-    assert np.array_equal(euler_zyx_from_quat(q), expected)
-    assert rebuilt(np.array(q, dtype=float)) <= ROUNDING
+    assert np.array_equal(euler_zyx_from_quat(q), expected) and rebuilt(np.array(q, dtype=float)) <= ROUNDING
 
 
 def test_both_signs_have_the_same_angles_and_absent_stays_absent(quats):

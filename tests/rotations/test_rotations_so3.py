@@ -42,8 +42,7 @@ def test_exponential_is_right_to_the_last_bits(angle):
         kernels.quat_exp.py_func(angle, 0, 0),
     ):
         # Roundings: the half angle's square, its root, sine, quotient and product. At π the cosine is 6e-17 itself.
-        assert ulps(q[1], x) <= 3
-        assert abs(float(Fraction(float(q[0])) - w)) <= 1.5 * EPS
+        assert ulps(q[1], x) <= 3 and abs(float(Fraction(float(q[0])) - w)) <= 1.5 * EPS
 
 
 @pytest.mark.parametrize("angle", ANGLES)
@@ -85,8 +84,7 @@ def test_rotation_vectors_come_back_with_all_their_digits(size):
 
 def test_logarithm_takes_the_shorter_way_for_either_sign_and_keeps_what_is_absent(quats):
     r = rotvec_from_quat(quats)
-    assert np.array_equal(r, rotvec_from_quat(-quats))
-    assert np.linalg.norm(r, axis=1).max() <= np.pi * (1 + EPS)
+    assert np.array_equal(r, rotvec_from_quat(-quats)) and np.linalg.norm(r, axis=1).max() <= np.pi * (1 + EPS)
     for axis in np.eye(3):
         assert np.array_equal(rotvec_from_quat([0.0, *axis]), np.pi * axis)
         assert np.array_equal(rotvec_from_quat([-0.0, *axis]), np.pi * axis)

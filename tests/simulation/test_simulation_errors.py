@@ -32,8 +32,7 @@ def readings(errors, truth=TRUTH, triad="gyr", seed=4):
 def test_without_errors_the_measurement_is_the_truth():
     found = readings(TriadErrors())
     np.testing.assert_array_equal(found.values, TRUTH)
-    assert not found.bias.any()
-    assert not found.clipped.any()
+    assert not found.bias.any() and not found.clipped.any()
 
 
 @pytest.mark.parametrize("name", [name for name in EVERYTHING if not name.startswith("white")])
@@ -180,11 +179,9 @@ def test_what_is_steady_is_gone_from_the_first_value_on():
         TriadErrors(high_pass=CORNER, bias=0.3, bias_per_k=0.01), still, triad="gyr", seed=1, rate=RATE,
         temp_c=np.full(COUNT, 40.0), force_b=FORCE,
     )  # fmt: skip
-    assert np.abs(found.values).max() < 1e-12
-    assert np.abs(found.bias).max() < 1e-12
+    assert np.abs(found.values).max() < 1e-12 and np.abs(found.bias).max() < 1e-12
     card = TriadErrors(high_pass=CORNER, bias=0.3, bias_per_k=0.01, scale=0.1).card("rad/s")
-    assert not card.bias.any()
-    assert not card.bias_per_k.any()
+    assert not card.bias.any() and not card.bias_per_k.any()
     np.testing.assert_allclose(np.diag(card.matrix), 1.0 / 1.1)
 
 

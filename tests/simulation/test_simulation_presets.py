@@ -89,8 +89,7 @@ def test_two_gyroscopes_make_one_triad_however_they_are_spelt():
     np.testing.assert_allclose(module.gyr.full_scale / DEG, [100.0, 100.0, 300.0])
     np.testing.assert_allclose(module.gyr.white_rpsd / DEG, [0.004, 0.004, 0.015])
     np.testing.assert_allclose(module.gyr.flicker / DEG * 3600.0, [0.0, 0.0, 16.0])
-    assert module.acc is None
-    assert module.mag is None
+    assert module.acc is None and module.mag is None
 
 
 @pytest.mark.parametrize(("name", "heading", "tilt", "mark"), [

@@ -75,8 +75,7 @@ def test_no_parameter_is_hidden_by_one_of_the_simulation(name):
 def test_static_is_at_rest_in_the_attitude_asked_for():
     body = truth("static", [0.0, 9.0], heading=2.0, pitch=-0.3, roll=0.5)
     np.testing.assert_allclose(angles(body), [[2.0, -0.3, 0.5]] * 2, atol=1e-14)
-    assert not body.rate_b.any()
-    assert not body.acc_n.any()
+    assert not body.rate_b.any() and not body.acc_n.any()
 
 
 def test_turntable_is_the_gyroscope_paper_s():
@@ -186,15 +185,13 @@ def test_buoy_yaw_wanders_by_what_is_asked():
     t = np.arange(0.0, 20_000.0, 2.0)
     yaw = angles(truth("buoy", t, height=0.0, yaw_wander=0.2, heading=0.5))[:, 0]
     # five incommensurate sinusoids: rms as asked, mixing by a few parts in their hundreds of periods
-    assert yaw.std() == pytest.approx(0.2, rel=0.03)
-    assert yaw.mean() == pytest.approx(0.5, abs=0.01)
+    assert (yaw.std(), yaw.mean()) == (pytest.approx(0.2, rel=0.03), pytest.approx(0.5, abs=0.01))
 
 
 def test_rod_keeps_to_its_limits_and_uses_them():
     euler = angles(truth("rod", np.arange(0.0, 600.0, 0.1))) / DEG
     assert np.abs(euler[:, 2]).max() <= 20.0 + 1e-9  # page of the rod paper: ±20/±15°
-    assert np.abs(euler[:, 1]).max() <= 15.0 + 1e-9
-    assert np.abs(euler[:, 2]).max() > 15.0
+    assert np.abs(euler[:, 1]).max() <= 15.0 + 1e-9 and np.abs(euler[:, 2]).max() > 15.0
     assert np.abs(euler[:, 1]).max() > 11.0
 
 

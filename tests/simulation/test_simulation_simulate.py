@@ -38,8 +38,7 @@ def test_ideal_sensors_say_the_truth():
     np.testing.assert_array_equal(made.imu.acc, body.specific_force_b)
     np.testing.assert_array_equal(made.truth.q_nb, body.q_nb)
     np.testing.assert_array_equal(made.truth.t, made.imu.t)
-    assert not made.imu.flags.any()
-    assert not made.truth.bias_b.any()
+    assert not made.imu.flags.any() and not made.truth.bias_b.any()
 
 
 @pytest.mark.parametrize("frame", list(Frame))
@@ -110,8 +109,7 @@ def test_a_longer_recording_begins_like_a_shorter_one():
     step = short.module.gyr.lsb[0]
     # the flicker's Fourier transforms round differently, which may move a value by one count, rarely
     difference = np.abs(long.imu.gyr[: len(short.imu)] - short.imu.gyr)
-    assert difference.max() <= step * 1.001
-    assert np.mean(difference > 0.0) < 1e-3
+    assert difference.max() <= step * 1.001 and np.mean(difference > 0.0) < 1e-3
     np.testing.assert_array_equal(long.truth.q_nb[: len(short.imu)], short.truth.q_nb)
 
 
@@ -188,8 +186,7 @@ def test_each_gyroscope_clips_at_its_own_range():
     assert made.imu.meta.gyr_range == pytest.approx(tuple(ends))
     beyond = np.abs(made.kinematics.rate_b) > ends + 0.01  # by far more than the noise
     flagged = (made.imu.flags & flags.GYR_CLIPPED) != 0
-    assert beyond[:, 0].any()
-    assert beyond[:, 1].any()
+    assert beyond[:, 0].any() and beyond[:, 1].any()
     assert flagged[beyond.any(axis=1)].all()
     assert not flagged[(np.abs(made.kinematics.rate_b) < ends - 0.01).all(axis=1)].any()
     np.testing.assert_array_equal(np.abs(made.imu.gyr).max(axis=0)[:2], ends[:2])
@@ -198,14 +195,11 @@ def test_each_gyroscope_clips_at_its_own_range():
 def test_meta_says_what_was_made():
     made = run(sensors=PARTS, rate=50.0)
     assert made.imu.meta.rate_nominal == 50.0
-    assert made.imu.meta.frame is Frame.NED
-    assert made.imu.meta.north is North.TRUE
+    assert made.imu.meta.frame is Frame.NED and made.imu.meta.north is North.TRUE
     assert made.imu.meta.device == made.calibration.device == made.noise.device
-    assert made.imu.meta.acc_range == pytest.approx(4.0 * G0)
-    assert made.imu.meta.mag_range == pytest.approx(130.0)
+    assert (made.imu.meta.acc_range, made.imu.meta.mag_range) == (pytest.approx(4.0 * G0), pytest.approx(130.0))
     assert len(made.imu) == 1000
-    assert "rod (roll_limit=20 deg" in made.truth.source
-    assert "hmc5983 mag.hard_iron" in made.noise.source
+    assert "rod (roll_limit=20 deg" in made.truth.source and "hmc5983 mag.hard_iron" in made.noise.source
 
 
 def test_gyroscopes_alone_make_a_recording():

@@ -47,13 +47,11 @@ def opened(chromium, view, *, query="", **options):
 
 
 def unfolded(page):
-    """Open every panel, so that all are drawn."""
     for folder in page.query_selector_all('.fold[aria-expanded="false"]'):
         folder.click()
 
 
 def number(text):
-    """Number of a text of the page."""
     return float(re.sub(r"[^\d.]", "", text.replace("−", "")) or "nan") * (-1 if "−" in text else 1)
 
 
@@ -108,7 +106,6 @@ def test_every_panel_moves_and_nothing_but_this_machine_is_asked(chromium, buoy)
 
 
 def printed(value, digits):
-    """A number as the page prints it."""
     return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
@@ -175,8 +172,7 @@ def test_record_stop_replay_and_seek_by_the_page_alone(chromium, buoy, tmp_path)
         panel.get_by_role("button", name="Stop", exact=True).click()
         page.wait_for_selector('header .recording[data-on="false"]')
     (made,) = buoy.folder.glob("trip*.mcap")
-    assert plumbob.verify(made).whole
-    assert plumbob.replay(made, check=True).comparison.equal
+    assert plumbob.verify(made).whole and plumbob.replay(made, check=True).comparison.equal
     with viewed(made, folder=tmp_path) as view, opened(chromium, view) as page:
         player = page.locator(".panel-playback")
         pause = player.get_by_role("button", name="Pause", exact=True)
@@ -224,8 +220,7 @@ def test_a_guided_calibration_ends_in_a_card(chromium, tmp_path):
         finally:
             emulated.terminate()
     found = CalibrationCard.load(made)
-    assert found.device == "unit 7"
-    assert set(found.parts) == {"mag"}
+    assert (found.device, set(found.parts)) == ("unit 7", {"mag"})
 
 
 def test_the_page_finds_its_server_again_and_doubles_nothing(chromium, buoy):

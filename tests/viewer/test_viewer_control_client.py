@@ -50,8 +50,7 @@ def test_a_command_is_posted_with_the_token_in_a_header_and_answered():
         assert control(url, "mark", "a") == "marked: a"
     ((path, headers, body),) = kept
     assert path == "/api/command"
-    assert headers["Authorization"] == "Bearer secret"
-    assert headers["Content-Type"] == "application/json"
+    assert (headers["Authorization"], headers["Content-Type"]) == ("Bearer secret", "application/json")
     assert body == {"id": 1, "verb": "mark", "text": "a"}
 
 
@@ -98,5 +97,4 @@ def test_the_verb_prints_the_answer_and_exits_1_where_it_is_refused():
     assert (done.returncode, done.stdout) == (0, "it is at 3.000 s\n")
     with answering(200, answer(False, "no.")) as url:
         done = call("control", url, "seek", "3")
-    assert done.returncode == 1
-    assert done.stderr == "plumbob control: the view refuses: no.\n"
+    assert (done.returncode, done.stderr) == (1, "plumbob control: the view refuses: no.\n")

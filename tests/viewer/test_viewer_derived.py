@@ -40,7 +40,6 @@ def turned(count):
 
 
 def feed(served, sensed, first=0, size=50):
-    """Feed samples as fast as they are taken."""
     for k in range(0, len(sensed), size):
         some = sensed[k : k + size]
         batch = BODY.batch(first + k, len(some))
@@ -170,8 +169,7 @@ def test_a_capture_that_is_not_enough_makes_no_card_and_says_why(tmp_path):
         assert not asking.ask("calibrate-end")["ok"]
         guide = asking.text(lambda one: one["type"] == "guide" and one["refused"])
         assert len(guide["refused"]) >= 1 and guide["card"] is None
-        assert asking.ask("calibrate", name="gyro")["ok"]
-        assert asking.ask("calibrate-cancel")["ok"]
+        assert asking.ask("calibrate", name="gyro")["ok"] and asking.ask("calibrate-cancel")["ok"]
         assert "Nothing is being calibrated" in asking.ask("calibrate-cancel")["text"]
     assert list(tmp_path.glob("*.card.json")) == []
 
@@ -183,8 +181,7 @@ def test_when_time_begins_again_a_calibration_is_given_up_and_the_allan_deviatio
         assert asking.ask("calibrate", name="gyro")["ok"]
         served.feed.say("reset")
         asking.text(lambda one: "given up" in one.get("text", ""))
-        assert not asking.ask("calibrate-end")["ok"]
-        assert asking.ask("allan-reset")["ok"]
+        assert not asking.ask("calibrate-end")["ok"] and asking.ask("allan-reset")["ok"]
         asking.text(lambda one: one.get("text") == "allan-reset: The Allan deviation begins again.")
 
 

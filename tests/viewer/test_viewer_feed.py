@@ -204,8 +204,6 @@ def test_flags_that_rise_and_fall_are_events_and_angles_are_roll_pitch_yaw_in_de
 
 
 class Broken(Kept):
-    """Outlet with a fault."""
-
     def batch(self, batch):
         raise RuntimeError("planted")
 

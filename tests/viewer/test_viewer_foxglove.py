@@ -17,8 +17,6 @@ BODY = Body(100.0)
 
 
 class Studio:
-    """A client of the protocol."""
-
     def __init__(self, served, protocols=("foxglove.websocket.v1",)):
         self._connecting = connect(served.socket_url("/foxglove"), subprotocols=protocols, max_size=None)
 

@@ -52,8 +52,7 @@ def test_every_route_asks_for_the_token(served, route):
 @pytest.mark.parametrize("path", ["/ws", "/foxglove", "/nothing"])
 def test_a_websocket_asks_for_the_token(served, path):
     own = f"Host: {served.host}\r\nOrigin: http://{served.host}"
-    assert upgrade(served, own, path) == 401
-    assert upgrade(served, own, f"{path}?token={served.token[:-1]}") == 401
+    assert (upgrade(served, own, path), upgrade(served, own, f"{path}?token={served.token[:-1]}")) == (401, 401)
     assert upgrade(served, f"{own}\r\nCookie: plumbob-{served.port}={served.token[:-1]}", path) == 401
 
 
@@ -63,9 +62,8 @@ def test_the_link_gives_a_cookie_that_scripts_cannot_read_and_leads_to_a_clean_a
     value, *flags = headers["set-cookie"].split("; ")
     assert value == f"plumbob-{served.port}={served.token}"
     assert set(flags) == {"Path=/", "HttpOnly", "SameSite=Strict"}
-    assert (
-        request(served, path=f"/api/state?token={served.token}", token=None)[0] == 401
-    )  # the page and websockets alone
+    # the page and websockets alone
+    assert request(served, path=f"/api/state?token={served.token}", token=None)[0] == 401
     others = f'json={{"a": "b"}}; broken; plumbob-{served.port}=old; {value}'
     assert request(served, path="/api/hello", token=None, headers={"Cookie": others})[0] == 200
 
@@ -187,8 +185,7 @@ def test_every_answer_forbids_what_a_page_must_not_do(served):
         assert status in (200, 401, 421, 503)
         policy = headers["content-security-policy"]
         assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy and "unsafe" not in policy
-        assert headers["x-content-type-options"] == "nosniff"
-        assert headers["referrer-policy"] == "no-referrer"
+        assert (headers["x-content-type-options"], headers["referrer-policy"]) == ("nosniff", "no-referrer")
         assert headers["cache-control"] == "no-store"
         assert "server" not in headers
     assert f"connect-src 'self' ws://{served.host};" in request(served)[1]["content-security-policy"]
@@ -205,15 +202,12 @@ def test_an_origin_that_was_named_may_open_a_websocket_with_the_token_in_its_add
         assert request(served, "POST", "/api/command", headers=told, body=b"{}")[0] == 403
 
 
-@pytest.mark.parametrize(
-    ("how", "says"),
-    [
-        ({"token": "short"}, "PLUMBOB_VIEW_TOKEN must hold a token"),
-        ({"token": "with spaces in it, but long enough"}, "PLUMBOB_VIEW_TOKEN must hold a token"),
-        # 192.0.2.1 is of TEST-NET-1 (RFC 5737), which no machine has.
-        ({"host": "192.0.2.1"}, "cannot listen at 192.0.2.1"),
-    ],
-)
+@pytest.mark.parametrize(("how", "says"), [
+    ({"token": "short"}, "PLUMBOB_VIEW_TOKEN must hold a token"),
+    ({"token": "with spaces in it, but long enough"}, "PLUMBOB_VIEW_TOKEN must hold a token"),
+    # 192.0.2.1 is of TEST-NET-1 (RFC 5737), which no machine has.
+    ({"host": "192.0.2.1"}, "cannot listen at 192.0.2.1"),
+])  # fmt: skip
 def test_a_short_token_and_an_address_of_another_machine_are_refused_at_the_start(tmp_path, how, says):
     with pytest.raises(AssertionError), serving(folder=tmp_path, **how):
         pass
@@ -223,10 +217,8 @@ def test_a_short_token_and_an_address_of_another_machine_are_refused_at_the_star
 def test_it_listens_at_this_machines_own_addresses_alone_unless_every_address_is_asked_for(tmp_path, served):
     # 127.0.0.1 and ::1 as the kernel prints them, in the order of this machine's bytes.
     own = listeners(served.process.pid)
-    assert own <= {"0100007F", "00000000000000000000000001000000"}
-    assert "0100007F" in own
+    assert own <= {"0100007F", "00000000000000000000000001000000"} and "0100007F" in own
     with serving(folder=tmp_path, host="0.0.0.0") as every:
-        assert listeners(every.process.pid) == {"00000000"}
-        assert request(every, path="/api/hello")[0] == 200
+        assert (listeners(every.process.pid), request(every, path="/api/hello")[0]) == ({"00000000"}, 200)
         assert request(every, path="/api/hello", host=f"{socket.gethostname()}:{every.port}")[0] == 200
         assert request(every, path="/api/hello", host=f"evil.example:{every.port}")[0] == 421

@@ -22,7 +22,6 @@ OPTIONS = ("--control", "--clients", "40")
 
 
 def memory(served):
-    """MiB of the server."""
     pages = int(Path(f"/proc/{served.process.pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
@@ -75,16 +74,12 @@ def is_served(served):
     assert request(served, path="/api/hello")[0] == 200
 
 
-@pytest.mark.parametrize(
-    ("message", "code"),
-    [
-        ("x" * (65 << 10), 1009),
-        (b"x" * (1 << 20), 1009),
-        (("x" * 1000 for _ in range(100)), 1009),  # of many pieces
-        (b"\x00", 1003),  # bytes are no command
-    ],
-    ids=["text", "bytes", "pieces", "no command"],
-)
+@pytest.mark.parametrize(("message", "code"), [
+    ("x" * (65 << 10), 1009),
+    (b"x" * (1 << 20), 1009),
+    (("x" * 1000 for _ in range(100)), 1009),  # of many pieces
+    (b"\x00", 1003),  # bytes are no command
+], ids=["text", "bytes", "pieces", "no command"])  # fmt: skip
 def test_a_message_over_64_kib_and_one_of_bytes_close_their_connection(served, message, code):
     with connect(served.socket_url()) as line, pytest.raises(ConnectionClosed) as why:
         line.send(message)

@@ -16,7 +16,6 @@ from tests.helpers.outlets import Clock, Kept
 
 @pytest.fixture(scope="module")
 def line(tmp_path_factory):
-    """Recording of a line, and what the line made of it."""
     path = tmp_path_factory.mktemp("played") / "line.mcap"
     return path, live_samples.record(path, live_samples.reads(live_samples.stream(10.0)))
 
@@ -36,7 +35,6 @@ def vqf(sea):
 
 
 def row_at(imu, t):
-    """Row of the sample at or before a time."""
     return max(0, np.searchsorted(imu.t, min(t, imu.t[-1]), side="right") - 1)
 
 

@@ -43,7 +43,6 @@ def run(also, truth):
 
 
 def shown(lang="en", also=("mahony",), truth=True, stop=None):
-    """Terminal that was shown a stream, and the stream."""
     stream, outlet = run(also, truth)
     terminal = Terminal(stop or Stop(), lang)
     for hello, batch in outlet.batches:
@@ -105,7 +104,6 @@ def test_what_comes_no_more_or_from_a_device_is_shown_as_such():
 
 
 def keys(terminal, monkeypatch, pressed):
-    """What a terminal asks for where these keys are pressed."""
     reading, writing = os.pipe()
     try:
         os.write(writing, pressed.encode())
@@ -188,7 +186,6 @@ class Screen:
         fcntl.ioctl(self._fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
 
     def until(self, pattern):
-        """Read until something is shown."""
         end = time.monotonic() + PATIENCE
         while not re.search(pattern, "\n".join(self.screen.display)):
             assert time.monotonic() < end, (pattern, self.screen.display)

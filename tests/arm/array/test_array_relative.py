@@ -41,8 +41,7 @@ def test_what_was_planted_is_found_against_the_mean(array):
         off = (one.rotation - (TRUE[one.name] - mean_turn)) / one.rotation_sd
         assert np.abs(off).max() < 4.0  # standard deviations
         assert np.abs((one.bias["gyr"] - (BIAS[one.name] - mean_bias)) / one.bias_sd["gyr"]).max() < 4.0
-        assert one.rotation_sd.max() < 1e-3
-        assert abs(one.clock_offset) < 4.0 * one.clock_sd
+        assert one.rotation_sd.max() < 1e-3 and abs(one.clock_offset) < 4.0 * one.clock_sd
     assert found.summary()["units"][0]["name"] == "a"
 
 

@@ -32,7 +32,6 @@ FINE = 0.3
 
 
 def smoothed(imu, **params):
-    """Track and what was remarked."""
     smoother = Smoother(frame="ENU", params=params)
     return smoother.process(imu), " ".join(map(str, smoother.remarks))
 
@@ -60,8 +59,7 @@ def test_a_hand_s_motion_is_followed(rest, seed):
     """
     h = by_hand(seed=seed, rest=rest)
     track, remarks = smoothed(h.imu())
-    assert is_fine(track, h)
-    assert (rms_deg(errors(track, h)[:100]) < 2 * FINE).all()
+    assert is_fine(track, h) and (rms_deg(errors(track, h)[:100]) < 2 * FINE).all()
     assert remarks == ""
     assert not (track.flags & (flags.MAG_GATED | flags.NOT_CONVERGED | flags.HEADING_FREE)).any()
     resting = track.flags & flags.AT_REST != 0
@@ -77,8 +75,7 @@ def test_rest_alone_gives_the_bias(bias):
     h = by_hand(60.0, turn=0.0, speed=0.0)
     off = dps(np.array([bias, -bias, 0.5 * bias]))
     track, _ = smoothed(h.imu(gyr=h.gyr + off))
-    assert (track.flags & flags.AT_REST).all()
-    assert np.abs(track.bias_b - off).max() < dps(0.005)
+    assert (track.flags & flags.AT_REST).all() and np.abs(track.bias_b - off).max() < dps(0.005)
     assert is_fine(track, h, 1 / 3)
 
 
@@ -93,8 +90,7 @@ def test_a_slow_even_turn_is_not_rest(rate, bias):
     axis = quat_rotate(quat_conjugate(q), [0.0, 0.0, dps(rate)])
     off = dps(np.array([bias, -bias, bias]))
     track, _ = smoothed(h.imu(gyr=h.gyr + axis + off, mag=mag))
-    assert not (track.flags & flags.AT_REST).any()
-    assert (rms_deg(error_n(track.q_nb, q)) < 3 * FINE).all()
+    assert not (track.flags & flags.AT_REST).any() and (rms_deg(error_n(track.q_nb, q)) < 3 * FINE).all()
     assert np.abs(track.bias_b - off).max() < dps(0.2)
 
 
@@ -106,8 +102,7 @@ def test_a_slow_turn_between_rests_is_not_rest_without_a_magnetometer_either():
     spin = quat_rotate(quat_conjugate(q), [0.0, 0.0, dps(2.0)]) * ((h.t > 25.0) & (h.t <= 35.0))[:, np.newaxis]
     track, _ = smoothed(h.imu(gyr=h.gyr + spin, mag=None))
     resting = track.flags & flags.AT_REST != 0
-    assert not resting[(h.t > 26.0) & (h.t < 34.0)].any()
-    assert resting[(h.t < 23.0) | (h.t > 37.0)].all()
+    assert not resting[(h.t > 26.0) & (h.t < 34.0)].any() and resting[(h.t < 23.0) | (h.t > 37.0)].all()
     assert np.degrees(np.abs(error_n(track.q_nb, q)[:, 2] - error_n(track.q_nb[:1], q[:1])[0, 2])).max() < 0.5
 
 
@@ -131,8 +126,7 @@ def test_a_bias_of_any_size_is_found_at_rest_and_one_of_6_degrees_a_second_in_mo
     """A gyroscope that nobody calibrated: what turns across gravity, or with the field still, can be no turn."""
     h, off = by_hand(60.0, rest=(rest,) if rest else (), seed=2), dps(np.array([bias, -bias, bias]))
     track, _ = smoothed(h.imu(gyr=h.gyr + off))
-    assert is_fine(track, h)
-    assert np.abs(track.bias_b - off).max() < dps(0.3)
+    assert is_fine(track, h) and np.abs(track.bias_b - off).max() < dps(0.3)
 
 
 UNCALIBRATED = {"frame": Frame.NED, "sensors": "mpu6000+hmc5983", "unit": "random", "duration": 60.0}
@@ -193,8 +187,7 @@ def test_a_hole_of_the_gyroscope_is_as_uncertain_as_it_is_long():
     track, _ = smoothed(h.imu(gyr=gyr))
     e = errors(track, h)
     assert (rms_deg(e[~inside]) < 2 * FINE).all()
-    assert (track.flags[inside] & flags.GYR_HELD).all()
-    assert (track.flags[inside] & flags.NOT_CONVERGED).all()
+    assert (track.flags[inside] & flags.GYR_HELD).all() and (track.flags[inside] & flags.NOT_CONVERGED).all()
     off_b = h.in_body(e)[inside]
     nees = np.einsum("ni,ni->n", off_b, np.linalg.solve(track.cov_b[inside], off_b[:, :, np.newaxis])[..., 0])
     assert np.median(nees) < 9.0
@@ -209,8 +202,7 @@ def test_without_rates_for_long_the_rest_is_still_estimated(where, lag, monkeypa
     gyr, lost = h.gyr.copy(), np.zeros(h.t.size, dtype=bool)
     gyr[where], lost[where] = np.nan, True
     track, _ = smoothed(h.imu(gyr=gyr), lag=lag)
-    assert np.isfinite(track.q_nb).all()
-    assert (track.flags[lost] & flags.NOT_CONVERGED).all()
+    assert np.isfinite(track.q_nb).all() and (track.flags[lost] & flags.NOT_CONVERGED).all()
     assert (track.flags[lost] & flags.GYR_HELD).all()
     # beside a hole a stretch is short: what is estimated from a second of samples is doubtful, and may say so
     far = ~np.convolve(lost, np.ones(801), mode="same").astype(bool)
@@ -251,8 +243,7 @@ def test_a_wrong_first_field_does_not_decide(off):
     h = by_hand(100.0, seed=9)
     imu, spell = wrong_for(h, -1.0, 20.0, off)
     track, remarks = smoothed(imu)
-    assert is_fine(track, h, 2)
-    assert (track.flags[spell] & flags.MAG_GATED != 0).mean() > 0.95
+    assert is_fine(track, h, 2) and (track.flags[spell] & flags.MAG_GATED != 0).mean() > 0.95
     assert "(0–20 s)" in remarks
 
 
@@ -291,8 +282,7 @@ def test_what_may_be_iron_or_an_uneven_field_is_named_and_inside_the_claim(own):
     track, remarks = smoothed(h.imu(mag=h.mag + own))
     assert "a field of 3.0 µT seems to turn with the unit" in remarks
     error = np.abs(errors(track, h)[:, 2])
-    assert math.degrees(error.max()) > 2.0
-    assert (error < 1.96 * heading_sd(track.q_nb, track.cov_b)).mean() > 0.9
+    assert math.degrees(error.max()) > 2.0 and (error < 1.96 * heading_sd(track.q_nb, track.cov_b)).mean() > 0.9
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -302,23 +292,20 @@ def test_no_magnet_is_invented(seed):
     bent = h.in_body(2.0 * np.sin(2.0 * np.pi * h.t[:, np.newaxis] / [17.0, 29.0, 37.0]))
     for mag in (h.mag, h.mag + bent):
         attached = Smoother(frame="ENU").smooth(h.imu(mag=mag)).attached
-        assert attached is not None
-        assert not attached.present
+        assert attached is not None and not attached.present
 
 
 @pytest.mark.parametrize("rest", [(), ((0.0, 10.0), (30.0, 40.0))])
 def test_without_a_field_the_tilt_is_right_and_the_heading_free(rest):
     h = by_hand(60.0, seed=12, rest=rest)
     none, remarks = smoothed(h.imu(mag=None))
-    assert none.north is North.FREE
-    assert (none.flags & flags.HEADING_FREE).all()
+    assert none.north is North.FREE and (none.flags & flags.HEADING_FREE).all()
     assert (rms_deg(errors(none, h)) < 2 * FINE).all()
     assert remarks == ""
     off, _ = smoothed(h.imu(), mag=False)
     assert (off.q_nb == none.q_nb).all()
     steep, remarks = smoothed(h.imu(mag=h.in_body([0.0, 0.0, -48.0])))
-    assert steep.north is North.FREE
-    assert quat_angle(steep.q_nb, none.q_nb).max() < 1e-12
+    assert steep.north is North.FREE and quat_angle(steep.q_nb, none.q_nb).max() < 1e-12
     assert "no field of the recording gives a heading" in remarks
 
 
@@ -352,8 +339,7 @@ def test_a_declination_turns_headings_and_nothing_else(moved):
     ):
         assert (magnetic.north, track.north) == (North.MAGNETIC, North.TRUE)
         expected = quat_multiply(quat_from_rotvec([0.0, 0.0, -0.2]), magnetic.q_nb)  # clockwise from above
-        assert quat_angle(track.q_nb, expected).max() < 1e-7
-        assert (track.cov_b == magnetic.cov_b).all()
+        assert quat_angle(track.q_nb, expected).max() < 1e-7 and (track.cov_b == magnetic.cov_b).all()
 
 
 def test_another_north_turns_headings_and_leaves_the_tilt(moved):
@@ -423,8 +409,7 @@ def test_a_long_recording_in_stretches_is_as_the_whole(stretched, monkeypatch):
     assert (len(done), sum(done)) == (4, h.t.size)
     monkeypatch.setattr(samples, "LONG", 1e9)
     whole, _ = smoothed(h.imu(gyr=h.gyr + off))
-    assert (parts.q_nb != whole.q_nb).any()
-    assert is_fine(parts, h)
+    assert (parts.q_nb != whole.q_nb).any() and is_fine(parts, h)
     assert np.degrees(quat_angle(parts.q_nb, whole.q_nb)).max() < 2 * FINE
     steps, true_steps = (quat_multiply(q[1:], quat_conjugate(q[:-1])) for q in (parts.q_nb, h.q))
     assert np.degrees(quat_angle(steps, true_steps)).max() < 2 * FINE
@@ -446,8 +431,7 @@ def test_a_field_that_is_wrong_for_most_of_a_stretch_is_not_taken_for_that_of_th
     h = by_hand(200.0, seed=20)
     imu, spell = wrong_for(h, 77.0, 118.0, (20.0, 0.0, 10.0))
     e = errors(smoothed(imu)[0], h)
-    assert (rms_deg(e[spell]) < [FINE, 10.0]).all()
-    assert (rms_deg(e[~spell]) < 5 * FINE).all()
+    assert (rms_deg(e[spell]) < [FINE, 10.0]).all() and (rms_deg(e[~spell]) < 5 * FINE).all()
 
 
 def test_a_vertical_bias_is_no_field_of_the_sensor():
@@ -456,8 +440,7 @@ def test_a_vertical_bias_is_no_field_of_the_sensor():
     """
     sea = simulate("buoy", frame="NED", sensors="mpu6000+hmc5983", unit="calibrated", seed=1)
     attached = Smoother(frame="NED").smooth(sea.imu).attached
-    assert attached is not None
-    assert not attached.present
+    assert attached is not None and not attached.present
     assert evaluate(estimate(sea.imu).track, sea.truth).summary()["heading_rmse_deg"] < 0.5
 
 

@@ -135,16 +135,12 @@ def test_a_free_heading_claims_its_drift_and_nothing_of_its_zero():
 # --- parameters ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("rest", "calibrated", "axis", "rate"),
-    [
-        ((), True, 0, BIAS_REPEATS),
-        (((0.0, 5.0),), True, 0, 0.0),
-        (((0.0, 5.0),), True, 1, 0.0),
-        (((0.0, 5.0),), False, 1, 0.0),
-    ],
-    ids=["bias", "rested", "turned", "turned, uncalibrated"],
-)
+@pytest.mark.parametrize(("rest", "calibrated", "axis", "rate"), [
+    ((), True, 0, BIAS_REPEATS),
+    (((0.0, 5.0),), True, 0, 0.0),
+    (((0.0, 5.0),), True, 1, 0.0),
+    (((0.0, 5.0),), False, 1, 0.0),
+], ids=["bias", "rested", "turned", "turned, uncalibrated"])  # fmt: skip
 def test_a_free_heading_claims_a_bias_that_no_rest_showed_and_the_scale_by_what_was_turned(
     rest, calibrated, axis, rate
 ):
@@ -208,8 +204,7 @@ def test_where_no_gravity_shows_any_attitude_is_possible_and_named():
         str(remark).endswith("specific force (20–40 s): the attitude there may be any") for remark in smoother.remarks
     )
     lost = (track.flags & np.uint32(flags.NOT_CONVERGED)) != 0
-    assert lost[(h.t > 20.2) & (h.t < 39.8)].all()
-    assert not lost[(h.t < 19.8) | (h.t > 40.2)].any()
+    assert lost[(h.t > 20.2) & (h.t < 39.8)].all() and not lost[(h.t < 19.8) | (h.t > 40.2)].any()
     assert np.sqrt(np.trace(track.cov_b[1500])) > 3.0
     assert rms_deg(error_n(track.q_nb, h.q)[h.t > 41.0]).max() < 1.0
 
@@ -244,6 +239,5 @@ def test_parameters_are_taken_by_name_with_their_unit():
     smoother = Smoother(frame="NED", params={"latency": "2.6 ms", "mag": False, "declination": "3 deg"})
     assert smoother.params.latency == pytest.approx(0.0026)
     assert (smoother.common.mag, smoother.common.declination) == (False, pytest.approx(math.radians(3.0)))
-    assert "latency=0.0026 s" in smoother.facts()["params"]
-    assert "latency=0.0026 s" in smoother.describe()
+    assert "latency=0.0026 s" in smoother.facts()["params"] and "latency=0.0026 s" in smoother.describe()
     assert smoother.bias_prior == ("bias_start", Params().bias_start)

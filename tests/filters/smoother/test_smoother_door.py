@@ -137,14 +137,12 @@ def kept(values, rows):
 
 
 def one(values, value):
-    """Values, but for one sample."""
     changed = values.copy()
     changed[100] = value
     return changed
 
 
 def stepped(step, at=300):
-    """Stamps with one step that is longer."""
     return GOOD.t + np.where(np.arange(600) >= at, step, 0.0)
 
 
@@ -189,9 +187,7 @@ def test_whatever_comes_there_is_an_attitude_or_a_word(case, params):
         warnings.simplefilter("error")
         track = Smoother(frame="ENU", params=params).process(imu)
     assert len(track) == len(imu)
-    assert np.abs(np.linalg.norm(track.q_nb, axis=1) - 1.0).max() < 1e-9
-    assert np.isfinite(track.bias_b).all()
-    assert (track.cov_b == np.swapaxes(track.cov_b, 1, 2)).all()
-    assert np.linalg.eigvalsh(track.cov_b).min() > 0.0
+    assert np.abs(np.linalg.norm(track.q_nb, axis=1) - 1.0).max() < 1e-9 and np.isfinite(track.bias_b).all()
+    assert (track.cov_b == np.swapaxes(track.cov_b, 1, 2)).all() and np.linalg.eigvalsh(track.cov_b).min() > 0.0
     if case in FLAGGED:
         assert FLAGGED[case] in flags.counts(track.flags)

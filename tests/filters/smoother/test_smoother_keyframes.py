@@ -93,8 +93,7 @@ def test_missing_values_are_interpolated_and_counted(given_):
     frames = Keyframes.from_imu(imu, 0.049)
     if frames is None:
         return
-    assert np.isfinite(frames.gyr).all()
-    assert np.isfinite(frames.acc).all()
+    assert np.isfinite(frames.gyr).all() and np.isfinite(frames.acc).all()
     for name, values in (("gyr", frames.gyr), ("acc", frames.acc)):
         kept = has[name][frames.rows]
         assert (values[kept] == getattr(imu, name)[frames.rows][kept]).all()
@@ -204,8 +203,7 @@ def test_at_rest_the_way_is_the_shortest():
 @given(stamps(400), st.one_of(st.none(), st.floats(0.1, 100.0)))
 def test_stretches_cover_each_sample_once_and_reach_no_further_than_the_lag(t, lag):
     found = list(stretches(t, lag))
-    assert found[0].core.start == 0
-    assert found[-1].core.stop == t.size
+    assert (found[0].core.start, found[-1].core.stop) == (0, t.size)
     for one, other in itertools.pairwise(found):
         assert one.core.stop == other.core.start
     for one in found:
@@ -269,8 +267,7 @@ def test_a_field_that_comes_late_does_not_turn_what_was_before():
     smoother = Smoother(frame="ENU", params={"lag": 1.0, "declination": 0.3})
     late, never = smoother.process(h.imu(mag=mag)), smoother.process(h.imu(mag=None))
     early = h.t < 6.5
-    assert (late.q_nb[early] == never.q_nb[early]).all()
-    assert (late.flags[early] & flags.HEADING_FREE).all()
+    assert (late.q_nb[early] == never.q_nb[early]).all() and (late.flags[early] & flags.HEADING_FREE).all()
     assert not (late.flags[h.t > 11.0] & flags.HEADING_FREE).any()
 
 

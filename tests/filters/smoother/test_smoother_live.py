@@ -51,8 +51,7 @@ def test_a_hand_s_motion_is_followed_from_the_first_second_on(rest, seed):
     assert sure[h.t > 1.0].all()
     assert not sure[h.t < live.SOONEST].any()  # nothing has been looked at yet
     e = error_n(track.q_nb, h.q)
-    assert rms_deg(e[h.t > 1.0]).max() < 3.0
-    assert rms_deg(e[h.t > 10.0]).max() < 1.0
+    assert rms_deg(e[h.t > 1.0]).max() < 3.0 and rms_deg(e[h.t > 10.0]).max() < 1.0
     in_body = quat_rotate(quat_conjugate(track.q_nb), e)
     body = np.einsum("nij,nj->ni", np.linalg.inv(np.linalg.cholesky(track.cov_b)), in_body)
     assert np.mean(np.abs(body[h.t > 1.0]) < 1.96) > 0.9
@@ -64,8 +63,7 @@ def test_a_gap_makes_any_attitude_possible_until_the_motion_behind_it_shows_it()
     keep = (h.t < 20.0) | (h.t > 22.0)
     track, told = followed(h.rows(keep).imu())
     t, sure = h.t[keep], converged(track)
-    assert not sure[(t > 22.0) & (t < 22.0 + live.SOONEST - 0.05)].any()
-    assert sure[t > 25.0].all()
+    assert not sure[(t > 22.0) & (t < 22.0 + live.SOONEST - 0.05)].any() and sure[t > 25.0].all()
     assert rms_deg(error_n(track.q_nb, h.q[keep])[t > 25.0]).max() < 1.0
     assert "a gap in the samples (until 22.0 s)" in told
     bias = track.bias_b[(t > 22.0) & (t < 24.0)]
@@ -104,8 +102,7 @@ def test_the_field_is_unknown_until_the_unit_has_turned_in_it():
     h = by_hand(20.0, rest=((0.0, 8.0),), seed=1)
     track, _ = followed(h.imu())
     said = (track.flags & unknown) != 0
-    assert said[h.t < 8.0].all()
-    assert not said[h.t > 15.0].any()
+    assert said[h.t < 8.0].all() and not said[h.t > 15.0].any()
     assert (followed(h.imu(mag=h.in_body([0.0, 0.0, -45.0])))[0].flags & unknown).all()
     assert not (followed(h.imu(mag=None))[0].flags & unknown).any()
     assert not (followed(h.imu(), mag=False)[0].flags & unknown).any()
@@ -137,8 +134,7 @@ def test_a_magnet_on_the_unit_is_known_after_two_seconds_of_turning():
     h = by_hand(12.0, seed=3)
     track, _ = followed(h.imu(mag=h.mag + np.array([0.0, 0.0, 58.0])))
     heading = np.degrees(np.abs(error_n(track.q_nb, h.q)[:, 2]))
-    assert heading[h.t < 1.5].min() > 10.0
-    assert heading[h.t > 3.0].max() < 2.0
+    assert heading[h.t < 1.5].min() > 10.0 and heading[h.t > 3.0].max() < 2.0
 
 
 @pytest.mark.parametrize("rate", [2.0, 5.0, 20.0])
@@ -150,8 +146,7 @@ def test_a_bias_that_jumps_at_rest_is_doubted_at_once_and_learned(rate):
     said = (track.flags & np.uint32(flags.INCONSISTENT)) != 0
     assert not said[t < 30.0].any()
     assert t[said][0] < 30.0 + max(3.0 / rate, 0.8) + 0.6
-    assert off.max() < 3.5 * rate
-    assert off[t > 40.0].max() < 1.5
+    assert off.max() < 3.5 * rate and off[t > 40.0].max() < 1.5
     np.testing.assert_allclose(track.bias_b[-1], dps(rate) * np.array([1.0, 0.6, 1.0]), atol=dps(0.1))
     assert not said[t > 45.0].any()
 
@@ -162,8 +157,7 @@ def test_a_gyroscope_that_is_stuck_is_missing_until_it_says_something_new():
     gyr = np.where(stuck[:, np.newaxis], h.gyr[np.flatnonzero(stuck)[0]], h.gyr)
     track, _ = followed(h.imu(gyr=gyr))
     said = (track.flags & np.uint32(flags.GYR_STUCK)) != 0
-    assert said[(h.t > 20.3) & (h.t < 24.99)].all()
-    assert not said[~stuck].any()
+    assert said[(h.t > 20.3) & (h.t < 24.99)].all() and not said[~stuck].any()
     assert not converged(track)[said & (h.t > 20.5)].any()  # nothing for 0.1 s is no gap yet
     assert rms_deg(error_n(track.q_nb, h.q)[h.t > 28.0]).max() < 1.0
 
@@ -189,8 +183,7 @@ def test_a_field_that_no_place_has_is_not_believed_from_the_first_sample_on():
     magnet = h.in_body(np.where(h.t[:, np.newaxis] < 4.0, [50.0, 10.0, 0.0], 0.0) * np.ones((h.t.size, 3)))
     track, _ = followed(h.imu(mag=h.mag + magnet))
     free = (track.flags & np.uint32(flags.HEADING_FREE)) != 0
-    assert free[h.t < 3.9].all()
-    assert not free[h.t > 8.0].any()
+    assert free[h.t < 3.9].all() and not free[h.t > 8.0].any()
     assert rms_deg(error_n(track.q_nb, h.q)[h.t > 10.0]).max() < 3.0
 
 
@@ -236,8 +229,7 @@ def test_missing_values_are_held_and_made_up_for_by_the_next_ones(size):
     assert (held.missed > 0.0).sum() > 30
     if size == 1000:
         track, _ = followed(imu)
-        assert track.known.all()
-        assert rms_deg(error_n(track.q_nb, h.q)[h.t > 5.0]).max() < 1.5
+        assert track.known.all() and rms_deg(error_n(track.q_nb, h.q)[h.t > 5.0]).max() < 1.5
 
 
 def test_a_hole_of_the_gyroscope_is_a_gap_and_what_lies_in_it_is_not_kept():
@@ -252,8 +244,7 @@ def test_a_hole_of_the_gyroscope_is_a_gap_and_what_lies_in_it_is_not_kept():
     track, told = followed(h.imu(gyr=gyr))
     word = track.flags[~kept]
     assert (word & np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED) == flags.GYR_HELD | flags.NOT_CONVERGED).all()
-    assert (track.q_nb[~kept] == track.q_nb[~kept][0]).all()
-    assert np.trace(track.cov_b[~kept][0]) > math.pi**2
+    assert (track.q_nb[~kept] == track.q_nb[~kept][0]).all() and np.trace(track.cov_b[~kept][0]) > math.pi**2
     assert "a gap in the samples (until 10.5 s)" in told
 
 
@@ -287,8 +278,7 @@ def test_a_recording_shorter_than_the_first_look_claims_nothing_and_one_rate_is_
     h = by_hand(0.2)
     track, _ = followed(h.imu())
     assert len(track) == h.t.size
-    assert not converged(track).any()
-    assert track.known.all()
+    assert not converged(track).any() and track.known.all()
     gyr = np.where(np.arange(h.t.size)[:, np.newaxis] < 1, h.gyr, np.nan)
     with pytest.raises(ShapeError, match="needs two samples with a rate"):
         followed(h.imu(gyr=gyr))

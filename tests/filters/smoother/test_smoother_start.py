@@ -55,8 +55,7 @@ def test_a_wrong_one_is_corrected_within_seconds_and_claims_nothing_that_it_does
     assert off[h.t > 3.0].max() < 2.0
     said = (track.flags & np.uint32(flags.NOT_CONVERGED)) != 0
     assert (off < 3.0 * claimed)[~said].all()  # three standard deviations
-    assert said[off > 10.0].all()
-    assert not said[h.t > 6.0].any()
+    assert said[off > 10.0].all() and not said[h.t > 6.0].any()
 
 
 @slow_as_python
@@ -68,8 +67,7 @@ def test_without_a_field_headings_count_from_the_given_one_and_their_uncertainty
     track = followed(h, start, frame=frame, mag=False, **params)
     assert track.north is North.MAGNETIC  # what headings of this recording count from, as for a filter
     off = np.degrees(quat_angle(change_frame(track.q_nb, to=Frame.ENU, from_=frame), h.q))
-    assert off[0] < 1.0
-    assert off.max() < 3.0
+    assert off[0] < 1.0 and off.max() < 3.0
     heading = claimed_sd(track.q_nb, track.cov_b)[1]
     assert heading[0] == pytest.approx(GIVEN, rel=0.3)
     assert heading[-1] > 3.0 * GIVEN
@@ -83,8 +81,7 @@ def test_behind_a_gap_a_given_heading_may_be_any(params):
     h = h.rows((h.t < 8.0) | (h.t > 10.0))
     track = followed(h, h.q[0], mag=False, **params)
     heading = claimed_sd(track.q_nb, track.cov_b)[1]
-    assert heading[h.t < 8.0].max() < deg(20.0)
-    assert heading[h.t > 10.0].min() > 3.0
+    assert heading[h.t < 8.0].max() < deg(20.0) and heading[h.t > 10.0].min() > 3.0
 
 
 @slow_as_python
@@ -92,8 +89,7 @@ def test_a_field_decides_the_heading_and_level_says_the_tilt_alone():
     h = by_hand(20.0, seed=1)
     turned = quat_multiply(quat_from_rotvec([0.0, 0.0, deg(40.0)]), h.q[0])
     track = followed(h, turned, lag=0.0)
-    assert np.degrees(quat_angle(track.q_nb, h.q))[h.t > 3.0].max() < 3.0
-    assert track.north is North.MAGNETIC
+    assert np.degrees(quat_angle(track.q_nb, h.q))[h.t > 3.0].max() < 3.0 and track.north is North.MAGNETIC
     level = followed(h, "level", lag=0.0, mag=False)
     assert level.north is North.FREE
     assert level.q_nb[0].tolist() == [1.0, 0.0, 0.0, 0.0]

@@ -223,8 +223,7 @@ def test_backward_is_rauch_tung_and_striebel_s(seed):
     scale = np.abs(smoothed).max()
     assert scale > 0.05
     assert np.abs(rotvec_from_quat(q_s) - smoothed[:, :3]).max() < 1e-10 * max(scale, 1.0)
-    assert np.abs(x_s[:, 3:] - (x + smoothed)[:, 3:KEPT]).max() < 1e-10
-    assert (x_s[:, :3] == 0.0).all()
+    assert np.abs(x_s[:, 3:] - (x + smoothed)[:, 3:KEPT]).max() < 1e-10 and (x_s[:, :3] == 0.0).all()
     assert np.abs(cov_s - spread[:, :6, :6]).max() < 1e-10
     assert np.abs(spread[0, :6, :6] - p[0, :6, :6]).max() > 0.1  # smoothing did something
 
@@ -237,8 +236,7 @@ def test_what_goes_back_stays_symmetric_and_positive(seed):
     for k in range(len(step) - 1, -1, -1):
         sweeps.back_to_the_last(lam, big, y, gain[k], term[k], step[k])
         size = np.abs(big).max()
-        assert np.abs(big - big.T).max() <= 1e-14 * size
-        assert np.linalg.eigvalsh(big).min() > -1e-13 * size
+        assert np.abs(big - big.T).max() <= 1e-14 * size and np.linalg.eigvalsh(big).min() > -1e-13 * size
     assert size > 0.1
     assert np.abs(lam).max() > 0.0
 
@@ -267,7 +265,6 @@ def recorded():
 
 
 def passed(r):
-    """One call of `forward`, with all that it fills."""
     n, frames = r.n, r.frames
     q, x, cov = np.empty((n + 1, 4)), np.empty((n + 1, SIZE)), np.empty((n + 1, KEPT, SIZE))
     gain, term = np.zeros((n, sweeps.MEASURED, SIZE)), np.zeros((n, sweeps.MEASURED, sweeps.TERMS))

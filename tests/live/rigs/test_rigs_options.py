@@ -153,8 +153,7 @@ def test_a_mounting_may_differ_from_the_declared_one():
         turn = quat_multiply(quat_conjugate(body), ref)
         assert np.abs(turn - turn[0]).max() < 1e-12  # it stays as it is
         angles.append(quat_angle(body[0], ref[0]))
-        assert "mounted" in rig.units["ref"].truth.source
-        assert "mounted" not in rig.units[""].truth.source
+        assert "mounted" in rig.units["ref"].truth.source and "mounted" not in rig.units[""].truth.source
     # three axes of 0.5° each: root mean square √3 · 0.5°; 30 runs of 3 axes, 4 standard deviations
     assert math.sqrt(np.mean(np.square(angles))) == pytest.approx(math.sqrt(3.0) * deg(0.5), rel=4.0 / math.sqrt(180.0))
     arm = make_rig(PLANS["arm"], find_format("arm"), seed=1, duration=1.0, mount_error=deg(1.0))

@@ -113,8 +113,7 @@ def test_a_device_that_starts_again():
     again = device.copy()
     again[3000:] -= again[3000] - 5
     fit = HostFit().observe(again, host)
-    assert fit.resets == 1
-    assert fit.drift_ppm == pytest.approx(40.0, abs=1.0)
+    assert (fit.resets, fit.drift_ppm) == (1, pytest.approx(40.0, abs=1.0))
     moved = int(device[3000]) - 5
     assert fit.to_host(int(again[-1])) == pytest.approx(truth(int(again[-1]) + moved), abs=20_000)
 

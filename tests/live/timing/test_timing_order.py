@@ -90,7 +90,6 @@ class TestPieces:
 
 
 def plain(kernel):
-    """The kernel and all that it calls, undecorated."""
     func = kernel.py_func
     names = dict(func.__globals__)
     for name in func.__code__.co_names:
@@ -123,8 +122,7 @@ def test_whatever_comes_times_do_not_fall_and_counts_add_up(steps, name):
     t, words, lost = ([int(getattr(part, key)[0]) for part in stamps] for key in ("t_ns", "flags", "lost"))
     used = [a for a, word in zip(t, words, strict=True) if not word & TIME_FAULT]
     assert all(count >= 0 for count in lost)
-    assert all(b >= a for a, b in pairwise(t))
-    assert all(b > a for a, b in pairwise(used))
+    assert all(b >= a for a, b in pairwise(t)) and all(b > a for a, b in pairwise(used))
     report = base.report()
     assert (report.frames, report.lost) == (len(steps), sum(lost))
     assert report.duplicates + report.late + report.ahead + report.unsure == len(t) - len(used)
@@ -151,5 +149,4 @@ def test_a_counter_is_unwrapped_whatever_is_lost(bits, down, losses, start):
     base = TimeBase(TimeSpec(frames=Counter(bits, down=down), rate=100.0))
     stamps = base.stamp(f.t_ns, f.place, frames=count)
     assert np.cumsum(stamps.step).tolist() == total.tolist()
-    assert (stamps.lost[1:] == np.diff(total) - 1).all()
-    assert not (stamps.flags & TIME_FAULT).any()
+    assert (stamps.lost[1:] == np.diff(total) - 1).all() and not (stamps.flags & TIME_FAULT).any()

@@ -144,8 +144,7 @@ class TestLedByTheHost:
     def test_a_rate_that_nobody_has_said(self, spec):
         f = frames(9000, 123.4, bunch_ms=4.0, stalls=0.05)
         report, stamps = stamp(spec, f)
-        assert abs(report.rate - 123.4) < 1e-2
-        assert np.isnan(report.drift_ppm)
+        assert abs(report.rate - 123.4) < 1e-2 and np.isnan(report.drift_ppm)
         assert np.abs(error_ns(f, stamps)[6000:]).max() < 200_000
         assert_orderly(stamps)
         # bunches of 4 ms never hold two frames that are 8 ms apart, but a stall may: within half a second, some frames
@@ -186,8 +185,7 @@ class TestDeviceClock:
         assert report.rate == pytest.approx(100.0 / (1.0 + 1e-6 * drift_ppm), rel=2e-6)
         # uniform over a millisecond, and 100 µs on average besides; less while the line has not yet seen the least
         delays = report.delays
-        assert delays.p50 == pytest.approx(0.6e-3, rel=0.25)
-        assert delays.p99 == pytest.approx(1.3e-3, rel=0.25)
+        assert (delays.p50, delays.p99) == (pytest.approx(0.6e-3, rel=0.25), pytest.approx(1.3e-3, rel=0.25))
         assert delays.p99 < delays.worst < 3e-3
 
     def test_64_bits(self):
@@ -195,8 +193,7 @@ class TestDeviceClock:
         high = TimeBase(TimeSpec(clock=Counter(64, 1000)))
         counts = np.uint64(2**62 - 10**6) + f.index.astype(np.uint64) * np.uint64(10_000)  # passes what is looked at
         stamps = high.stamp(f.t_ns, f.place, clock=counts)
-        assert (np.diff(stamps.t_ns) == 10**7).all()
-        assert not stamps.flags.any()
+        assert (np.diff(stamps.t_ns) == 10**7).all() and not stamps.flags.any()
 
     def test_a_rate_that_changes(self):
         """From 100 to 25 Hz: until eight steps in a row are like that, frames seem to be lost."""
@@ -383,8 +380,7 @@ class TestOtherFaults:
         base = TimeBase(TimeSpec(clock=CLOCKED.clock))
         stamps = base.stamp(f.t_ns, f.place, clock=clock)
         assert np.flatnonzero(stamps.flags & TIME_FAULT).tolist() == [1500]
-        assert base.report().ahead == 1
-        assert base.report().resets == 0
+        assert (base.report().ahead, base.report().resets) == (1, 0)
         assert abs(stamps.t_ns[-1] - stamps.t_ns[0] - 2999 * 10**7) < 2000
 
     @pytest.mark.parametrize("told", [False, True])
@@ -421,8 +417,7 @@ class TestOtherFaults:
         base, a, b = halves(SPECS[name], f, int(f.t_ns[2000]) - 10**7)
         assert not a.flags.any()
         assert b.flags[0] == GAP
-        assert not b.flags[1:].any()
-        assert abs(int(b.lost[0]) - 1000) <= (1 if name == "host" else 0)
+        assert not b.flags[1:].any() and abs(int(b.lost[0]) - 1000) <= (1 if name == "host" else 0)
         assert base.report().reopened == 1
         assert b.t_ns[0] - a.t_ns[-1] == pytest.approx(1001 * 10**7, abs=1e5 if name in {"clock", "short"} else 2e6)
 
@@ -546,8 +541,7 @@ class TestWhatOnlyTheHostSaid:
     @pytest.mark.parametrize("name", ["frames", "clock"])
     def test_a_delay_that_stays_is_inferred_and_what_a_count_shows_is_not(self, name):
         report, _ = stamp(SPECS[name], later(frames(6000), 5 * SECOND))
-        assert report.inferred == 1
-        assert report.inferred_time == pytest.approx(5.0, abs=0.01)
+        assert (report.inferred, report.inferred_time) == (1, pytest.approx(5.0, abs=0.01))
         report, _ = stamp(SPECS[name], without(frames(6000), slice(3000, 3100)))
         assert (report.gap_count, report.lost, report.inferred, report.inferred_time) == (1, 100, 0, 0.0)
 

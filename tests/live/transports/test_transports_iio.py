@@ -19,8 +19,6 @@ SCALE = 87266e-9  # rad/s a count: Linux, drivers/iio/gyro/adxrs290.c
 
 
 class Machine(Tree):
-    """Folders for /sys and /dev."""
-
     def add_gyro(self, number=0, name="adxrs290", **more):
         rate = "le:s16/16>>0"
         kinds = {"anglvel_x": rate, "anglvel_y": rate, "temp": "le:s12/16>>0", "timestamp": "le:s64/64>>0"}
@@ -110,13 +108,10 @@ def test_the_buffer_is_stopped_before_anything_is_changed(machine, gyro, monkeyp
     assert ("in_anglvel_x_en", "0") in written
 
 
-@pytest.mark.parametrize(
-    ("more", "options", "attribute", "during"),
-    [
-        ({"trigger/current_trigger": ""}, {"trigger": "adxrs290-dev0"}, "trigger/current_trigger", "adxrs290-dev0"),
-        ({}, {"rate": 50}, "sampling_frequency", "50"),
-    ],
-)
+@pytest.mark.parametrize(("more", "options", "attribute", "during"), [
+    ({"trigger/current_trigger": ""}, {"trigger": "adxrs290-dev0"}, "trigger/current_trigger", "adxrs290-dev0"),
+    ({}, {"rate": 50}, "sampling_frequency", "50"),
+])  # fmt: skip
 def test_what_is_set_is_taken_back(machine, more, options, attribute, during):
     folder = machine.add_gyro(**more)
     before = snapshot(folder)

@@ -21,32 +21,26 @@ def layout(*types, names=("anglvel_x", "anglvel_y", "anglvel_z", "accel_x", "acc
     return IioLayout("test", tuple(channels), mounts or {})
 
 
-@pytest.mark.parametrize(
-    ("text", "kind"),
-    [
-        ("le:s16/16>>0", IioType("<", True, 16, 16)),
-        ("be:s12/16>>4\n", IioType(">", True, 12, 16, 1, 4)),
-        ("le:u24/32>>8", IioType("<", False, 24, 32, 1, 8)),
-        ("be:s12/16X2>>4", IioType(">", True, 12, 16, 2, 4)),
-        ("le:s64/64", IioType("<", True, 64, 64)),
-    ],
-)
+@pytest.mark.parametrize(("text", "kind"), [
+    ("le:s16/16>>0", IioType("<", True, 16, 16)),
+    ("be:s12/16>>4\n", IioType(">", True, 12, 16, 1, 4)),
+    ("le:u24/32>>8", IioType("<", False, 24, 32, 1, 8)),
+    ("be:s12/16X2>>4", IioType(">", True, 12, 16, 2, 4)),
+    ("le:s64/64", IioType("<", True, 64, 64)),
+])  # fmt: skip
 def test_types(text, kind):
     assert parse_type(text) == kind
     assert parse_type(str(kind)) == kind
 
 
-@pytest.mark.parametrize(
-    ("types", "size"),
-    [
-        (["le:s16/16>>0"], 2),
-        (["le:s16/16>>0"] * 3, 6),
-        (["le:s8/8>>0", "le:s32/32>>0"], 8),  # 3 bytes before the second
-        (["le:s32/32>>0", "le:s8/8>>0"], 8),  # 3 bytes after the last: iio_compute_scan_bytes, from Linux 5.5
-        (["le:s8/8>>0", "le:s64/64>>0", "le:s16/16>>0"], 24),
-        (["le:s16/16>>0", "le:s32/32X4>>0"], 32),  # four repeats are aligned as one
-    ],
-)
+@pytest.mark.parametrize(("types", "size"), [
+    (["le:s16/16>>0"], 2),
+    (["le:s16/16>>0"] * 3, 6),
+    (["le:s8/8>>0", "le:s32/32>>0"], 8),  # 3 bytes before the second
+    (["le:s32/32>>0", "le:s8/8>>0"], 8),  # 3 bytes after the last: iio_compute_scan_bytes, from Linux 5.5
+    (["le:s8/8>>0", "le:s64/64>>0", "le:s16/16>>0"], 24),
+    (["le:s16/16>>0", "le:s32/32X4>>0"], 32),  # four repeats are aligned as one
+])  # fmt: skip
 def test_elements_lie_at_multiples_of_their_size(types, size):
     assert layout(*types).size == size
 

@@ -78,13 +78,11 @@ def kinds(items):
 def test_it_opens_once_and_gives_what_comes(make, clock):
     line = make(gather=0.002)
     assert line.open() is line.open()
-    assert kinds(line.read(0)) == ["opened"]
-    assert line.read(0) == []
+    assert (kinds(line.read(0)), line.read(0)) == (["opened"], [])
     line.say(b"abc")
     assert line.read(5) == [Received(clock(), b"abc")]
     line.say(b"0")  # nothing is no answer
-    assert line.read(1) == []
-    assert len(line.asked) == 1
+    assert (line.read(1), len(line.asked)) == ([], 1)
 
 
 def test_read_opens_and_asks_again(make):
@@ -92,8 +90,7 @@ def test_read_opens_and_asks_again(make):
     line = make(ABSENT)
     with pytest.raises(LineError, match="not there"):
         line.read(0)
-    assert line.wires == []
-    assert kinds(line.read(0)) == ["opened"]
+    assert (line.wires, kinds(line.read(0))) == ([], ["opened"])
     line = make("soon", "soon", wait=True)
     assert [kinds(line.read(0.1)) for _ in range(3)] == [[], [], ["opened"]]
     assert kinds(make("soon").read(0.1)) == ["opened"]
@@ -185,8 +182,7 @@ def test_closed_is_finished(make):
         line.read(0)
     line.close()
     assert line.finished
-    assert line.read(1) == []
-    assert line.wires[0].closed == 1
+    assert (line.read(1), line.wires[0].closed) == ([], 1)
 
 
 def test_what_can_never_be_right(make):

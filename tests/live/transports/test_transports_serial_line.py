@@ -144,16 +144,13 @@ def test_refusals_of_the_system_say_what_to_do(line, monkeypatch, number, said):
         SerialSource(str(line.link), 9600).open()
 
 
-@pytest.mark.parametrize(
-    ("baud", "options"),
-    [
-        (9600, {"rtscts": True}),
-        (115200, {"xonxoff": True}),
-        (921600, {}),
-        (250000, {"bytesize": 7, "parity": "E"}),
-        (123456, {"bytesize": 7, "parity": "E", "stopbits": 2}),
-    ],
-)
+@pytest.mark.parametrize(("baud", "options"), [
+    (9600, {"rtscts": True}),
+    (115200, {"xonxoff": True}),
+    (921600, {}),
+    (250000, {"bytesize": 7, "parity": "E"}),
+    (123456, {"bytesize": 7, "parity": "E", "stopbits": 2}),
+])  # fmt: skip
 def test_usual_and_odd_speeds_and_forms(line, baud, options):
     """A pseudo-terminal takes any, and has no modem lines, which pyserial would set."""
     with SerialSource(str(line.link), baud, **options) as source:

@@ -117,15 +117,12 @@ class Denying(socket.socket):
         raise OSError(errno.EACCES, "Permission denied")
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda used, _: UdpSource(used), "in use by another program"),
-        (lambda _, free: UdpSource(0, host="192.0.2.1"), r"192\.0\.2\.1"),  # TEST-NET-1, RFC 5737
-        (lambda _, free: TcpSource("no-such-host.invalid", 1), "There is no address no-such-host"),  # RFC 6761
-        (lambda _, free: TcpSource(LOOPBACK, free), "nobody listens there"),
-    ],
-)
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda used, _: UdpSource(used), "in use by another program"),
+    (lambda _, free: UdpSource(0, host="192.0.2.1"), r"192\.0\.2\.1"),  # TEST-NET-1, RFC 5737
+    (lambda _, free: TcpSource("no-such-host.invalid", 1), "There is no address no-such-host"),  # RFC 6761
+    (lambda _, free: TcpSource(LOOPBACK, free), "nobody listens there"),
+])  # fmt: skip
 def test_refusals(udp, server, make, words):
     server.stop()
     with pytest.raises(LineError, match=words):

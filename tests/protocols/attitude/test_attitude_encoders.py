@@ -118,17 +118,14 @@ def test_magnetic_and_true_headings() -> None:
     assert pynmea2.parse(lines.hdm(a).decode()).heading == 10
 
 
-@pytest.mark.parametrize(
-    ("names", "north", "declination", "sent"),
-    [
-        ((), North.FREE, None, ("PASHR", "XDR", "ROT")),
-        ((), North.TRUE, None, ("HDT", "PASHR", "XDR", "ROT")),
-        ((), North.MAGNETIC, None, ("HDG", "PASHR", "XDR", "ROT")),
-        (["HDT"], North.FREE, 0.1, (FrameError, "arbitrary zero")),
-        (["HDT"], North.MAGNETIC, None, (FrameError, "declination")),
-        (["GGA"], North.TRUE, None, (ParameterError, "known are HDT")),
-    ],
-)
+@pytest.mark.parametrize(("names", "north", "declination", "sent"), [
+    ((), North.FREE, None, ("PASHR", "XDR", "ROT")),
+    ((), North.TRUE, None, ("HDT", "PASHR", "XDR", "ROT")),
+    ((), North.MAGNETIC, None, ("HDG", "PASHR", "XDR", "ROT")),
+    (["HDT"], North.FREE, 0.1, (FrameError, "arbitrary zero")),
+    (["HDT"], North.MAGNETIC, None, (FrameError, "declination")),
+    (["GGA"], North.TRUE, None, (ParameterError, "known are HDT")),
+])  # fmt: skip
 def test_sentences_go_with_what_headings_count_from(names: Any, north: North, declination: Any, sent: Any) -> None:
     if isinstance(sent[0], str):
         assert lines.sentences_for(names, north, declination) == sent
@@ -175,8 +172,7 @@ def test_unknown_attitude_is_no_number() -> None:
 
 def test_negative_zero_is_zero() -> None:
     a = one(track(-0.0, -0.001, -0.001))
-    assert lines.xdr(a).startswith(b"$IIXDR,A,0.00,D,PITCH,A,0.00,D,ROLL*")
-    assert b"+0.00,+0.00" in lines.pashr(a)
+    assert lines.xdr(a).startswith(b"$IIXDR,A,0.00,D,PITCH,A,0.00,D,ROLL*") and b"+0.00,+0.00" in lines.pashr(a)
     assert lines.tss1(a) == b":000000  0000u 0000  0000\r\n"
 
 
@@ -216,16 +212,14 @@ def test_rates_are_those_of_the_gyroscope_without_its_bias() -> None:
     assert a.turn_rate == pytest.approx(0.1)
 
 
-@pytest.mark.parametrize(
-    ("north", "up", "heave", "line"),
-    [  # 3.83 and 0.0625 cm/s² a count: 1 m/s² to the north is 26 counts, 0.5 m/s² up 800
-        (1.0, 0.5, None, b":1A0320  0000u-0125  0307\r\n"),
-        (1.0, 0.5, -0.42, b":1A0320 -0042H-0125  0307\r\n"),
-        (0.0, -0.5, 0.0, b":00FCE0  0000H-0125  0307\r\n"),
-        (20.0, 25.0, 120.0, b":FF7FFF  9999H-0125  0307\r\n"),
-        (20.0, -25.0, -120.0, b":FF8000 -9999H-0125  0307\r\n"),
-    ],
-)
+@pytest.mark.parametrize(("north", "up", "heave", "line"), [
+    # 3.83 and 0.0625 cm/s² a count: 1 m/s² to the north is 26 counts, 0.5 m/s² up 800
+    (1.0, 0.5, None, b":1A0320  0000u-0125  0307\r\n"),
+    (1.0, 0.5, -0.42, b":1A0320 -0042H-0125  0307\r\n"),
+    (0.0, -0.5, 0.0, b":00FCE0  0000H-0125  0307\r\n"),
+    (20.0, 25.0, 120.0, b":FF7FFF  9999H-0125  0307\r\n"),
+    (20.0, -25.0, -120.0, b":FF8000 -9999H-0125  0307\r\n"),
+])  # fmt: skip
 def test_tss1_says_accelerations_heave_and_angles(north: float, up: float, heave: Any, line: bytes) -> None:
     found = track(0.0, 3.07, -1.25)
     force = quat_rotate(quat_conjugate(found.q_nb), np.array([[north, 0.0, -9.80665 - up]]))
