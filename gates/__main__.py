@@ -37,7 +37,7 @@ READERS = {
 # Where Pythons differ: texts of argparse and errors, processes, threads, sockets, archives, what dataclasses show.
 # All files of tests that need recordings run there too, since the other Python runs without them.
 SECOND = ("tests/cli", "tests/core", "tests/data", "tests/files", "tests/fleet", "tests/live/test_*.py", "tests/viewer")
-RECORDED = re.compile("real_data|real_motion|broad_folder|broad_rooms")
+RECORDED = re.compile("real_data|real_motion|broad_folder")
 PLAIN = ("tests/rotations", "tests/calibration/test_calibration_ellipsoid_fit.py")
 
 LAST = 10  # commits whose rooms the long tests look at, where the upstream branch has them all

@@ -17,15 +17,9 @@ def some_track(count: int = 50) -> JointTrack:
     words = np.zeros(count, dtype=np.uint32)
     words[7] = flags.INCONSISTENT
     return JointTrack(
-        np.arange(count) * 0.01,
-        ("shoulder, left", "elbow"),
-        angles,
-        sd=rng.uniform(0.0, 0.1, (count, 2)),
-        hand=rng.normal(size=(count, 3)),
-        hand_sd=rng.uniform(0.0, 0.1, (count, 3)),
-        flags=words,
-        source="by hand",
-    )
+        np.arange(count) * 0.01, ("shoulder, left", "elbow"), angles, sd=rng.uniform(0.0, 0.1, (count, 2)),
+        hand=rng.normal(size=(count, 3)), hand_sd=rng.uniform(0.0, 0.1, (count, 3)), flags=words, source="by hand",
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])

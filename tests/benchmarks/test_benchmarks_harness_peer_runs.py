@@ -24,12 +24,9 @@ LIBRARIES = ["vqf", "imufusion", "ahrs"]
 # On the 15 trials of BROAD that the tests know: total, heading and inclination RMSE in degrees, from a study that
 # called each library by its own examples, with vqf 2.1.2 and imufusion 1.3.3, rounded to 0.001.
 STUDY = {
-    "vqf.VQF": (2.584, 2.429, 0.772),
-    "vqf.BasicVQF": (3.824, 3.608, 1.055),
-    "vqf.offlineVQF": (2.278, 2.179, 0.586),
-    "imufusion(default)": (12.369, 11.443, 3.699),
-    "imufusion(readme)": (10.859, 9.572, 3.638),
-}
+    "vqf.VQF": (2.584, 2.429, 0.772), "vqf.BasicVQF": (3.824, 3.608, 1.055), "vqf.offlineVQF": (2.278, 2.179, 0.586),
+    "imufusion(default)": (12.369, 11.443, 3.699), "imufusion(readme)": (10.859, 9.572, 3.638),
+}  # fmt: skip
 STUDIED = {"vqf": "2.1.2", "imufusion": "1.3.3"}
 
 

@@ -18,11 +18,9 @@ RATE, FORCE, TEMP = RNG.normal(size=(N, 3)), RNG.normal(size=(N, 3)) * 10.0, RNG
 
 def whole(**changes):
     planted = {
-        "bias": [0.01, -0.02, 0.03],
-        "bias_per_k": [1e-3, -2e-3, 3e-3],
-        "scale": [0.01, -0.02, 0.03],
+        "bias": [0.01, -0.02, 0.03], "bias_per_k": [1e-3, -2e-3, 3e-3], "scale": [0.01, -0.02, 0.03],
         "g_sensitivity": COUPLING,
-    }
+    }  # fmt: skip
     return GyroDrift(**{**planted, **changes})
 
 

@@ -182,8 +182,5 @@ def test_turns_lead_to_the_goal_and_between_neighbours_one_is_enough():
     words = [str(AxisTurn(1, 0.8)), str(AxisTurn(1, -0.8)), pose_words(0), pose_words(11)]
     about = "turn it about its y axis by about 45°, "
     assert words == [
-        about + "z towards x",
-        about + "x towards z",
-        "its x axis up",
-        "its x axis 45° up and its z axis 45° down",
-    ]
+        about + "z towards x", about + "x towards z", "its x axis up", "its x axis 45° up and its z axis 45° down",
+    ]  # fmt: skip

@@ -9,7 +9,7 @@ from plumbob.core.units import dps
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_conjugate, quat_multiply
 from tests.helpers import is_plain
 from tests.helpers import mag_scene as mags
-from tests.helpers.broad_rooms import room_at
+from tests.helpers.real_data import room_at
 from tests.helpers.refusals import reasons
 
 TRIALS = 3 if is_plain() else 5

@@ -13,7 +13,7 @@ from plumbob.core.units import dps
 from plumbob.rotations import quat_from_rotvec, quat_rotate
 from tests.helpers import is_plain
 from tests.helpers import mag_scene as mags
-from tests.helpers.broad_rooms import room_at
+from tests.helpers.real_data import room_at
 from tests.helpers.refusals import reasons
 
 RATE = 10.0

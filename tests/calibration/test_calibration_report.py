@@ -79,14 +79,9 @@ EPS = np.finfo(float).eps
 DIP = "the dip is 62.1° ± 0.3°."
 MOUNT = Mount(quat_from_euler_zyx(deg(np.array([90.0, 2.0, -1.0]))), sd=deg(np.array([0.1, 0.1, 0.5])), method="hung")
 CARD = CalibrationCard(
-    "unit 7",
-    "2026-11-21",
-    "ellipsoid; rate table; hung",
-    gyr=gyr_calibration(),
-    mag=mag_calibration(remarks=(DIP,)),
-    mount=MOUNT,
-    software="plumbob 0",
-)
+    "unit 7", "2026-11-21", "ellipsoid; rate table; hung", gyr=gyr_calibration(), mag=mag_calibration(remarks=(DIP,)),
+    mount=MOUNT, software="plumbob 0",
+)  # fmt: skip
 """Everything but the accelerometer."""
 FITS = {"mag": mag_fit(CARD.mag, remarks=(DIP,)), "gyr": gyr_fit(CARD.gyr)}
 
@@ -240,12 +235,10 @@ def test_refusals():
         Reason("outliers", "12 % of 240 samples do not fit.", "Go outside."),
     )
     assert report.refusal_text(refused).splitlines() == [
-        "REFUSED, cone; no card is made",
-        "- cone: the field stays within 12° of a cone about z.",
-        "  Turn the unit about its other two axes too.",
-        "- outliers: 12 % of 240 samples do not fit.",
+        "REFUSED, cone; no card is made", "- cone: the field stays within 12° of a cone about z.",
+        "  Turn the unit about its other two axes too.", "- outliers: 12 % of 240 samples do not fit.",
         "  Go outside.",
-    ]
+    ]  # fmt: skip
     said = report.refusal_numbers(refused)
     assert [reason["kind"] for reason in said["refused"]] == ["cone", "outliers"]
     assert said["card"] is None and set(said) == set(report.numbers(CARD, {}))

@@ -6,7 +6,7 @@ import pytest
 import plumbob
 from plumbob.arm.array import combine, info, monitor
 from plumbob.core.units import dps
-from tests.helpers.array_samples import as_array, moved
+from tests.helpers.arm_samples import as_array, moved
 from tests.helpers.commandline import answer, typed
 
 

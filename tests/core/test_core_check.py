@@ -62,19 +62,13 @@ def increasing(*t):
 
 
 FLOATS = [
-    (MASKED, r"x is a masked array; .*x\.filled\(np\.nan\)"),
-    ([MASKED], "masked array"),
-    ([False, False, True], "x must hold real numbers, but its type is bool"),
-    (True, "type is bool"),
-    (np.zeros((2, 3), dtype=bool), "type is bool"),
-    ([1 + 2j], "real numbers, but its type is complex128"),
-    (["1.0"], "real numbers, but its type is <U3"),
-    ([b"1.0"], r"type is \|S3"),
-    ([1.0, None], "type is object"),
-    ({"a": 1}, "type is object"),
-    (np.array(["2024-01-01"], dtype="M8[ns]"), r"type is datetime64\[ns\]"),
+    (MASKED, r"x is a masked array; .*x\.filled\(np\.nan\)"), ([MASKED], "masked array"),
+    ([False, False, True], "x must hold real numbers, but its type is bool"), (True, "type is bool"),
+    (np.zeros((2, 3), dtype=bool), "type is bool"), ([1 + 2j], "real numbers, but its type is complex128"),
+    (["1.0"], "real numbers, but its type is <U3"), ([b"1.0"], r"type is \|S3"), ([1.0, None], "type is object"),
+    ({"a": 1}, "type is object"), (np.array(["2024-01-01"], dtype="M8[ns]"), r"type is datetime64\[ns\]"),
     ([[1.0, 2.0], [3.0]], "x must be an array of numbers"),
-]
+]  # fmt: skip
 SHAPES = [
     *((check.last_axis, "v", np.ones(shape), 3, LAST) for shape in ((), (2,), (3, 1), (0,), (3, 4))),
     (check.rows, "v", np.ones((3, 5)), 3, rf"{ROWS}, but its shape is \(3, 5\); it looks transp.*v\.T"),

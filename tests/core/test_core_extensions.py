@@ -10,11 +10,9 @@ from plumbob.filters import estimator_names
 from tests.helpers.commandline import ok, refused
 
 BROKEN = (
-    "[plumbob.filters]",
-    *("absent=no", "mahony=no", "bare=bare"),
-    "[plumbob.files]",
+    "[plumbob.filters]", *("absent=no", "mahony=no", "bare=bare"), "[plumbob.files]",
     *("seven=no", "csv=bare", "dat=path"),
-)
+)  # fmt: skip
 PATH = "accepts = lambda path: path.stem == 'log'\nread = lambda path: path\n"
 PROCESS = {"PYTHONDONTWRITEBYTECODE": "1"}
 """With it a line has a process of its own, which finds what is installed in its folder."""

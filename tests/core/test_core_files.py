@@ -243,16 +243,11 @@ def test_a_card_replaces_only_a_card_of_its_kind(tmp_path):
 
 
 READERS = {
-    "a calibration card": CalibrationCard.load,
-    "any card": open_card,
-    "a session": load_session,
-    "a format": lambda path: find_format(str(path)),
-    "a profile": load_profile,
-    "parameters": lambda path: dict(common.pairs(str(path))),
-    "a plan": read_plan,
-    "a table of spans": read_spans,
+    "a calibration card": CalibrationCard.load, "any card": open_card, "a session": load_session,
+    "a format": lambda path: find_format(str(path)), "a profile": load_profile,
+    "parameters": lambda path: dict(common.pairs(str(path))), "a plan": read_plan, "a table of spans": read_spans,
     "a capture": lambda path: CaptureSource(str(path), find_format("fin"), "").open(),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("what", READERS)

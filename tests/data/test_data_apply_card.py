@@ -22,13 +22,10 @@ TRIADS = ("gyr", "acc", "mag")
 def recording(**changes):
     rng = np.random.default_rng(0)
     whole = {
-        "t": 0.01 * np.arange(N),
-        "gyr": rng.normal(size=(N, 3)),
-        "acc": [0, 0, 9.8] + rng.normal(size=(N, 3)),
-        "mag": [20, 0, -40] + rng.normal(size=(N, 3)),
-        "temp_c": np.linspace(20.0, 40.0, N),
+        "t": 0.01 * np.arange(N), "gyr": rng.normal(size=(N, 3)), "acc": [0, 0, 9.8] + rng.normal(size=(N, 3)),
+        "mag": [20, 0, -40] + rng.normal(size=(N, 3)), "temp_c": np.linspace(20.0, 40.0, N),
         "meta": ImuMeta(device="unit 7"),
-    }
+    }  # fmt: skip
     return ImuData(**(whole | changes))
 
 

@@ -45,10 +45,8 @@ def test_a_file_says_what_the_chain_is(tmp_path: Path) -> None:
 numbers = st.floats(-3.0, 3.0)
 names = st.lists(
     st.text(st.characters(codec="utf-8", exclude_categories=["C", "Z"], exclude_characters="[]"), min_size=1),
-    min_size=8,
-    max_size=8,
-    unique=True,
-)
+    min_size=8, max_size=8, unique=True,
+)  # fmt: skip
 
 
 @st.composite

@@ -88,11 +88,9 @@ class TestSamplesOfARecording:
         data = ImuData(t=plain.t, gyr=gyr, acc=plain.acc, mag=plain.mag, temp_c=temp_c, meta=meta)
         samples = list(data.samples())
         again = ImuData(
-            t=[s.t_ns / 1e9 for s in samples],
-            **{name: [getattr(s, name) for s in samples] for name in TRIADS},
-            temp_c=[s.temp_c for s in samples],
-            flags=[s.flags for s in samples],
-        )
+            t=[s.t_ns / 1e9 for s in samples], **{name: [getattr(s, name) for s in samples] for name in TRIADS},
+            temp_c=[s.temp_c for s in samples], flags=[s.flags for s in samples],
+        )  # fmt: skip
         assert [s.t_ns for s in samples] == data.t_ns.tolist()
         assert again.t.tobytes() == data.t.tobytes()
         for name in TRIADS:

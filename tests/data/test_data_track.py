@@ -89,12 +89,9 @@ def test_frames_and_norths_are_needed_and_another_attitude_or_frame_is_a_new_tra
 
 
 OPTIONAL = {
-    "bias_b": np.zeros((N, 3)),
-    "cov_b": np.tile(np.eye(3), (N, 1, 1)),
-    "flags": np.arange(N),
-    "score": np.arange(N) % 2 == 0,
-    "mag_weight": np.linspace(0.0, 1.0, N),
-}
+    "bias_b": np.zeros((N, 3)), "cov_b": np.tile(np.eye(3), (N, 1, 1)), "flags": np.arange(N),
+    "score": np.arange(N) % 2 == 0, "mag_weight": np.linspace(0.0, 1.0, N),
+}  # fmt: skip
 
 
 def test_frozen_for_good():

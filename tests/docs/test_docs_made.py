@@ -3,6 +3,10 @@
 import re
 from pathlib import Path
 
+from plumbob import json_schema
+from plumbob.protocols import checksum
+from plumbob.protocols.field import MARKS, ROLES, SIZES, WORDS
+from tests.helpers.io_samples import schema_keys
 from website import command_line, draw_house, equations, view_types
 
 ROOT = Path(__file__).parents[2]
@@ -41,3 +45,16 @@ def test_files_that_the_pages_name_exist():
     for page in pages:
         for path in re.findall(r"`((?:src|tests|benchmarks|examples|website|docs)/[^\s`]*)`", page.read_text("utf-8")):
             assert (ROOT / path.partition("<")[0]).exists(), (page.name, path)
+
+
+PAGE = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+
+
+def test_every_key_is_in_the_page():
+    assert {key for key in schema_keys(json_schema("format")) if f"`{key}`" not in PAGE} == set()
+
+
+def test_every_word_is_in_the_page():
+    words = [*checksum.KINDS, *SIZES, *ROLES, *WORDS]
+    assert [word for word in words if f"`{word}`" not in PAGE] == []
+    assert [mark for mark in MARKS if mark not in PAGE] == []

@@ -64,12 +64,7 @@ def test_numbers_and_ranges_of_equations_are_told_apart(tmp_path, monkeypatch):
     monkeypatch.setattr(equations, "ROOT", tmp_path)
     found = [(c.key, c.part, c.departs, c.name) for c in equations.citations(".")]
     assert found == [
-        ("Yu2018", "", False, ""),
-        ("Yu2018", "(3)", False, "GAIN"),
-        ("Yu2018", "(4-1)", False, "GAIN"),
-        ("Yu2018", "Table 2", False, "GAIN"),
-        ("Chen2013", "(1)", True, "Fit.solve"),
-        ("Chen2013", "(2)", True, "Fit.solve"),
-        ("Chen2013", "(3)", True, "Fit.solve"),
-        ("Nobody1999", "", False, ""),
-    ]
+        ("Yu2018", "", False, ""), ("Yu2018", "(3)", False, "GAIN"), ("Yu2018", "(4-1)", False, "GAIN"),
+        ("Yu2018", "Table 2", False, "GAIN"), ("Chen2013", "(1)", True, "Fit.solve"),
+        ("Chen2013", "(2)", True, "Fit.solve"), ("Chen2013", "(3)", True, "Fit.solve"), ("Nobody1999", "", False, ""),
+    ]  # fmt: skip

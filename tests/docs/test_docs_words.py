@@ -13,28 +13,19 @@ PAGES = sorted([*(ROOT / "docs").glob("*.md"), *ROOT.glob("*.md"), *(ROOT / "exa
 
 INSTEAD = {
     r"(?<!here )\b(is|are|was|were) no (?!(?:longer|more|less|better|worse|larger|smaller)\b)[a-z.]": "is not a",
-    r"\btold\b": "known, given, separated, reported",
-    r"[,;] for (it|they|nothing|otherwise)\b": "because",
-    r"\btells\b": "shows, says, gives, separates",
-    r"\btell (?:\w+ ){0,6}(?:apart|from)\b": "distinguish, separate",
-    r"\banew\b": "again",
-    r"\bfrom which on\b": "above which",
-    r"\bso long\b": "this long, for this time",
-    r"\bso large\b": "this large, up to",
-    r"\bone['’]s own\b": "your own",
-    r"\bbare (number|value)s?\b": "plain number, number without a unit",
-    r"\blives on\b": "is in",
-    r"\ba text never\b": "a text recording never replaces a file",
-    r"\bshall\b": "default: the scenario's, is to",
-    r"\bwhat the fit (left|leaves)\b": "residuals",
-    r"\bsize of each sample\b": "magnitude",
+    r"\btold\b": "known, given, separated, reported", r"[,;] for (it|they|nothing|otherwise)\b": "because",
+    r"\btells\b": "shows, says, gives, separates", r"\btell (?:\w+ ){0,6}(?:apart|from)\b": "distinguish, separate",
+    r"\banew\b": "again", r"\bfrom which on\b": "above which", r"\bso long\b": "this long, for this time",
+    r"\bso large\b": "this large, up to", r"\bone['’]s own\b": "your own",
+    r"\bbare (number|value)s?\b": "plain number, number without a unit", r"\blives on\b": "is in",
+    r"\ba text never\b": "a text recording never replaces a file", r"\bshall\b": "default: the scenario's, is to",
+    r"\bwhat the fit (left|leaves)\b": "residuals", r"\bsize of each sample\b": "magnitude",
     r"\bpale where\b": "pale: relative uncertainty above 50 %",
     r"\ba covariance that is meant\b": "a consistent covariance",
     r"\bshare of (all )?scored samples whose\b": "cumulative distribution of the error",
-    r"\bof force\b, row": "g-sensitivity, row",
-    r"\baxis off by\b": "axis misalignment",
+    r"\bof force\b, row": "g-sensitivity, row", r"\baxis off by\b": "axis misalignment",
     r"\bangle less 90": "non-orthogonality",
-}
+}  # fmt: skip
 """What does not come back, and what stands for it."""
 
 MEANT = (

@@ -31,15 +31,10 @@ def step(verb):
 
 
 FILES = {
-    "src/plumbob/__init__.py": '"""A house."""\n',
-    "src/plumbob/cli/__init__.py": "",
-    "src/plumbob/cli/main.py": MAIN,
-    "src/plumbob/core/__init__.py": "",
-    "src/plumbob/core/steps.py": STEPS,
-    "tests/a.py": "",
-    "benchmarks/a.py": "",
+    "src/plumbob/__init__.py": '"""A house."""\n', "src/plumbob/cli/__init__.py": "", "src/plumbob/cli/main.py": MAIN,
+    "src/plumbob/core/__init__.py": "", "src/plumbob/core/steps.py": STEPS, "tests/a.py": "", "benchmarks/a.py": "",
     "gates/a.py": "",
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

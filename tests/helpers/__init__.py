@@ -38,6 +38,26 @@ def until(condition, what="what was waited for did not come", patience=PATIENCE)
     return given
 
 
+class Clock:
+    """Time that passes only where a test says so, and in `sleep`."""
+
+    def __init__(self, now=1.0):
+        self.ns, self.slept = round(now * 1e9), []
+
+    def __call__(self):
+        return self.ns
+
+    monotonic_ns = __call__
+
+    def on(self, seconds):
+        assert seconds >= 0.0
+        self.ns += round(seconds * 1e9)
+
+    def sleep(self, seconds):
+        self.slept.append(seconds)
+        self.on(seconds)
+
+
 @contextmanager
 def full_disk(room=256):
     """Let no file of this process grow beyond `room` bytes: first a short write, then EFBIG, as on a full disk."""

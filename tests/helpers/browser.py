@@ -67,16 +67,8 @@ def viewed(*words, folder):
     """A view of something, which takes commands."""
     said = []
     command = [
-        *PLUMBOB,
-        "view",
-        *map(str, words),
-        "--http-port",
-        "0",
-        "--no-open",
-        "--control",
-        "--folder",
-        str(folder),
-    ]
+        *PLUMBOB, "view", *map(str, words), "--http-port", "0", "--no-open", "--control", "--folder", str(folder),
+    ]  # fmt: skip
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         reader = threading.Thread(target=lambda: said.extend(process.stdout))
         reader.start()

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from websockets.sync.client import connect
 
 from plumbob.rotations import euler_zyx_from_quat, quat_from_rotvec, quat_multiply
 from plumbob.viewer.pipe import MessageUnpacker, PipeMessage, PipeWriter
@@ -297,3 +298,11 @@ class Asking:
         """Times, flags and values of all rows that came."""
         t, words, values = zip(*((one.t, one.flags, one.values) for one in self.ticks()), strict=True)
         return np.concatenate(t), np.concatenate(words), np.concatenate(values, axis=1)
+
+
+@contextmanager
+def asked(*options: str, folder: Path, **changed: Any) -> Iterator[tuple[Served, Asking]]:
+    """A server that has got its hello, and a client of it."""
+    with serving(*options, folder=folder) as served, connect(served.socket_url(), max_size=None) as line:
+        served.feed.say("hello", hello(**changed))
+        yield served, Asking(line)

@@ -301,11 +301,9 @@ def phyphox_of(m, **layout):
 def sensor_logger_of(m):
     """What Sensor Logger writes on Android."""
     return {
-        "TotalAcceleration.csv": logger_table(m.acc, late_ns=3_000_000),
-        "Gyroscope.csv": logger_table(m.gyr),
-        "Magnetometer.csv": logger_table(m.mag),
-        "Metadata.csv": LOGGER_META.format("android", "false"),
-    }
+        "TotalAcceleration.csv": logger_table(m.acc, late_ns=3_000_000), "Gyroscope.csv": logger_table(m.gyr),
+        "Magnetometer.csv": logger_table(m.mag), "Metadata.csv": LOGGER_META.format("android", "false"),
+    }  # fmt: skip
 
 
 def sensorlog_of(m):
@@ -416,11 +414,9 @@ north = "magnetic"
 
 def arrays_of(m):
     return {
-        "t": m.t_ns / 1e9,
-        "imu": {"gyr": from_si(m.gyr, "deg/s"), "acc": m.acc / G0, "mag": m.mag},
-        "temp": m.temp_c,
+        "t": m.t_ns / 1e9, "imu": {"gyr": from_si(m.gyr, "deg/s"), "acc": m.acc / G0, "mag": m.mag}, "temp": m.temp_c,
         "quat": m.q_nb[:, [1, 2, 3, 0]],
-    }
+    }  # fmt: skip
 
 
 def profile_of_arrays(inside="imu/"):

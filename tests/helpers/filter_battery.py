@@ -380,11 +380,9 @@ class FilterBattery:
     def test_a_million_steps_keep_the_norm(self, name, n):
         rng = np.random.default_rng(5)
         data = ImuData(
-            t=np.arange(n) / 1000.0,
-            gyr=rng.normal(size=(n, 3)) * 5.0,
-            acc=rng.normal(size=(n, 3)) + [0, 0, 9.8],
+            t=np.arange(n) / 1000.0, gyr=rng.normal(size=(n, 3)) * 5.0, acc=rng.normal(size=(n, 3)) + [0, 0, 9.8],
             mag=rng.normal(size=(n, 3)) + [0, 20, -40],
-        )
+        )  # fmt: skip
         q = Filter(name, frame=Frame.ENU).process(data).q_nb
         assert np.abs(np.linalg.norm(q, axis=1) - 1.0).max() < 1e-12  # reliability figure F10
 

@@ -39,11 +39,9 @@ class Hand:
         q_bn = quat_conjugate(q_nb)
         noise = self.rng.normal(size=(3, count, 3))
         return ImuData(
-            t=t,
-            gyr=rate_b + 0.002 * noise[0],
-            acc=quat_rotate(q_bn, UP_N) * 1.01 + 0.1 + 0.02 * noise[1],
+            t=t, gyr=rate_b + 0.002 * noise[0], acc=quat_rotate(q_bn, UP_N) * 1.01 + 0.1 + 0.02 * noise[1],
             mag=quat_rotate(q_bn, FIELD_N) @ self.soft_iron.T + self.hard_iron + 0.2 * noise[2],
-        )
+        )  # fmt: skip
 
 
 def joined(*parts):

@@ -57,13 +57,10 @@ def make_track(rows: int = ROWS, *, full: bool = True) -> AttitudeTrack:
     if not full:
         return track
     return replace(
-        track,
-        bias_b=rng.normal(size=(rows, 3)) * 1e-3,
-        cov_b=rng.normal(size=(rows, 3, 3)) * 1e-6,
-        flags=rng.integers(0, 2**32, rows).astype(np.uint32),
-        score=rng.random(rows) < 0.5,
+        track, bias_b=rng.normal(size=(rows, 3)) * 1e-3, cov_b=rng.normal(size=(rows, 3, 3)) * 1e-6,
+        flags=rng.integers(0, 2**32, rows).astype(np.uint32), score=rng.random(rows) < 0.5,
         mag_weight=np.where(rng.random(rows) < 0.3, np.nan, rng.random(rows)),
-    )
+    )  # fmt: skip
 
 
 EXTREMES = np.zeros((ROWS, 3))

@@ -53,6 +53,11 @@ def reads(data, *, seed=0, size=30, period_ns=5_000_000):
     return items
 
 
+def joined(parts, name):
+    """A column of what was sensed, of all parts."""
+    return np.concatenate([getattr(part.sensed, name) for part in parts])
+
+
 def session(text=SESSION, **files):
     known = {"imu9.toml": FORMAT, **files}
     return parse_session(text, known.__getitem__, name="bench")

@@ -114,11 +114,9 @@ def dataflash_text(t_us, gyr, acc, q_nb, field=None):
     lines = [
         "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
         "FMT, 129, 35, IMU, Qffffff, TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
-        "FMT, 130, 17, MAG, Qhhh, TimeUS,MagX,MagY,MagZ",
-        "FMT, 131, 17, ATT, QccC, TimeUS,Roll,Pitch,Yaw",
-        "FMT, 133, 31, PARM, QNf, TimeUS,Name,Value",
-        "PARM, 1000000, COMPASS_DEC, 0.2",
-    ]
+        "FMT, 130, 17, MAG, Qhhh, TimeUS,MagX,MagY,MagZ", "FMT, 131, 17, ATT, QccC, TimeUS,Roll,Pitch,Yaw",
+        "FMT, 133, 31, PARM, QNf, TimeUS,Name,Value", "PARM, 1000000, COMPASS_DEC, 0.2",
+    ]  # fmt: skip
     angles = to_deg(euler_zyx_from_quat(q_nb)).tolist()
     for i, t in enumerate(t_us.tolist()):
         yaw, pitch, roll = angles[i]

@@ -23,13 +23,10 @@ LEAN, TILTS = np.radians(0.3), np.radians(45.0)
 """Scatter of an accelerometer's vertical, and the inclinations over which a heading is judged."""
 
 TURNED = (
-    "01_undisturbed_slow_rotation_A.mat",
-    "03_undisturbed_slow_rotation_C.hdf5",
-    "05_undisturbed_slow_rotation_with_breaks_B.hdf5",
-    "07_undisturbed_fast_rotation_B.hdf5",
-    "09_undisturbed_fast_rotation_with_breaks_B.hdf5",
-    "21_undisturbed_fast_combined.mat",
-)
+    "01_undisturbed_slow_rotation_A.mat", "03_undisturbed_slow_rotation_C.hdf5",
+    "05_undisturbed_slow_rotation_with_breaks_B.hdf5", "07_undisturbed_fast_rotation_B.hdf5",
+    "09_undisturbed_fast_rotation_with_breaks_B.hdf5", "21_undisturbed_fast_combined.mat",
+)  # fmt: skip
 """The undisturbed trials of BROAD at hand in which a hand turned the unit in a room [Laidig2021]."""
 
 

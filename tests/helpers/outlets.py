@@ -58,17 +58,6 @@ class Kept:
         return self.batches[-1][1].fields
 
 
-class Clock:
-    def __init__(self, now=0.0):
-        self.ns = round(now * 1e9)
-
-    def __call__(self):
-        return self.ns
-
-    def on(self, seconds):
-        self.ns += round(seconds * 1e9)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandIn(Serving):
     """Server that is none: it says that it is ready, and then reads or does not."""

@@ -33,12 +33,10 @@ def samples(seed=1, rows=ROWS):
     rng = np.random.default_rng(seed)
     xyzw = rng.normal(size=(rows, 4))
     return {
-        "gyr": rng.normal(size=(rows, 3)),
-        "acc": rng.normal(size=(rows, 3)) + [0.0, 0.0, 9.8],
-        "mag": (rng.normal(size=(rows, 3)) + [0.0, 20.0, -40.0]) * 1e-6,
-        "temp_c": 20.0 + rng.normal(size=rows),
+        "gyr": rng.normal(size=(rows, 3)), "acc": rng.normal(size=(rows, 3)) + [0.0, 0.0, 9.8],
+        "mag": (rng.normal(size=(rows, 3)) + [0.0, 20.0, -40.0]) * 1e-6, "temp_c": 20.0 + rng.normal(size=rows),
         "xyzw": xyzw / np.linalg.norm(xyzw, axis=1, keepdims=True),
-    }
+    }  # fmt: skip
 
 
 def header(stamp_ns, frame):
@@ -56,14 +54,11 @@ def imu_rows(given, topic="/imu/data", frame="imu_link", t0=T0, covs=(0.01, 0.0,
         stamp = t0 + _since(given, i)
         cov = [np.diag([first, 0.02, 0.03]).ravel() for first in covs]
         fields = {
-            "header": header(stamp if stamped else 0, frame),
-            "orientation": given["xyzw"][i],
-            "orientation_covariance": cov[0] if covs[0] else np.zeros(9),
-            "angular_velocity": given["gyr"][i],
-            "angular_velocity_covariance": cov[1],
-            "linear_acceleration": given["acc"][i],
+            "header": header(stamp if stamped else 0, frame), "orientation": given["xyzw"][i],
+            "orientation_covariance": cov[0] if covs[0] else np.zeros(9), "angular_velocity": given["gyr"][i],
+            "angular_velocity_covariance": cov[1], "linear_acceleration": given["acc"][i],
             "linear_acceleration_covariance": cov[2],
-        }
+        }  # fmt: skip
         yield Row(stamp + LATE, topic, "sensor_msgs/msg/Imu", fields)
 
 
@@ -97,15 +92,10 @@ def message(row, store):
     """The row as a message of a store's types."""
     of = store.types
     vectors = {
-        "angular_velocity": "Vector3",
-        "linear_acceleration": "Vector3",
-        "magnetic_field": "Vector3",
-        "translation": "Vector3",
-        "position": "Point",
-        "orientation": "Quaternion",
-        "rotation": "Quaternion",
+        "angular_velocity": "Vector3", "linear_acceleration": "Vector3", "magnetic_field": "Vector3",
+        "translation": "Vector3", "position": "Point", "orientation": "Quaternion", "rotation": "Quaternion",
         "quaternion": "Quaternion",
-    }
+    }  # fmt: skip
 
     def value(name, given):
         if name == "header":

@@ -26,10 +26,8 @@ def track(bias_dps):
 def test_filters_with_a_prior_are_those_with_such_a_parameter():
     made = {name: Filter(name, frame=Frame.NED).bias_prior for name in filter_names()}
     assert {name: prior for name, prior in made.items() if prior} == {
-        "ekf7": ("start_bias", dps(1.0)),
-        "mekf": ("bias_start", dps(0.5)),
-        "vqf": ("bias_start", dps(0.5)),
-    }
+        "ekf7": ("start_bias", dps(1.0)), "mekf": ("bias_start", dps(0.5)), "vqf": ("bias_start", dps(0.5)),
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(("filter", "params", "bias", "beyond"), [

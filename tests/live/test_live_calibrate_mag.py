@@ -129,13 +129,9 @@ def captures(scene, restricted, level, tumbled):
     t, q_nb, _ = mags.tumbling(rng, duration=15.0)
     perfect = ImuData(t=t, mag=mags.field(rng, mags.Unit(np.eye(3), np.zeros(3)), q_nb), meta=ImuMeta(device="SN1"))
     return SimpleNamespace(
-        scene=scene[1],
-        restricted=restricted[1],
-        level=level,
-        tumbled=tumbled[1],
-        perfect=perfect,
+        scene=scene[1], restricted=restricted[1], level=level, tumbled=tumbled[1], perfect=perfect,
         mirrored=sensed(scene[1], mag=scene[1].mag @ Z_NEGATED.T),
-    )
+    )  # fmt: skip
 
 
 SHAKEN = 3.0 * np.random.default_rng(1).normal(size=(COUNT, 3))

@@ -47,11 +47,8 @@ def test_a_new_accelerometer_makes_what_hangs_on_it_old(had_acc):
     grown = card_of(captured(first), {"acc": fitted("acc")})
     later = card_of(replace(captured(grown), date="2027-01-01"), {"acc": fitted("acc"), "mag": fitted("mag")})
     assert {name: getattr(grown, name).remarks for name in ("acc", "gyr", "mag", "mount")} == {
-        "acc": (),
-        "gyr": ("it was cold.", STALE),
-        "mag": (STALE,),
-        "mount": (*MOUNTED.remarks, STALE),
-    }
+        "acc": (), "gyr": ("it was cold.", STALE), "mag": (STALE,), "mount": (*MOUNTED.remarks, STALE),
+    }  # fmt: skip
     assert later.gyr.remarks == ("it was cold.", STALE.replace("2026-11-21", "2027-01-01"))
     at_rest = card_of(captured(), {"gyr": fitted("gyr", gain=1.0)})  # a bias at rest does not hang on it
     assert len(later.mag.remarks) == len(card_of(captured(at_rest), {"acc": fitted("acc")}).gyr.remarks) == 0

@@ -70,10 +70,8 @@ def test_rosbags_reads_it(recording, tmp_path, name):
     assert any("turned to forward, left and up (REP 103)" in note for note in notes)
     imu, found = recording.imu, messages(tmp_path / name)
     assert {topic: len(rows) for (topic, _), rows in found.items()} == {
-        "/imu/data": ROWS,
-        "/imu/mag": ROWS * 3 // 4,
-        "/imu/temperature": ROWS // 10,
-    }
+        "/imu/data": ROWS, "/imu/mag": ROWS * 3 // 4, "/imu/temperature": ROWS // 10,
+    }  # fmt: skip
     rows = [one for _, one in found["/imu/data", "sensor_msgs/msg/Imu"]]
     stamps = [log_ns for log_ns, _ in found["/imu/data", "sensor_msgs/msg/Imu"]]
     assert stamps == (imu.t_ns + T0).tolist()

@@ -22,6 +22,7 @@ from plumbob.live.sources import open_source
 from plumbob.live.transports.iio_layout import IioChannel, IioLayout, IioType
 from plumbob.live.transports.transport import Received
 from tests.helpers.iio_tree import ACCEL, GYRO, Tree, motion, scans
+from tests.helpers.live_samples import joined
 
 ESTIMATE = '[estimate]\nfilter = "mahony"\nparams = { kp = 0.5 }\n'
 
@@ -46,10 +47,6 @@ def run(chosen, data, tree, path=None):
     recording_sink = None if path is None else RecordingSink(chosen, RecordSpec(str(path)), offset=lambda: 0)
     run_stream(line, source, sinks=[found], recording=recording_sink, until_lost=True)
     return line, found
-
-
-def joined(parts, name):
-    return np.concatenate([getattr(part.sensed, name) for part in parts])
 
 
 def test_from_the_tree_to_the_recording_to_the_replay(tree, tmp_path):

@@ -18,13 +18,10 @@ from tests.helpers.refusals import reason_kinds
 NOMINAL = dps(np.array([50.0, 100.0, 200.0]))
 COUPLING = dps(np.array([[0.05, -0.03, 0.02], [0.04, 0.06, -0.05], [-0.02, 0.03, 0.07]])) / G0
 GYR = TriadErrors(
-    bias=dps(np.array([3.0, -12.0, 1.0])),
-    scale=(0.02, -0.01, 0.005),
-    misalignment=((0.0, 0.004, -0.006), (-0.003, 0.0, 0.005), (0.002, 0.007, 0.0)),
-    g_sensitivity=COUPLING,
-    white_rpsd=dps(0.005),
-    full_scale=dps(250.0),
-)
+    bias=dps(np.array([3.0, -12.0, 1.0])), scale=(0.02, -0.01, 0.005),
+    misalignment=((0.0, 0.004, -0.006), (-0.003, 0.0, 0.005), (0.002, 0.007, 0.0)), g_sensitivity=COUPLING,
+    white_rpsd=dps(0.005), full_scale=dps(250.0),
+)  # fmt: skip
 HEADER = "from_s,to_s,rate_x_dps,rate_y_dps,rate_z_dps"
 
 

@@ -110,12 +110,9 @@ def test_wrong_session_is_refused_with_a_word(case):
 
 def test_session_from_options_reads_back():
     text = plain_session(
-        form="mpu6000",
-        source={"kind": "udp", "port": 5000},
-        format={"options": {"gyr_range": "500 deg/s"}},
-        estimate={"filter": "mahony", "params": {"kp": "0.5"}},
-        imu={"frame": "ENU", "device": 'a "b"'},
-    )
+        form="mpu6000", source={"kind": "udp", "port": 5000}, format={"options": {"gyr_range": "500 deg/s"}},
+        estimate={"filter": "mahony", "params": {"kp": "0.5"}}, imu={"frame": "ENU", "device": 'a "b"'},
+    )  # fmt: skip
     made = parse_session(text, {}.__getitem__, name="x")
     assert (made.form.chosen["gyr_range"], made.meta.device) == ("500 deg/s", 'a "b"')
     assert made.stage.params == {"kp": "0.5"}

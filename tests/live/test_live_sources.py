@@ -6,23 +6,10 @@ from plumbob.core.event import Event
 from plumbob.live import sources
 from plumbob.live.replay import open_recording
 from plumbob.live.transports.transport import Received
+from tests.helpers import Clock
 from tests.helpers.live_samples import Handed, record, session
 
 MS = 1_000_000
-
-
-class Clock:
-    """Time that passes only while somebody sleeps."""
-
-    def __init__(self):
-        self.now_ns = 3_000_000_000
-
-    def monotonic_ns(self):
-        return self.now_ns
-
-    def sleep(self, seconds):
-        assert seconds >= 0.0
-        self.now_ns += round(seconds * 1e9)
 
 
 @pytest.fixture
@@ -45,10 +32,10 @@ def slow(tmp_path):
 def test_a_recording_is_read_at_its_pace_times_the_speed(slow, clock, speed):
     """An item that came t after the first comes t / K after it; four times as fast is a quarter of the time."""
     log, items = slow
-    source, start, came = sources.ReplaySource(log, speed), clock.now_ns, []
+    source, start, came = sources.ReplaySource(log, speed), clock.ns, []
     while not source.finished:
         for item in source.read(0.1):
-            came.append((item.t_ns, clock.now_ns - start))
+            came.append((item.t_ns, clock.ns - start))
     assert [t_ns for t_ns, _ in came] == [item.t_ns for item in items]  # the times themselves stay
     assert [waited for _, waited in came] == [round(t * MS / speed) for t in (0, 100, 250, 400, 1000)]
 
@@ -61,29 +48,29 @@ def test_an_event_of_another_clock_holds_nothing_up(tmp_path, clock):
         Event(42_302_001 * MS, "wall-clock", "it was set."),
     ]
     record(tmp_path / "file.mcap", [items[0], host[0], *items[1:], host[1]])
-    source, start = sources.ReplaySource(open_recording(tmp_path / "file.mcap")[0], 1.0), clock.now_ns
+    source, start = sources.ReplaySource(open_recording(tmp_path / "file.mcap")[0], 1.0), clock.ns
     came = []
     while not source.finished:
-        came += [(item, clock.now_ns - start) for item in source.read(0.1)]
+        came += [(item, clock.ns - start) for item in source.read(0.1)]
     assert [item for item, _ in came] == [items[0], host[0], *items[1:], host[1]]
     assert [waited for _, waited in came] == [0, 100 * MS, 100 * MS, 200 * MS, 200 * MS]
 
 
 def test_a_recording_whose_reader_is_late_does_not_fall_further_behind(slow, clock):
-    source, start = sources.ReplaySource(slow[0], 2.0), clock.now_ns
+    source, start = sources.ReplaySource(slow[0], 2.0), clock.ns
     source.read(0.1)
-    clock.now_ns += 180 * MS  # the items of 50, 125 and 200 ms were due, or are soon
-    came = [clock.now_ns - start for _ in range(4) if source.read(0.1)]
+    clock.ns += 180 * MS  # the items of 50, 125 and 200 ms were due, or are soon
+    came = [clock.ns - start for _ in range(4) if source.read(0.1)]
     assert came == [180 * MS, 180 * MS, 200 * MS, 500 * MS]
 
 
 def test_times_are_those_of_the_speed(slow, clock):
-    source, start = sources.ReplaySource(slow[0]), clock.now_ns
+    source, start = sources.ReplaySource(slow[0]), clock.ns
     assert [item.t_ns for item in source.read(0.1)] == [item.t_ns for item in slow[1]]
     assert source.finished
-    assert clock.now_ns == start
+    assert clock.ns == start
     # at 20 times the speed, 3 ms after the start stand for 60 ms
-    start = clock.now_ns
+    start = clock.ns
     items = [Received(start, b"a"), Received(start + 3 * MS, b"b"), Event(start + 10 * MS, "damaged", "x", 1)]
     source = sources.Stretched(Handed(items), 20.0)
     assert [item.t_ns - start for item in source.read(0.0)] == [0, 60 * MS, 200 * MS]

@@ -17,6 +17,7 @@ from plumbob.live.sources import spi_source
 from tests.helpers import beside
 from tests.helpers.chips.adxrs290 import Adxrs290
 from tests.helpers.chips.adxrs453 import Adxrs453, Fault, sensor_command
+from tests.helpers.live_samples import joined
 
 MS = 1_000_000
 START_NS = 50_000_000_000
@@ -79,10 +80,6 @@ def run(bench, duration, path=None, text=ADXRS453):
 def opened(bench, chosen):
     settings = chosen.source.settings
     return spi_source(settings, open_bus=lambda: bench, clock=bench.clock, sleep=bench.sleep).open()
-
-
-def joined(parts, name):
-    return np.concatenate([getattr(part.sensed, name) for part in parts])
 
 
 def flagged(parts, flag):

@@ -14,16 +14,12 @@ from plumbob.papers.fin.datasheet import DURATION, TABLE, averaging_time, fin_re
 # Recomputed by hand from [Ou2017] (7) and its Table 1: percentage, implied averaging time, and the least and the
 # greatest time that rounding of the printed error leaves.
 RECOMPUTED = {
-    ("Q", "453z"): ("6.262", "1.712", "1.6865", "1.737"),
-    ("Q", "290y"): ("62.88", "97.15", None, None),
-    ("Q", "290x"): ("64.80", "100.4", None, None),
-    ("N", "453z"): ("4.779", "1.000", None, None),
-    ("N", "290y"): ("4.778", "1.000", None, None),
-    ("N", "290x"): ("4.763", "0.994", "0.989", "0.998"),
-    ("B", "453z"): ("6.2991", "1.7321", "1.7316", "1.7326"),
-    ("B", "290y"): ("5.841", "1.491", "1.481", "1.501"),
+    ("Q", "453z"): ("6.262", "1.712", "1.6865", "1.737"), ("Q", "290y"): ("62.88", "97.15", None, None),
+    ("Q", "290x"): ("64.80", "100.4", None, None), ("N", "453z"): ("4.779", "1.000", None, None),
+    ("N", "290y"): ("4.778", "1.000", None, None), ("N", "290x"): ("4.763", "0.994", "0.989", "0.998"),
+    ("B", "453z"): ("6.2991", "1.7321", "1.7316", "1.7326"), ("B", "290y"): ("5.841", "1.491", "1.481", "1.501"),
     ("B", "290x"): ("8.524", "3.151", "3.119", "3.183"),
-}
+}  # fmt: skip
 
 
 def agrees(value, printed):

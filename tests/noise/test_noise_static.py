@@ -49,16 +49,13 @@ def noises(rng, count):
     flicker_1, walk_1 = flicker(np.ones(3), count, rng), random_walk(np.ones(3), count, 1.0 / DT, rng)
     t = np.arange(count)[:, np.newaxis] * DT
     yield from {
-        "white": white_of(1.0),
-        "flicker": flicker_1,
-        "walk": walk_1,
+        "white": white_of(1.0), "flicker": flicker_1, "walk": walk_1,
         "all and a ramp": white_of(1.0) + 0.3 * flicker_1 + 0.1 * walk_1 + 5.0 * t,
         "warm-up": white_of(1.0) + 20.0 * np.exp(-t / 60.0),
         "quantised": np.round(white_of(0.7) + 0.3 * flicker_1 + 0.1 * walk_1),
-        "coarse": np.round(white_of(0.3) + 0.1 * walk_1),
-        "coarse and a ramp": np.round(white_of(0.05) + 0.1 * t),
+        "coarse": np.round(white_of(0.3) + 0.1 * walk_1), "coarse and a ramp": np.round(white_of(0.05) + 0.1 * t),
         "quantised angle": np.diff(rng.standard_normal((count + 1, 3)), axis=0),
-    }.items()
+    }.items()  # fmt: skip
 
 
 @slow_as_python

@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 
 SIZES = {
-    "identity": 0.0,
-    "1e-12": 1e-12,
-    "1e-8": 1e-8,
-    "1e-4": 1e-4,
-    "random": None,
-    "near pi": np.pi - 1e-8,
-    "pi": np.pi,
-}
+    "identity": 0.0, "1e-12": 1e-12, "1e-8": 1e-8, "1e-4": 1e-4, "random": None, "near pi": np.pi - 1e-8, "pi": np.pi,
+}  # fmt: skip
 SHAPES = ((), (1,), (3, 2), (0,))
 
 

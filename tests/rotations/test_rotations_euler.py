@@ -18,6 +18,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
+from plumbob.rotations.headings import claimed_sd, euler_sd
 from plumbob.rotations.quaternions import GIMBAL_MARGIN
 from tests.helpers import examples
 
@@ -143,3 +144,22 @@ def test_a_level_turn_is_a_rate_about_z():
         quat_from_euler_zyx([0.0, 0.0])
     with pytest.raises(ShapeError, match="rates must have shape"):
         body_rate_from_euler_zyx([0.0, 0.0, 0.0], 1.0)
+
+
+COV = np.array([[4.0, 1.0, -0.5], [1.0, 2.0, 0.3], [-0.5, 0.3, 3.0]]) * 1e-6
+
+
+@pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0), (2.0, 0.3, -0.4), (-1.0, -1.2, 2.5), (0.5, 1.4, -3.0)])
+def test_they_are_the_spread_of_the_angles_of_attitudes_that_stray_so(angles):
+    """20 000 drawn errors in body axes; the spread of so many is known to 0.5 % (1 sd), and 5 sd are allowed."""
+    rng = np.random.default_rng(1)
+    q = quat_from_euler_zyx(np.array([angles]))
+    errors = rng.multivariate_normal(np.zeros(3), COV, size=20_000)
+    spread = np.std(euler_zyx_from_quat(quat_multiply(q, quat_from_rotvec(errors))), axis=0)
+    np.testing.assert_allclose(euler_sd(q, COV[np.newaxis])[0], spread, rtol=0.025)
+
+
+def test_of_a_level_body_that_of_the_yaw_is_that_of_the_heading_and_of_no_variance_there_is_none():
+    q = quat_from_euler_zyx([[1.0, 0.0, 0.0]])
+    assert euler_sd(q, COV[np.newaxis])[0, 0] == pytest.approx(claimed_sd(q, COV[np.newaxis])[1][0])
+    assert np.isnan(euler_sd(quat_from_euler_zyx([[1.0, 0.2, 0.0]]), np.zeros((1, 3, 3)))).all()

@@ -25,12 +25,10 @@ def lively(chain, seed=3):
 def planar(l1, l2):
     """Two bars in the horizontal plane, the second with its unit at the end."""
     return Chain(
-        "planar",
-        (Segment("base"), Segment("a"), Segment("b", "b", UnitMount(lever_b=(l2, 0.0, 0.0)))),
+        "planar", (Segment("base"), Segment("a"), Segment("b", "b", UnitMount(lever_b=(l2, 0.0, 0.0)))),
         (Joint("one", "base", "a", axes=(Z,)), Joint("two", "a", "b", origin=(l1, 0.0, 0.0), axes=(Z,))),
-        hand_b=(l2, 0.0, 0.0),
-        base_fixed=True,
-    )
+        hand_b=(l2, 0.0, 0.0), base_fixed=True,
+    )  # fmt: skip
 
 
 def rate_by_differences(truth, t, h):

@@ -14,15 +14,9 @@ TRUTH = np.cumsum(RNG.normal(size=(COUNT, 3)), axis=0) * 0.01
 FORCE = RNG.normal(size=(COUNT, 3))
 WARM = 25.0 + 20.0 * np.linspace(0.0, 1.0, COUNT)
 EVERYTHING = {
-    "white_rpsd": 0.01,
-    "white_sd": (0.02, 0.0, 0.03),
-    "flicker": 0.05,
-    "walk_rpsd": 0.02,
-    "ramp": 1e-3,
-    "bias": (0.3, -0.2, 0.1),
-    "bias_per_k": (0.01, 0.0, -0.02),
-    "g_sensitivity": RNG.normal(size=(3, 3)) * 0.01,
-}
+    "white_rpsd": 0.01, "white_sd": (0.02, 0.0, 0.03), "flicker": 0.05, "walk_rpsd": 0.02, "ramp": 1e-3,
+    "bias": (0.3, -0.2, 0.1), "bias_per_k": (0.01, 0.0, -0.02), "g_sensitivity": RNG.normal(size=(3, 3)) * 0.01,
+}  # fmt: skip
 
 
 def readings(errors, truth=TRUTH, triad="gyr", seed=4):

@@ -116,11 +116,9 @@ def test_ideal_has_no_errors_at_all():
 
 def test_drawn_errors_fill_the_sheet_s_limits_evenly(drawn):
     limits = {
-        ("acc", "bias"): np.array([0.05, 0.05, 0.08]) * G0,
-        ("gyr", "bias"): 20.0 * DEG,
-        ("gyr", "scale"): 0.03,
+        ("acc", "bias"): np.array([0.05, 0.05, 0.08]) * G0, ("gyr", "bias"): 20.0 * DEG, ("gyr", "scale"): 0.03,
         ("mag", "hard_iron"): 8.0,
-    }
+    }  # fmt: skip
     for (triad, name), limit in limits.items():
         values = np.array([getattr(getattr(m, triad), name) for m in drawn]) / limit
         assert np.abs(values).max() <= 1.0

@@ -25,22 +25,13 @@ WAVES = Sinusoids(RNG.uniform(0.5, 9.0, 6), RNG.normal(size=6), RNG.normal(size=
 WAVES3 = Sinusoids(RNG.uniform(0.5, 9.0, 6), RNG.normal(size=(6, 3)), RNG.normal(size=(6, 3)))
 MOVES = Moves((1.0, 4.0, 6.0), (2.0, 1.5, 3.0), (0.7, -1.1, 0.4))
 SIGNALS = {
-    "polynomial": Polynomial((1.0, -2.0, 0.5, 0.3)),
-    "sinusoids": WAVES,
-    "sinusoids of 3": WAVES3,
-    "quintic moves": MOVES,
-    "cycloid moves of 3": Moves((1.0, 4.0), (2.0, 3.0), RNG.normal(size=(2, 3)), cycloid),
-    "sum": WAVES + MOVES,
-    "scaled": 3.0 * WAVES,
-    "windowed": Windowed(WAVES, MOVES),
-    "windowed 3": Windowed(WAVES3, MOVES),
-    "ramps": Ramps((1.0, 3.0, 5.0, 9.0), (0.5, -1.0, -1.0, 2.0)),
-    "stack": Stack((WAVES, MOVES, constant(2.0))),
-    "driven": Driven(0.0, 0.5, RNG.normal(size=(20, 2)), 6.0, 0.3),
-    "mixed": Mixed(WAVES3, RNG.normal(size=(2, 3))),
-    "sine": Sine(WAVES),
-    "warm-up": WarmUp(15.0, 3.0),
-}
+    "polynomial": Polynomial((1.0, -2.0, 0.5, 0.3)), "sinusoids": WAVES, "sinusoids of 3": WAVES3,
+    "quintic moves": MOVES, "cycloid moves of 3": Moves((1.0, 4.0), (2.0, 3.0), RNG.normal(size=(2, 3)), cycloid),
+    "sum": WAVES + MOVES, "scaled": 3.0 * WAVES, "windowed": Windowed(WAVES, MOVES),
+    "windowed 3": Windowed(WAVES3, MOVES), "ramps": Ramps((1.0, 3.0, 5.0, 9.0), (0.5, -1.0, -1.0, 2.0)),
+    "stack": Stack((WAVES, MOVES, constant(2.0))), "driven": Driven(0.0, 0.5, RNG.normal(size=(20, 2)), 6.0, 0.3),
+    "mixed": Mixed(WAVES3, RNG.normal(size=(2, 3))), "sine": Sine(WAVES), "warm-up": WarmUp(15.0, 3.0),
+}  # fmt: skip
 
 
 def away_from_joints(t):

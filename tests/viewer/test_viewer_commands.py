@@ -15,7 +15,7 @@ from plumbob.viewer.commands import RefusedError, parse_command
 from plumbob.viewer.messages import Command, Verb
 from tests.helpers import beside, examples
 from tests.helpers.commandline import table_of
-from tests.helpers.feeding import Asking, Body, hello, request, serving
+from tests.helpers.feeding import Asking, Body, asked, hello, request
 
 BODY = Body(100.0)
 OPTIONS = ("--control",)
@@ -128,9 +128,7 @@ def batch_at(k, q_nb):
 
 def test_after_a_tare_angles_turn_the_body_from_where_it_was(tmp_path):
     start = quat_from_rotvec(np.array([0.4, -0.7, 2.0]))
-    with serving("--control", folder=tmp_path) as served, connect(served.socket_url()) as line:
-        asking = Asking(line)
-        served.feed.say("hello", hello())
+    with asked("--control", folder=tmp_path) as (served, asking):
         assert asking.ask("tare") == {"type": "answer", "id": 1, "ok": False,
                                       "text": "There is no attitude to count from yet. Wait for one."}  # fmt: skip
         served.feed.write(batch_at(0, start))
@@ -152,9 +150,7 @@ def test_after_a_tare_angles_turn_the_body_from_where_it_was(tmp_path):
 
 def test_without_control_no_command_is_taken_and_yaw_is_a_heading_from_0_to_360_in_ned_from_a_north(tmp_path):
     west = quat_from_rotvec(np.array([0.0, 0.0, -np.pi / 2.0]))
-    with serving(folder=tmp_path) as served, connect(served.socket_url()) as line:
-        asking = Asking(line)
-        served.feed.say("hello", hello(control=True))
+    with asked(folder=tmp_path, control=True) as (served, asking):
         told = {"Content-Type": "application/json"}
         assert request(served, "POST", "/api/command", headers=told, body=b'{"id": 1, "verb": "tare"}')[0] == 403
         refusal = asking.ask("record")

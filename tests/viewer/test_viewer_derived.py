@@ -11,7 +11,7 @@ from plumbob.live.sinks import track_lines
 from plumbob.rotations import Frame, North, quat_from_rotvec, quat_multiply, quat_rotate
 from plumbob.viewer.derived import Allan, FedSamples
 from plumbob.viewer.pipe import PipeMessage
-from tests.helpers.feeding import Asking, Body, hello, serving
+from tests.helpers.feeding import Asking, Body, asked, hello, serving
 
 BODY = Body(100.0)
 RATE = 100.0
@@ -104,9 +104,7 @@ def test_the_allan_deviation_begins_again_behind_a_gap_and_behind_a_sample_that_
 
 def test_a_guided_calibration_makes_the_card_that_a_recording_of_it_would_make(tmp_path):
     sensed = turned(6000)
-    with serving("--control", folder=tmp_path) as served, connect(served.socket_url(), max_size=None) as line:
-        served.feed.say("hello", hello())
-        asking = Asking(line)
+    with asked("--control", folder=tmp_path) as (served, asking):
         assert "cannot be calibrated" in asking.ask("calibrate", name="mount")["text"]
         assert asking.ask("calibrate", name="mag")["ok"]
         assert "End that first" in asking.ask("calibrate", name="gyro")["text"]
@@ -142,9 +140,7 @@ def test_the_cards_so_far_is_completed_in_a_new_file(tmp_path):
     before = tmp_path / "before.json"
     calibrate(imu, "mag").save(before)
     kept = before.read_bytes()
-    with serving("--control", folder=tmp_path) as served, connect(served.socket_url()) as line:
-        served.feed.say("hello", hello(card=str(before)))
-        asking = Asking(line)
+    with asked("--control", folder=tmp_path, card=str(before)) as (served, asking):
         assert asking.ask("calibrate", name="gyro")["ok"]
         feed(served, still(3000))
         answer = asking.ask("calibrate-end")
@@ -156,9 +152,7 @@ def test_the_cards_so_far_is_completed_in_a_new_file(tmp_path):
 
 
 def test_a_capture_that_is_not_enough_makes_no_card_and_says_why(tmp_path):
-    with serving("--control", folder=tmp_path) as served, connect(served.socket_url()) as line:
-        served.feed.say("hello", hello(device="made-up"))
-        asking = Asking(line)
+    with asked("--control", folder=tmp_path, device="made-up") as (served, asking):
         assert asking.ask("calibrate", name="accel")["ok"]
         assert "nothing to calibrate" in asking.ask("calibrate-end")["text"]
         assert asking.ask("calibrate", name="accel")["ok"]
@@ -175,9 +169,7 @@ def test_a_capture_that_is_not_enough_makes_no_card_and_says_why(tmp_path):
 
 
 def test_when_time_begins_again_a_calibration_is_given_up_and_the_allan_deviation_begins_again_where_asked(tmp_path):
-    with serving("--control", folder=tmp_path) as served, connect(served.socket_url()) as line:
-        served.feed.say("hello", hello())
-        asking = Asking(line)
+    with asked("--control", folder=tmp_path) as (served, asking):
         assert asking.ask("calibrate", name="gyro")["ok"]
         served.feed.say("reset")
         asking.text(lambda one: "given up" in one.get("text", ""))
@@ -186,9 +178,7 @@ def test_when_time_begins_again_a_calibration_is_given_up_and_the_allan_deviatio
 
 
 def test_lines_are_those_that_a_text_recording_would_have(tmp_path):
-    with serving(folder=tmp_path) as served, connect(served.socket_url()) as line:
-        served.feed.say("hello", hello())
-        asking = Asking(line)
+    with asked(folder=tmp_path) as (served, asking):
         asking.tick()
         served.play(BODY, 0, 300, size=7)
         asking.state(lambda one: one["t"] == 2.99)

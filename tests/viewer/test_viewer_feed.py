@@ -17,8 +17,8 @@ from plumbob.live.stream import Stream
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.viewer.feed import Feed, FlagWatch
 from plumbob.viewer.rows import Attitudes, RowLayout, euler_deg, shown_estimator
-from tests.helpers import live_samples, until
-from tests.helpers.outlets import Clock, Kept
+from tests.helpers import Clock, live_samples, until
+from tests.helpers.outlets import Kept
 
 PLAIN = live_samples.SESSION.partition("[estimate]")[0]
 

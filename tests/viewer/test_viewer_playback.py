@@ -10,8 +10,8 @@ from plumbob import Recording, convert, files
 from plumbob.core.errors import FrameError, ParameterError, ShapeError
 from plumbob.core.units import to_deg
 from plumbob.viewer.playback import Player, load
-from tests.helpers import live_samples
-from tests.helpers.outlets import Clock, Kept
+from tests.helpers import Clock, live_samples
+from tests.helpers.outlets import Kept
 
 
 @pytest.fixture(scope="module")

@@ -97,14 +97,10 @@ def test_what_cannot_be_done_is_refused_in_words(tmp_path):
             return str(said.value)
 
         return {
-            1: lambda: refused(switch.stop),
-            2: switch.record,
-            3: lambda: refused(switch.record),
-            4: lambda: refused(switch.stop_text),
-            5: lambda: refused(lambda: switch.mark("two\nlines")),
-            6: lambda: refused(lambda: switch.mark(" ")),
-            7: lambda: refused(lambda: switch.mark("x" * 201)),
-        }
+            1: lambda: refused(switch.stop), 2: switch.record, 3: lambda: refused(switch.record),
+            4: lambda: refused(switch.stop_text), 5: lambda: refused(lambda: switch.mark("two\nlines")),
+            6: lambda: refused(lambda: switch.mark(" ")), 7: lambda: refused(lambda: switch.mark("x" * 201)),
+        }  # fmt: skip
 
     _, _, answers = switched(tmp_path, actions, duration=5.0)
     assert answers[0] == "nothing is being recorded."

@@ -18,7 +18,7 @@ from plumbob.viewer.hub import Client, Hub, NewestItems
 from plumbob.viewer.messages import Attitude, Hello, Link, State
 from plumbob.viewer.pipe import PipeMessage
 from tests.helpers import examples
-from tests.helpers.feeding import COLUMNS, Asking, Body, column, hello, parsed, request, serving
+from tests.helpers.feeding import COLUMNS, Asking, Body, asked, column, hello, parsed, request, serving
 
 BODY = Body(100.0)
 
@@ -33,9 +33,7 @@ def fed(served, line, stop=0):
 
 
 def test_rows_are_the_samples_to_the_last_bit(tmp_path):
-    with serving(folder=tmp_path) as served, connect(served.socket_url()) as line:
-        served.feed.say("hello", hello())
-        asking = Asking(line)
+    with asked(folder=tmp_path) as (served, asking):
         assert asking.next()["type"] == "hello"
         served.play(BODY, 0, 300, size=7, wall=0.005)
         asking.state(lambda one: one["t"] == 2.99)
@@ -102,9 +100,7 @@ def test_a_new_client_gets_the_last_minute_in_parts_and_then_goes_on(tmp_path):
 
 def test_rows_of_a_fast_stream_are_an_envelope_of_all_samples(tmp_path):
     fast = Body(1000.0)
-    with serving(folder=tmp_path) as served, connect(served.socket_url()) as line:
-        served.feed.say("hello", hello(rate=1000.0))
-        asking = Asking(line)
+    with asked(folder=tmp_path, rate=1000.0) as (served, asking):
         for first in range(0, 2000, 16):
             batch = fast.batch(first, 16)
             batch.arrays["flags"][3] = GYR_CLIPPED if first == 800 else 0
@@ -208,9 +204,7 @@ def test_other_columns_are_followed_by_their_history_and_when_time_begins_again_
 
 
 def test_a_slower_sensor_keeps_its_last_value_for_a_second(tmp_path):
-    with serving(folder=tmp_path) as served, connect(served.socket_url()) as line:
-        served.feed.say("hello", hello())
-        asking = Asking(line)
+    with asked(folder=tmp_path) as (served, asking):
         for first in range(0, 300, 10):
             batch = BODY.batch(first, 10)
             batch.arrays["values"][:, 9:12] = np.nan  # the magnetometer
@@ -246,9 +240,7 @@ def test_events_queue_and_who_was_away_gets_what_was_missed(tmp_path):
 
 
 def test_a_storm_of_events_is_cut_and_said(tmp_path):
-    with serving(folder=tmp_path) as served, connect(served.socket_url()) as line:
-        served.feed.say("hello", hello())
-        asking = Asking(line)
+    with asked(folder=tmp_path) as (served, asking):
         for k in range(2000):
             served.feed.say("event", {"t": None, "kind": "gap", "text": f"gap {k}"})
         asking.text(lambda one: "left out here" in one.get("text", ""))

@@ -30,9 +30,9 @@ from plumbob.viewer.messages import Command
 from plumbob.viewer.pipe import LIMIT, PipeMessage, PipeWriter, packed
 from plumbob.viewer.switch import Switch
 from plumbob.viewer.view import Shows, opened_up, view
-from tests.helpers import PATIENCE, live_samples, until
+from tests.helpers import PATIENCE, Clock, live_samples, until
 from tests.helpers.commandline import PLUMBOB
-from tests.helpers.outlets import Clock, Kept, StandIn, emulated
+from tests.helpers.outlets import Kept, StandIn, emulated
 
 BUILT = (WEB / "view" / "index.html").is_file()
 SERVES = find_spec("plumbob.viewer.serve") is not None
@@ -193,14 +193,11 @@ OPENED = [
     (None, {"emulate": "nothing"}, "there is no rig"),
 ]
 SERVED = [
-    ({"port": 99999}, "a port is 0 to 65535"),
-    ({"port": -1}, "a port is 0 to 65535"),
-    ({"port": "8770"}, "http_port must be an int"),
-    ({"clients": 1.5}, "clients must be an int"),
-    ({"clients": 0}, "1 or more"),
-    ({"allow_origin": ["app.foxglove.dev"]}, "an origin is as https"),
+    ({"port": 99999}, "a port is 0 to 65535"), ({"port": -1}, "a port is 0 to 65535"),
+    ({"port": "8770"}, "http_port must be an int"), ({"clients": 1.5}, "clients must be an int"),
+    ({"clients": 0}, "1 or more"), ({"allow_origin": ["app.foxglove.dev"]}, "an origin is as https"),
     ({"allow_origin": ["https://app.foxglove.dev/"]}, "an origin is as https"),
-]
+]  # fmt: skip
 MADE = [
     (view, {"emulate": "buoy", "duration": "-2s"}, "duration must be above 0, but it is -2s"),
     (plumbob.record, {"port": "/dev/null", "format": "buoy", "duration": 0}, "duration must be above 0, but it is 0"),

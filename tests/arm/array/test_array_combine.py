@@ -8,7 +8,7 @@ import pytest
 from plumbob import ImuMeta, flags
 from plumbob.arm.array import combine, joined
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
-from tests.helpers.array_samples import ImuArray, ImuData, UnitMount, card, sampled, turned
+from tests.helpers.arm_samples import ImuArray, ImuData, UnitMount, card, sampled, turned
 
 T = np.arange(400) / 100.0
 RATE = np.stack([np.sin(3.0 * T), 0.5 * np.cos(2.0 * T), 0.3 * np.sin(5.0 * T)], axis=1)
@@ -96,10 +96,8 @@ def test_axes_of_single_axis_units_make_one_vector():
     rate = np.tile([0.1, -0.2, 0.3], (20, 1))
     z = np.array([np.nan, np.nan, 1.0])
     mounts = {
-        "x": UnitMount(q_bs=turned(0.0, 90.0, 0.0)),
-        "y": UnitMount(q_bs=turned(-90.0, 0.0, 0.0)),
-        "z": UnitMount(),
-    }
+        "x": UnitMount(q_bs=turned(0.0, 90.0, 0.0)), "y": UnitMount(q_bs=turned(-90.0, 0.0, 0.0)), "z": UnitMount(),
+    }  # fmt: skip
     units = {name: ImuData(t, (rate @ m.dcm) * z, np.zeros((20, 3))) for name, m in mounts.items()}
     assert combine(ImuArray(units, mounts)).imu.gyr == pytest.approx(rate, abs=1e-12)
     del units["y"], mounts["y"]

@@ -11,7 +11,7 @@ from plumbob.core.units import dps
 from plumbob.papers.arm.simulated import REST, arm, errors_deg, pair
 from plumbob.papers.arm.tables import settings
 from plumbob.rotations import dcm_from_quat
-from tests.helpers.array_samples import ImuArray, ImuData, as_array, moved
+from tests.helpers.arm_samples import ImuArray, ImuData, as_array, moved
 
 SETTINGS = settings(REST)
 

@@ -10,7 +10,7 @@ from plumbob.arm.array import Monitor, monitor
 from plumbob.arm.array.monitoring import MonitoringSettings
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import dps
-from tests.helpers.array_samples import ImuArray, ImuData, UnitMount, as_array, card, moved
+from tests.helpers.arm_samples import ImuArray, ImuData, UnitMount, as_array, card, moved
 
 FIXED = MonitoringSettings(gyr_bias=0.02, gyr_walk=1e-3, scale=0.0, scale_walk=0.0, adapt=0.0)
 

@@ -8,7 +8,7 @@ from plumbob.arm.array.paper import Scheme, paper, sets_of
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import to_dps
 from plumbob.papers.arm.simulated import arm
-from tests.helpers.array_samples import ImuArray
+from tests.helpers.arm_samples import ImuArray
 
 
 def test_the_parity_has_no_signal_and_the_sum_no_common_bias():

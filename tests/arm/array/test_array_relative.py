@@ -9,7 +9,7 @@ from plumbob.arm.array import combine, info
 from plumbob.arm.array.relative import corrected
 from plumbob.core.errors import ParameterError
 from plumbob.rotations import quat_from_rotvec, quat_multiply
-from tests.helpers.array_samples import ImuArray, ImuData, UnitMount, card, sampled, turned
+from tests.helpers.arm_samples import ImuArray, ImuData, UnitMount, card, sampled, turned
 
 T = np.arange(3000) / 100.0
 RATE = np.stack([np.sin(2.0 * T), np.cos(1.5 * T), 0.7 * np.sin(0.8 * T + 1.0)], axis=1)

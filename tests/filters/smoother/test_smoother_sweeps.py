@@ -254,12 +254,10 @@ def recorded():
     at_rest = np.interp(frames.middle, [2.4, 2.5, 3.5, 3.6], [0, 1, 1, 0]) == 1.0
     n = frames.gap.size
     given = {
-        "frames": frames,
-        "kind": kinds(frames, at_rest),
-        "velocity": np.full(n, 0.01),
+        "frames": frames, "kind": kinds(frames, at_rest), "velocity": np.full(n, 0.01),
         "heading": np.where(np.arange(n) % 5 == 0, 2.0 * sweeps.UNUSED, 0.01),
         "start": np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1)),
-    }
+    }  # fmt: skip
     p0 = start_covariance(params, tilt=0.2, heading=0.5, bias=0.05, rigid=False)
     return SimpleNamespace(**given, n=n, p0=p0, noise=ModelVariances.from_params(params, 0.05))
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from plumbob import Filter, Frame, ImuData, decode, find_format, read
-from plumbob.live.rigs.firmware import Processor, decoded, run_firmware
-from plumbob.live.rigs.flash import FlashLog
+from plumbob.live.rigs.firmware import FirmwareTask, Processor, decoded, poll, run_firmware
+from plumbob.live.rigs.flash import YEAR_S, FlashLog
 from plumbob.live.rigs.plan import PLANS
 from plumbob.live.rigs.rig import make_rig
+from plumbob.protocols.encode import encode
 from plumbob.protocols.ring import read_ring
 from plumbob.rotations import North, quat_angle
 from plumbob.simulation import scenario
@@ -220,3 +221,142 @@ def test_on_the_command_line_it_is_a_rig_with_a_log_and_records_like_an_ahrs(tmp
     ok("emulate", "buoy_attitude", "--calibration", "truth.card.json", *words, "--force", cwd=tmp_path)
     assert "no Flash log" in refused("emulate", "buoy", "--duration", "5s", *words[4:], "--force", cwd=tmp_path)
     assert "leave --rate out" in refused("emulate", "buoy_attitude", "--rate", "50Hz", "--write", "b.bin", cwd=tmp_path)
+
+
+MS = 1_000_000
+
+
+def polled(*tasks, ms):
+    return poll([FirmwareTask(name, every, (takes,)) for name, every, takes in tasks], ms * MS)
+
+
+def test_a_task_that_fits_is_served_at_each_event():
+    """Events at 3, 6, … 999 ms: 333 in a second [Yu2018]."""
+    calls = polled(("sample", 3, MS), ms=1000)["sample"]
+    assert len(calls) == 333
+    assert np.array_equal(calls.begun_ns, np.arange(3, 1000, 3) * MS)
+    assert calls.missed_ns.size == 0
+    assert not calls.late_ns.any()
+
+
+def test_a_task_of_4_ms_misses_one_of_four_events_of_3_ms():
+    """It is served every 4 ms, and an event comes every 3 ms: of 1000 in 3 s, 750 are served."""
+    calls = polled(("sample", 3, 4 * MS), ms=3000)["sample"]
+    assert (len(calls), calls.missed_ns.size) == (pytest.approx(750, abs=1), pytest.approx(250, abs=1))
+    assert calls.late_ns.max() <= 3 * MS  # a flag waits for the rest of a call of 4 ms that began at a tick
+
+
+def test_calls_do_not_overlap_and_none_begins_before_its_event():
+    calls = polled(("sample", 3, 184_000), ("fuse", 10, 1_800_000), ("send", 50, 3_400_000), ms=6000)
+    begun = np.concatenate([one.begun_ns for one in calls.values()])
+    done = np.concatenate([one.done_ns for one in calls.values()])[np.argsort(begun)]
+    assert (np.sort(begun)[1:] >= done[:-1]).all()
+    for one in calls.values():
+        assert (one.late_ns >= 0).all()
+
+
+def test_every_event_is_served_or_missed():
+    calls = polled(("sample", 3, 2 * MS), ("fuse", 10, 7 * MS), ms=9001)
+    for name, every in (("sample", 3), ("fuse", 10)):
+        one = calls[name]
+        assert 0 <= 9000 // every - len(one) - one.missed_ns.size <= 1  # one may wait at the end
+        assert (one.due_ns % (every * MS) == 0).all()
+
+
+def test_a_long_call_costs_the_others_all_events_but_the_one_that_waits():
+    """From 50 ms on 46 ms are taken: events of 3 ms at 51, 54, … 93: the first waits, 14 more are missed."""
+    calls = poll([FirmwareTask("sample", 3, (0,)), FirmwareTask("send", 50, (46 * MS, 0))], 99 * MS)
+    assert calls["sample"].missed_ns.tolist() == [t * MS for t in range(54, 97, 3)]
+    assert calls["sample"].late_ns.max() == 45 * MS
+
+
+def test_durations_take_turns():
+    calls = poll([FirmwareTask("send", 50, (MS, 2 * MS, 3 * MS))], 301 * MS)["send"]
+    assert ((calls.done_ns - calls.begun_ns) // MS).tolist() == [1, 2, 3, 1, 2, 3]
+
+
+SECTOR = 4096 // 32  # records of 32 bytes in a sector of 4096
+
+
+def records(count, first=0):
+    numbers = first + np.arange(count)
+    return encode(FORM, {"counter": numbers, "roll": np.linspace(-1.0, 1.0, count)})
+
+
+def counters(stream):
+    return decode(stream, FORM).frames[FORM.name].columns["counter"].astype(int)
+
+
+def test_what_was_written_is_read_in_its_order():
+    log = FlashLog(size=4 * 4096)
+    log.write(records(200))
+    found = read_ring(log.image, FORM)
+    assert (found.records, found.missing, found.torn) == (200, 0, 0)
+    assert found.stream == records(200).tobytes()
+    assert found.blank == 4 * 4096 - 200 * 32
+    assert (log.written, log.lost, log.waiting) == (200, 0, 0)
+    assert log.erases.sum() == 1  # the sector behind the full one
+
+
+@pytest.mark.parametrize("sectors", [2, 5])
+@pytest.mark.parametrize("count", [10_000, 7 * SECTOR, 7 * SECTOR + 9])
+def test_a_ring_loses_whole_sectors_and_keeps_the_newest(sectors, count):
+    """After each full sector one is erased: of k full ones, k − (sectors − 1) are gone, or none."""
+    log = FlashLog(size=sectors * 4096)
+    log.write(records(count))
+    written = count // 8 * 8  # a page holds 8
+    full = written // SECTOR
+    assert log.waiting == count - written
+    assert log.lost == SECTOR * max(full - (sectors - 1), 0)
+    assert log.written == written
+    found = read_ring(log.image, FORM)
+    assert found.records == written - log.lost
+    assert found.missing == 0
+    assert counters(found.stream).tolist() == list(range(log.lost, written))
+    assert log.erases.tolist() == [(full - (i or sectors)) // sectors + 1 for i in range(sectors)]
+
+
+def test_the_way_in_which_it_is_written_does_not_matter():
+    whole, parts = FlashLog(size=3 * 4096), FlashLog(size=3 * 4096)
+    rows = records(1000)
+    whole.write(rows)
+    for i in range(0, 1000, 7):
+        parts.write(rows[i : i + 7].tobytes())
+    assert whole.image == parts.image
+    assert whole.erases.tolist() == parts.erases.tolist()
+
+
+def test_wear_of_days_is_even_and_the_life_is_its_inverse():
+    """Three days at 20 Hz into 1 MiB: 5 184 000 records, 40 500 sectors of 256, 158 rounds and a part."""
+    log = FlashLog()
+    rows = records(20 * 3600)
+    for _ in range(72):
+        log.write(rows)
+    assert log.written == 5_184_000
+    assert (log.erases.min(), log.erases.max()) == (40_500 // 256, 40_500 // 256 + 1)
+    assert log.erases.sum() == 40_500
+    days = 100_000 / (40_500 / 256 / 3.0)
+    assert log.life_years(20.0) == pytest.approx(days * 86400.0 / YEAR_S, rel=1e-12)
+    assert log.life_years(20.0) == pytest.approx(5.19, abs=0.01)
+
+
+@pytest.mark.parametrize("programmed", [0, 1, 31, 32, 100, 5 * 32])
+def test_power_loss_costs_the_page_in_hand_alone(programmed):
+    """16 records lie in two pages, 5 wait; of these the first whole ones are there, and a torn one fails its check."""
+    log = FlashLog(size=2 * 4096)
+    log.write(records(21))
+    log.cut(programmed)
+    log.write(records(8, first=21))
+    found = read_ring(log.image, FORM)
+    kept = programmed // 32
+    assert counters(found.stream).tolist() == [*range(16 + kept), *range(21, 29)]
+    assert found.missing == 5 - kept
+    assert (found.torn > 0) == (programmed % 32 > 0)
+    assert found.torn <= programmed % 32  # a byte that is FF cannot be told from a blank one
+
+
+def test_the_seam_is_found_where_the_counter_wraps():
+    log = FlashLog(size=2 * 4096)
+    log.write(records(24, first=(1 << 32) - 10))
+    seam = counters(read_ring(log.image, FORM).stream)[[0, 9, 10, -1]]
+    assert seam.tolist() == [(1 << 32) - 10, (1 << 32) - 1, 0, 13]

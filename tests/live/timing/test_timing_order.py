@@ -17,13 +17,11 @@ from tests.helpers import examples, is_plain
 from tests.helpers.clock_samples import START_NS, Frames, frames, hold, ticks, without
 
 SPECS = {
-    "frames": TimeSpec(frames=Counter(8), rate=100.0),
-    "frames-down": TimeSpec(frames=Counter(4, down=True)),
-    "host": TimeSpec(rate=100.0, frame_bytes=26),
-    "unknown": TimeSpec(),
+    "frames": TimeSpec(frames=Counter(8), rate=100.0), "frames-down": TimeSpec(frames=Counter(4, down=True)),
+    "host": TimeSpec(rate=100.0, frame_bytes=26), "unknown": TimeSpec(),
     "clock": TimeSpec(clock=Counter(32, 1000), frames=Counter(8)),
     "short": TimeSpec(clock=Counter(16, 790, down=True), rate=100.0),
-}
+}  # fmt: skip
 COLUMNS = ("t_ns", "step", "flags", "lost", "kind")
 
 

@@ -7,23 +7,9 @@ import pytest
 
 from plumbob.core.event import Event
 from plumbob.live.transports.transport import Received
+from tests.helpers import Clock
 
 PATIENCE = 30.0  # s; never waited for on a machine that is not overloaded
-
-
-class Clock:
-    """Time that passes only in `sleep`."""
-
-    def __init__(self, t_ns=1_000_000_000):
-        self.t_ns = t_ns
-        self.slept = []
-
-    def __call__(self):
-        return self.t_ns
-
-    def sleep(self, seconds):
-        self.slept.append(seconds)
-        self.t_ns += round(seconds * 1e9)
 
 
 class Pty:

@@ -12,8 +12,7 @@ import pytest
 from plumbob.core.errors import LineError, ParameterError
 from plumbob.live.transports.iio import IioDevice, IioPollSource, IioSource, list_devices, refusal
 from plumbob.live.transports.transport import Received
-from tests.helpers.iio_scans import taken_apart
-from tests.helpers.iio_tree import Tree
+from tests.helpers.iio_tree import Tree, taken_apart
 
 SCALE = 87266e-9  # rad/s a count: Linux, drivers/iio/gyro/adxrs290.c
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from plumbob.core.errors import DecodeError, ParameterError, UnitError
 from plumbob.live.transports.iio_layout import IioChannel, IioLayout, IioType, parse_type
-from tests.helpers.iio_scans import decoded
+from tests.helpers.iio_tree import decoded
 
 S16 = parse_type("le:s16/16>>0")
 TIME = IioChannel("timestamp", 9, parse_type("le:s64/64>>0"))

@@ -78,7 +78,8 @@ def kinds(items):
 def test_it_opens_once_and_gives_what_comes(make, clock):
     line = make(gather=0.002)
     assert line.open() is line.open()
-    assert (kinds(line.read(0)), line.read(0)) == (["opened"], [])
+    assert kinds(line.read(0)) == ["opened"]
+    assert line.read(0) == []
     line.say(b"abc")
     assert line.read(5) == [Received(clock(), b"abc")]
     line.say(b"0")  # nothing is no answer
@@ -90,7 +91,8 @@ def test_read_opens_and_asks_again(make):
     line = make(ABSENT)
     with pytest.raises(LineError, match="not there"):
         line.read(0)
-    assert (line.wires, kinds(line.read(0))) == ([], ["opened"])
+    assert line.wires == []
+    assert kinds(line.read(0)) == ["opened"]
     line = make("soon", "soon", wait=True)
     assert [kinds(line.read(0.1)) for _ in range(3)] == [[], [], ["opened"]]
     assert kinds(make("soon").read(0.1)) == ["opened"]

@@ -3,16 +3,27 @@
 import errno
 import os
 import signal
+import struct
 import subprocess
 import sys
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from plumbob.core.errors import LineError, ParameterError
-from plumbob.live.transports.serial_line import SerialSource
+from plumbob.live.transports.serial_line import (
+    EVERY_NS,
+    TIOCGICOUNT,
+    Overruns,
+    SerialSource,
+    check_port,
+    find_port,
+    list_ports,
+)
+from plumbob.live.transports.transport import NoLine
 
 
 @pytest.fixture
@@ -211,3 +222,91 @@ def test_a_reader_that_was_stopped_goes_on(line):
         child.kill()
         child.wait()
     assert (child.returncode, out) == (0, data)
+
+
+class Driver:
+    """`struct serial_icounter_struct` of linux/serial.h: cts, dsr, rng, dcd, rx, tx, frame, overrun, parity, brk,
+    buf_overrun, reserved[9]."""
+
+    frame = overrun = parity = buf_overrun = asked = 0
+    error = None
+
+    def __call__(self, fd, request, argument):
+        assert (fd, request, len(argument)) == (7, TIOCGICOUNT, 80)
+        self.asked += 1
+        if self.error:
+            raise self.error
+        told = (self.frame, self.overrun, self.parity, 9, self.buf_overrun)
+        return struct.pack("=20i", 1, 2, 3, 4, 1000, 6, *told, *range(9))
+
+
+def test_only_what_is_new_is_told_by_a_driver_with_counters():
+    driver = Driver()
+    driver.overrun = driver.frame = 5  # from before the port was opened
+    counters = Overruns(7, "ttyX", ioctl=driver)
+    assert counters.ask(0) == []
+    driver.overrun, driver.buf_overrun, driver.parity = 7, 10, 3
+    assert counters.ask(EVERY_NS - 1) == []
+    dropped, damaged = counters.ask(EVERY_NS)
+    assert (dropped.kind, dropped.count, dropped.text) == ("dropped", 12, "ttyX: the driver could not keep 12 bytes.")
+    assert (damaged.kind, damaged.count) == ("damaged", 3)
+    assert "baud" in damaged.text
+    assert counters.ask(2 * EVERY_NS) == []
+    driver.error = OSError(errno.EIO, "gone")
+    assert counters.ask(3 * EVERY_NS) == []
+    driver = Driver()
+    driver.error = OSError(errno.ENOTTY, "no")
+    counters = Overruns(7, "pty", ioctl=driver)
+    assert counters.ask(0) == counters.ask(EVERY_NS) == []
+    assert driver.asked == 1
+
+
+@dataclass
+class Port:
+    device: str
+    description: str = "n/a"
+    vid: int | None = None
+    pid: int | None = None
+    serial_number: str | None = None
+
+
+PORTS = [
+    Port("/dev/ttyS0"), Port("/dev/ttyUSB0", "FT232R", 0x0403, 0x6001, "A1"),
+    Port("/dev/ttyUSB1", "FT232R", 0x0403, 0x6001, "A2"), Port("/dev/ttyACM0", "Pico", 0x2E8A, 0x0005, "B"),
+]  # fmt: skip
+
+
+def find(port):
+    return find_port(port, lambda: PORTS)
+
+
+def kind_of(port, ports, words):
+    with pytest.raises(NoLine, match=words) as no:
+        find_port(port, lambda: ports)
+    return no.value.kind
+
+
+def test_by_path_pattern_and_usb_identity(tmp_path, monkeypatch):
+    (tmp_path / "ttyX1").touch()
+    path = str(tmp_path / "ttyX1")
+    assert find(path) == find(str(tmp_path / "ttyX*")) == path
+    monkeypatch.chdir(tmp_path)
+    pico = "/dev/ttyACM0"
+    ports = {"ttyX?": "ttyX1", "auto:2e8a:0005": pico, "auto:2E8A:0005:B": pico, "auto:0403:6001:A2": "/dev/ttyUSB1"}
+    assert {port: find(port) for port in ports} == ports
+    (tmp_path / "ttyX2").touch()
+    listed = r"There is no serial port .*/dev/ttyUSB1 \(FT232R\), /dev/ttyACM0 \(Pico\)"
+    for port, kind, words in (
+        (str(tmp_path / "ttyX*"), "ambiguous", "is 2 serial ports"),
+        ("auto:0403:6001", "ambiguous", "/dev/ttyUSB0, /dev/ttyUSB1; name one"),
+        *((port, "absent", listed) for port in ("auto:0403:6001:A3", "auto:ffff:0001", "/dev/ttyNONE*", "none")),
+    ):
+        assert kind_of(port, PORTS, words) == kind
+    assert kind_of("none", [], "the ports of this machine: none") == "absent"
+
+
+def test_ports_of_this_machine_and_what_can_be_none():
+    assert all(port.device for port in list_ports())
+    for port in ("", "auto:", "auto:403:6001", "auto:0403", "auto:0403:6001:"):
+        with pytest.raises(ParameterError):
+            check_port(port)

@@ -188,11 +188,9 @@ def turning(rate_dps: float) -> AttitudeTrack:
     t = np.arange(5) * 0.1
     yaw = units.deg(rate_dps * t)
     return AttitudeTrack(
-        t=t,
-        q_nb=quat_from_euler_zyx(np.stack([yaw, 0 * yaw, 0 * yaw + 0.3], axis=1)),
-        frame=Frame.NED,
+        t=t, q_nb=quat_from_euler_zyx(np.stack([yaw, 0 * yaw, 0 * yaw + 0.3], axis=1)), frame=Frame.NED,
         north=North.TRUE,
-    )
+    )  # fmt: skip
 
 
 def test_rate_of_turn() -> None:
