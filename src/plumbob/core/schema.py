@@ -1,8 +1,9 @@
 """Strict reading of tables: an unknown key, a missing unit or a wrong type is an error that says where and why.
 
 A parser takes the place and the value there, and returns what is meant or raises; as JSON Schema, `json_schema` says
-the same of it. Parsers are made of parsers: a form of those of its keys, a list of that of its items. Everything that
-is written as TOML is read by them, and the headers of recordings.
+the same of it. Parsers are made of parsers: a form of those of its keys, a list of that of its items; and of classes,
+whose fields are the keys of a table: their types say what may stand there, or a parser does that annotates them.
+Everything that is written as TOML is read by them, and the headers of recordings.
 """
 
 import json
@@ -10,9 +11,12 @@ import math
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import MISSING, fields
+from enum import StrEnum
 from itertools import count
-from typing import Any
+from types import NoneType, UnionType
+from typing import Any, Union, cast, get_args, get_origin
 
 from plumbob.core import units
 from plumbob.core.errors import DecodeError, PlumbobError, UnitError, excerpt, one_line
@@ -20,6 +24,8 @@ from plumbob.core.text import closest
 from plumbob.core.units import Quantity
 
 Parse = Callable[[str, Any], Any]
+Make = Callable[[str, dict[str, Any]], Any]
+"""Makes of a table's place and its values what is returned."""
 Absent = Callable[[str, str], PlumbobError]
 """Makes the error for a missing key, of the table's place and the key."""
 
@@ -130,8 +136,8 @@ def absent(where: str, key: str) -> PlumbobError:
 
 def form(
     keys: Mapping[str, Parse],
-    required: tuple[str, ...] = (),
-    make: Callable[[str, dict[str, Any]], Any] | None = None,
+    required: Collection[str] = (),
+    make: Make | None = None,
     *,
     kind: Callable[..., Any] = dict,
     name: str = "",
@@ -143,7 +149,7 @@ def form(
     ----------
     keys : mapping of str to callable
         The keys that there are, each with its parser.
-    required : tuple of str
+    required : collection of str
         Keys that must be there.
     make : callable, optional
         Makes of the table's place and its values what is returned.
@@ -353,3 +359,53 @@ def size(kind: Quantity) -> Parse:
     """Text of a number above 0 with its unit, as SI."""
     parse = quantity(kind)
     return described(lambda where, value: positive(where, parse(where, value)), **json_schema(parse))
+
+
+def table(
+    kind: type[Any],
+    make: Make | None = None,
+    *,
+    required: Collection[str] | None = None,
+    missing: Absent = absent,
+    **changed: Parse,
+) -> Parse:
+    """Parser of a table whose keys are the fields of a dataclass.
+
+    Parameters
+    ----------
+    kind : type
+        The class. A parser annotates a field, or its type says what may stand there.
+    make, missing : callable, optional
+        As in `form`; an object of the class is made without `make`.
+    required : collection of str, optional
+        Keys that must be there; by default those without a default.
+    **changed : callable
+        Parsers of keys whose fields do not say it, or that are no fields.
+    """
+    if required is None:
+        required = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
+    return form(keys(kind, *changed) | changed, required, make, kind=kind, missing=missing)
+
+
+def keys(kind: type[Any], *without: str) -> dict[str, Parse]:
+    """Parsers of the fields of a class, by their names, but for some."""
+    return {f.name: _of_type(f.type) for f in fields(kind) if f.name not in without}
+
+
+def _of_type(hint: Any) -> Parse:
+    """Parser of what a type says, or that annotates it."""
+    inner: tuple[Any, ...] = get_args(hint)
+    if parse := getattr(hint, "__metadata__", None):
+        return cast(Parse, parse[0])
+    if isinstance(hint, UnionType) or get_origin(hint) is Union:
+        parsers = [_of_type(kind) for kind in inner if kind is not NoneType]
+        parse = parsers[0] if len(parsers) == 1 else either(list, parsers[1], parsers[0])
+        return optional(parse) if NoneType in inner else parse
+    if hint == tuple[str, ...]:
+        return texts
+    if get_origin(hint) is tuple:
+        sizes = () if inner[-1] is ... else (len(inner),)
+        return listed(_of_type(inner[0]), *sizes, names={3: "xyz", 4: "wxyz"}.get(sum(sizes), ""))
+    if issubclass(hint, StrEnum):
+        return converted(hint.parse)
+    return {str: text, bool: truth, int: whole(), float: number}[hint]

@@ -117,19 +117,17 @@ PLACE: Final = schema.listed(schema.quantity(Quantity.LENGTH), 3, names="xyz")
 _TURNS: Final = {"axes": AXES, "q_bs": QUATERNION, "rotation": schema.described(_rotation, type="string")}
 UNIT: Final = schema.form(
     {
-        "name": schema.text,
+        **dict.fromkeys(("name", "device", "card", "noise"), schema.text),
         **_TURNS,
         "lever": PLACE,
         "clock_offset": schema.quantity(Quantity.TIME),
-        "device": schema.text,
-        "card": schema.text,
-        "noise": schema.text,
     },
     ("name",),
 )
 """Parser of a table ``[[unit]]``, of an array's file and of a session's."""
-ARRAY: Final = schema.form(
-    {"kind": schema.one_of(KIND), "version": schema.version(VERSION), "unit": schema.tables(UNIT)},
-    ("kind", "version", "unit"),
-    name="array",
-)
+_ARRAY: Final = {
+    "kind": schema.one_of(KIND),
+    "version": schema.version(VERSION),
+    "unit": schema.tables(UNIT),
+}
+ARRAY: Final = schema.form(_ARRAY, _ARRAY, name="array")

@@ -148,7 +148,7 @@ def _one_of_two(where: str, table: Mapping[str, Any], key: str, other: str) -> Q
 
 
 def _segment(where: str, table: Mapping[str, Any]) -> Segment:
-    lacking = [key for key in ("axes", "q_bs", "lever", "clock_offset") if key in table and "unit" not in table]
+    lacking = [key for key in _MOUNT if key in table and "unit" not in table]
     if lacking:
         raise DecodeError(f"{where}.{lacking[0]} is of a unit, but {where} names none; add unit, or leave it out.")
     mount = UnitMount(
@@ -189,47 +189,37 @@ _LIMIT: Final = schema.form(
     {key: schema.quantity(kind) if key in ("low", "high") else schema.size(kind) for key, kind in _LIMITS.items()},
     kind=Limits,
 )
-_SEGMENT: Final = schema.form(
-    {
-        "name": _NAME,
-        "unit": schema.text,
-        "axes": AXES,
-        "q_bs": QUATERNION,
-        "lever": PLACE,
-        "clock_offset": schema.quantity(Quantity.TIME),
-    },
-    ("name",),
-    _segment,
-)
+_MOUNT: Final = {"axes": AXES, "q_bs": QUATERNION, "lever": PLACE, "clock_offset": schema.quantity(Quantity.TIME)}
+_SEGMENT: Final = schema.form({"name": _NAME, "unit": schema.text, **_MOUNT}, ("name",), _segment)
+_VECTORS: Final = schema.listed(schema.listed(schema.number, 3, names="xyz"))
+_EULER: Final = schema.listed(schema.quantity(Quantity.ANGLE), 3, names="xyz")
+_ENDS: Final = {
+    "name": _NAME,
+    "parent": schema.text,
+    "child": schema.text,
+    "kind": schema.one_of(*DEGREES_OF_FREEDOM),
+}
 _JOINT: Final = schema.form(
     {
-        "name": _NAME,
-        "parent": schema.text,
-        "child": schema.text,
-        "kind": schema.one_of(*DEGREES_OF_FREEDOM),
+        **_ENDS,
         "origin": PLACE,
-        "axes": schema.either(
-            list, schema.listed(schema.listed(schema.number, 3, names="xyz")), schema.described(_axes, type="string")
-        ),
+        "axes": schema.either(list, _VECTORS, schema.described(_axes, type="string")),
         "q_pc": QUATERNION,
-        "euler": schema.converted(
-            lambda angles: tuple(quat_from_euler_zyx(angles).tolist()),
-            schema.listed(schema.quantity(Quantity.ANGLE), 3, names="xyz"),
-        ),
+        "euler": schema.converted(lambda angles: tuple(quat_from_euler_zyx(angles).tolist()), _EULER),
         "limits": schema.either(list, schema.listed(_LIMIT), schema.converted(lambda limits: (limits,), _LIMIT)),
     },
-    ("name", "parent", "child", "kind"),
+    _ENDS,
     _joint,
 )
 CHAIN: Final = schema.form(
     {
         "kind": schema.one_of(KIND),
         "version": schema.version(VERSION),
-        "name": _NAME,
-        "hand": schema.form({"segment": schema.text, "at": PLACE}),
         "base": schema.one_of("fixed", "free"),
         "segment": schema.tables(_SEGMENT),
         "joint": schema.tables(_JOINT),
+        "name": _NAME,
+        "hand": schema.form({"segment": schema.text, "at": PLACE}),
     },
     ("kind", "version", "base", "segment"),
     name="chain",

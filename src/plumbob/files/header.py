@@ -138,48 +138,15 @@ def _array(units: tuple[dict[str, Any], ...]) -> dict[str, tuple[ImuMeta, UnitMo
     return by_name
 
 
-def _complete(keys: dict[str, Parse], kind: Any = dict, name: str = "", later: tuple[str, ...] = ()) -> Parse:
-    """Form of an object that must have all its keys, but those that older recordings do not have."""
-    return schema.form(keys, tuple(key for key in keys if key not in later), kind=kind, name=name)
-
-
-_FRAME: Final = schema.converted(Frame.parse)
-_NORTH: Final = schema.converted(North.parse)
-_FULL_SCALE: Final = schema.optional(schema.either(list, schema.listed(schema.number, 3), schema.number))
-_COVARIANCE: Final = schema.optional(schema.listed(schema.number))
-META: Final = _complete(
-    {
-        "device": schema.text,
-        "gyr_range": _FULL_SCALE,
-        "acc_range": _FULL_SCALE,
-        "mag_range": _FULL_SCALE,
-        "rate_nominal": schema.optional(schema.number),
-        "t0_ns": schema.whole(),
-        "axes": schema.text,
-        "frame": schema.optional(_FRAME),
-        "north": schema.optional(_NORTH),
-        "declination": schema.optional(schema.number),
-        "calibration": schema.optional(schema.text),
-        "gyr_left": _COVARIANCE,
-        "acc_left": _COVARIANCE,
-        "mag_left": _COVARIANCE,
-        "unit_check": schema.truth,
-    },
-    ImuMeta,
-    later=("gyr_left", "acc_left", "mag_left"),
-)
-"""Parser of the meta of samples."""
-_TRACK: Final = {"frame": _FRAME, "north": _NORTH, "source": schema.text}
-TRACK: Final = _complete(_TRACK)
+META: Final = schema.table(ImuMeta, required=[key for key in schema.keys(ImuMeta) if not key.endswith("_left")])
+"""Parser of the meta of samples; older recordings do not have what a calibration leaves."""
+_TRACK: Final = {"frame": schema.converted(Frame.parse), "north": schema.converted(North.parse), "source": schema.text}
+TRACK: Final = schema.form(_TRACK, _TRACK)
 """Parser of frame, heading reference and source of a track."""
-_MOUNT: Final = {
-    "q_bs": schema.listed(schema.number, 4, names="wxyz"),
-    "lever_b": schema.listed(schema.number, 3, names="xyz"),
-    "clock_offset": schema.number,
-    "noise": schema.optional(lambda where, value: NoiseCard.from_text(json.dumps(value), where)),
-}
-_UNIT: Final = {"name": schema.text, "imu": META, "mount": _complete(_MOUNT, UnitMount)}
-ARRAY: Final = schema.converted(_array, schema.tables(_complete(_UNIT)))
+_NOISE: Final = schema.optional(lambda where, value: NoiseCard.from_text(json.dumps(value), where))
+_MOUNT: Final = schema.table(UnitMount, required=("q_bs", "lever_b", "clock_offset", "noise"), noise=_NOISE)
+_UNIT: Final = {"name": schema.text, "imu": META, "mount": _MOUNT}
+ARRAY: Final = schema.converted(_array, schema.tables(schema.form(_UNIT, _UNIT)))
 """Parser of the meta and the mount of each unit of an array, by name."""
 _HEADER: Final = {
     "kind": schema.text,
@@ -188,6 +155,6 @@ _HEADER: Final = {
     "notes": schema.listed(note, of="findings"),
 }
 _HEADERS: Final = {
-    FORMAT_VERSION: _complete(_HEADER, name="it"),
-    ARRAY_VERSION: _complete(_HEADER | {"array": schema.anything}, name="it"),
+    version: schema.form(_HEADER | more, (*_HEADER, *more), name="it")
+    for version, more in ((FORMAT_VERSION, {}), (ARRAY_VERSION, {"array": schema.anything}))
 }

@@ -1,14 +1,38 @@
 """A profile: what a file of numbers does not say about itself, as plain data. `profile_toml` reads it from a file."""
 
+import codecs
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
+from plumbob.core import schema
+from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.findings import Finding
+from plumbob.core.schema import Parse
+from plumbob.core.units import Quantity
 from plumbob.data import Range
 from plumbob.rotations import Frame, North
 
-ColumnRef = int | str
+
+def _is_column(value: Any) -> bool:
+    return bool(value.strip()) if isinstance(value, str) else type(value) is int and value >= 1
+
+
+COLUMN: Final = schema.plain(
+    "a column's name or its number from 1",
+    _is_column,
+    lambda value: value.strip() if isinstance(value, str) else value,
+    type=["string", "integer"],
+)
+
+
+def columns(*sizes: int) -> Parse:
+    """Parser of a list of columns; those of an array may be named in one text."""
+    parse = schema.listed(COLUMN, *sizes, of="columns")
+    return schema.described(parse, **schema.json_schema(parse) | {"type": ["array", "string"]})
+
+
+ColumnRef = Annotated[int | str, COLUMN]
 """A column by its number, counted from 1, or by its name; one of an array as ``"imu/gyr[1]"``, counted from 1 too."""
 
 NO_COLUMN: Final = "none"
@@ -25,6 +49,32 @@ BLANK: Final = "blank"
 
 AS_MOUNTED: Final = "x y z"
 """Axes that change nothing."""
+
+SEPARATORS: Final = {"tab": "\t", "\\t": "\t", **{word: word for word in (*",;| \t", BLANK, QUOTED, JSON)}}
+"""Separators by the names that a profile may give them."""
+
+ORDERS: Final = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}
+"""How the columns of an attitude are ordered, and how many there are."""
+
+
+def _encoding(name: str) -> str:
+    try:
+        codecs.lookup(name)
+        "".encode(name)  # refuses Python's codecs that are no text encodings
+    except (LookupError, ValueError) as error:
+        raise DecodeError(f"{excerpt(name)} is not a text encoding; common ones are utf-8, gbk and latin-1.") from error
+    return name
+
+
+def _where(where: str, value: Any) -> tuple[ColumnRef, str]:
+    if not isinstance(value, list) or len(value) != 2 or not isinstance(value[1], str):
+        raise DecodeError(
+            f'{where} must be a column and a word, as in ["sensor", "gyro"], but it is {excerpt(str(value))}.'
+        )
+    return COLUMN(f"{where}[1]", value[0]), value[1].strip()
+
+
+_WHERE: Final = schema.described(_where, type="array", minItems=2, maxItems=2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +98,14 @@ class TextLayout:
         The table starts after this line; empty for none.
     occurrence : int
         Which one, where the marker comes more than once.
-    end : str
-        Line before which the table ends; empty for the end of the file.
     skip : int
         Lines to leave out after the marker, or at the top.
     names : bool
         Whether a row of column names follows.
     after_names : int
         Lines to leave out after that row, such as one of units.
+    end : str
+        Line before which the table ends; empty for the end of the file.
     rows : int or None
         Rows of numbers that the file must have.
     mark : str
@@ -74,23 +124,23 @@ class TextLayout:
         ``acc[3]``; a unit stands behind the number; empty is a number alone. Empty where all cells are so.
     """
 
-    separator: str
-    decimal: str = "."
-    encoding: str = "utf-8"
+    separator: Annotated[str, schema.converted(lambda word: SEPARATORS[word], schema.one_of(*SEPARATORS))]
+    decimal: Annotated[str, schema.one_of(".", ",")] = "."
+    encoding: Annotated[str, schema.converted(_encoding)] = "utf-8"
     comment: str = ""
     missing: tuple[str, ...] = ("", "NaN")
     marker: str = ""
-    occurrence: int = 1
-    end: str = ""
-    skip: int = 0
+    occurrence: Annotated[int, schema.whole(1)] = 1
+    skip: Annotated[int, schema.whole(0)] = 0
     names: bool = True
-    after_names: int = 0
-    rows: int | None = None
+    after_names: Annotated[int, schema.whole(0)] = 0
+    end: str = ""
+    rows: Annotated[int | None, schema.whole(1)] = None
     mark: str = ""
     words: bool = False
     checksum: bool = False
-    where: tuple[ColumnRef, str] | tuple[()] = ()
-    thousands: str = ""
+    where: Annotated[tuple[ColumnRef, str] | tuple[()], _WHERE] = ()
+    thousands: Annotated[str, schema.one_of(",", ".", "'", " ")] = ""
     cells: tuple[str, ...] = ()
 
 
@@ -220,12 +270,12 @@ class ReferenceSource:
         Nine columns, row by row; `unit` is the angle's, whose square they are in.
     """
 
-    columns: tuple[ColumnRef, ...]
-    order: str
+    columns: Annotated[tuple[ColumnRef, ...], columns(3, 4)]
+    order: Annotated[str, schema.one_of(*ORDERS)]
     frame: Frame
     north: North
-    unit: str | None = None
-    of: str | None = None
+    unit: Annotated[str | None, schema.unit_of(Quantity.ANGLE)] = None
+    of: Annotated[str | None, schema.one_of("body", "case")] = None
     source: str = ""
     score: ColumnRef | None = None
     flags: ColumnRef | None = None

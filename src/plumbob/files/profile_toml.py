@@ -1,6 +1,5 @@
 """Read a profile from TOML, strictly: an unknown key, a missing unit or a wrong type is an error that says so."""
 
-import codecs
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,10 +22,8 @@ from plumbob.data import TRIADS, Range
 from plumbob.files.columns import FORM, zone_ns
 from plumbob.files.profile import (
     AS_MOUNTED,
-    BLANK,
-    JSON,
-    QUOTED,
-    ColumnRef,
+    COLUMN,
+    ORDERS,
     GroupSource,
     Profile,
     ReferenceSource,
@@ -34,6 +31,7 @@ from plumbob.files.profile import (
     TimeColumn,
     TimeRate,
     TimeStamps,
+    columns,
 )
 from plumbob.rotations import Frame, North, body_axes, in_body_axes, signed_axes
 
@@ -44,8 +42,6 @@ _MARKS: Final = {"separator", "arrays", "stream", "header"}
 """Keys of which a profile has one, and what lies beside a recording and is none has not."""
 
 _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}
-_SEPARATORS = {name: name for name in (",", ";", "|", " ", "\t", BLANK, QUOTED, JSON)} | {"tab": "\t", "\\t": "\t"}
-_ORDERS = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}
 _META = ("device", "axes", "frame", "north", "declination", "rate_nominal", "t0_ns", "calibration", "unit_check")
 _INNER = {"bias": 3, "covariance": 9}
 _NO_LAYOUT = TextLayout(separator=",")
@@ -147,7 +143,7 @@ def _columns_of_arrays(raw: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(reference, dict):
         inner = {key: spelled(reference[key], count) for key, count in _INNER.items() if key in reference}
         order = reference.get("order")
-        changed["reference"] = spelled(reference | inner, _ORDERS.get(order, 4) if isinstance(order, str) else 4)
+        changed["reference"] = spelled(reference | inner, ORDERS.get(order, 4) if isinstance(order, str) else 4)
     return changed
 
 
@@ -224,19 +220,6 @@ def _absent(where: str, key: str) -> PlumbobError:
     return DecodeError(f"{where} needs the key '{key}', because nothing is guessed; {GUIDE} explains it.")
 
 
-def _encoding(name: str) -> str:
-    try:
-        codecs.lookup(name)
-        "".encode(name)  # refuses Python's codecs that are no text encodings
-    except (LookupError, ValueError) as error:
-        raise DecodeError(f"{excerpt(name)} is not a text encoding; common ones are utf-8, gbk and latin-1.") from error
-    return name
-
-
-def _is_column(value: Any) -> bool:
-    return bool(value.strip()) if isinstance(value, str) else type(value) is int and value >= 1
-
-
 def _axes(words: str) -> str:
     try:
         body_axes(words)
@@ -256,14 +239,6 @@ def _own_axes(where: str, table: Mapping[str, Any]) -> str:
         which = "left-handed; if the sensor's own axes are, say" if left_handed else "right-handed; remove"
         raise FrameError(f"{where}.axes = '{words}' are {which} {where}.mirrored = true.")
     return words
-
-
-def _where(where: str, value: Any) -> tuple[ColumnRef, str]:
-    if not isinstance(value, list) or len(value) != 2 or not isinstance(value[1], str):
-        raise DecodeError(
-            f'{where} must be a column and a word, as in ["sensor", "gyro"], but it is {excerpt(str(value))}.'
-        )
-    return _COLUMN(f"{where}[1]", value[0]), value[1].strip()
 
 
 def _header(where: str, table: dict[str, Any]) -> dict[str, Any]:
@@ -307,7 +282,7 @@ def _time_stamps(where: str, table: Mapping[str, Any]) -> TimeStamps:
 
 
 def _group(kind: Quantity, extra: Mapping[str, Parse] = MappingProxyType({}), required: tuple[str, ...] = ()) -> Parse:
-    keys = {"columns": _columns(3), "unit": schema.unit_of(kind), **_COUNTS, **extra, **_MOUNT}
+    keys = {"columns": columns(3), "unit": schema.unit_of(kind), **_COUNTS, **extra, **_MOUNT}
     return _form(keys, ("columns", "unit", *required), _group_source)
 
 
@@ -339,7 +314,7 @@ def _zero_counts(where: str, table: Mapping[str, Any]) -> tuple[float, ...] | No
 
 
 def _reference(where: str, table: dict[str, Any]) -> ReferenceSource:
-    size = _ORDERS[table["order"]]
+    size = ORDERS[table["order"]]
     if len(table["columns"]) != size:
         raise DecodeError(f"{where}.order = '{table['order']}' needs {size} columns, but {len(table['columns'])} came.")
     if (size == 3) != ("unit" in table):
@@ -349,23 +324,12 @@ def _reference(where: str, table: dict[str, Any]) -> ReferenceSource:
     return ReferenceSource(**table)
 
 
-def _columns(*sizes: int) -> Parse:
-    parse = schema.listed(_COLUMN, *sizes, of="columns")
-    return schema.described(parse, **schema.json_schema(parse) | {"type": ["array", "string"]})  # arrays are named
-
-
 def _range(kind: Quantity) -> dict[str, Parse]:
     """One size with its unit, or one for each of three columns."""
     return {"range": schema.either(list, schema.listed(schema.size(kind), 3, of="ranges, or one"), schema.size(kind))}
 
 
 _form: Final = partial(schema.form, missing=_absent)
-_COLUMN: Final = schema.plain(
-    "a column's name or its number from 1",
-    _is_column,
-    lambda value: value.strip() if isinstance(value, str) else value,
-    type=["string", "integer"],
-)
 _FRAME: Final = schema.converted(Frame.parse)
 _NORTH: Final = schema.converted(North.parse)
 _COUNTS: Final = {
@@ -378,77 +342,41 @@ _COUNTS: Final = {
     ),
 }
 _MOUNT: Final = {"axes": schema.text, "mirrored": schema.truth, "delay": schema.quantity(Quantity.TIME)}
-_HEADER: Final = _form(
-    {
-        "marker": schema.text,
-        "occurrence": schema.whole(1),
-        "skip": schema.whole(0),
-        "names": schema.truth,
-        "after_names": schema.whole(0),
-        "mark": schema.text,
-        "words": schema.truth,
-        "checksum": schema.truth,
-        "where": schema.described(_where, type="array", minItems=2, maxItems=2),
-        "end": schema.text,
-    },
-    ("names",),
-    _header,
-)
+_TEXT: Final = schema.keys(TextLayout)
+_HEADER: Final = _form({key: parse for key, parse in _TEXT.items() if key not in _LAYOUT}, ("names",), _header)
 _TIME: Final = _form(
     {
-        "column": _COLUMN,
+        "column": COLUMN,
         "unit": schema.unit_of(Quantity.TIME),
         "unit_per_count": schema.nonzero,
-        "week": _COLUMN,
-        "seconds": _COLUMN,
+        "week": COLUMN,
+        "seconds": COLUMN,
         "epoch": schema.one_of("unix"),
         "rate": schema.size(Quantity.FREQUENCY),
         "format": schema.one_of(FORM),
-        "columns": _columns(2),
+        "columns": columns(2),
         "zone": schema.converted(zone_ns),
     },
     (),
     _time,
 )
 _COVARIANCE: Final = _form(
-    {"columns": _columns(9), "angle_unit": schema.unit_of(Quantity.ANGLE)},
+    {"columns": columns(9), "angle_unit": schema.unit_of(Quantity.ANGLE)},
     ("columns", "angle_unit"),
     lambda _, table: GroupSource(columns=table["columns"], unit=table["angle_unit"]),
 )
-_REFERENCE: Final = _form(
-    {
-        "columns": _columns(3, 4),
-        "order": schema.one_of(*_ORDERS),
-        "unit": schema.unit_of(Quantity.ANGLE),
-        "frame": _FRAME,
-        "north": _NORTH,
-        "of": schema.one_of("body", "case"),
-        "source": schema.text,
-        "score": _COLUMN,
-        "flags": _COLUMN,
-        "mag_weight": _COLUMN,
-        "bias": _group(Quantity.RATE),
-        "covariance": _COVARIANCE,
-    },
-    ("columns", "order", "frame", "north"),
-    _reference,
+_REFERENCE: Final = schema.table(
+    ReferenceSource, _reference, missing=_absent, bias=_group(Quantity.RATE), covariance=_COVARIANCE
 )
 _TEMPERATURE: Final = _form(
-    {"column": _COLUMN, "unit": schema.unit_of(Quantity.TEMPERATURE)},
+    {"column": COLUMN, "unit": schema.unit_of(Quantity.TEMPERATURE)},
     ("column", "unit"),
     lambda _, table: GroupSource(columns=(table["column"],), unit=table["unit"]),
 )
-_SIGN: Final = {"sign": schema.one_of("specific-force", "gravity"), "plus": _columns(3)}
+_SIGN: Final = {"sign": schema.one_of("specific-force", "gravity"), "plus": columns(3)}
 _KEYS: Final = {
     "format_version": schema.version(VERSION),
-    "separator": schema.converted(lambda word: _SEPARATORS[word], schema.one_of(*_SEPARATORS)),
-    "decimal": schema.one_of(".", ","),
-    "thousands": schema.one_of(",", ".", "'", " "),
-    "encoding": schema.converted(_encoding),
-    "comment": schema.text,
-    "missing": schema.texts,
-    "rows": schema.whole(1),
-    "cells": schema.texts,
+    **{key: _TEXT[key] for key in _LAYOUT},
     "arrays": schema.truth,
     "header": _HEADER,
     "time": _TIME,
@@ -456,7 +384,7 @@ _KEYS: Final = {
     "acc": _group(Quantity.ACCELERATION, _range(Quantity.ACCELERATION) | _SIGN, ("sign",)),
     "mag": _group(Quantity.FIELD, _range(Quantity.FIELD)),
     "temperature": _TEMPERATURE,
-    "flags": _form({"column": _COLUMN, "words": schema.truth}, ("column",)),
+    "flags": _form({"column": COLUMN, "words": schema.truth}, ("column",)),
     "reference": _REFERENCE,
     "device": schema.text,
     "axes": schema.converted(_axes),

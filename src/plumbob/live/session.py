@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 from plumbob.core import check, schema
 from plumbob.core.errors import ParameterError
@@ -55,9 +55,9 @@ class RecordSpec:
     """
 
     path: str
-    rotate: float | None = None
-    rotate_bytes: int | None = None
-    reserve: int | None = None
+    rotate: Annotated[float | None, schema.size(Quantity.TIME)] = None
+    rotate_bytes: Annotated[int | None, schema.whole(1)] = None
+    reserve: Annotated[int | None, schema.whole(0)] = None
     samples: bool = True
     next_part: bool = False
 
@@ -68,14 +68,14 @@ class ReferenceSpec:
 
     Attributes
     ----------
-    unit : str
-        Prefix of its fields.
     north : North
         What its heading counts from, clockwise.
+    unit : str
+        Prefix of its fields.
     """
 
-    unit: str
     north: North
+    unit: str = ""
 
 
 def reference_names(spec: ReferenceSpec) -> tuple[str, ...]:
@@ -95,7 +95,7 @@ class OutputSpec:
         Text file that gets a line for each, as the hosts of the papers wrote it; ``{utc}`` as in the recording.
     """
 
-    every: float = 0.05
+    every: Annotated[float, schema.size(Quantity.TIME)] = 0.05
     text: str | None = None
 
 

@@ -40,7 +40,7 @@ from plumbob.live.sources import KERNEL, described
 from plumbob.protocols.decode import full_scales, prefix_by_unit, unit_prefix
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.format_toml import FORMAT, find_format, parse_format
-from plumbob.rotations import Frame, North, body_axes, in_body_axes
+from plumbob.rotations import Frame, body_axes, in_body_axes
 
 GUIDE: Final = guide("sessions.md")
 KIND: Final = "plumbob session"
@@ -192,7 +192,8 @@ def parse_session(
         imu["declination"] = _declination(texts[PLACE])
     frame = imu.get("frame")
     meta = _meta(imu, source, form, message, unit)
-    card = _card(tables, keep)
+    card_name = tables.get("calibration", {}).get("card")
+    card = None if card_name is None else CalibrationCard.from_text(keep(card_name), card_name)
     _require_device(card, meta.device, "[imu] device or --device")
     units = _units(names, listed_units(tables.get("unit", []), keep), meta, form.message(message))
     for spec in units:
@@ -365,18 +366,9 @@ def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, messa
     )
 
 
-def _card(tables: Mapping[str, Any], keep: Fetch) -> CalibrationCard | None:
-    if "calibration" not in tables:
-        return None
-    name = tables["calibration"]["card"]
-    return CalibrationCard.from_text(keep(name), name)
-
-
 def _reference(tables: Mapping[str, Any], message: Message) -> ReferenceSpec | None:
-    if "reference" not in tables:
-        return None
-    spec = ReferenceSpec(tables["reference"].get("unit", ""), tables["reference"]["north"])
-    names = reference_names(spec)
+    spec: ReferenceSpec | None = tables.get("reference")
+    names = () if spec is None else reference_names(spec)
     if lacking := [name for name in names if not any(f.name == name for f in message.fields)]:
         raise ParameterError(
             f"[reference] needs {', '.join(names)} in message {message.name}, which has no {lacking[0]}."
@@ -566,50 +558,30 @@ def _param(_: str, value: Any) -> Any:
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
+_WORDS: Final = dict.fromkeys(("name", "file", "message"), schema.text)
+_UNIT_NAME: Final = schema.either(int, schema.converted(str, schema.whole(1)), schema.text)
+_FORMAT: Final = {**_WORDS, "unit": _UNIT_NAME, "units": schema.one_of(ALL), "options": schema.mapping(schema.text)}
+_IMU: Final = {
+    **dict.fromkeys(("device", "place", "date"), schema.text),
+    "axes": schema.converted(_axes),
+    "frame": schema.converted(Frame.parse),
+    "declination": schema.quantity(Quantity.ANGLE),
+}
 SESSION_FORM: Final = schema.form(
     {
         "kind": schema.one_of(KIND),
         "version": schema.version(VERSION),
         "source": parse_source,
-        "format": schema.form(
-            {
-                "name": schema.text,
-                "file": schema.text,
-                "message": schema.text,
-                "unit": schema.either(int, schema.converted(str, schema.whole(1)), schema.text),
-                "units": schema.one_of(ALL),
-                "options": schema.mapping(schema.text),
-            }
-        ),
-        "imu": schema.form(
-            {
-                "device": schema.text,
-                "axes": schema.converted(_axes),
-                "frame": schema.converted(Frame.parse),
-                "declination": schema.quantity(Quantity.ANGLE),
-                "place": schema.text,
-                "date": schema.text,
-            }
-        ),
+        "format": schema.form(_FORMAT),
+        "imu": schema.form(_IMU),
         "calibration": schema.form({"card": schema.text}, ("card",)),
         "estimate": schema.form(
-            {"filter": schema.text, "params": schema.mapping(_param), "noise": schema.text, "init": schema.text}
+            {"params": schema.mapping(_param), **dict.fromkeys(("filter", "noise", "init"), schema.text)}
         ),
-        "reference": schema.form({"unit": schema.text, "north": schema.converted(North.parse)}, ("north",)),
+        "reference": schema.table(ReferenceSpec),
         "unit": schema.tables(UNIT),
-        "record": schema.form(
-            {
-                "path": schema.text,
-                "rotate": schema.size(Quantity.TIME),
-                "rotate_bytes": schema.whole(1),
-                "reserve": schema.whole(0),
-                "samples": schema.truth,
-                "next_part": schema.truth,
-            },
-            ("path",),
-            kind=RecordSpec,
-        ),
-        "output": schema.form({"every": schema.size(Quantity.TIME), "text": schema.text}, kind=OutputSpec),
+        "record": schema.table(RecordSpec),
+        "output": schema.table(OutputSpec),
         "send": schema.tables(SEND_TABLE),
     },
     ("kind", "version"),

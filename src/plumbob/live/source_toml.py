@@ -1,6 +1,6 @@
 """The table [source] of a session, and the format of a Linux IIO device that it names."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import schema, units
@@ -10,8 +10,7 @@ from plumbob.core.units import Quantity
 from plumbob.data import TRIADS
 from plumbob.live.session import SourceSpec
 from plumbob.protocols.field import Field, Provenance
-from plumbob.protocols.format import Format, Framing, Message
-from plumbob.protocols.format_toml import HEX
+from plumbob.protocols.format import HEX, Format, Framing, Message
 
 if TYPE_CHECKING:
     from plumbob.live.transports.iio_layout import IioChannel, IioLayout
@@ -138,6 +137,7 @@ def _step(where: str, value: Any) -> bytes | float:
 
 _PORT: Final = schema.whole(1, 65535)
 _RATE: Final = schema.size(Quantity.FREQUENCY)
+_COUNT: Final = schema.whole(1)
 _STREAM: Final = {"gather": schema.size(Quantity.TIME), "speed": schema.positive, "rate": _RATE}
 _PATIENT: Final = {**_STREAM, "time": schema.one_of("host", "count")}
 """Of streams whose sender waits for a reader that is late; datagrams are lost instead."""
@@ -148,35 +148,24 @@ _IIO: Final = {
     "mount": schema.truth,
     "sys_root": schema.text,
 }
-_KEYS: Final[Mapping[str, tuple[dict[str, Parse], tuple[str, ...]]]] = {
-    "serial": ({"port": schema.text, "baud": schema.whole(1), "wait": schema.truth, **_PATIENT}, ("port", "baud")),
+_BUFFER: Final = {"trigger": schema.text, "length": _COUNT, "watermark": _COUNT, "dev_root": schema.text}
+_SPI: Final = {
+    "bus": schema.whole(0),
+    "device": schema.whole(0),
+    "mode": schema.whole(0, 3),
+    "hz": _COUNT,
+    "rate": _RATE,
+    "exchange": schema.listed(HEX, of="commands"),
+}
+_START: Final = schema.listed(schema.described(_step, type="string"), of="commands and times")
+_KEYS: Final[Mapping[str, tuple[dict[str, Parse], Collection[str]]]] = {
+    "serial": ({"port": schema.text, "baud": _COUNT, "wait": schema.truth, **_PATIENT}, ("port", "baud")),
     "udp": ({"host": schema.text, "port": _PORT, **_STREAM}, ("port",)),
     "file": ({"path": schema.text, "rate": _RATE}, ("path",)),
     "tcp": ({"host": schema.text, "port": _PORT, **_PATIENT}, ("host", "port")),
-    "iio": (
-        {
-            **_IIO,
-            "trigger": schema.text,
-            "length": schema.whole(1),
-            "watermark": schema.whole(1),
-            "dev_root": schema.text,
-        },
-        ("device",),
-    ),
+    "iio": (_IIO | _BUFFER, ("device",)),
     "iio-poll": (_IIO, ("device", "rate")),
-    "spi": (
-        {
-            "bus": schema.whole(0),
-            "device": schema.whole(0),
-            "mode": schema.whole(0, 3),
-            "hz": schema.whole(1),
-            "rate": _RATE,
-            "exchange": schema.listed(HEX, of="commands"),
-            "skip": schema.whole(0),
-            "start": schema.listed(schema.described(_step, type="string"), of="commands and times"),
-        },
-        ("bus", "device", "mode", "hz", "rate", "exchange"),
-    ),
+    "spi": (_SPI | {"skip": schema.whole(0), "start": _START}, _SPI),
 }
 _SOURCES: Final = {
     kind: schema.form({"kind": schema.one_of(kind), **keys}, ("kind", *required))

@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from fractions import Fraction
+from typing import Annotated, Any, Final
 
-from plumbob.core.errors import ParameterError
+from plumbob.core import schema
+from plumbob.core.errors import DecodeError, ParameterError, excerpt
 from plumbob.core.units import unit
 
 MARKS: Final = ("V", "V1", "C", "UNVERIFIED", "")
@@ -22,6 +24,30 @@ WORDS: Final = ("absent", "clipped", "invalid")
 """What a status can say of the triads that it belongs to."""
 
 _TRIADS: Final = frozenset({"gyr", "acc", "mag"})
+_PAIR: Final = schema.listed(schema.whole(), 2, of="whole numbers")
+ORDER: Final = schema.one_of("big", "little")
+"""Order of bytes."""
+_WORDS: Final = schema.mapping(schema.one_of(*WORDS))
+_NUMBERS: Final = schema.listed(schema.whole(), of="whole numbers")
+_OPTION: Final = schema.either(str, schema.converted(lambda word: word.removeprefix("option:")), schema.positive)
+
+
+def _fraction(words: str) -> float:
+    try:
+        fraction = float(Fraction(words.replace(" ", "")))
+    except (ValueError, ZeroDivisionError):
+        fraction = 0.0
+    if fraction == 0.0:
+        raise DecodeError(f"{excerpt(words)} is not a fraction such as '180/32768', or it is 0.")
+    return fraction
+
+
+def _says(where: str, value: Any) -> dict[int, str]:
+    words = _WORDS(where, value)
+    try:
+        return {int(key, 0): word for key, word in words.items()}
+    except ValueError as error:
+        raise DecodeError(f"{where} must name counts, as in {{ 0 = 'absent' }}: {error}.") from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +65,7 @@ class Provenance:
     """
 
     source: str = ""
-    mark: str = ""
+    mark: Annotated[str, schema.one_of(*MARKS)] = ""
     note: str = ""
 
 
@@ -121,24 +147,24 @@ class Field:
     """
 
     name: str
-    at: int
-    type: str
-    size: int
-    order: str = "big"
-    bits: tuple[int, int] | None = None
+    at: Annotated[int, schema.whole(0)]
+    type: Annotated[str, schema.one_of(*SIZES, "parity")]
+    size: Annotated[int, schema.whole(1, 8)]
+    order: Annotated[str, ORDER] = "big"
+    bits: Annotated[tuple[int, int] | None, _PAIR] = None
     unit: str = ""
-    lsb: float = 1.0
-    counts: float | str = 1.0
-    times: float | str = 1.0
+    lsb: Annotated[float, schema.either(str, schema.converted(_fraction), schema.nonzero)] = 1.0
+    counts: Annotated[float | str, _OPTION] = 1.0
+    times: Annotated[float | str, _OPTION] = 1.0
     raw_offset: float = 0.0
     offset: float = 0.0
-    role: str = "value"
+    role: Annotated[str, schema.one_of(*ROLES)] = "value"
     value: int = 0
-    clip: tuple[int, int] | None = None
-    overflow: tuple[int, ...] = ()
-    range: tuple[int, int] | None = None
+    clip: Annotated[tuple[int, int] | None, _PAIR] = None
+    overflow: Annotated[tuple[int, ...], _NUMBERS] = ()
+    range: Annotated[tuple[int, int] | None, _PAIR] = None
     wrap: bool = False
-    says: Mapping[int, str] = field(default_factory=dict)
+    says: Annotated[Mapping[int, str], schema.described(_says, type="object")] = field(default_factory=dict)
     of: tuple[str, ...] = ()
     check: "Checksum | None" = None
     origin: Provenance = UNSAID

@@ -4,11 +4,26 @@ A *frame* is one piece of the byte stream, found by its framing. A *message* is 
 its constant fields. A *field* is one number in it. One description decodes, encodes, and writes page and C struct.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Final
 
+from plumbob.core import schema
 from plumbob.core.errors import ParameterError
-from plumbob.protocols.field import UNSAID, Checksum, Field, Provenance
+from plumbob.core.units import Quantity
+from plumbob.protocols.field import ORDER, UNSAID, Checksum, Field, Provenance
+
+
+def _is_hex(value: Any) -> bool:
+    return isinstance(value, str) and re.fullmatch(r"\s*([0-9A-Fa-f]{2}\s*)+", value) is not None
+
+
+HEX: Final = schema.plain("bytes in hexadecimal, as in 'A5 5A'", _is_hex, bytes.fromhex, type="string")
+"""Parser of bytes."""
+_SYNC: Final = schema.either(list, schema.listed(HEX), schema.converted(lambda octets: (octets,), HEX))
+_CHOICES: Final = schema.mapping(schema.either(str, schema.text, schema.positive))
+_PARITY: Final = schema.listed(schema.listed(schema.whole(), 3, of="numbers: first byte, end, bit"), of="lists")
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,20 +34,20 @@ class LengthField:
     ----------
     at, size : int
         Where, and of how many bytes.
-    order : str
-        Of its bytes.
     add : int
         What to add to get the length of the whole frame.
     least, most : int
         Lengths that are believed.
+    order : str
+        Of its bytes.
     """
 
-    at: int
-    size: int
-    order: str
+    at: Annotated[int, schema.whole(0)]
+    size: Annotated[int, schema.whole(1, 4)]
     add: int
-    least: int
-    most: int
+    least: Annotated[int, schema.whole(1)]
+    most: Annotated[int, schema.whole(1, 65535)]
+    order: Annotated[str, ORDER] = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,15 +77,15 @@ class Framing:
         Usual speed of the line.
     """
 
-    sync: tuple[bytes, ...] = ()
-    end: bytes = b""
-    length: int = 0
+    sync: Annotated[tuple[bytes, ...], _SYNC] = ()
+    end: Annotated[bytes, HEX] = b""
+    length: Annotated[int, schema.whole(1, 65535)] = 0
     length_field: LengthField | None = None
     checksum: Checksum | None = None
-    parity: tuple[tuple[int, int, int], ...] = ()
+    parity: Annotated[tuple[tuple[int, int, int], ...], _PARITY] = ()
     confirm: bool = False
-    rate: float | None = None
-    baud: int | None = None
+    rate: Annotated[float | None, schema.size(Quantity.FREQUENCY)] = None
+    baud: Annotated[int | None, schema.whole(1)] = None
 
     @property
     def transfers(self) -> bool:
@@ -126,8 +141,8 @@ class Option:
     """
 
     meaning: str
-    choices: Mapping[str, float | str]
-    default: str | None
+    choices: Annotated[Mapping[str, float | str], _CHOICES] = field(default_factory=dict)
+    default: Annotated[str | None, schema.text] = None
     origin: Provenance = UNSAID
 
     def resolve(self, where: str, choice: str | None) -> float | str:
@@ -177,10 +192,10 @@ class Register:
         Where it comes from.
     """
 
-    address: int
+    address: Annotated[int, schema.whole(0)]
     name: str
     meaning: str
-    reset: int | None = None
+    reset: Annotated[int | None, schema.whole(0)] = None
     word: Field | None = None
     origin: Provenance = UNSAID
 

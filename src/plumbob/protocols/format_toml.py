@@ -1,32 +1,26 @@
 """Formats of a user's own, of devices (``catalog/`` beside this file) and of rigs: one door, and one reader of TOML."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
-from fractions import Fraction
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from plumbob.core import check, schema, units
-from plumbob.core.errors import DecodeError, ParameterError, UnitError, excerpt
+from plumbob.core.errors import DecodeError, ParameterError, UnitError
 from plumbob.core.extensions import ExtensibleTable
 from plumbob.core.files import reading, text_of
 from plumbob.core.resources import guide
 from plumbob.core.text import closest
 from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity
 from plumbob.protocols import checksum
-from plumbob.protocols.field import MARKS, ROLES, SIZES, WORDS, Checksum, Field, Provenance
+from plumbob.protocols.field import ORDER, SIZES, Checksum, Field, Provenance
 from plumbob.protocols.format import Format, Framing, LengthField, Message, Option, Register
 from plumbob.protocols.overlap import require_places
-
-if TYPE_CHECKING:
-    from plumbob.protocols.format import Format, Message
 
 GUIDE: Final = guide("formats.md")
 KIND: Final = "plumbob format"
 VERSION: Final = 1
-_ORDERS: Final = ("big", "little")
 _NAMED: Final = {
     "temp_c": Quantity.TEMPERATURE, "roll": Quantity.ANGLE, "pitch": Quantity.ANGLE, "yaw": Quantity.ANGLE,
     "heading": Quantity.ANGLE,
@@ -123,17 +117,10 @@ def _fields(raw: Mapping[str, Any], at: int, order: str) -> list[Field]:
     """One field, or the three of a triad, one behind the other."""
     where, axes = f"field {raw['name']}", raw.get("axes", "")
     size = raw.get("size") or SIZES.get(raw["type"], 0)
-    begin = raw.get("at", at)
     wide = size > 1 and raw["type"] not in ("bcd", "parity")
-    base = Field(
-        name=raw["name"],
-        at=begin,
-        type=raw["type"],
-        size=size,
-        order=_order(where, raw.get("order", order)) if wide else "big",
-        **{key: raw[key] for key in _PLAIN if key in raw},
-        origin=raw["origin"],
-    )
+    order = _order(where, raw.get("order", order)) if wide else "big"
+    begin = raw.get("at", at)
+    base = Field(**{key: raw[key] for key in raw if key != "axes"} | {"at": begin, "size": size, "order": order})
     names = [f"{base.name}.{axis}" for axis in axes] or [base.name]
     made = [replace(base, name=name, at=begin + i * size) for i, name in enumerate(names)]
     for field in made:
@@ -169,7 +156,7 @@ def _register(raw: Mapping[str, Any], order: str) -> Register:
     """One register; its bytes make a whole number where it has a type and no unit."""
     word = None
     if "type" in raw:
-        settings = {key: value for key, value in raw.items() if key in _FIELD or key == "origin"}
+        settings = {key: value for key, value in raw.items() if key in _KEYS or key == "origin"}
         word = _fields({"role": "value" if "unit" in raw else "status", **settings}, 0, order)[0]
     return Register(raw["address"], raw["name"], raw["meaning"], raw.get("reset"), word, raw["origin"])
 
@@ -284,39 +271,9 @@ def _require_room(form: Format, message: Message) -> None:
                 raise DecodeError(f"field {f.name} speaks of '{name}', which message {message.name} does not have.")
 
 
-def _fraction(words: str) -> float:
-    try:
-        fraction = float(Fraction(words.replace(" ", "")))
-    except (ValueError, ZeroDivisionError):
-        fraction = 0.0
-    if fraction == 0.0:
-        raise DecodeError(f"{excerpt(words)} is not a fraction such as '180/32768', or it is 0.")
-    return fraction
-
-
-def _is_hex(value: Any) -> bool:
-    return isinstance(value, str) and re.fullmatch(r"\s*([0-9A-Fa-f]{2}\s*)+", value) is not None
-
-
-HEX: Final = schema.plain("bytes in hexadecimal, as in 'A5 5A'", _is_hex, bytes.fromhex, type="string")
-"""Parser of bytes."""
-
-
-def _says(where: str, value: Any) -> dict[int, str]:
-    words = _WORDS(where, value)
-    try:
-        return {int(key, 0): word for key, word in words.items()}
-    except ValueError as error:
-        raise DecodeError(f"{where} must name counts, as in {{ 0 = 'absent' }}: {error}.") from error
-
-
 def _with_origin(_: str, table: dict[str, Any]) -> dict[str, Any]:
     """The table with its source, mark and note as its origin."""
     return table | {"origin": Provenance(**{key: table.pop(key) for key in _ORIGIN if key in table})}
-
-
-def _option(where: str, table: dict[str, Any]) -> Option:
-    return Option(**{"choices": {}, "default": None} | _with_origin(where, table))
 
 
 def _fact(where: str, table: dict[str, Any]) -> tuple[str, Provenance]:
@@ -327,137 +284,52 @@ def _checksum(_: str, table: dict[str, Any]) -> Checksum:
     return Checksum(table["kind"], table["at"], table["from"], table.get("to", table["at"]), table.get("order", ""))
 
 
-_PLAIN: Final = (
-    "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset", "role", "value", "clip", "overflow", "range",
-    "wrap", "says", "of",
-)  # fmt: skip
-_ORDER: Final = schema.one_of(*_ORDERS)
-_PAIR: Final = schema.listed(schema.whole(), 2, of="whole numbers")
-_WORDS: Final = schema.mapping(schema.one_of(*WORDS))
-_OPTION_OR_NUMBER: Final = schema.either(
-    str, schema.converted(lambda word: word.removeprefix("option:")), schema.positive
-)
-_ORIGIN: Final = {"source": schema.text, "mark": schema.one_of(*MARKS), "note": schema.text}
-_SCALE: Final = {
-    "order": _ORDER,
-    "bits": _PAIR,
-    "unit": schema.text,
-    "lsb": schema.either(str, schema.converted(_fraction), schema.nonzero),
-    "counts": _OPTION_OR_NUMBER,
-    "times": _OPTION_OR_NUMBER,
-    "raw_offset": schema.number,
-    "offset": schema.number,
-}
-_FIELD: Final = {
-    "name": schema.text,
-    "axes": schema.one_of("xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xy", "x", "y", "z"),
-    "at": schema.whole(0),
-    "type": schema.one_of(*SIZES, "parity"),
-    "size": schema.whole(1, 8),
-    **_SCALE,
-    "role": schema.one_of(*ROLES),
-    "value": schema.whole(),
-    "clip": _PAIR,
-    "overflow": schema.listed(schema.whole(), of="whole numbers"),
-    "range": _PAIR,
-    "wrap": schema.truth,
-    "says": schema.described(_says, **schema.json_schema(_WORDS)),
-    "of": schema.texts,
-    **_ORIGIN,
-}
-_FIELDS: Final = schema.tables(schema.form(_FIELD, ("name", "type"), _with_origin))
+_ORIGIN: Final = schema.keys(Provenance)
+_KEYS: Final = schema.keys(Field, "check", "origin")
+_AXES: Final = schema.one_of("xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xy", "x", "y", "z")
+_FIELDS: Final = schema.tables(schema.form({**_KEYS, "axes": _AXES, **_ORIGIN}, ("name", "type"), _with_origin))
 _EMBED: Final = schema.form(
     {
-        "device": schema.text,
-        "message": schema.text,
-        "unit": schema.text,
+        **dict.fromkeys(("device", "message", "unit"), schema.text),
         "at": schema.whole(0),
         "options": schema.mapping(schema.text),
     },
     ("device", "at"),
 )
-_MESSAGE: Final = schema.form(
-    {
-        "name": schema.text,
-        "title": schema.text,
-        "length": schema.whole(1),
-        "parts": schema.texts,
-        "field": _FIELDS,
-        "embed": schema.tables(_EMBED),
-    },
-    ("name", "length"),
-)
+_BODY: Final = {"field": _FIELDS, "embed": schema.tables(_EMBED)}
+_NAME: Final = {"name": schema.text, "title": schema.text}
+_MESSAGE: Final = schema.form({**_NAME, "length": schema.whole(1), "parts": schema.texts, **_BODY}, ("name", "length"))
 _OPTION: Final = schema.form(
-    {
-        "meaning": schema.text,
-        "choices": schema.mapping(schema.either(str, schema.text, schema.positive)),
-        "default": schema.text,
-        **_ORIGIN,
-    },
-    ("meaning",),
-    _option,
+    schema.keys(Option, "origin") | _ORIGIN, ("meaning",), lambda where, table: Option(**_with_origin(where, table))
 )
+_SCALE: Final = ("type", "order", "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset")
 _REGISTER: Final = schema.form(
-    {
-        "address": schema.whole(0),
-        "name": schema.text,
-        "meaning": schema.text,
-        "reset": schema.whole(0),
-        "type": _FIELD["type"],
-        **_SCALE,
-        **_ORIGIN,
-    },
+    schema.keys(Register, "word", "origin") | {key: _KEYS[key] for key in _SCALE} | _ORIGIN,
     ("address", "name", "meaning"),
     _with_origin,
 )
 _CHECKSUM: Final = schema.form(
-    {"kind": schema.text, "at": schema.whole(), "from": schema.whole(0), "to": schema.whole(), "order": _ORDER},
+    {"kind": schema.text, "at": schema.whole(), "from": schema.whole(0), "to": schema.whole(), "order": ORDER},
     ("kind", "at", "from"),
     _checksum,
 )
-_LENGTH: Final = schema.form(
-    {
-        "at": schema.whole(0),
-        "size": schema.whole(1, 4),
-        "order": _ORDER,
-        "add": schema.whole(),
-        "least": schema.whole(1),
-        "most": schema.whole(1, 65535),
-    },
-    ("at", "size", "add", "least", "most"),
-    lambda _, table: LengthField(**{"order": "", **table}),
-)
-_FRAME: Final = schema.form(
-    {
-        "sync": schema.either(list, schema.listed(HEX), schema.converted(lambda octets: (octets,), HEX)),
-        "end": HEX,
-        "length": schema.whole(1, 65535),
-        "length_field": _LENGTH,
-        "checksum": _CHECKSUM,
-        "parity": schema.listed(schema.listed(schema.whole(), 3, of="numbers: first byte, end, bit"), of="lists"),
-        "confirm": schema.truth,
-        "rate": schema.size(Quantity.FREQUENCY),
-        "baud": schema.whole(1),
-    },
-    kind=Framing,
-)
+_FRAME: Final = schema.table(Framing, length_field=schema.table(LengthField), checksum=_CHECKSUM)
+_FACT: Final = schema.form({"text": schema.text, **_ORIGIN}, ("text",), _fact)
 FORMAT: Final = schema.form(
     {
         "kind": schema.one_of(KIND),
         "version": schema.version(VERSION),
-        "name": schema.text,
-        "title": schema.text,
+        **_NAME,
         "aliases": schema.texts,
-        "byte_order": _ORDER,
+        "byte_order": ORDER,
         "noise": schema.text,
         "sources": schema.mapping(schema.text),
         "frame": _FRAME,
         "option": schema.mapping(_OPTION),
         "part": schema.mapping(_FIELDS),
-        "fact": schema.mapping(schema.form({"text": schema.text, **_ORIGIN}, ("text",), _fact)),
+        "fact": schema.mapping(_FACT),
         "register": schema.tables(_REGISTER),
-        "field": _FIELDS,
-        "embed": schema.tables(_EMBED),
+        **_BODY,
         "message": schema.tables(_MESSAGE),
     },
     ("kind", "version", "name", "title", "frame"),
