@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from plumbob.door.allan import allan
     from plumbob.door.calibrate import calibrate, calibrate_counts
     from plumbob.door.doctor import doctor
-    from plumbob.door.estimate import estimate
+    from plumbob.door.estimate import earth_acceleration, estimate
     from plumbob.door.evaluate import compare, evaluate
     from plumbob.door.rates import filter_rates
     from plumbob.door.reading import read, read_array
@@ -141,6 +141,7 @@ _HOME = {
     "decode": "protocols.decode",
     "docs": "core.resources",
     "doctor": "door.doctor",
+    "earth_acceleration": "door.estimate",
     "emulate": "live.emulated",
     "estimate": "door.estimate",
     "evaluate": "door.evaluate",
@@ -207,6 +208,7 @@ __all__ = [
     "decode",
     "docs",
     "doctor",
+    "earth_acceleration",
     "emulate",
     "errors",
     "estimate",

@@ -213,7 +213,7 @@ def docs(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     return 0
 
 
-_OF_ATTITUDES: Final = ("frame", "init", "place", "date", "noise", "card", "report")
+_OF_ATTITUDES: Final = ("frame", "init", "place", "date", "noise", "card", "report", "acceleration")
 """Options that mean nothing for a filter of rates."""
 
 

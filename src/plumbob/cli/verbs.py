@@ -165,17 +165,22 @@ START: Final = {
     "run": Verb(
         "estimate the attitude of a recording",
         "choose-a-filter.md", "plumbob run sea.parquet --out track.parquet", "estimate", run="run",
-        named=("filter",), outputs=("out", "card", "report"), exclusive=_ESTIMATE,
+        named=("filter",), outputs=("out", "card", "report", "acceleration"), exclusive=_ESTIMATE,
         writes={
             "out": ("written", None), "report": ("page", None),
             "card": ("card", lambda estimate, path, args: save(estimate.card(), path, args)),
+            "acceleration": (
+                "acceleration",
+                lambda run, path, args: save(run.acceleration(noise=getattr(args, "noise", None)), path, args),
+            ),
         },
-        ends={"report": (".html", ".htm")},
+        ends={"report": (".html", ".htm"), "acceleration": (".csv", ".parquet")},
         more={
             "drift": ("MODEL", "taken off before a filter of rates: chen2013, the trackball paper's figures"),
             "rest": ("A..B", "before a filter of rates: take the mean of this stretch off, as 0s..100s"),
             "card": ("FILE", "where to write the card with what was found of the gyroscope"),
             "report": ("HTML", "also write a page about it, as 'plumbob report' does, of this estimate"),
+            "acceleration": ("FILE", "also write the acceleration without gravity in earth axes, with its deviation"),
         },
         note="A filter of rates (scalar, two_state, moving_average) gives no attitude: --out is then the recording "
         "with its rates filtered.",

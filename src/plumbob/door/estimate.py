@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import __version__, check, flags
-from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.errors import CalibrationError, ClockError, ParameterError, ShapeError
 from plumbob.core.files import as_list
 from plumbob.core.findings import Finding, as_json, info, lasting, warning, warnings
 from plumbob.core.series import Series
@@ -38,6 +40,7 @@ from plumbob.filters.offline import (
     started,
     track_parts,
 )
+from plumbob.filters.settling import error_sensitivity, residual_covariance
 from plumbob.rotations import Frame, North, dcm_from_quat, euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.headings import claimed_sd, counted_from, heading_zero
 
@@ -157,6 +160,12 @@ class Estimated(Series):
         track = self.track
         write(path, track, notes=_provenance(self.name, track, self.inferred), overwrite=overwrite)
 
+    def acceleration(
+        self, *, gravity: float = G0, noise: "NoiseCard | str | Path | None" = None
+    ) -> "EarthAcceleration":
+        """Acceleration without gravity at every sample, by `earth_acceleration`; errors as of that."""
+        return earth_acceleration(self.imu, self.track, gravity=gravity, noise=noise)
+
     def card(self) -> "CalibrationCard":
         """Card of the unit with the bias, scale and misalignment of its gyroscope that were found in use.
 
@@ -211,6 +220,104 @@ class Estimated(Series):
         for name, count in report["flags"].items():
             lines.append(f"flag         {name}: {counted(count, 'sample')} ({100.0 * count / report['samples']:.2f} %)")
         return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EarthAcceleration(Series):
+    """Acceleration of an accelerometer over the Earth, without gravity.
+
+    Attributes
+    ----------
+    t : ndarray (N,)
+        Times, s.
+    acc_n : ndarray (N, 3)
+        Along the axes of the navigation frame, m/s²: in ENU positive towards east, north and up. NaN where the attitude
+        or the specific force is not known.
+    sd_n : ndarray (N, 3) or None
+        Its standard deviations, m/s²; None where the filter claims no covariance.
+    frame : Frame
+        The navigation frame.
+    gravity : float
+        What was taken off, m/s².
+    """
+
+    t: Floats
+    acc_n: Floats
+    sd_n: Floats | None
+    frame: Frame
+    gravity: float
+
+    def facts(self) -> Mapping[str, str]:
+        """How many samples there are, their axes, and the gravity that was taken off."""
+        return {"samples": str(len(self.t)), "frame": str(self.frame), "gravity": f"{self.gravity:g} m/s²"}
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Times, accelerations by the directions in which they are positive, and their standard deviations."""
+        names = [f"acc_{_DIRECTIONS[letter]}" for letter in str(self.frame)]
+        columns = {"t [s]": self.t} | {f"{name} [m/s2]": self.acc_n[:, i] for i, name in enumerate(names)}
+        if self.sd_n is not None:
+            columns |= {f"{name}_sd [m/s2]": self.sd_n[:, i] for i, name in enumerate(names)}
+        return columns
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the columns as ``.csv`` or ``.parquet``; errors as of `plumbob.files.arrow.write_table`."""
+        from plumbob.files.arrow import write_table
+
+        write_table(Path(path), self.columns(), overwrite=overwrite)
+
+
+_DIRECTIONS: Final = {"E": "east", "N": "north", "U": "up", "D": "down", "W": "west"}
+"""Letters of a frame's name."""
+
+
+def earth_acceleration(
+    imu: ImuData, track: AttitudeTrack, *, gravity: float = G0, noise: "NoiseCard | str | Path | None" = None
+) -> EarthAcceleration:
+    """Acceleration without gravity in the axes of the navigation frame: C_nb f_b less the reaction to gravity.
+
+    It is that of the accelerometer over the Earth, not of another point of the body. What the Earth's turning adds to a
+    body that moves (0.00015 m/s² for each m/s) is left in.
+
+    The standard deviation has the attitude's covariance, by which the specific force is turned; what the calibration
+    leaves of the accelerometer, as if it were independent of that: at rest an offset tilts the attitude and cancels, so
+    that it is too large rather than too small; and, with a noise card, white noise of a sample and bias instability. It
+    has no error of `gravity`: the standard value is wrong by up to 0.03 m/s², along the vertical alone.
+
+    Parameters
+    ----------
+    imu : ImuData
+        Samples with an accelerometer.
+    track : AttitudeTrack
+        Attitude at their times.
+    gravity : float
+        Gravity at the place, m/s²; `plumbob.calibration.acc.normal_gravity` gives that of a latitude.
+    noise : NoiseCard or path, optional
+        Noise of the unit.
+
+    Raises
+    ------
+    ShapeError
+        If there is no accelerometer.
+    ClockError
+        If samples and attitude have different times.
+    """
+    if imu.acc is None:
+        raise ShapeError("the recording has no accelerometer, so there is no acceleration. Record acc.")
+    if not np.array_equal(imu.t, track.t):
+        raise ClockError("samples and attitude have different times. Estimate the attitude from these samples.")
+    card, acc = given_noise(noise), imu.usable("acc")
+    c_nb = dcm_from_quat(track.q_nb)
+    force_n = (c_nb @ acc[..., np.newaxis])[..., 0]
+    acc_n, sd_n = force_n - gravity * np.asarray(track.frame.up), None
+    if track.cov_b is not None:
+        turned = np.cross(acc[:, np.newaxis, :], c_nb)  # δa = −C_nb [f_b]× δθ, row by row
+        cov = turned @ track.cov_b @ np.swapaxes(turned, 1, 2)
+        cov += residual_covariance(error_sensitivity(c_nb, force_n), imu.meta.left[0])
+        if card is not None and card.acc is not None:
+            var = card.acc.n_rpsd**2 * timing(imu.t).rate + card.acc.b**2
+            cov += (c_nb * var) @ np.swapaxes(c_nb, 1, 2)
+        sd_n = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+    return EarthAcceleration(imu.t, acc_n, sd_n, track.frame, gravity)
 
 
 @dataclass(slots=True)

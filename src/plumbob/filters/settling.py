@@ -148,27 +148,28 @@ def considered(q_nb: Floats, field: Floats, up: float, north: tuple[float, float
     level = np.where(has_field, np.maximum(level, _STEEPEST * np.abs(steep)), 1.0)
     steep = np.where(has_field, steep, 0.0)
     nx, ny = north
-    force = _sensitivity(c_nb, np.array([0.0, 0.0, up * G0]) + np.zeros((len(q_nb), 3)))
+    force = error_sensitivity(c_nb, np.array([0.0, 0.0, up * G0]) + np.zeros((len(q_nb), 3)))
     turn = np.empty_like(force)  # ∂θ/∂p of the accelerometer in the navigation frame, (N, 3, 12)
     turn[:, 0] = -up / G0 * force[:, 1]
     turn[:, 1] = up / G0 * force[:, 0]
     turn[:, 2] = (steep / level)[:, np.newaxis] * (nx * turn[:, 0] + ny * turn[:, 1])
     h_n = np.stack((level * nx, level * ny, steep), axis=1)
-    across = _sensitivity(c_nb, h_n)
+    across = error_sensitivity(c_nb, h_n)
     course = np.zeros_like(across)
     course[:, 2] = (has_field / level)[:, np.newaxis] * (nx * across[:, 1] - ny * across[:, 0])
     c_bn = np.swapaxes(c_nb, 1, 2)
-    return _spread(c_bn @ turn, acc) + _spread(c_bn @ course, mag)
+    return residual_covariance(c_bn @ turn, acc) + residual_covariance(c_bn @ course, mag)
 
 
-def _sensitivity(c_nb: Floats, vectors_n: Floats) -> Floats:
+def error_sensitivity(c_nb: Floats, vectors_n: Floats) -> Floats:
     """∂δ/∂p in the navigation frame, (N, 3, 12), of vectors (N, 3) in it: R (I, uᵀ ⊗ I) row by row."""
     u_b = (np.swapaxes(c_nb, 1, 2) @ vectors_n[..., np.newaxis])[..., 0]
     matrix = c_nb[:, :, :, np.newaxis] * u_b[:, np.newaxis, np.newaxis, :]
     return np.concatenate((c_nb, matrix.reshape(-1, 3, 9)), axis=2)
 
 
-def _spread(sensitivity: Floats, half: Half) -> Floats:
+def residual_covariance(sensitivity: Floats, half: Half) -> Floats:
+    """Covariance (N, 3, 3) that errors of this covariance, by its upper half, cause with this sensitivity."""
     if not any(half):
         return np.zeros((len(sensitivity), 3, 3))
     cov: Floats = sensitivity @ full_covariance(half) @ np.swapaxes(sensitivity, 1, 2)  # [Schmidt1966]
