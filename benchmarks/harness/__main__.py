@@ -173,7 +173,8 @@ def _show(args: argparse.Namespace, total: int, measure: Callable[..., Any], *gi
         def advance(steps: int) -> None:
             nonlocal done
             done += steps
-            bars(args.verb, done, total)
+            if bars is not None:
+                bars(args.verb, done, total)
 
         result = measure(*given, progress=advance, **how)
     common.print_json(result.summary()) if args.json else print(result.text())

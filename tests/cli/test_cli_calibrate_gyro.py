@@ -148,7 +148,7 @@ def test_captures_that_are_none_leave_no_card(tmp_path):
     assert not out.exists()
 
 
-def test_a_gyroscope_without_its_accelerometer_or_against_it_is_refused(captures, tmp_path):
+def test_a_gyroscope_is_refused_without_its_accelerometer_against_it_and_where_a_field_sees_it_turn(captures, tmp_path):
     session = hand(1)
     recording(tmp_path / "turned.parquet", session._replace(gyr=-session.gyr))
     assert refusal("gyro", tmp_path / "turned.parquet") == ["implausible"]
@@ -158,9 +158,6 @@ def test_a_gyroscope_without_its_accelerometer_or_against_it_is_refused(captures
     files.write(tmp_path / "gyro.parquet", ImuData(t=session.t, gyr=session.gyr, meta=ImuMeta(device="unit 7")))
     why = refused("calibrate", "gyro", tmp_path / "gyro.parquet", "--method", "hand")
     assert "against the accelerometer, and there is no acc" in why
-
-
-def test_a_turning_table_is_no_rest_where_a_magnetometer_sees_it(tmp_path):
     rng = np.random.default_rng(0)
     t = np.arange(3000) / 100.0
     gyr, acc = dps(0.1) * rng.standard_normal((2, t.size, 3)) + [[[0.0, 0.0, dps(3.0)]], [[0.0, 0.0, -G0]]]

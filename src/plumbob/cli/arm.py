@@ -4,10 +4,10 @@ import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from plumbob.cli import common
-from plumbob.cli.engine import Verb, show
+from plumbob.cli.engine import Call, Verb, show
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import write_text
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from plumbob.arm.program import Program
     from plumbob.data.array import ImuArray
     from plumbob.data.chain import Chain
-
-Call = Callable[..., Any]
 
 
 def _read(args: argparse.Namespace, call: Call, note: Callable[[str], object] = common.note) -> "ImuArray":
@@ -73,10 +71,10 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Estimate joint angles."""
     motion = call(array=_read(args, call))
     ends = {name: f"{to_deg(last):8.2f}° ± {to_deg(sd):.2f}° at the end" for name, last, sd in motion.at_end()}
-    lines = [f"{name:20} {value}" for name, value in (motion.facts() | ends).items()]
     if not args.json:
         common.note(*motion.notes)
-    return show(args, verb, motion, shown=common.Listed("\n".join(lines), {"out": args.out, **motion.summary()}))
+    shown = common.Listed(common.rows(motion.facts() | ends, 20), {"out": args.out, **motion.summary()})
+    return show(args, verb, motion, shown=shown)
 
 
 def export(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -122,7 +120,7 @@ def _exported(args: argparse.Namespace, program: "Program", chain: "Chain | None
         "used": used, "notes": list(program.notes),
         "deviation_deg": {name: {"rms": rms, "max": most} for name, (rms, most) in away.items()},
     }  # fmt: skip
-    lines = [f"{name:12} {value}" for name, value in program.facts().items()]
+    lines = [common.rows(program.facts())]
     if away:
         width = max(map(len, away))
         lines.append("deviation    of the program from the recording, rms and greatest:")
@@ -146,7 +144,7 @@ def replay(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     if truth is not None and truth.hand is None:
         raise ParameterError(f"{args.truth} has no place of the hand; it needs hand_x [m], hand_y [m] and hand_z [m].")
     done = call()
-    lines = [f"{name:12} {value}" for name, value in done.facts().items()]
+    lines = [common.rows(done.facts())]
     numbers = {"samples": int(done.t.size), "duration_s": float(done.t[-1] - done.t[0]), "arm_m": done.length}
     if truth is not None and truth.hand is not None:
         error = done.against(truth.t, truth.hand)

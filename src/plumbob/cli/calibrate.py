@@ -2,15 +2,14 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
-from plumbob.cli.engine import Verb, show
+from plumbob.cli.engine import Call, Verb, show
 from plumbob.cli.verbs import OF_LINES
-from plumbob.core import check
 from plumbob.core.errors import CalibrationError, DecodeError, ParameterError, ShapeError
 from plumbob.core.files import is_same_file
 from plumbob.core.text import visible
@@ -18,28 +17,25 @@ from plumbob.core.units import Quantity, given
 
 if TYPE_CHECKING:
     from plumbob.calibration.calibration import Capture
-    from plumbob.data import ImuData
     from plumbob.data.cards import CalibrationCard
-    from plumbob.data.recording import Recording
     from plumbob.door.calibrate import Kind
     from plumbob.live.session import Session
     from plumbob.papers.buoy.static_test import StaticTest
 
 
-def calibrate(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
+def calibrate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Do it; a refusal is a result, with its reasons, as text on standard error or as JSON, and writes nothing."""
     from plumbob.calibration.fit import CaptureRefusedError
 
     args.file = Path(args.recording) if hasattr(args, "recording") else None
-    args.out = None if args.out is None else Path(args.out)
     if getattr(args, "counts", False):
         from plumbob.door.calibrate import calibrate_counts
 
         sensor = "acc" if args.kind == "accel" else args.kind
         return show(args, verb._replace(pages=None), calibrate_counts(args.file, sensor))
-    about: dict[str, Any] = {"file": args.file and str(args.file)}
+    about: dict[str, Any] = {"file": args.file and str(args.file), "out": args.out, "html": args.html}
     try:
-        return _find(args, about)
+        return _find(args, verb, about)
     except CaptureRefusedError as why:
         from plumbob.calibration.report import refusal_numbers, refusal_text
 
@@ -51,7 +47,7 @@ def calibrate(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) ->
         return 1
 
 
-def _find(args: argparse.Namespace, about: dict[str, Any]) -> int:
+def _find(args: argparse.Namespace, verb: Verb, about: dict[str, Any]) -> int:
     """Calibrate what the options name, print what was found, and write the card; what was read goes into `about`."""
     from plumbob.data.cards import CalibrationCard
     from plumbob.door import calibrate as door
@@ -61,16 +57,15 @@ def _find(args: argparse.Namespace, about: dict[str, Any]) -> int:
     if kind == "gyro":
         if live and method not in ("auto", "rest"):
             raise ParameterError(f"--live guides a rest only; record for --method {method}, and give the recording.")
-        idle = [name for name in ("parts", "part_column", "angle") if option(name) is not None]
+        idle = [name for name in ("parts", "part-column", "angle") if option(name.replace("-", "_")) is not None]
         if idle and method != "ferraris":
-            word = idle[0].replace("_", "-")
-            raise ParameterError(f"--{word} belongs to --method ferraris; name that, or leave it out.")
+            raise ParameterError(f"--{idle[0]} belongs to --method ferraris; name that, or leave it out.")
         kind = "ferraris" if method == "ferraris" else kind
-    path = option("calibration")
-    completes = args.out is not None and path is not None and is_same_file(args.out, Path(path))
-    common.check_outputs(args, *common.pages(args), None if completes else args.out, inputs=args.inputs)
+    path, out = option("calibration"), args.out and Path(args.out)
+    completes = out is not None and path is not None and is_same_file(out, Path(path))
+    common.check_outputs(args, *common.pages(args), None if completes else out, inputs=args.inputs)
     base = None if path is None else CalibrationCard.load(Path(path))
-    captured = (_live if live else _recorded)(args, door.KINDS[kind], base, about)
+    captured = (_live if live else _recorded)(args, out, door.KINDS[kind], base, about)
     options = {"force": args.force, **args.given}
     if option("part_column"):
         from plumbob.files.text import read_labels
@@ -78,23 +73,18 @@ def _find(args: argparse.Namespace, about: dict[str, Any]) -> int:
         options["labels"] = read_labels(args.file, args.part_column, option("profile") and Path(args.profile))
     options = {name: value for name, value in options.items() if name in door.kind_options(kind)}
     calibrated = door.calibrate(captured, kind, note=common.note, **options)
-    if args.out is not None:
-        calibrated.save(args.out, overwrite=args.force or completes)
-    if args.json:
-        written = {"out": args.out and str(args.out), "html": args.html and str(args.html)}
-        common.print_json(about | written | calibrated.summary())
-    else:
-        print(calibrated.text())
-        print(f"card         {args.out or 'NOT WRITTEN: name a file with --out'}")
-    common.write_pages(args, calibrated.report(recording=args.file.name if args.file else "live"))
-    return 0
+    if out is not None:
+        calibrated.save(out, overwrite=args.force or completes)
+    text = f"{calibrated.text()}\ncard         {out or 'NOT WRITTEN: name a file with --out'}"
+    return show(args, verb, calibrated, shown=common.Listed(text, about | calibrated.summary()))
 
 
-def _require_room(args: argparse.Namespace, device: str, made: Collection[str], base: "CalibrationCard | None") -> None:
+def _require_room(
+    out: Path | None, device: str, made: Collection[str], base: "CalibrationCard | None", *, force: bool
+) -> None:
     """Refuse to write a card over that of another unit, one that has more, or a part over another without --force."""
     from plumbob.data.cards import CalibrationCard
 
-    out = args.out
     if out is None or not out.is_file():
         return
     try:
@@ -103,18 +93,17 @@ def _require_room(args: argparse.Namespace, device: str, made: Collection[str], 
         return
     if there.device != device:
         raise ParameterError(f"{out} is the card of '{there.device}', not of '{device}'; name another file.")
-    base_parts = base.parts if base else ()
-    if lost := [name for name in there.parts if name not in {*made, *base_parts}]:
+    if lost := [name for name in there.parts if name not in {*made, *(base.parts if base else ())}]:
         raise ParameterError(
             f"{out} has {' and '.join(lost)}, which this would lose; complete it with --calibration {out}, or name "
             "another file."
         )
-    if not args.force and (again := [name for name in there.parts if name in made]):
+    if not force and (again := [name for name in there.parts if name in made]):
         raise ParameterError(f"{out} has {' and '.join(again)} already. Name another file, or replace it with --force.")
 
 
 def _recorded(
-    args: argparse.Namespace, how: "Kind", base: "CalibrationCard | None", about: dict[str, Any]
+    args: argparse.Namespace, out: Path | None, how: "Kind", base: "CalibrationCard | None", about: dict[str, Any]
 ) -> "Capture":
     """Capture of a recording, for the triads that are calibrated, some of them only where it has them."""
     from plumbob.door.calibrate import as_span, read_capture
@@ -128,7 +117,7 @@ def _recorded(
     )  # fmt: skip
     common.note(*(f"{args.file.name}: {line}" for line in captured.found))
     made = {*how.triads, *(name for name in how.if_present if name in captured.imu.triads)} or {"mount"}
-    _require_room(args, captured.device, made, base)
+    _require_room(out, captured.device, made, base, force=args.force)
     if option("guide"):
         from plumbob.live.guide.board import guide_summary, guide_text
         from plumbob.live.guide.guides import GUIDES, guided
@@ -141,55 +130,44 @@ def _recorded(
     return captured
 
 
-def _live(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | None", about: dict[str, Any]) -> "Capture":
-    """Guided capture from a line; what would spoil its end is refused before it begins."""
+def _live(
+    args: argparse.Namespace, out: Path | None, how: "Kind", base: "CalibrationCard | None", about: dict[str, Any]
+) -> "Capture":
+    """Guided capture from a line, until the guide or somebody says stop; what would spoil its end is refused before."""
     from plumbob.calibration.calibration import capture, unit_of
+    from plumbob.live.guide.board import Board, guide_summary
+    from plumbob.live.guide.guides import GUIDES, GuideSink
+    from plumbob.live.record import record
+    from plumbob.live.sinks import Collected, Sink
+    from plumbob.live.transports.transport import Stop
 
-    if args.out is None or not args.out.parent.is_dir():
-        raise ParameterError(f"--live needs --out, a card to write in a folder that exists, but it is {args.out}.")
+    if out is None or not out.parent.is_dir():
+        raise ParameterError(f"--live needs --out, a card to write in a folder that exists, but it is {out}.")
     session, device = _session(args), args.given.get("device")
     card = base or session.card
-    _require_room(args, unit_of(session.meta.device, device, card), how.triads, card)
+    _require_room(out, unit_of(session.meta.device, device, card), how.triads, card, force=args.force)
     parts = [f.triad.rpartition(".") for f in session.form.message(session.message).fields if f.triad]
     present = {triad for unit, _, triad in parts if unit == session.unit}
     if missing := [name for name in how.triads if name not in present]:
         raise CalibrationError(f"the line has no {', '.join(missing)}, only {', '.join(sorted(present))}.")
-    imu = _guided(args, session, about)
-    if imu is None:
-        raise CalibrationError(
-            "no sample arrived over the line, so there is nothing to calibrate. See 'plumbob record'."
-        )
-    return capture(imu, triads=how.triads, device=device, base=card)
-
-
-def _guided(args: argparse.Namespace, session: "Session", about: dict[str, Any]) -> "ImuData | None":
-    """Samples of the line until the guide or somebody says stop; None where there are none."""
-    from plumbob.live.guide.board import Board, guide_summary
-    from plumbob.live.guide.guides import GUIDES, GuideSink
-    from plumbob.live.runner import run_stream
-    from plumbob.live.sinks import Collected, RecordingSink, Sink
-    from plumbob.live.sources import open_source
-    from plumbob.live.stream import Stream
-    from plumbob.live.transports.transport import Stop
-    from plumbob.live.watch import Watch
-
-    stream, guide, collected = Stream(session), GUIDES[args.kind](), Collected()
-    board, stop = Board(f"calibrate {args.kind}", guide), Stop()
+    guide, collected, stop = GUIDES[args.kind](), Collected(), Stop()
+    board = Board(f"calibrate {args.kind}", guide)
 
     def note(text: str) -> None:
         board.erase()
         common.note(text)
 
-    watch = Watch(stream, note)
-    recording_sink = None if session.record is None else RecordingSink(session, session.record)
-    source = open_source(session.source)
+    sinks: list[Sink] = [collected, GuideSink(guide, stop, board.show)]
     common.note("waiting for samples; the capture ends when it is good, or by Ctrl-C with what there is")
     with common.stopped_by_signals(stop):
-        sinks: list[Sink] = [collected, GuideSink(guide, stop, board.show), watch]
-        run_stream(stream, source, sinks=sinks, recording=recording_sink, stop=stop, each=watch.look)
+        record(session, sinks=sinks, stop=stop, note=note)
     board.erase()
     about |= guide_summary(guide, guide.progress())
-    return collected.imu(calibrated=False)
+    if (imu := collected.imu(calibrated=False)) is None:
+        raise CalibrationError(
+            "no sample arrived over the line, so there is nothing to calibrate. See 'plumbob record'."
+        )
+    return capture(imu, triads=how.triads, device=device, base=base)
 
 
 def _session(args: argparse.Namespace) -> "Session":
@@ -198,18 +176,19 @@ def _session(args: argparse.Namespace) -> "Session":
     A unit that is called like its format was not named, and a card needs a name.
     """
     from plumbob.data import ImuMeta
-    from plumbob.live.session import RecordSpec
+    from plumbob.live.session import OutputSpec, RecordSpec
     from plumbob.live.session_toml import capture_session
 
-    options, named = args.given, args.given.get("device")
-    line = {name: options[name] for name in OF_LINES if name in options}
+    named = args.given.get("device")
+    line = {name: args.given[name] for name in OF_LINES if name in args.given}
     device = named if args.file is None else None
-    session = capture_session(args.file, capture=options.get("start"), device=device, **line)
-    record = None if args.raw is None else replace(session.record or RecordSpec(""), path=args.raw)
+    session = capture_session(args.file, capture=args.given.get("start"), device=device, **line)
+    raw = None if args.raw is None else replace(session.record or RecordSpec(""), path=args.raw)
     device = session.meta.device
     if device == session.form.name:
         device = named or ImuMeta().device
-    return replace(session, meta=replace(session.meta, device=device), stage=None, record=record)
+    meta = replace(session.meta, device=device)
+    return replace(session, meta=meta, stage=None, record=raw, output=OutputSpec(), send=())
 
 
 def static_test(
@@ -235,14 +214,12 @@ def static_test(
         Card of the unit.
     reference : path, optional
         Track, where the recording carries none itself.
-    device : str, optional
-        The unit, where the recording does not name it.
     align : sequence of str
         Remove first: heading, mounting; by default nothing.
     declination : float or str, optional
-        Magnetic declination with unit, east positive, as 3.2deg.
-    profile : path, optional
-        What the columns of a CSV or text file mean.
+        As of `plumbob.evaluate`.
+    device, profile : optional
+        As of `plumbob.calibrate`.
     """
     from plumbob.calibration.calibration import capture
     from plumbob.core.findings import warnings
@@ -250,38 +227,25 @@ def static_test(
     from plumbob.door.reading import read
     from plumbob.papers.buoy.static_test import static_test
 
-    def opened(path: str | Path, profile: str | Path | None = None) -> "Recording":
-        opened = read(path, profile=None if profile is None else Path(profile)).of_unit(None)
-        common.note(*(f"{Path(path).name}: {line}" for line in warnings(opened.notes)))
-        return opened
-
-    for word in align:
-        check.one_of("--align", word, ("heading", "mounting", "time"))
-    measured = opened(recording, profile)
+    measured = read(recording, profile=None if profile is None else Path(profile)).of_unit(None)
     if measured.imu is None:
         raise CalibrationError(f"{recording} holds an attitude but no sensor data, so there is nothing to test.")
-    track = measured.track if reference is None else opened(reference).track
-    if track is None:
+    compared = measured if reference is None else read(reference)
+    for path, source in {recording: measured, reference or recording: compared}.items():
+        common.note(*(f"{Path(path).name}: {line}" for line in warnings(source.notes)))
+    if compared.track is None:
         where = reference or recording
         raise ShapeError(f"{where} holds no attitude to compare with; name a track or recording with --reference.")
-    return static_test(
-        capture(measured.imu, triads=("acc", "mag"), device=device).imu,
-        track,
-        CalibrationCard.load(Path(calibration)),
-        align=align,
-        declination=given("declination", declination, Quantity.ANGLE),
-    )
+    imu, card = capture(measured.imu, triads=("acc", "mag"), device=device).imu, CalibrationCard.load(Path(calibration))
+    bend = given("declination", declination, Quantity.ANGLE)
+    return static_test(imu, compared.track, card, align=align, declination=bend)
 
 
-def tested(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
+def tested(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Print the errors of all rests, and where they come from."""
     result = call()
-    reference = Path(getattr(args, "reference", args.recording)).name
-    facts = [
-        ("recording", Path(args.recording).name), ("reference", f"{reference}: {result.before.reference.source}"),
-        ("calibration", Path(args.calibration).name),
-    ]  # fmt: skip
-    report = result.report(facts=facts)
-    common.print_json({"file": args.recording, **result.summary()}) if args.json else print(report.text())
-    common.write_pages(args, report)
-    return 0
+    names = {name: Path(getattr(args, name, args.recording)).name for name in ("recording", "reference", "calibration")}
+    names["reference"] += f": {result.before.reference.source}"
+    page = result.report(facts=[*names.items()])
+    shown = common.Listed(page.text(), {"file": args.recording, **result.summary()})
+    return show(args, verb._replace(pages=lambda *_: page), result, shown=shown)

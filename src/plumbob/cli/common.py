@@ -1,13 +1,12 @@
 """What verbs share: options that mean the same everywhere, those of a live stream, progress, and notes to the user."""
 
 import argparse
-import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.text import visible
@@ -31,13 +30,18 @@ def filter_args(verb: str, filter_: str | None, params: str | None) -> dict[str,
     return {"filter": chosen[0].filter, "params": chosen[0].params}
 
 
+def rows(facts: Mapping[str, object], width: int = 12) -> str:
+    """Facts, a line each."""
+    return "\n".join(f"{name:{width}} {value}" for name, value in facts.items())
+
+
 class Listed(NamedTuple):
     """A list as text, and its values."""
 
     lines: str
     values: dict[str, Any]
 
-    def text(self) -> str:
+    def text(self, *_details: str) -> str:
         """What is printed."""
         return self.lines.rstrip("\n")
 
@@ -101,30 +105,32 @@ def named_values(items: Sequence[str]) -> dict[str, str]:
 
 def span(option: str, text: str) -> tuple[float, float]:
     """Begin and end of a stretch of time, s, of ``0s..5s``."""
-    from plumbob.core.units import Quantity, parse
+    from plumbob.core.units import Quantity, given
 
     first, dots, last = text.partition("..")
     if not dots or ".." in last:
         raise ParameterError(f"{option} needs a span as 0s..5s, but got '{text.strip()}'.")
-    return parse(first, Quantity.TIME), parse(last, Quantity.TIME)
+    return given(option, first, Quantity.TIME) or 0.0, given(option, last, Quantity.TIME) or 0.0
 
 
 def numbers(option: str, text: str, quantity: str) -> list[float]:
     """Numbers of a list in SI, where the unit of the last stands for those that have none, as in ``1,2,5 min``."""
-    from plumbob.core.units import Quantity, parse, split
+    from plumbob.core.units import Quantity, given, split
 
     words = [word.strip() for word in text.split(",") if word.strip()]
     if not words:
         raise ParameterError(f"{option} needs numbers, separated by commas, but got '{text}'.")
     unit = split(words[-1])[1]
-    return [parse(word if split(word)[1] else f"{word} {unit}".strip(), Quantity[quantity]) for word in words]
+    texts = [word if split(word)[1] else f"{word} {unit}".strip() for word in words]
+    return [given(option, text, Quantity[quantity]) or 0.0 for text in texts]
 
 
-def add_page(parser: argparse.ArgumentParser) -> None:
-    """Options --html, --plot and --lang."""
-    parser.add_argument("--html", type=Path, metavar="FILE", help="also write a page with figures that opens offline")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="also write the figures alone: .svg, .png or .pdf")
-    parser.add_argument("--lang", choices=("en", "zh"), help="language of the labels of page and figures (default en)")
+PAGE: Final[Mapping[str, Mapping[str, Any]]] = {
+    "html": {"type": Path, "metavar": "FILE", "help": "also write a page with figures that opens offline"},
+    "plot": {"type": Path, "metavar": "FILE", "help": "also write the figures alone: .svg, .png or .pdf"},
+    "lang": {"choices": ("en", "zh"), "help": "language of the labels of page and figures (default en)"},
+}
+"""Options of what has a page."""
 
 
 def pages(args: argparse.Namespace) -> list[Path | None]:
@@ -136,9 +142,9 @@ ENDINGS = {"html": (".html", ".htm"), "plot": (".svg", ".png", ".pdf")}
 """Of the names of pages and pictures."""
 
 
-def require_ending(option: str, path: str | Path | None, endings: Sequence[str]) -> None:
+def require_ending(option: str, path: str | Path, endings: Sequence[str]) -> None:
     """Refuse an output whose name ends otherwise."""
-    if path is not None and Path(path).suffix.lower() not in endings:
+    if Path(path).suffix.lower() not in endings:
         raise ParameterError(f"{option} needs a name that ends in {' or '.join(endings)}, but got {path}.")
 
 
@@ -208,6 +214,8 @@ def note(*lines: str) -> None:
 
 def print_json(value: Any) -> None:
     """Print one JSON object; NaN is refused."""
+    import json
+
     print(json.dumps(value, indent=2, allow_nan=False))
 
 
@@ -312,11 +320,11 @@ def stopped_by_signals(stop: "Stop") -> Iterator[None]:
 
 
 @contextmanager
-def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
+def progress_bars() -> Iterator[Callable[[str, int, int], None] | None]:
     """A bar on standard error for what is done in turn, by its title, what is done of it, and of all; on a terminal."""
     forced = any(os.environ.get(name) for name in ("FORCE_COLOR", "TTY_COMPATIBLE"))
     if not forced and (sys.stderr.closed or not sys.stderr.isatty()):  # Rich costs a tenth of a second to import
-        yield lambda what, so_far, total: None
+        yield None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn

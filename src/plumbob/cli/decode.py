@@ -4,29 +4,31 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
-from plumbob.cli.engine import Verb
+from plumbob.cli.engine import Call, Verb
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import profile_beside, replacing, replacing_all, write_text
 from plumbob.core.text import counted
-from plumbob.core.units import Quantity, parse
+from plumbob.core.units import Quantity, given
 
 if TYPE_CHECKING:
     from plumbob.protocols.decode import Counts, Frames
     from plumbob.protocols.format import Format
 
 _READ = 1 << 20
+TIME = "t [s]"
 _TEXT = (".csv", ".txt")
 _HINT = 1 << 18
 """Bytes of a file of which other formats are tried."""
 
 
-def run(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
+def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Print the table, or write it, and say what was not decoded."""
     from plumbob.data import UNCALIBRATED
     from plumbob.protocols.decode import decode
@@ -36,7 +38,7 @@ def run(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
     if spare := unassigned_told(form, form.message(args.message or "")):
         common.note(spare)
     common.check_outputs(args, *common.with_profile(out, _TEXT), inputs=(Path(args.data),))
-    table = _MessageRows(args.message or "", None if args.rate is None else parse(args.rate, Quantity.FREQUENCY))
+    table = _MessageRows(args.message or "", given("--rate", args.rate, Quantity.FREQUENCY))
 
     def take(frames: "Mapping[str, Frames]", _: "Counts") -> None:
         table.add(frames)
@@ -49,8 +51,8 @@ def run(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
     if not counts.received:
         raise DecodeError(f"{args.data} is empty. Give a file of raw bytes.")
     if not sum(counts.frames.values()):
-        none = f"none of its {_bytes(counts.received)} is {_a(form)}{counts.why_rejected()}"
-        raise DecodeError(f"{args.data}: {none}.{_hint(form, table.head)}")
+        frame = f"a {'transfer' if form.framing.transfers else 'frame'} of {form.name}{counts.why_rejected()}"
+        raise DecodeError(f"{args.data}: none of its {_bytes(counts.received)} is {frame}.{_hint(form, table.head)}")
     if out is not None:
         table.write(out, counts, _profile(form, table, args.unit), overwrite=args.force)
     _tell(form, counts, table)
@@ -74,39 +76,35 @@ def _profile(form: "Format", table: "_MessageRows", unit: str | None) -> str:
         common.note(f"the file is read as unit {units[0]} of {', '.join(units)}; ask for another with --unit")
     titles = {field.name: format_title(field) for field in message.fields}
     titles |= {name: name for name in (f"{u}.flags".lstrip(".") for u in units)}
-    return profile_text(form, message, units[0] if unit is None else unit, titles, table.time)
+    return profile_text(form, message, units[0] if unit is None else unit, titles, TIME if table.rate else "")
 
 
+@dataclass
 class _MessageRows:
     """Rows of one message, as they come."""
 
-    def __init__(self, message: str, rate: float | None) -> None:
-        self.message = message
-        self._rate = rate
-        self.time = "t [s]" if rate else ""
-        self.head = b""
-        """First bytes of the stream, of which other formats are tried."""
-        self._parts: list[Frames] = []
-        self._titled = False
-        self._rows = 0
-        self._count: int | None = None
-        self.skipped = 0
-        """How many frames the counter skips; a count that repeats skips nothing."""
+    message: str
+    rate: float | None
+    head: bytes = b""
+    """First bytes of the stream, of which other formats are tried."""
+    skipped: int = 0
+    """How many frames the counter skips; a count that repeats skips nothing."""
+    parts: "list[Frames]" = field(default_factory=list)
+    rows: int = 0
+    count: int | None = None
 
     def add(self, frames: "Mapping[str, Frames]") -> None:
         """Take frames of the message; of the first that comes, where none was asked for."""
         import numpy as np
 
         self.message = self.message or min(frames, key=lambda name: int(frames[name].start[0]), default="")
-        if self.message not in frames:
+        if (part := frames.get(self.message)) is None:
             return
-        part = frames[self.message]
-        self._parts.append(part)
+        self.parts.append(part)
         if (counter := part.message.of_role("counter")) is not None:
             counts = part.columns[counter.name].astype(np.int64)
-            first = counts[0] - 1 if self._count is None else self._count
-            steps = np.diff(counts, prepend=first) % (1 << counter.width)
-            self._count = int(counts[-1])
+            steps = np.diff(counts, prepend=counts[0] - 1 if self.count is None else self.count) % (1 << counter.width)
+            self.count = int(counts[-1])
             self.skipped += int(np.maximum(steps - 1, 0).sum())
 
     def write(self, path: Path, counts: "Counts", profile: str, *, overwrite: bool) -> None:
@@ -122,7 +120,7 @@ class _MessageRows:
                     stream.writelines(self.csv())
             return
         columns: dict[str, list[Any]] = {}
-        for block in self._blocks():
+        for block in self.blocks():
             for name, values in block.items():
                 columns.setdefault(name, []).extend(values)
         if path.suffix == ".json":
@@ -138,19 +136,20 @@ class _MessageRows:
 
     def csv(self) -> Iterator[str]:
         """Lines of what has come since the last call."""
-        for block in self._blocks():
-            if not self._titled:
+        titled = self.rows > 0
+        for block in self.blocks():
+            if not titled:
                 yield ",".join(block) + "\n"
-            self._titled = True
+            titled = True
             yield from (",".join(map(_cell, row)) + "\n" for row in zip(*block.values(), strict=True))
 
-    def _blocks(self) -> Iterator[dict[str, list[Any]]]:
+    def blocks(self) -> "Iterator[dict[str, list[Any]]]":
         """Columns by name, block by block."""
-        parts, self._parts = self._parts, []
+        parts, self.parts = self.parts, []
         for frames in parts:
-            times = [(self._rows + i) / self._rate for i in range(len(frames))] if self._rate else []
-            self._rows += len(frames)
-            yield ({self.time: times} if times else {}) | _columns(frames)
+            times = {TIME: [(self.rows + i) / self.rate for i in range(len(frames))]} if self.rate else {}
+            self.rows += len(frames)
+            yield times | _columns(frames)
 
 
 def _columns(frames: "Frames") -> dict[str, list[Any]]:
@@ -159,9 +158,9 @@ def _columns(frames: "Frames") -> dict[str, list[Any]]:
     from plumbob.protocols.decode import format_title
 
     columns: dict[str, list[Any]] = {"byte": frames.start.tolist()}
-    for field in (f for f in frames.message.fields if f.name in frames.columns):
-        values = frames.columns[field.name].tolist()
-        columns[format_title(field)] = [
+    for each in (f for f in frames.message.fields if f.name in frames.columns):
+        values = frames.columns[each.name].tolist()
+        columns[format_title(each)] = [
             None if isinstance(value, float) and not math.isfinite(value) else value for value in values
         ]
     for prefix, words in frames.flags.items():
@@ -241,10 +240,6 @@ def _hint(form: "Format", head: bytes) -> str:
         if sum(counts.frames.values()) >= 2 and 2 * counts.framed > counts.received:
             fitting.append(f"{name} ({sum(counts.frames.values())} frames)")
     return f" It looks like {', '.join(fitting)}." if fitting else ""
-
-
-def _a(form: "Format") -> str:
-    return "a transfer of " + form.name if form.framing.transfers else "a frame of " + form.name
 
 
 def _bytes(count: int) -> str:

@@ -2,13 +2,13 @@
 
 import argparse
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from plumbob.cli import common
-from plumbob.cli.engine import Verb, show
+from plumbob.cli.engine import Call, Verb, show
 from plumbob.core.errors import DecodeError, PlumbobError
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity, parse
@@ -26,22 +26,7 @@ DEVICE: Final = "emulated buoy"
 
 
 def require_as_sent(recorded: "ImuData | None", sent: "ImuData", counts: "Counts") -> None:
-    """Refuse a recording that is not what was sent.
-
-    Parameters
-    ----------
-    recorded : ImuData or None
-        Samples in the recording, uncalibrated.
-    sent : ImuData
-        Samples that the emulation put into its frames.
-    counts : Counts
-        What became of the bytes.
-
-    Raises
-    ------
-    DecodeError
-        With all that differs.
-    """
+    """Refuse a recording, uncalibrated, that is not what the emulation put into its frames, with all that differs."""
     wrong = ["no sample was recorded"] if recorded is None else [*_differences(recorded, sent)]
     if counts.framed < counts.received:
         wrong.insert(0, f"{counts.received - counts.framed} of {counts.received} bytes belong to no whole frame")
@@ -76,8 +61,8 @@ def _differences(recorded: "ImuData", sent: "ImuData") -> Iterator[str]:
 
 CARD: Final = "card.json"
 CERTIFICATE: Final = "certificate.html"
-HAND: Final = "hand.bin"
-MOUNTING: Final = "mounting.bin"
+HAND: Final = "hand"
+MOUNTING: Final = "mounting"
 
 
 def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
@@ -85,33 +70,18 @@ def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
 
     The seed is that of the unit and of its noise: the captures and the sea have the same one.
     """
-    from plumbob.calibration.report import certificate
     from plumbob.door.calibrate import calibrate
+    from plumbob.papers.workspace import Work
 
-    by_hand = calibrate(_captured(out / HAND, "poses", seed, {"move": 2.0}), "hand")
-    card = calibrate(_captured(out / MOUNTING, "raise", seed), "mount", calibration=by_hand.card, frame="NED").card
-    card.save(out / CARD, overwrite=True)
-    report = certificate(card, by_hand.fits, recording=f"{HAND} and {MOUNTING}, emulated")
+    work, unit = Work(out, seed), f'[imu]\ndevice = "{DEVICE}"\nframe = "NED"\n'
+    poses = work.recorded("buoy", HAND, scenario="poses", set={"move": 2.0}, session=unit).recording
+    raised = work.recorded("buoy", MOUNTING, scenario="raise", session=unit).recording
+    by_hand = calibrate(poses, "hand")
+    mounted = calibrate(raised, "mount", calibration=by_hand.card, frame="NED")
+    mounted.save(out / CARD, overwrite=True)
+    report = replace(mounted, fits=by_hand.fits).report(recording=f"{HAND}.bin and {MOUNTING}.bin, emulated")
     report.write_html(out / CERTIFICATE, overwrite=True)
-    return card
-
-
-def _captured(path: Path, scenario: str, seed: int, settings: dict[str, float] | None = None) -> "ImuData":
-    """Samples of a capture, from the bytes that the unit says during a motion, in a file as a logger keeps them."""
-    from plumbob.live.emulated import emulate
-    from plumbob.live.runner import run_stream
-    from plumbob.live.session_toml import capture_session
-    from plumbob.live.sinks import Collected
-    from plumbob.live.sources import open_source
-    from plumbob.live.stream import Stream
-
-    emulate("buoy", scenario=scenario, set=settings, seed=seed, write=path, overwrite=True)
-    session, collected = capture_session(capture=path, format="buoy", device=DEVICE, frame="NED"), Collected()
-    run_stream(Stream(session), open_source(session.source), sinks=[collected])
-    imu = collected.imu(calibrated=False)
-    if imu is None:
-        raise DecodeError(f"{path} holds no sample that could be decoded.")
-    return imu
+    return mounted.card
 
 
 TRUTH: Final = "truth.parquet"
@@ -120,7 +90,9 @@ RECORDING: Final = "buoy.mcap"
 TEXT: Final = "buoy.txt"
 PAGE: Final = "report.html"
 FILES: Final = (
-    CARD, CERTIFICATE, HAND, MOUNTING, TRUTH, "truth.card.json", SESSION_FILE, RECORDING, TEXT, PAGE,
+    CARD, CERTIFICATE, TRUTH, "truth.card.json", SESSION_FILE, RECORDING, TEXT, PAGE,
+    *(f"{name}.{end}" for name in (HAND, MOUNTING)
+      for end in ("bin", "mcap", "truth.parquet", "truth.card.json", "session.toml")),
 )  # fmt: skip
 WITHOUT_BROWSER: Final = "20s"
 WITH_BROWSER: Final = "600s"
@@ -140,33 +112,13 @@ SESSION: Final = """\
 kind = "plumbob session"
 version = 1
 
-[source]
-kind = "serial"
-port = "{port}"
-baud = 115200
-speed = {speed}
-time = "count"
-
-[format]
-name = "buoy"
-
-[imu]
-device = "{device}"
-frame = "NED"
-declination = "0 deg"
-
-[calibration]
-card = "{card}"
-
-[estimate]
-filter = "mekf"
-
-[record]
-path = "{recording}"
-
-[output]
-every = "50 ms"
-text = "{text}"
+source = {{ kind = "serial", port = "{port}", baud = 115200, speed = {speed}, time = "count" }}
+format.name = "buoy"
+imu = {{ device = "{device}", frame = "NED", declination = "0 deg" }}
+calibration.card = "{card}"
+estimate.filter = "mekf"
+record.path = "{recording}"
+output = {{ every = "50 ms", text = "{text}" }}
 """
 
 
@@ -182,7 +134,7 @@ def stages() -> "list[Stage]":
     ]
 
 
-def demo(args: argparse.Namespace, verb: Verb, call: Callable[..., Any]) -> int:
+def demo(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Run the buoy's line, or whole papers."""
     if not getattr(args, "papers", []):
         return _tour(args)
@@ -278,6 +230,7 @@ def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], in
     others = [(raw, replace(session.stage, label="the same, uncalibrated")), *((calibrated, s) for s in stages())]
     with common.progress_bars() as bars:
         for done, (imu, stage) in enumerate(others):
-            bars("estimating", done, len(others))
+            if bars is not None:
+                bars("estimating", done, len(others))
             tracks[stage.name] = run_stage(imu, stage, frame=session.frame)
     return tracks, same.compared

@@ -1,19 +1,21 @@
 """A verb is its function: options, their types, defaults and help come from its signature and docstring."""
 
 import argparse
-import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import plumbob
 from plumbob.cli import common
 from plumbob.core.errors import ParameterError
 from plumbob.core.resources import guide
+
+if TYPE_CHECKING:
+    from inspect import Parameter
 
 Call = Callable[..., Any]
 
@@ -59,76 +61,36 @@ QUANTITIES: Final = {"taus": "TIME", "rates": "RATE", "pose": "ANGLE"}
 
 
 class Verb(NamedTuple):
-    """What a signature and a docstring do not say of a verb.
+    """What a signature and a docstring do not say of a verb; names are those of parameters."""
 
-    Attributes
-    ----------
-    line : str
-        Of ``plumbob --help``.
-    page, example : str
-        Page of the documentation, and a command line.
-    function : str
-        Public name, or ``module.name`` below `plumbob`; by default that of the verb.
-    also : tuple of str
-        Functions whose parameters the variable keyword of this one takes.
-    brought : tuple of str
-        Options that the last of these brings, which is not imported where none of them is given.
-    named, hidden, repeat, optional : tuple of str
-        Positional parameters that are options, parameters that are none, options that are given again and again, and
-        what may be left out although the function needs it.
-    outputs : tuple of str
-        Parameters that are files to write.
-    exclusive : tuple of tuple of str
-        Parameters of which one is given at most.
-    needs, apart : mapping of str to tuple of str
-        Options that say something of others, of which one must be given, and options with which others do not go.
-    writes : mapping of str to (str, callable)
-        Outputs that are named at the end, by a word; and what writes them of the result, to the path, by the arguments,
-        where the function does not.
-    more : mapping of str to (str, str)
-        Options of the command line alone: what stands for the value (none: a switch; with !: needed; with + at the
-        end: several), and help. Of a parameter: what the help says instead. --force comes with an output.
-    run : str
-        Function of `plumbob.cli.special`, or ``module.name``, that calls, prints and gives the exit code; by default
-        `show` does.
-    code : callable
-        Exit code by the result.
-    kinds : mapping of str to Verb
-        What the verb is for, one of which is named behind it.
-    pages : callable, optional
-        Report of the result for --html and --plot.
-    json : bool
-        Whether there is a summary to print as JSON.
-    ends : mapping of str to tuple of str
-        Endings that the name of an output must have.
-    note, about : str
-        Last words of the help, and its first ones, by default those of the function.
-    """
-
-    line: str
-    page: str
-    example: str
-    function: str = ""
-    also: tuple[str, ...] = ()
-    brought: tuple[str, ...] = ()
-    named: tuple[str, ...] = ()
-    hidden: tuple[str, ...] = ()
-    repeat: tuple[str, ...] = ()
-    optional: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ("out",)
-    exclusive: tuple[tuple[str, ...], ...] = ()
-    needs: Mapping[str, tuple[str, ...]] = {}
-    apart: Mapping[str, tuple[str, ...]] = {}
+    line: str  # of ``plumbob --help``
+    page: str  # of the documentation
+    example: str  # a command line
+    function: str = ""  # public name, or ``module.name`` below `plumbob`; by default that of the verb
+    also: tuple[str, ...] = ()  # functions whose parameters the variable keyword of this one takes
+    brought: tuple[str, ...] = ()  # what the last of these is for: it is not imported where none of them is given
+    named: tuple[str, ...] = ()  # positional parameters that are options
+    hidden: tuple[str, ...] = ()  # parameters that no option gives
+    repeat: tuple[str, ...] = ()  # options that are given again and again
+    optional: tuple[str, ...] = ()  # what may be left out although the function needs it
+    outputs: tuple[str, ...] = ("out",)  # files to write
+    exclusive: tuple[tuple[str, ...], ...] = ()  # of which one is given at most
+    needs: Mapping[str, tuple[str, ...]] = {}  # options that say something of others, of which one must be given
+    apart: Mapping[str, tuple[str, ...]] = {}  # options with which others do not go
     writes: Mapping[str, tuple[str, Callable[[Any, Path, argparse.Namespace], object] | None]] = {}
+    """Outputs that are named at the end, by a word, and what writes them where the function does not."""
     more: Mapping[str, tuple[str, str]] = {}
-    run: str = "show"
-    code: Callable[[Any], int] | None = None
-    kinds: Mapping[str, "Verb"] = {}
-    pages: Callable[[Any, argparse.Namespace], Any] | None = None
-    json: bool = True
-    ends: Mapping[str, tuple[str, ...]] = {}
-    note: str = ""
-    about: str = ""
+    """Options of the command line alone: what stands for the value (none: a switch; with !: needed; with + at the end:
+    several), and help; of a parameter, what the help says instead. --force comes with an output."""
+    details: tuple[str, ...] = ()  # switches that ask for a further table of the text
+    run: str = "show"  # in `plumbob.cli.special`, or ``module.name``: calls, prints and gives the exit code
+    code: Callable[[Any], int] | None = None  # exit code by the result
+    kinds: Mapping[str, "Verb"] = {}  # what the verb is for, one of which is named behind it
+    pages: Callable[[Any, argparse.Namespace], Any] | None = None  # report of the result for --html and --plot
+    json: bool = True  # whether there is a summary to print
+    ends: Mapping[str, tuple[str, ...]] = {}  # endings that the name of an output must have
+    note: str = ""  # last words of the help
+    about: str = ""  # its first ones, by default those of the function
 
 
 VERB_BY_FUNCTION: Final[dict[str, str]] = {
@@ -141,7 +103,7 @@ class Option(NamedTuple):
     """A parameter as an option or argument: its annotation as it is written, and whether it names a file."""
 
     name: str
-    parameter: inspect.Parameter
+    parameter: "Parameter"
     function: Call
     type: str
     is_path: bool
@@ -171,10 +133,12 @@ def named_function(path: str) -> Call:
 
 def parameters(function: Call, verb: Verb) -> dict[str, Option]:
     """Parameters of a function, and of those that its variable keyword leads to, that a command line can give."""
+    from inspect import signature  # which the list of the verbs does without
+
     options: dict[str, Option] = {}
     documented = described(function)
     for source in (function, *map(named_function, verb.also)):
-        for name, parameter in inspect.signature(source).parameters.items():
+        for name, parameter in signature(source).parameters.items():
             annotation = parameter.annotation
             type_ = annotation.__name__ if isinstance(annotation, type) else str(annotation).strip("\"'")
             first = source is function or parameter.kind is parameter.KEYWORD_ONLY
@@ -189,7 +153,9 @@ def parameters(function: Call, verb: Verb) -> dict[str, Option]:
 @cache
 def described(function: Call) -> dict[str, tuple[str, str]]:
     """Type and meaning of each parameter, as the docstring has them."""
-    text = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", inspect.getdoc(function) or "", re.M | re.S)
+    from inspect import getdoc
+
+    text = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", getdoc(function) or "", re.M | re.S)
     entries = {}
     for names, kind, body in re.findall(
         r"^(\S[^:\n]*)(?: : (.*))?\n((?:    .*\n?|\n)*)", text[1] if text else "", re.M
@@ -222,8 +188,9 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
     helped = words is None or "-h" in words or "--help" in words
     if verb.kinds:
         group: argparse.ArgumentParser = parsers.add_parser(
-            name, help=verb.line, description=f"{verb.line[0].upper()}{verb.line[1:]}.", epilog=ending(verb)
-        )
+            name, help=verb.line, description=f"{verb.line[0].upper()}{verb.line[1:]}.",
+            epilog=ending(verb) if helped else "",
+        )  # fmt: skip
         kinds_of = group.add_subparsers(dest="kind", metavar="KIND", required=True)
         for kind, inner in verb.kinds.items():
             if words is None or kind in words[:2]:
@@ -232,8 +199,10 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
                 kinds_of.add_parser(kind, help=inner.line)
         group.set_defaults(parser=group)
         return group
+    from inspect import getdoc
+
     function = named_function(verb.function or name)
-    doc = verb.about or inspect.getdoc(function) or ""
+    doc = verb.about or getdoc(function) or ""
     about = re.split(r"^\w[\w ]*\n-+$", doc, maxsplit=1, flags=re.M)[0].replace("`", "")
     p: argparse.ArgumentParser = parsers.add_parser(
         name, help=verb.line, description=re.sub(r"(?<=\S)\n(?=\S)", " ", about).strip(),
@@ -254,9 +223,10 @@ def add_verb(parsers: Any, name: str, verb: Verb, words: Sequence[str] | None = 
     for key, (value, help_) in ((key, more) for key, more in verb.more.items() if key not in options):
         how: dict[str, Any] = {"metavar": value.rstrip("!+"), "required": "!" in value, "nargs": "+"}
         how = {"action": "store_true"} if not value else how if "+" in value[-1:] else {**how, "nargs": None}
+        how |= {"type": {"N": int, "GRADE": float}[value]} if value in ("N", "GRADE") else {}
         groups.get(key, p).add_argument(f"--{key.replace('_', '-')}", dest=key, help=help_, **how)
-    if verb.pages is not None:
-        common.add_page(p)
+    for key, page in common.PAGE.items() if verb.pages is not None else ():
+        p.add_argument(f"--{key}", **page)
     if "overwrite" not in options and (verb.pages is not None or {"out", *verb.outputs} & {*verb.more} - {*options}):
         p.add_argument("--force", action="store_true", help=HELP["overwrite"])
     if verb.json:
@@ -331,24 +301,28 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     if outputs or verb.pages is not None:
         common.check_outputs(args, *outputs, *common.pages(args), inputs=inputs)
     for name, endings in {**({} if verb.pages is None else common.ENDINGS), **verb.ends}.items():
-        common.require_ending(_flag(name), given.get(name) or getattr(args, name, None), endings)
+        if path := given.get(name) or getattr(args, name, None):
+            common.require_ending(_flag(name), path, endings)
 
     def call(to: Call = function, **more: Any) -> Any:
-        signature = inspect.signature(to).parameters
-        takes_all = any(each.kind is each.VAR_KEYWORD for each in signature.values())
-        with common.progress_bars() if "progress" in signature else nullcontext(print) as bars:
+        from inspect import signature
+
+        takes = signature(to).parameters
+        takes_all = any(each.kind is each.VAR_KEYWORD for each in takes.values())
+        with common.progress_bars() if "progress" in takes else nullcontext() as bars:
 
             def show(*counts: Any) -> None:
                 title, done, total = counts if len(counts) == 3 else (args.verb, *counts)
+                assert bars is not None
                 bars(title, done, total or done)
 
-            values = {"note": common.note, "progress": show, **given, **more}
-            named = {name for name in given if options[name].parameter.kind is inspect.Parameter.KEYWORD_ONLY}
+            values = {"note": common.note, "progress": show if bars else None, **given, **more}
+            named = {name for name in given if options[name].parameter.kind is options[name].parameter.KEYWORD_ONLY}
             values = {name: value for name, value in values.items()
-                      if name in signature or (takes_all and name in {*named, *more})}  # fmt: skip
-            places = [values.pop(name) for name, each in signature.items()
+                      if name in takes or (takes_all and name in {*named, *more})}  # fmt: skip
+            places = [values.pop(name) for name, each in takes.items()
                       if name in values and each.kind is not each.KEYWORD_ONLY]  # fmt: skip
-            if any(each.kind is each.VAR_POSITIONAL for each in signature.values()):
+            if any(each.kind is each.VAR_POSITIONAL for each in takes.values()):
                 places = places[0] if places else []
             return to(
                 *(place[0] if isinstance(place, list) and len(place) == 1 else place for place in places), **values
@@ -363,7 +337,7 @@ def _refuse_idle(verb: Verb, options: Mapping[str, Option], args: argparse.Names
     given = {name for name, value in vars(args).items() if value is not None and value is not False and value != []}
 
     def said(name: str) -> str:
-        bare = name in options and options[name].parameter.kind is inspect.Parameter.VAR_POSITIONAL
+        bare = name in options and options[name].parameter.kind is options[name].parameter.VAR_POSITIONAL
         return name.upper() if bare else _flag(name)
 
     for name, others in verb.apart.items():
@@ -395,7 +369,8 @@ def show(args: argparse.Namespace, verb: Verb, result: Any, *lines: str, shown: 
     if args.json:
         common.print_json(shown.summary() | more)
     else:
-        print("\n".join((shown.text(), *lines, *(f"{verb.writes[n][0]:12} {path}" for n, path in written.items()))))
-    if verb.pages is not None:
+        text = shown.text(*(name for name in verb.details if getattr(args, name)))
+        print("\n".join((text, *lines, *(f"{verb.writes[n][0]:12} {path}" for n, path in written.items()))))
+    if verb.pages is not None and any(common.pages(args)):
         common.write_pages(args, verb.pages(result, args))
     return 0 if verb.code is None else verb.code(result)

@@ -36,10 +36,9 @@ def filters(name: str | None = None) -> Listed:
     modules = [(name, load(name))] if name is not None else EXTENSIBLE.usable(estimator_names())
     listed = {each: _entry(module, described=name is not None) for each, module in modules}
     shared = [_row(p) for p in describe(CommonParams)]
-    lines = [line for each, entry in listed.items() for line in _entry_lines(each, entry)]
-    lines += ["every filter takes also", *_row_lines(shared)]
-    lines += ["filters of rates, which give no attitude"] if of_rates else []
-    lines += [line for each, entry in of_rates.items() for line in _entry_lines(each, entry)]
+    of_all, also = ([line for pair in some.items() for line in _entry_lines(*pair)] for some in (listed, of_rates))
+    lines = [*of_all, "every filter takes also", *_row_lines(shared)]
+    lines += ["filters of rates, which give no attitude", *also] if of_rates else []
     return Listed("\n".join(lines), {"filters": listed, "every_filter": shared, "rate_filters": of_rates})
 
 
@@ -65,16 +64,13 @@ def _row(p: "Parameter") -> dict[str, Any]:
         "unit": "on/off" if p.switch else str(p.spec.quantity),
         "default": p.default,
         "default_text": shown(p, p.default),
-        "low": _bound(p, p.spec.low),
-        "high": _bound(p, p.spec.high),
+        **{
+            name: None if p.switch or math.isinf(end := getattr(p.spec, name)) else float(end)
+            for name in ("low", "high")
+        },
         "range_text": allowed(p),
         "meaning": p.spec.meaning,
-    }
-
-
-def _bound(p: "Parameter", value: float) -> float | None:
-    """Bound in the unit inside; None for a switch, and where there is none."""
-    return None if p.switch or math.isinf(value) else float(value)
+    }  # fmt: skip
 
 
 def _entry_lines(name: str, entry: dict[str, Any]) -> list[str]:
@@ -123,31 +119,23 @@ def devices(
     """
     from plumbob.protocols.c_header import c_header
     from plumbob.protocols.format_toml import EXTENSIBLE, device_names, find_format
-    from plumbob.protocols.page import as_text, tables
+    from plumbob.protocols.page import as_markdown, as_text, tables
+
+    def marked(form: "Format", level: int) -> str:
+        return f"{'#' * level} {form.name}\n\n{form.title}.\n\n{as_markdown(tables(form), level + 1)}"
 
     if name is None:
         if c or options:
             raise ParameterError("name a device; 'plumbob list devices' lists them.")
-        page = (_markdown(form, 2) for _, form in EXTENSIBLE.usable(device_names()))
+        page = (marked(form, 2) for _, form in EXTENSIBLE.usable(device_names()))
         return Listed("\n".join([_HEAD, *page]), {}) if markdown else _all_devices()
     form = find_format(name)
     form = form.bind(options) if options or c else form
     if c:
         return Listed(c_header(form), {})
-    text = _markdown(form, 1) if markdown else f"{form.name}: {visible(form.title)}\n\n{as_text(tables(form))}"
-    return Listed(text, asdict(form) | {"framing": _plain(form)})
-
-
-def _markdown(form: "Format", level: int) -> str:
-    from plumbob.protocols.page import as_markdown, tables
-
-    return f"{'#' * level} {form.name}\n\n{form.title}.\n\n{as_markdown(tables(form), level + 1)}"
-
-
-def _plain(form: "Format") -> dict[str, object]:
-    """Framing with its bytes in hexadecimal."""
-    framing = form.framing
-    return asdict(framing) | {"sync": [word.hex() for word in framing.sync], "end": framing.end.hex()}
+    text = marked(form, 1) if markdown else f"{form.name}: {visible(form.title)}\n\n{as_text(tables(form))}"
+    framing = asdict(form.framing) | {"sync": [word.hex() for word in form.framing.sync], "end": form.framing.end.hex()}
+    return Listed(text, asdict(form) | {"framing": framing})
 
 
 def _all_devices() -> Listed:

@@ -10,10 +10,11 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, nullcontext, redirect_stdout
+from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Any, Final, NoReturn, TextIO, cast
+from typing import Any, Final, NamedTuple, NoReturn, TextIO, cast
 
 from plumbob.cli import common
 from plumbob.cli.engine import VERB_BY_FUNCTION, add_verb
@@ -73,7 +74,7 @@ def build_parser(verbs: Sequence[str] = (), words: Sequence[str] | None = None) 
         usage=None if verbs else "plumbob [--help] [--version] VERB ...",
         description="Attitude from MEMS inertial sensors. Without a verb, plumbob prints the order of work.",
         epilog="\n".join([*lines, EPILOG]),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=partial(argparse.RawDescriptionHelpFormatter, width=78),  # lines are broken already
     )
     parser.add_argument("--version", action="version", version=f"plumbob {__version__}")
     parsers = parser.add_subparsers(dest="verb", metavar="VERB", required=True, help=argparse.SUPPRESS)
@@ -128,7 +129,7 @@ def main(
             args, unknown = parsing.parse_known_args(_joined(words))
             if unknown:
                 _refuse_options(unknown, getattr(args, "parser", parsing))
-            with _visible_output():
+            with redirect_stdout(cast(TextIO, _Visible(sys.stdout))) if sys.stdout else nullcontext():
                 code: int = args.prepare(args)() if hasattr(args, "prepare") else args.run(args)
         if sys.stdout:
             sys.stdout.flush()
@@ -202,30 +203,20 @@ def _ended(program: str, args: argparse.Namespace, number: int) -> int:
     return 128 + number
 
 
-class _Visible:
+class _Visible(NamedTuple):
     """Standard output on which nothing that a file says can steer the terminal; reports have lines, and no more."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
+    stream: TextIO
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
+        return getattr(self.stream, name)
 
     def write(self, text: str) -> int:
-        return self._stream.write(visible(text, _LAYOUT))
+        return self.stream.write(visible(text, _LAYOUT))
 
     def writelines(self, lines: Iterable[str]) -> None:
         for line in lines:
             self.write(line)
-
-
-@contextmanager
-def _visible_output() -> Iterator[None]:
-    if not sys.stdout:
-        yield
-        return
-    with redirect_stdout(cast(TextIO, _Visible(sys.stdout))):
-        yield
 
 
 def _words(error: OSError) -> str:

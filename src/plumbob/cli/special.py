@@ -3,13 +3,14 @@
 import argparse
 import os
 import sys
-from collections.abc import Callable
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
-from plumbob.cli.engine import Verb, show
+from plumbob.cli.engine import Call, Verb, show
+from plumbob.core import __version__
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
 from plumbob.core.text import counted
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["show"]
 
-Call = Callable[..., Any]
 _MANY: Final = 50
 """Recordings of which progress is told in lines, where there is no terminal."""
 
@@ -50,7 +50,8 @@ def report(args: argparse.Namespace, verb: Verb, call: Call) -> int:
             raise ParameterError("--figure draws one recording; name the picture with --out.")
         print(f"figure       {call(plot, file=args.files[0], what=args.figure)}")
         return 0
-    common.require_ending("--out", out, common.ENDINGS["html"])
+    if out is not None:
+        common.require_ending("--out", out, common.ENDINGS["html"])
     return show(args, verb, call())
 
 
@@ -80,7 +81,8 @@ def batch(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     with common.progress_bars() as bars:
 
         def over(done: int, total: int | None) -> None:
-            bars("recordings", done, total or done)
+            if bars is not None:
+                bars("recordings", done, total or done)
             lines = total and total >= _MANY and not sys.stderr.isatty()
             if lines and total and 10 * done // total > 10 * (done - 1) // total:
                 common.note(f"{done} of {total} recordings")
@@ -149,13 +151,12 @@ def info(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.core import check
 
     least, word = getattr(args, "min_grade", None), getattr(args, "require", None)
-    if least is not None and not 0.0 <= float(least) <= 100.0:
-        raise ParameterError(f"--min-grade must be a number from 0 to 100, but it is {float(least):g}.")
+    if least is not None and not 0.0 <= least <= 100.0:
+        raise ParameterError(f"--min-grade must be a number from 0 to 100, but it is {least:g}.")
     if word is not None:
         check.one_of("--require", word, ("GOOD", "FAIR", "POOR"))
-    facts = call()
-    common.print_json(facts.summary()) if args.json else print(facts.text(*(["grade"] if args.grade else [])))
-    wanted = word if least is None else float(least)
+    facts, wanted = call(), word if least is None else least
+    show(args, verb, facts)
     return 0 if wanted is None or facts.reaches(wanted) else 3
 
 
@@ -222,10 +223,9 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.filters.known import RATE_FILTERS, SMOOTHER
 
     name, args.recording = getattr(args, "filter", SMOOTHER), args.recording[0]
+    errors: dict[str, Any] = {}
     if name in RATE_FILTERS:
         result = _rates(args, call)
-        numbers, lines = result.summary(), []
-        samples, duration = numbers["samples"], numbers["duration_s"]
     else:
         if args.drift or args.rest:
             raise ParameterError(f"--drift and --rest are for a filter of rates: --filter {', '.join(RATE_FILTERS)}.")
@@ -242,11 +242,10 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
             of_estimate(result, gatherer, args.recording).write_html(Path(args.report), overwrite=args.force)
         errors = {} if result.reference is None else _errors(result.track, result.reference)
-        numbers, lines = result.summary() | ({"errors": errors} if errors else {}), _error_lines(errors)
-        samples, duration = result.outline.samples, result.outline.duration
-    text = [f"{args.recording}: {counted(samples, 'sample')}, {duration:.3f} s", result.text(), *lines]
-    about = {"file": args.recording, "out": getattr(args, "out", None)}
-    return show(args, verb, result, shown=common.Listed("\n".join(text), about | numbers))
+    numbers = {"file": args.recording, "out": getattr(args, "out", None), **result.summary()}
+    head = f"{args.recording}: {counted(numbers['samples'], 'sample')}, {numbers['duration_s']:.3f} s"
+    text = "\n".join([head, result.text(), *_error_lines(errors)])
+    return show(args, verb, result, shown=common.Listed(text, numbers | ({"errors": errors} if errors else {})))
 
 
 def _rates(args: argparse.Namespace, call: Call) -> Any:
@@ -317,5 +316,62 @@ def has_display() -> bool:
 def control(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Print the answer."""
     answer = call()
-    common.print_json({"verb": args.what, "answer": answer}) if args.json else print(answer)
-    return 0
+    return show(args, verb, answer, shown=common.Listed(answer, {"verb": args.what, "answer": answer}))
+
+
+def allan(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Print the noise, one deviation alone, or a comparison."""
+    from plumbob.data.cards import NoiseCard
+    from plumbob.door.allan import is_recording
+
+    if args.card is not None:
+        NoiseCard.require_place(Path(args.card))
+    path = Path(args.after or args.record if hasattr(args, "calibration") else args.record)
+    named = [f"--{name}" for name in ("triads", "profile", "calibration") if hasattr(args, name)]
+    if named and path.is_file() and not is_recording(path, getattr(args, "profile", None), getattr(args, "kind", None)):
+        raise ParameterError(f"{path} holds plain numbers, but {', '.join(named)} is for recordings. Leave it out.")
+    if args.after is not None:
+        return _compare(args, verb, call)
+    if args.deviation is not None:
+        return _deviation(args, verb, call)
+    noise = call()
+    if args.paper != "fin":
+        args.curve |= hasattr(args, "taus")
+        return show(args, verb, noise)
+    from plumbob.papers.fin.datasheet import fin_report
+
+    table, sheet = fin_report(noise.analyses), noise.report(device=args.device)
+    page = replace(sheet, parts=[*sheet.parts, table])
+    return show(args, verb._replace(pages=lambda *_: page, details=()), noise, shown=table)
+
+
+def _deviation(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    from plumbob.core import check
+    from plumbob.door.allan import open_static
+    from plumbob.noise import KINDS
+    from plumbob.noise.allan import deviations
+    from plumbob.noise.report import curve_numbers, curves_report
+
+    kind = check.one_of("--deviation", args.deviation, KINDS)
+    record, report, card = call(open_static)
+    curves = deviations(record, report, kind, taus=args.given.get("taus"))
+    about = {"file": str(record.path), "calibration": card, "deviation": kind}
+    shown = common.Listed(curves_report(curves).text(), about | curve_numbers(curves))
+    return show(args, verb._replace(pages=None), None, shown=shown)
+
+
+def _compare(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    from plumbob.door.allan import open_static
+    from plumbob.noise.allan import comparisons
+    from plumbob.noise.report import comparison, comparison_numbers
+
+    record, checked, _ = call(open_static, calibration=None)
+    after, judged, card = call(open_static, record=args.after)
+    pairs = comparisons((record, checked), (after, judged), taus=args.given.get("taus"))
+    name = after.path.name if card is None else f"{after.path.name}, calibrated with {card}"
+    report = comparison(
+        pairs, facts=[("before", record.path.name), ("after", name), ("made by", f"plumbob {__version__}")]
+    )
+    about = {"before": str(record.path), "after": str(after.path), "calibration": card}
+    shown = common.Listed(report.text(), about | comparison_numbers(pairs))
+    return show(args, verb._replace(pages=lambda *_: report), None, shown=shown)

@@ -42,6 +42,15 @@ def save_virtual(findings: Any, path: Path, args: Namespace) -> None:
     convert(Recording(imu=findings.imu, name=path.stem, notes=(note,)), path, overwrite=args.force)
 
 
+def write_kalibr(noise: Any, path: Path, args: Namespace) -> None:
+    """Write Kalibr's imu.yaml."""
+    from plumbob.core.files import write_text
+    from plumbob.noise.card import kalibr_yaml
+
+    yaml = kalibr_yaml(noise.analyses, rostopic=args.topic or "/imu0", source=noise.source)
+    write_text(path, yaml, overwrite=args.force)
+
+
 def _write_hand(replay: Any, path: Path, args: Namespace) -> None:
     from plumbob.arm.angles import write_table
 
@@ -79,8 +88,9 @@ def _calibrate(
         line, "calibration.md", f"plumbob calibrate {kind} capture.parquet{example} --out card.json", "calibrate",
         also=(*functions, *(("live.session_toml.capture_session",) if guided else ())), run="calibrate.calibrate",
         brought=("live", *OF_LINES) if guided else (),
-        hidden=("kind", "labels", "force", *line_only) , outputs=(), note=note,
-        optional=("recording",) if guided else (), pages=lambda calibrated, args: calibrated.report(),
+        hidden=("kind", "labels", "force", *line_only), outputs=(), note=note,
+        optional=("recording",) if guided else (),
+        pages=lambda calibrated, args: calibrated.report(recording=args.file.name if args.file else "live"),
         needs=dict.fromkeys(("raw", *OF_LINES), ("live",)) if guided else {},
         apart={
             "live": ("profile", "stop"), "in_use": ("live",), "preset": ("method",), "parts": ("part_column",),
@@ -114,9 +124,7 @@ START: Final = {
                 "hand", "the whole unit: accelerometer, gyroscope and magnetometer from one capture by hand",
                 " --html card.html", "Away from iron, hold the unit still for 3 s in each of 18 poses, every face and "
                 "every edge of its case once up, or in 40 any; turn it within a second or two in between, by a quarter "
-                "or half a turn about another axis each time. The accelerometer is calibrated by the poses, the "
-                "gyroscope by the turns between them, the magnetometer by both. What the recording lacks is left out. "
-                "If one of them cannot be calibrated, no card is written; calibrate the others each.",
+                "or half a turn about another axis each time. If one sensor cannot be calibrated, no card is written.",
             ),
             "mag": _calibrate(
                 "mag", "magnetometer: hard iron, soft iron, scale, turn against the accelerometer", "",
@@ -126,18 +134,16 @@ START: Final = {
             "accel": _calibrate(
                 "accel", "accelerometer: bias, scale and misalignment from poses at rest", "",
                 "Hold the unit still for 2 s or more in each of 18 poses, or in 40 any: every face and every edge of "
-                "its case once up. No pose has to be exact. Six faces give bias and scale only; nine poses and more "
-                "give the misalignment of the axes too. With --moving, turn the unit slowly (20 to 30 deg/s) about all "
-                "its axes for two minutes, close to the wrist. Poses at rest are several times better.",
+                "its case once up. Six faces give bias and scale only. With --moving, turn it slowly (20 to 30 deg/s) "
+                "about all its axes for two minutes, close to the wrist.",
             ),
             "gyro": _calibrate(
                 "gyro", "gyroscope: bias, scale and axes, without a table", " --method rest",
-                "rest: 30 s at rest: bias.\n"
-                "hand: 30 s at rest, then 20 quarter or half turns about all axes with 2 s of rest after each: bias, "
-                "scale and axes against the accelerometer, whose card is given with --calibration.\n"
-                "ferraris: six faces at rest and a turn by --angle about each axis while it stands on end: "
-                "accelerometer and gyroscope. The parts x_p x_a y_p y_a z_p z_a (axis up, axis down) and x_rot y_rot "
-                "z_rot are looked for, or named by --parts or --part-column.",
+                "rest: 30 s at rest, for the bias.\n"
+                "hand: 30 s at rest, then 20 quarter or half turns about all axes, each with 2 s of rest after it; "
+                "--calibration gives the accelerometer's card.\n"
+                "ferraris: six faces at rest (x_p x_a ... z_a: axis up, axis down) and a turn by --angle about each "
+                "axis (x_rot y_rot z_rot); the parts are looked for, or named by --parts or --part-column.",
                 ("door.calibrate._gyro", "door.calibrate._ferraris"),
                 {"part_column": ("NAME", "column of a text file that names the parts")},
             ),
@@ -146,8 +152,7 @@ START: Final = {
             "temperature": _calibrate(
                 "temperature", "gyroscope: bias over temperature, from a soak at rest", "",
                 "Let the unit lie still while it warms up and cools down again, over 10 K or more in half an hour or "
-                "longer, and record its temperature. The degree of the polynomial, 1 to 3, is the lowest that the "
-                "record does not contradict.",
+                "longer, and record its temperature.",
             ),
             "mount": _calibrate(
                 "mount", "how the unit sits on its body, from two poses at rest or a reference", " --frame NED",
@@ -195,10 +200,6 @@ START: Final = {
         more={
             "figure": ("NAME", "draw this figure alone into --out, a .svg, .pdf or .png: angles, tilt, rates, forces, "
                      "field, temperature, bias, sd, spectrum, rose, bursts or flags"),
-            "out": ("", "where to write the page, HTML, or the figure"),
-            "begin": ("", "of a figure: the first time, s, or text with a unit"),
-            "end": ("", "of a figure: the last time; the attitude is estimated of the whole recording"),
-            "width": ("", "of a figure: as 85mm for a column"),
         },
         note="plumbob report sea.parquet --figure spectrum --width 85mm --out spectrum.pdf draws one figure.",
     ),
@@ -206,23 +207,26 @@ START: Final = {
         "record a live line, and estimate its attitude as it comes",
         "record-at-sea.md", "plumbob record --port /dev/ttyUSB0 --format buoy --device buoy-7 --out sea.mcap",
         also=("live.session_toml.capture_session",), hidden=("file",), repeat=("send",), run="record", outputs=(),
-        note="exit codes: 0 ended as asked, 1 an error that the message explains, such as no sample at all, 3 rows of "
-        "the recording are lost or its text is cut short, as on a full disk. For a recorder that nobody attends, see "
-        "'Unattended' in docs/sessions.md.",
+        note="Exit code 3 where rows of the recording are lost or its text is cut short, as on a full disk. For a "
+        "recorder that nobody attends, see 'Unattended' in docs/sessions.md.",
     ),
     "view": Verb(
         "show a live line, or play a recording, on a page in a browser, or as text in a terminal",
         "view.md", "plumbob view --emulate buoy", also=("live.session_toml.capture_session", "estimate"),
         hidden=("file", "out", "overwrite", "open_browser"), repeat=("send", "allow_origin"), run="view", outputs=(),
         more={"no_open": ("", "do not open a browser")},
-        note="exit codes: 0 ended as asked, 1 an error that the message explains, such as no sample at all, 3 rows of "
-        "a recording are lost. The page's address holds a token. End it with Ctrl-C or SIGTERM; a recording that is "
-        "being made ends whole.",
+        note="Exit code 3 where rows of a recording are lost. The page's address holds a token. End it with Ctrl-C or "
+        "SIGTERM; a recording that is being made ends whole.",
     ),
     "allan": Verb(
         "analyse the noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
-        "noise.md", "plumbob allan static.parquet --html noise.html --card noise.json", run="allan.allan",
-        outputs=("kalibr",), pages=lambda noise, args: noise.report(device=args.device),
+        "noise.md", "plumbob allan static.parquet --html noise.html --card noise.json", run="allan",
+        outputs=("card", "kalibr"), pages=lambda noise, args: noise.report(device=args.device),
+        details=("methods", "curve"),
+        writes={
+            "card": ("card", lambda noise, path, args: save(noise.card(args.device), path, args)),
+            "kalibr": ("kalibr", write_kalibr),
+        },
         needs={"device": ("card", "html"), "topic": ("kalibr",)},
         apart={
             "after": (*_COEFFICIENTS, "paper", "deviation"), "deviation": (*_COEFFICIENTS, "paper", "html", "plot"),
@@ -249,7 +253,7 @@ START: Final = {
         "estimate the attitude of many recordings: one dataset, and a table of verdicts",
         "fleet.md", "plumbob batch recordings --filter mekf --out dataset", run="batch", named=("out",), outputs=(),
         exclusive=(*_ESTIMATE, ("jobs", "cluster")),
-        note="exit codes: 0 all recordings done, 3 some are damaged or refused, 1 the message says why nothing ran",
+        note="Exit code 3 where some recordings are damaged or refused.",
         code=lambda done: 0 if done.counts["done"] == done.recordings else DIFFERENT,
     ),
 }  # fmt: skip
@@ -280,11 +284,8 @@ LINES: Final = {
         "formats.md", "plumbob decode raw.bin --format buoy --out table.csv", named=("format",),
         hidden=("t_ns", "each"), repeat=("options",), outputs=(), run="decode.run", json=False,
         ends={"out": (".csv", ".txt", ".parquet", ".json")},
-        about="Decode raw bytes into a table: one row a frame, SI units in the header. Damaged bytes are skipped and "
-        "counted on standard error.",
         more={
             "data": ("", "raw bytes, as a device sent them; '-' for standard input"),
-            "format": ("", "device, rig, or TOML file; see 'plumbob list devices'"),
             "ring": ("", "the file is a log written round and round: its frames by their counter"),
             "message": ("M", "which kind of frame (default the first that occurs)"),
             "rate": ("HZ", "frames per second: adds a column of time, counted from the first frame"),
@@ -297,8 +298,9 @@ FILES: Final = {
     "info": Verb(
         "show what a recording, track or card holds: time, units, frames, flags; calibration; noise; a grade",
         "info.md", "plumbob info sea.mcap --min-grade 70", run="info", exclusive=(("min_grade", "require"),),
+        details=("grade",),
         more={
-            "min_grade": ("N", "exit code 3 below this grade, 0 to 100"),
+            "min_grade": ("GRADE", "exit code 3 below this grade, 0 to 100"),
             "require": ("GOOD|FAIR|POOR", "exit code 3 where the grade is worse"),
             "grade": ("", "every criterion with its measurement, points, rule and advice"),
         },
@@ -310,13 +312,8 @@ FILES: Final = {
     "verify": Verb(
         "check that every row of an MCAP recording is there and undamaged, and save its whole rows",
         "recordings.md", "plumbob verify sea.mcap --repair whole.mcap", run="verify", outputs=("repair",),
-        about="Read a recording from the first byte to the last and judge it; a damaged one can be repaired.",
-        more={
-            "path": ("", "the recording, or some of its parts"),
-            "repair": ("MCAP", "also write every whole row to this new, complete file"),
-        },
-        note="exit codes: 0 whole, or repaired and nothing was lost, 3 damaged, not complete, or rows are lost, 1 it "
-        "cannot be read or written",
+        more={"repair": ("MCAP", "also write every whole row to this new, complete file")},
+        note="Exit code 3 where it is damaged or not complete, or rows are lost.",
     ),
     "compare": Verb(
         "compare two recordings of one motion, or two attitudes: clocks, mounting, biases, what differs",
@@ -326,16 +323,8 @@ FILES: Final = {
         code=lambda comparison: DIFFERENT if comparison.within is False else 0,
     ),
 }  # fmt: skip
-_SCENARIO: Final = {
-    "scenario": ("", "see 'plumbob list scenarios'"),
-    "frame": ("", "navigation frame of the truth and of the body's axes; needed"),
-    "sensors": ("", "parts, as mpu6000+hmc5983 (default ideal)"),
-    "unit": ("", "a unit as it left the line, or after an ideal calibration; needed but for ideal sensors"),
-    "rate": ("HZ", "sampling rate, as 100Hz; default: the scenario's"),
-    "duration": ("T", "duration, as 600s; default: the scenario's"),
-    "set": ("P", "name=value,... with units: the scenario's parameters, and strength, dip, declination, temp_c, "
-            "mag_rate, jitter, lost"),
-}  # fmt: skip
+_SETTINGS: Final = ("strength", "dip", "declination", "temp_c", "mag_rate", "jitter", "lost")
+_SCENARIO: Final = {"set": ("P", f"name=value,... with units: the scenario's parameters, and {', '.join(_SETTINGS)}")}
 CHANGES: Final = {
     "start": ("S", "begin this long after the motion begins, as 20s"),
     "wrong_field": (
@@ -360,13 +349,9 @@ JUDGE: Final = {
     "sim": Verb(
         "simulate a recording with its truth",
         "start.md", "plumbob sim buoy --frame NED --duration 60s --out sea.parquet", "simulate",
-        hidden=("strength", "dip", "declination", "temp_c", "mag_rate", "jitter", "lost", "parameters"),
-        optional=("frame", "sensors", "unit", "seed"), outputs=(), run="sim.sim", json=False,
-        about="Simulate what sensors would record in a scenario, and the truth beside it in the same file. With a "
-        "chain, simulate the units on its segments; true joint angles and the chain are written beside them.",
+        hidden=(*_SETTINGS, "parameters"), optional=("frame", "unit"), outputs=(), run="scenarios.sim", json=False,
         more={
             **_SCENARIO,
-            "seed": ("", "seed of everything random (default 0)"),
             "chain": ("NAME|TOML", "chain that a program moves (default, of teach: teach)"),
             "out": ("FILE!", "recording to write (.parquet or .csv)"),
             "card": ("JSON", "write the unit's calibration card too"),
@@ -388,14 +373,10 @@ JUDGE: Final = {
                 "errors on every recording of some folders, and their means",
                 "accuracy.md",
                 "plumbob benchmark accuracy trials --filters smoother --peers vqf --against smoother --gaps 5x1s",
-                "fleet.experiments.trials.measure_accuracy", run="benchmark.accuracy", outputs=(),
+                "fleet.experiments.trials.measure_accuracy", run="scenarios.accuracy", outputs=(),
                 hidden=("stages", "peers", "absent", "changes"),
-                about="Run filters and the smoother, with one parameter set for all trials, on every recording that "
-                "carries a reference, and print the errors per trial, their means, and how far claimed uncertainties "
-                "hold. Other libraries can run on the same recordings, and all recordings can be changed first.",
                 more={
                     **_FILTERS,
-                    "files": ("", "folders of recordings, or recordings"),
                     "noise": ("JSON", "noise card of the unit, for filters that take one"),
                     "peers": ("A,B", "vqf, imufusion, ahrs, single ones as vqf.offlineVQF, all or none (default none); "
                               "ahrs takes a second for 5000 samples"),
@@ -407,10 +388,9 @@ JUDGE: Final = {
                 "errors per axis over many seeds of a simulated scenario",
                 "choose-a-filter.md",
                 "plumbob benchmark scenario buoy --frame NED --filters mahony,mekf --seeds 20",
-                "fleet.experiments.scenario.measure_scenario", run="benchmark.scenario", outputs=(),
-                hidden=("stages", "seeds", "settings", "own_noise"),
-                optional=("frame", "sensors", "unit"),
-                about="Simulate a scenario with many seeds, run filters on each, and print the errors per axis.",
+                "fleet.experiments.scenario.measure_scenario", run="scenarios.scenario", outputs=(),
+                hidden=("stages", "seeds", "seed", "settings", "own_noise", "noise", "warm_up", *_SETTINGS),
+                optional=("frame", "sensors", "unit"), also=("simulate",),
                 more={
                     **_SCENARIO, **_FILTERS,
                     "noise": ("JSON|own", "noise card for filters that take one; own: of the simulated unit"),
@@ -420,7 +400,7 @@ JUDGE: Final = {
             "tune": Verb(
                 "fit parameters of a filter to recordings with references, cross-validated",
                 "tune.md", "plumbob benchmark tune trials --filter mahony --params kp,ki --out mahony.toml", "tune",
-                named=("filter",), run="benchmark.tune", pages=lambda tuning, args: tuning.report(),
+                named=("filter",), run="scenarios.tune", pages=lambda tuning, args: tuning.report(),
                 ends={"out": (".toml",)},
                 more={
                     "out": ("TOML", "parameter file to write, for 'plumbob run --params'"),
@@ -509,11 +489,9 @@ KNOWLEDGE: Final = {
         "an emulated buoy, calibrated, recorded, estimated and judged, in a minute; or the five papers' systems",
         "start.md", "plumbob demo --out demo-out", "reproduce", run="demo.demo", outputs=(),
         needs=dict.fromkeys(("seed", "lang", "jobs"), ("papers",)), apart={"papers": ("view", "duration")},
-        about="Emulate the drifting buoy of the paper: calibrate its unit by hand, then put it into waves, with its "
-        "bytes on a serial line sixty times as fast as they would come; record and estimate, replay with other filters "
-        "and without the calibration, compare with the truth. Exit code 1 where the recording is not what was sent.\n\n"
-        "With names of papers, or all: run their systems whole, and set their figures beside the papers'. "
-        "See docs/papers.md.",
+        about="Emulate the drifting buoy of the paper: calibrate its unit by hand, record it in waves, estimate, "
+        "replay with other filters, compare with the truth. Exit code 1 where the recording is not what was sent.\n\n"
+        "With names of papers, or all: run their systems whole, and set their figures beside the papers'.",
         more={
             "papers": ("", "papers whose systems are run whole instead: arm, buoy, fin, rod, trackball, or all"),
             "out": ("", "folder to write (demo-out, and of papers reproduced)"),

@@ -302,10 +302,7 @@ def split(text: str) -> tuple[str, str]:
 def parse(text: str, quantity: Quantity) -> float:
     """Read a number with its unit, as in ``"3.2 deg"``.
 
-    Raises
-    ------
-    UnitError
-        If it is not a number, its unit is unknown or measures something else, or a unit is missing where two are usual.
+    Raises a UnitError for no number, a unit that is unknown or of something else, and none where two are usual.
     """
     number, name = split(text)
     fitting = ", ".join(k for k, u in UNITS.items() if u.quantity is quantity)
@@ -327,7 +324,10 @@ def given(name: str, value: float | str | None, quantity: Quantity, *, positive:
     if value is None:
         return None
     if isinstance(value, str):
-        number = parse(value, quantity)
+        try:
+            number = parse(value, quantity)
+        except UnitError as error:
+            raise UnitError(f"{name}: {error}") from None
     else:
         from plumbob.core import check  # imports numpy, which the help of the command line does without
 

@@ -245,14 +245,14 @@ def decode(
     t_ns: int = 0,
     each: Callable[[dict[str, Frames], Counts], object] | None = None,
 ) -> Decoded:
-    """Decode a whole stream.
+    """Decode bytes of a device into rows of numbers, one a frame, in SI units; damaged bytes are skipped and counted.
 
     Parameters
     ----------
     data : bytes, path or iterable of bytes
         The stream, the file that holds it, or its pieces in their order.
     format : Format, str or path
-        What the bytes mean: a device, a rig or a ``.toml`` file, as `plumbob.find_format` takes it.
+        What the bytes mean: a device or a rig ('plumbob list devices'), or a ``.toml`` file.
     options : mapping of str to str, optional
         Options of the format, as ``{"gyr_range": "500 deg/s"}``.
     t_ns : int

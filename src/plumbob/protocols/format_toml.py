@@ -398,7 +398,7 @@ def _device(name: str) -> Format:
     if form is None:
         raise ParameterError(
             f"'{name}' is not a known device; known are {', '.join(device_names())}. For another format, give its "
-            f".toml file.{closest(name, device_names())} Rigs are {', '.join(rig_names())}."
+            f".toml file.{closest(name, (*device_names(), *rig_names()))} Rigs are {', '.join(rig_names())}."
         )
     return form
 

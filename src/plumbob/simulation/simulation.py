@@ -171,9 +171,9 @@ def simulate(
     scenario: str | Scenario,
     *,
     frame: Frame | str,
-    sensors: str | Module,
+    sensors: str | Module = "ideal",
     unit: str,
-    seed: int,
+    seed: int = 0,
     rate: float | str | None = None,
     duration: float | str | None = None,
     strength: float | str = 50.0,
@@ -187,17 +187,16 @@ def simulate(
     warm_up: WarmingUp | None = None,
     **parameters: float | str,
 ) -> Simulation:
-    """Simulate a recording; every number may be text with its unit, as ``"60 s"``.
+    """Simulate what sensors record in a scenario, and the truth; every number may be text with its unit.
 
     Parameters
     ----------
     scenario : str or Scenario
-        Name of a scenario (`SCENARIOS`), or one already made.
+        Name of a scenario ('plumbob list scenarios'), or one already made.
     frame : Frame or str
         Navigation frame of the truth. The body's axes go with it: z up in ENU and NWU, z down in NED.
     sensors : str or Module
-        Names of parts joined by ``+`` (`preset_names`), such as ``"mpu6000+hmc5983"`` or ``"ideal"``; or a unit already
-        made.
+        Parts joined by ``+``, such as ``"mpu6000+hmc5983"`` or ``"ideal"``, or a unit already made.
     unit : {"random", "calibrated"}
         "random" draws the unit's bias, scale, misalignment and so on within the sheets' limits (a `Module` is taken as
         it stands); "calibrated" removes every deterministic error and leaves noise, quantisation and range.
@@ -205,7 +204,7 @@ def simulate(
         Of everything that is left to chance. Each error has its own random stream: switching one off, or sampling
         longer, leaves the others as they are.
     rate, duration : float, optional
-        Hz and s, default: the scenario's.
+        Samples per second, Hz, and how long, s; by default the scenario's.
     strength, dip, declination : float
         The Earth's magnetic field: µT, rad below the horizontal, rad of magnetic North east of true North.
     temp_c : float or Signal

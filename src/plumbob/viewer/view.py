@@ -423,6 +423,8 @@ def _of_line(path: Path | None, line: Mapping[str, Any]) -> dict[str, Any]:
         return {"file": path, **words}
     if "port" in words:
         raise ParameterError(f"{path} and --port both name the line; give one of them.")
+    if "format" not in words and not path.exists():
+        raise ParameterError(f"{path} does not exist. Name a recording, a session file, or a serial port.")
     if path.is_file():
         raise ParameterError(
             f"{path} is not a session (.toml), not a recording by its suffix '{path.suffix}', and not a port but a "

@@ -244,7 +244,13 @@ class Verdict(FactsText):
 
 
 def verify(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Verdict:
-    """Read a recording from the first byte to the last and judge it; parameters and errors are those of `open_log`."""
+    """Read a recording from the first byte to the last and judge it; errors are those of `open_log`.
+
+    Parameters
+    ----------
+    path : path or sequence of path
+        The recording, or some of its parts.
+    """
     log = open_log(path)
     verdict = Verdict(log.paths, log.recording, open=any(disk.is_locked(file) for file in log.paths))
     for rows in log.blocks():

@@ -125,13 +125,13 @@ def measure_scenario(
     Parameters
     ----------
     scenario : str
-        Name of a scenario.
+        Its name; see 'plumbob list scenarios'.
     stages : sequence of Stage
         Filters with their parameters.
     frame : Frame
         Navigation frame.
     sensors, unit : str
-        Sensor preset, and which unit of it; as in `plumbob.simulation.simulate`.
+        As in `plumbob.simulate`.
     seeds : sequence of int
         One run each.
     settings : Mapping

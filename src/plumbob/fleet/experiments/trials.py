@@ -91,14 +91,14 @@ def measure_accuracy(
     against: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Accuracy:
-    """Run each estimator on each recording that carries a reference.
+    """Run filters, the smoother and other libraries on each recording that carries a reference; compare their errors.
 
     Parameters
     ----------
     files : sequence of Path or Recording
-        Recordings. One without sensor data or reference, or one that some estimator cannot take, is skipped for all
-        with its reason, so that every mean is over the same trials; an estimator that can take none of a folder is
-        left out of that folder.
+        Recordings, or folders of them. One without sensor data or reference, or one that some estimator cannot take, is
+        skipped for all with its reason, so that every mean is over the same trials; an estimator that can take none of
+        a folder is left out of that folder.
     stages : sequence of Stage
         Filters with their parameters, and the smoother.
     peers : sequence of PeerRun

@@ -1,15 +1,15 @@
-"""plumbob sim: a recording of which the truth is known."""
+"""plumbob sim, a recording of which the truth is known, and benchmark, filters on many of them or on recordings."""
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
 from plumbob.cli import common
-from plumbob.cli.engine import Verb
+from plumbob.cli.engine import Call, Verb, show
+from plumbob.cli.verbs import CHANGES
+from plumbob.core import check
 from plumbob.core.errors import FrameError, ParameterError
 
-Call = Callable[..., Any]
 TEACH: Final = "teach"
 """Program of a chain that is understood without --chain: the chain of that name does it."""
 
@@ -38,7 +38,7 @@ def sim(args: argparse.Namespace, verb: Verb, call: Call) -> int:
         return _chain(args, call)
     out, card_files = Path(args.out), [path and Path(path) for path in (args.card, args.noise_card)]
     common.check_outputs(args, *common.with_profile(out), *card_files, inputs=args.inputs)
-    result = call(seed=getattr(args, "seed", 0), **scenario_settings(args))
+    result = call(**scenario_settings(args))
     noise = [f"noise        {result.noise.source}"] if hasattr(args, "noise") else []
     notes = (result.truth.source, *(" ".join(line.split()) for line in noise))
     recording = Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=notes)
@@ -80,3 +80,47 @@ def _chain(args: argparse.Namespace, call: Call) -> int:
     print(f"truth        {label}, frame {how['frame']}, in {', '.join(map(str, chain_files(out)))}")
     print(f"calibration  {calibration_told(next(iter(made.units.values())).imu.meta.calibration)}")
     return 0
+
+
+def accuracy(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Filters and peers on recordings, each changed first as the options say."""
+    from plumbob.fleet.experiments.peers import peer_runs
+    from plumbob.fleet.experiments.trials import trials_in
+    from plumbob.rotations import Frame
+
+    frame = {"frame": Frame.parse(args.frame)} if hasattr(args, "frame") else {}
+    for name in args.given.get("align", ()):
+        check.one_of("--align", name, ("heading", "mounting", "time"))
+    changes = {name: "" if value is True else value for name in CHANGES if (value := getattr(args, name))}
+    stages = tuple(common.given_noise(common.stages(args.filters, args.params), args.noise and Path(args.noise)))
+    peers, absent = peer_runs(args.peers or "none")
+    files = tuple(trials_in(*map(Path, args.files)))
+    return show(args, verb, call(files=files, stages=stages, peers=peers, absent=absent, changes=changes, **frame))
+
+
+def scenario(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Filters on many seeds of a scenario."""
+    count = 20 if args.seeds is None else args.seeds
+    if count < 1:
+        raise ParameterError(f"--seeds must be at least 1, but it is {count}.")
+    stages = common.stages(args.filters, args.params)
+    if own_noise := args.noise == "own":
+        common.tell_noise(stages)
+    else:
+        stages = common.given_noise(stages, args.noise and Path(args.noise))
+    settings = scenario_settings(args)
+    choice = {name: settings.pop(name) for name in ("frame", "sensors", "unit")}
+    return show(
+        args, verb, call(stages=tuple(stages), seeds=range(count), settings=settings, own_noise=own_noise, **choice)
+    )
+
+
+def tune(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Write parameters only where a gain is shown, or all the same."""
+    tuning, out = call(), args.out
+    written = out is not None and (tuning.proven or args.unproven)
+    if written:
+        tuning.write(Path(out), unproven=args.unproven, overwrite=args.force)
+    elif out is not None:
+        common.note(f"{out} is not written: no gain is shown; --unproven writes it all the same")
+    return show(args, verb, tuning, *([f"{'parameters':12} {out}"] if written else []))
