@@ -166,8 +166,13 @@ def records(raw: NDArray[np.uint8], places: NDArray[np.int64], layout: "np.dtype
 
 
 def vectors(table: Mapping[Any, NDArray[Any]] | NDArray[Any], *names: ColumnRef) -> Floats:
-    """Columns as vectors (N, k)."""
-    return np.column_stack([np.asarray(table[name], dtype=np.float64) for name in names])
+    """Columns as vectors (N, k); refused where a damaged layout makes words of them."""
+    try:
+        return np.column_stack([np.asarray(table[name], dtype=np.float64) for name in names])
+    except ValueError as error:
+        raise DecodeError(
+            f"{', '.join(map(str, names))} are not numbers ({one_line(error)}); it is damaged."
+        ) from error
 
 
 def micro(stamps: NDArray[Any]) -> NDArray[np.int64]:

@@ -34,6 +34,7 @@ METADATA: Final = "metadata.yaml"
 _ZSTD: Final = b"\x28\xb5\x2f\xfd"
 _BAG_2: Final = b"#ROSBAG V2.0\n"
 _DATA, _BAG_HEADER, _CHUNK, _CONNECTION = 2, 3, 5, 7
+_LATEST_NS: Final = (1 << 63) - 1
 _HEAD: Final = 1 << 20
 """Bytes that a record's own header may have."""
 
@@ -305,7 +306,7 @@ def _mcap(source: FileBytes, bag: Bag) -> None:
                     channel = item.channels[number]
                     bag.room(len(data))
                     kind = channel.schema.name if channel.schema else ""
-                    bag.topic(channel.topic, kind, channel.encoding).take(log_ns, data)
+                    bag.topic(channel.topic, kind, channel.encoding).take(min(log_ns, _LATEST_NS), data)
             elif scan.summary_at is not None and item.offset >= scan.summary_at:
                 continue  # it repeats what is known
             elif item.offset + item.size >= source.size:
