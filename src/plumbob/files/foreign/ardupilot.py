@@ -51,6 +51,8 @@ _LETTERS: Final = {
 """Type and multiplier of each letter (`LogStructure.h`, 'Format characters in the format string')."""
 _WANTED: Final = frozenset(("IMU", "IMU2", "IMU3", "MAG", "MAG2", "MAG3", "ATT", "XKQ", "XKQ1", "NKQ1", "GPS", "PARM"))
 _QUATERNIONS: Final = ("XKQ", "XKQ1", "NKQ1")
+_TEXTS: Final = "nNZa"
+_WORD: Final = 64
 _LINE: Final = 4096
 """Bytes of a line of text at most."""
 
@@ -145,46 +147,35 @@ def _decoded(log: _DataFlashLog, name: str, data: NDArray[np.uint8], places: NDA
     }
 
 
-@dataclass
-class _KindRows:
-    """Values of the lines of one kind: numbers one after another, and the columns of text."""
-
-    texts: tuple[int, ...]
-    numbers: "array[float]" = field(default_factory=lambda: array("d"))
-    words: list[tuple[bytes, ...]] = field(default_factory=list)
-
-    def taken(self, values: list[str]) -> bool:
-        """Take a line, unless what should be a number is not."""
-        try:
-            numbers = [float(value) for i, value in enumerate(values) if i not in self.texts]
-        except ValueError:
-            return False
-        self.numbers.extend(numbers)
-        if self.texts:
-            self.words.append(tuple(values[i].encode() for i in self.texts))
-        return True
-
-
 def _of_text(file: Path) -> _DataFlashLog:
     """Lines such as ``IMU, 1234, 0.01, …``; ArduPilot's tools write values that carry the multipliers already."""
-    log, bad, rows = _DataFlashLog(), 0, dict[str, _KindRows]()
+    log, bad, rows = _DataFlashLog(), 0, dict[str, "array[float]"]()
+    words: dict[bytes, int] = {}
     for line in _lines(file):
         name, *values = [part.strip() for part in line.split(",")]
         if name in rows:
-            bad += not (len(values) == len(log.columns[name][1]) and rows[name].taken(values))
+            try:
+                rows[name].extend(
+                    [
+                        words.setdefault(value.encode()[:_WORD], len(words)) if letter in _TEXTS else float(value)
+                        for letter, value in zip(log.columns[name][0], values, strict=True)
+                    ]
+                )
+            except ValueError:
+                bad += 1
         elif name == "FMT" and len(values) >= 5 and values[2] in _WANTED and values[2] not in log.columns:
             letters, columns = values[3], tuple(values[4:])
             if len(letters) == len(columns) == len(set(columns)):
-                log.columns[values[2]] = (letters, columns)
-                rows[values[2]] = _KindRows(tuple(i for i, letter in enumerate(letters) if letter in "nNZa"))
-    for name, lines in rows.items():
-        columns = log.columns[name][1]
-        names = [column for i, column in enumerate(columns) if i not in lines.texts]
-        if lines.numbers:
-            table = np.frombuffer(lines.numbers, np.float64).reshape(-1, len(names))
-            log.tables[name] = {column: table[:, i] for i, column in enumerate(names)}
-            for i, place in enumerate(lines.texts):
-                log.tables[name][columns[place]] = np.array([words[i] for words in lines.words])
+                log.columns[values[2]], rows[values[2]] = (letters, columns), array("d")
+    listed = np.array([*words])
+    for name, numbers in rows.items():
+        if numbers:
+            letters, columns = log.columns[name]
+            table = np.frombuffer(numbers, np.float64).reshape(-1, len(columns))
+            log.tables[name] = {
+                column: listed[table[:, i].astype(np.intp)] if letters[i] in _TEXTS else table[:, i]
+                for i, column in enumerate(columns)
+            }
     if bad:
         log.notes.append(f"damage: {counted(bad, 'line')} left out, which do not hold what their FMT says")
     return log
