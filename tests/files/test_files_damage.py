@@ -121,7 +121,7 @@ def claims(path):
     suffix = "" if path.is_dir() else path.suffix.lower()
     asked = [kind for kind in formats.FORMATS if kind.accepts and suffix in kind.suffixes]
     known = known_profile(path) if suffix in {".csv", ".txt"} else None
-    return [kind.name for kind in asked if formats._named(kind.accepts)(path)] + ([known.origin] if known else [])
+    return [kind.name for kind in asked if kind.claims(path)] + ([known.origin] if known else [])
 
 
 @pytest.mark.parametrize("name", CLAIMS)

@@ -58,6 +58,10 @@ class FileFormat:
     accepts: str | Callable[..., Any] | None = None
     writers: tuple[tuple[str, str | Callable[..., Any]], ...] = ()
 
+    def claims(self, path: Path) -> bool:
+        """Whether a path is of this format, by its content where that is asked."""
+        return self.accepts is None or bool(_named(self.accepts)(path))
+
 
 def _named(name: str | Callable[..., Any]) -> Callable[..., Any]:
     """A function, whose module is imported when a file needs it."""
@@ -338,7 +342,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
     with reading(file):
         for kind in kinds:
             is_empty = kind.takes_profile and file.stat().st_size == 0
-            if not is_empty and (kind.accepts is None or _named(kind.accepts)(file)):
+            if not is_empty and kind.claims(file):
                 return kind
             tried.append(kind.name)
     names = ", ".join(tried)
@@ -358,15 +362,15 @@ def is_recording(path: Path) -> bool:
     suffix, is_there = "" if path.is_dir() else path.suffix.lower() or ".", path.is_dir() or path.is_file()
     if any(kind.accepts is None for kind in _BUILTIN.get(suffix, [])):
         return True
-    return any(kind.accepts is None or not is_there or _named(kind.accepts)(path) for kind in _of_suffix(suffix))
+    return any(not is_there or kind.claims(path) for kind in _of_suffix(suffix))
 
 
 def is_known_log(file: Path) -> bool:
     """Whether a text file is of a form that is known by its content and needs no profile."""
     from plumbob.files.draft import known_profile
 
-    looking = (kind.accepts for kind in _of_suffix(file.suffix.lower()))
-    return any(accepts and _named(accepts)(file) for accepts in looking) or known_profile(file) is not None
+    looking = (kind for kind in _of_suffix(file.suffix.lower()) if kind.accepts)
+    return any(kind.claims(file) for kind in looking) or known_profile(file) is not None
 
 
 def _unknown(path: Path) -> UnknownFormatError:

@@ -137,7 +137,7 @@ def choose(
     ParameterError
         If there is no such unit.
     """
-    taken = _chosen([*counts], unit)
+    taken = chosen([*counts], unit)
     others = {name: count for name, count in counts.items() if name != taken}
     note = f"{of}: {taken}, {counted(counts[taken], what)}"
     if others:
@@ -209,7 +209,8 @@ def _attitude_at(rows_ns: NDArray[np.int64], logged: LoggedAttitude, notes: list
     return attitude.q_nb
 
 
-def _chosen(names: list[str], unit: str | None) -> str:
+def chosen(names: list[str], unit: str | None) -> str:
+    """One of the names, as of `choose`."""
     if unit is None:
         return names[0]
     for alike in (str, _letters):

@@ -31,7 +31,7 @@ from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import ros_bags
 from plumbob.files.foreign.join import joined_recordings
-from plumbob.files.foreign.logged import SensorLog
+from plumbob.files.foreign.logged import SensorLog, chosen
 from plumbob.files.foreign.ros_bags import Bag, MessageTable, Topic
 from plumbob.files.mcap import layout
 from plumbob.files.stamps import time_line
@@ -125,26 +125,22 @@ def _recording(bag: Bag, name: str, unit: str | None) -> Recording:
             f"{content}, but neither inertial data (sensor_msgs/Imu) nor poses. Record the IMU's topic, as /imu/data."
             + "".join(f" {damage}." for damage in bag.damage)
         )
-    chosen = [_chosen(imus + poses, unit)] if unit is not None else _without_raw(imus) or poses
-    if chosen[0].kind in POSES:
-        if len(chosen) > 1:
+    taken = _without_raw(imus) or poses
+    if unit is not None:
+        name_taken = chosen([topic.name for topic in imus + poses], unit)
+        taken = [topic for topic in imus + poses if topic.name == name_taken][:1]
+    if taken[0].kind in POSES:
+        if len(taken) > 1:
             raise ParameterError(
                 f"it holds no inertial data (sensor_msgs/Imu), but poses, which can be read as attitudes: "
-                f"{_listed(chosen)}. Name one with --unit {chosen[0].name} (in Python, unit='{chosen[0].name}')."
+                f"{_listed(taken)}. Name one with --unit {taken[0].name} (in Python, unit='{taken[0].name}')."
             )
-        return _of_pose(chosen[0], topics, name)
-    return _of_imus(chosen, topics, name)
+        return _of_pose(taken[0], topics, name)
+    return _of_imus(taken, topics, name)
 
 
 def _listed(topics: Sequence[Topic]) -> str:
     return first_words([str(topic) for topic in topics], _LISTED)
-
-
-def _chosen(topics: Sequence[Topic], unit: str) -> Topic:
-    for number, topic in enumerate(topics, 1):
-        if unit in {topic.name, topic.name.lstrip("/"), str(number)}:
-            return topic
-    raise ParameterError(f"there is no topic '{unit}' of inertial data or poses; there are {_listed(topics)}.")
 
 
 def _without_raw(imus: list[Topic]) -> list[Topic]:
@@ -204,34 +200,34 @@ def _measured(table: MessageTable) -> dict[str, Floats]:
     return triads
 
 
-def _is_one(chosen: list[Topic], tables: list[MessageTable]) -> bool:
+def _is_one(several: list[Topic], tables: list[MessageTable]) -> bool:
     """Whether topics are one IMU, whose triads come apart: none twice, in one frame or under one name."""
     measured = [_measured(table) for table in tables]
     triads = [triad for of_table in measured for triad in of_table]
-    names = {_SENSOR.sub("", topic.name) for topic in chosen}
+    names = {_SENSOR.sub("", topic.name) for topic in several}
     frames = {_SENSOR.sub("", frame) for table in tables for frame in table.frames}
     is_complete = len(set(triads)) == len(triads) >= len(tables)
     return is_complete and all(measured) and (len(names) == 1 or len(frames) == 1)
 
 
-def _of_imus(chosen: list[Topic], topics: list[Topic], name: str) -> Recording:
-    tables = [ros_bags.table(topic) for topic in chosen]
-    if len(chosen) > 1 and _is_one(chosen, tables):
-        units = [_unit(topic, table, topics) for topic, table in zip(chosen, tables, strict=True)]
+def _of_imus(several: list[Topic], topics: list[Topic], name: str) -> Recording:
+    tables = [ros_bags.table(topic) for topic in several]
+    if len(several) > 1 and _is_one(several, tables):
+        units = [_unit(topic, table, topics) for topic, table in zip(several, tables, strict=True)]
         parts = [Recording(imu=unit.imu, notes=tuple(unit.notes)) for unit in units if unit.imu is not None]
         together = joined_recordings(parts, name)
         used = [topic for unit in units for topic in unit.used]
-        why = f"{_listed(chosen)} are one IMU, whose sensors have topics of their own"
+        why = f"{_listed(several)} are one IMU, whose sensors have topics of their own"
         return replace(together, notes=(CONVENTIONS, why, *together.notes, *_left_out(topics, used)))
-    if len(chosen) > 1:
-        first = _stamps(chosen[0], tables[0])[0]
-        for topic, table in zip(chosen, tables, strict=True):
+    if len(several) > 1:
+        first = _stamps(several[0], tables[0])[0]
+        for topic, table in zip(several, tables, strict=True):
             if not np.array_equal(_stamps(topic, table)[0], first):
                 raise ParameterError(
-                    f"it holds several IMUs, whose stamps differ: {_listed(chosen)}. Name one with --unit "
-                    f"{chosen[0].name} (in Python, unit='{chosen[0].name}')."
+                    f"it holds several IMUs, whose stamps differ: {_listed(several)}. Name one with --unit "
+                    f"{several[0].name} (in Python, unit='{several[0].name}')."
                 )
-    units = [_unit(topic, table, topics) for topic, table in zip(chosen, tables, strict=True)]
+    units = [_unit(topic, table, topics) for topic, table in zip(several, tables, strict=True)]
     used = [topic for unit in units for topic in unit.used]
     notes = [CONVENTIONS, *(line for unit in units for line in unit.notes), *_left_out(topics, used)]
     if any(topic.kind in {MAG, TEMPERATURE} and topic not in used for topic in topics):
@@ -241,7 +237,7 @@ def _of_imus(chosen: list[Topic], topics: list[Topic], name: str) -> Recording:
     notes += [f"{unit.used[0].name}: its orientation is left out; name it with --unit" for unit in units if unit.track]
     samples = {unit.used[0].name: unit.imu for unit in units if unit.imu is not None}
     if not samples:
-        raise ParameterError(f"it holds orientations alone, on {_listed(chosen)}. Name one with --unit.")
+        raise ParameterError(f"it holds orientations alone, on {_listed(several)}. Name one with --unit.")
     return Recording(array=ImuArray(samples), name=name, notes=tuple(dict.fromkeys(notes)))
 
 
