@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ShapeError
+from plumbob.core.findings import warning
 from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR, LONGEST, interpolated, is_gap
 from plumbob.data import TRIADS, ImuData, ImuMeta
@@ -164,7 +165,7 @@ def _ordered(name: str, stream: Readings, notes: list[Any]) -> tuple[NDArray[np.
         return stamps, values
     stamps, leaps = without_leaps(stamps)
     if leaps:
-        notes.append(f"{name}: {counted(leaps, 'stamp')} far off, put between the neighbours; every sample is kept")
+        notes.append(warning("reading.clock_leaps", count=leaps).on(name))
     if (span := (int(stamps.max()) - int(stamps.min())) / 1e9) >= LONGEST:
         raise ClockError(
             f"{name}: its stamps span {span:.4g} s, but a recording has {LONGEST:.0f} s at most; some "
