@@ -380,7 +380,7 @@ def table(
     required : collection of str, optional
         Keys that must be there; by default those without a default.
     **changed : callable
-        Parsers of keys whose fields do not say it, or that are no fields.
+        Parsers of keys that are not fields, or whose fields do not say it.
     """
     if required is None:
         required = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
