@@ -8,8 +8,9 @@ scalars: ``u_l ω_j`` (9), ``u`` (3), ``ω`` (3) and 1. With the change of u (3)
 over a block of time is all that the 48 arrangements, the scale, the biases and the offset need.
 """
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -34,113 +35,92 @@ ARRANGEMENTS: Final = np.concatenate((_TURNED, -_TURNED))
 """Every arrangement (48, 3, 3) of the rates in the sensor's axes: the right-handed ones, then their negatives."""
 
 
-@dataclass(frozen=True)
-class Grid:
-    """Means over even bins of time.
-
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Middle of each bin, s.
-    rate, vector : ndarray (N, 3)
-        Rates and vector; NaN where the sensor has no samples.
-    """
-
-    t: Floats
-    rate: Floats
-    vector: Floats
-
-
-def means(t: Floats, values: Floats, edges: Floats) -> Floats:
-    """Mean of samples, taken as straight lines from one to the next, between edges (N + 1,); NaN in pauses."""
-    finite = np.isfinite(values).all(axis=1)
-    t, values = t[finite], values[finite]
-    if t.size < 2:
-        return np.full((edges.size - 1, values.shape[1]), np.nan)
-    step = np.diff(t)
-    area = np.concatenate(
-        (np.zeros((1, values.shape[1])), np.cumsum(0.5 * (values[1:] + values[:-1]) * step[:, np.newaxis], axis=0))
-    )
-    at = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, t.size - 2)
-    into = (edges - t[at])[:, np.newaxis]
-    slope = (values[at + 1] - values[at]) / step[at, np.newaxis]
-    there = area[at] + values[at] * into + 0.5 * slope * into * into
-    mean = np.diff(there, axis=0) / np.diff(edges)[:, np.newaxis]
-    longest = max(_LONGEST_STEP, 3.0 * float(np.median(step)))
-    broken = np.concatenate(([0], np.cumsum(step > longest)))
-    bad = (step[at] > longest)[:-1] | (step[at] > longest)[1:] | (np.diff(broken[at]) > 0)
-    bad |= (edges[:-1] < t[0]) | (edges[1:] > t[-1])
-    mean[bad] = np.nan
-    return np.asarray(mean)
-
-
-def grid(t: Floats, gyr: Floats, vector: Floats, *, delay: float = 0.0, step: float = BIN) -> Grid:
-    """Rates and a vector that is `delay` late, s, on one even grid of the rates' time.
+class Samples:
+    """Samples as straight lines from one to the next, and the area below them: means of any stretch come from it.
 
     Parameters
     ----------
     t : ndarray (N,)
         Time, s.
-    gyr, vector : ndarray (N, 3)
-        Samples; rows with NaN do not count.
-    delay : float
-        By how much the vector's stamps are late, s.
-    step : float
-        Of the grid, s.
+    values : ndarray (N, C)
+        Rows with NaN do not count.
     """
-    edges = np.arange(t[0], t[-1] + step, step)
-    return Grid(0.5 * (edges[1:] + edges[:-1]), means(t, gyr, edges), means(t, vector, edges + delay))
+
+    def __init__(self, t: Floats, values: Floats) -> None:
+        finite = np.isfinite(values).all(axis=1)
+        self.t, self.values = (t, values) if finite.all() else (t[finite], values[finite])
+        step = np.diff(self.t)[:, np.newaxis]
+        area = np.cumsum(0.5 * (self.values[1:] + self.values[:-1]) * step, axis=0)
+        self.area = np.concatenate((np.zeros((1, values.shape[1])), area))
+        self.slope = np.diff(self.values, axis=0) / step
+        usual = float(np.median(step)) if step.size else 0.0
+        self.pauses = np.asarray(step[:, 0] > max(_LONGEST_STEP, 3.0 * usual))
+
+    def means(self, edges: Floats) -> Floats:
+        """Means (N, C) between edges (N + 1,); NaN in pauses and outside."""
+        if self.t.size < 2:
+            return np.full((edges.size - 1, self.values.shape[1]), np.nan)
+        at = np.clip(np.searchsorted(self.t, edges, side="right") - 1, 0, self.t.size - 2)
+        into = (edges - self.t.take(at))[:, np.newaxis]
+        rise = self.values.take(at, axis=0) + 0.5 * into * self.slope.take(at, axis=0)
+        mean = np.diff(self.area.take(at, axis=0) + into * rise, axis=0) / np.diff(edges)[:, np.newaxis]
+        mean[(edges[:-1] < self.t[0]) | (edges[1:] > self.t[-1])] = np.nan
+        if self.pauses.any():
+            inside, before = self.pauses[at], np.append(0, np.cumsum(self.pauses))[at]
+            mean[inside[:-1] | inside[1:] | (np.diff(before) > 0)] = np.nan
+        return np.asarray(mean)
 
 
-def windows(at: Grid, size: int, block: int, shift: int = 0) -> Floats:
-    """Gram matrices (blocks, 19, 19) of the scalars, with the rates moved by whole bins.
-
-    Parameters
-    ----------
-    at : Grid
-        Rates and vector.
-    size : int
-        Bins of a window; the change is that from one window to the next.
-    block : int
-        Windows of a block.
-    shift : int
-        Bins by which the vector is later than the rates.
-    """
-    rows = scalars(at, size, shift)
-    rows = (
-        rows[: rows.shape[0] // block * block]
-        if rows.shape[0] >= block
-        else np.concatenate((rows, np.zeros((block - rows.shape[0], SCALARS))))
-    )
-    cut = rows.reshape(-1, block, SCALARS)
-    return np.asarray(np.swapaxes(cut, 1, 2) @ cut)
+def means(t: Floats, values: Floats, edges: Floats) -> Floats:
+    """Mean of samples, taken as straight lines from one to the next, between edges (N + 1,); NaN in pauses."""
+    return Samples(t, values).means(edges)
 
 
-def scalars(at: Grid, size: int, shift: int = 0) -> Floats:
-    """Scalars of each pair of neighbouring windows (n, 19), weighted; rows that a pause or an outlier spoils are 0."""
-    rate, u = at.rate, at.vector
-    if shift > 0:
-        rate, u = rate[:-shift], u[shift:]
-    elif shift < 0:
-        rate, u = rate[-shift:], u[:shift]
-    count = u.shape[0] // size
-    if count < 2:
-        return np.zeros((0, SCALARS))
-    rate, u = rate[: count * size], u[: count * size]
-    finite = np.asarray(np.isfinite(rate).all(axis=1) & np.isfinite(u).all(axis=1))
-    rate, u = np.where(finite[:, np.newaxis], rate, 0.0), np.where(finite[:, np.newaxis], u, 0.0)
-    products = (u[:, :, np.newaxis] * rate[:, np.newaxis, :]).reshape(-1, 9)
-    terms = np.concatenate((products, u, rate, np.ones((u.shape[0], 1))), axis=1).reshape(count, size, 16)
-    # The integral from the mean instant of one window to that of the next weighs the terms by a triangle.
-    rise = (np.arange(size) + 0.5) / size * BIN
-    up, down = np.einsum("s,nsk->nk", rise, terms[:-1]), np.einsum("s,nsk->nk", rise[::-1], terms[1:])
-    mean = u.reshape(count, size, 3).mean(axis=1)
-    complete = np.asarray(finite.reshape(count, size).all(axis=1))
-    row = np.concatenate((up + down, np.diff(mean, axis=0)), axis=1)
-    row[~(complete[1:] & complete[:-1])] = 0.0
-    return np.asarray(row)
+class Grid:
+    """Means of rates and of a vector (N, 3) over the same even bins of time; NaN where a sensor has no samples."""
+
+    def __init__(self, rate: Floats, vector: Floats) -> None:
+        self.size, self.vector, self._room = len(rate), vector, np.empty(15 * len(rate))
+        self.finite = [np.isfinite(values[:, 0]) for values in (rate, vector)]
+        self.values = [
+            np.where(finite, values.T, 0.0) for finite, values in zip(self.finite, (rate, vector), strict=True)
+        ]
+
+    def scalars(self, size: int, shift: int = 0) -> Floats:
+        """Scalars of each pair of neighbouring windows (19, n), weighted; those of a pair that a pause spoils are 0.
+
+        Parameters
+        ----------
+        size : int
+            Bins of a window; the change is that from one window to the next.
+        shift : int
+            Bins by which the vector is later than the rates.
+        """
+        length = (self.size - abs(shift)) // size * size
+        if length < 2 * size:
+            return np.zeros((SCALARS, 0))
+        first, second = (slice(start, start + length) for start in (max(-shift, 0), max(shift, 0)))
+        rate, u = self.values[0][:, first], self.values[1][:, second]
+        finite = np.asarray(self.finite[0][first] & self.finite[1][second])
+        if not finite.all():
+            rate, u = rate * finite, u * finite
+        terms = self._room[: 15 * length].reshape(15, length)
+        np.multiply(u[:, np.newaxis], rate, out=terms[:9].reshape(3, 3, length))
+        terms[9:12], terms[12:] = u, rate
+        # The integral from the mean instant of one window to that of the next weighs the terms by a triangle.
+        weights = np.stack((np.ones(size), (np.arange(size) + 0.5) / size * BIN), axis=1)
+        area, ramp = (terms.reshape(-1, size) @ weights).T.reshape(2, 15, -1)
+        row = np.empty((SCALARS, length // size - 1))
+        row[:15] = ramp[:, :-1] + BIN * area[:, 1:] - ramp[:, 1:]
+        row[15] = size * BIN
+        row[16:] = np.diff(area[9:12], axis=1) / size
+        if not finite.all():
+            complete = np.asarray(finite.reshape(-1, size).all(axis=1))
+            row[:, ~(complete[1:] & complete[:-1])] = 0.0
+        return row
 
 
+@cache
 def designs() -> Floats:
     """What the parameters of each arrangement and the change weigh of the scalars, (48, 3, 11, 19).
 
@@ -148,25 +128,18 @@ def designs() -> Floats:
     the change itself; scalars.
     """
     made = np.zeros((len(ARRANGEMENTS), 3, FREE + 1, SCALARS))
-    products = np.arange(9).reshape(3, 3)
-    for n, w in enumerate(ARRANGEMENTS):
-        for c in range(3):
-            for a in range(3):
-                for b in range(3):
-                    e = _LEVI_CIVITA[c, a, b]
-                    if e:
-                        made[n, c, 0, products[a]] += e * w[b]  # u × W ω
-                        made[n, c, 1 + b, 9 + a] += e  # u × β
-                        made[n, c, 4 + a, 12:15] -= e * w[b]  # −h × W ω
-            made[n, c, 7 + c, 15] = 1.0
-            made[n, c, 10, 16 + c] = 1.0
+    turned = np.einsum("cab,nbj->ncaj", _LEVI_CIVITA, ARRANGEMENTS)
+    made[:, :, 0, :9] = turned.reshape(-1, 3, 9)  # u × W ω
+    made[:, :, 1:4, 9:12] = np.swapaxes(_LEVI_CIVITA, 1, 2)  # u × β
+    made[:, :, 4:7, 12:15] = -turned  # −h × W ω
+    made[:, range(3), range(7, 10), 15] = made[:, range(3), 10, range(16, 19)] = 1.0
     return made
 
 
 def solved(a: Floats, b: Floats) -> Floats:
-    """Solutions of normal equations (…, n, n) x = (…, n, k), whose unknowns may differ by many orders of size.
+    """Solutions of normal equations (…, n, n) x = (…, n, k), whose unfinites may differ by many orders of size.
 
-    Each unknown is scaled by its own diagonal first, and held by a part in 10¹² of it: one that nothing shows stays 0
+    Each unfinite is scaled by its own diagonal first, and held by a part in 10¹² of it: one that nothing shows stays 0
     where the plain solution would end in a singular matrix.
     """
     size = np.sqrt(np.maximum(np.diagonal(a, axis1=-2, axis2=-1), 0.0))
@@ -277,22 +250,16 @@ def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> VectorFit |
     length = float(np.nanmedian(np.sqrt(np.sum(vector * vector, axis=1)))) if np.isfinite(vector).any() else 0.0
     if not length > 0.0 or not np.nanmax(np.abs(gyr), initial=0.0) > 0.0:
         return None
-    at = grid(t, gyr, vector / length)
-    fits = [
-        candidate
-        for size in WINDOWS
-        if (candidate := _ArrangementSearch(at, size, offset).fit(t, gyr, length)) is not None
-    ]
-    return chosen(fits)
-
-
-def chosen(fits: Sequence[VectorFit]) -> VectorFit | None:
-    """Fit with the clearest answer, and whether another one contradicts it."""
-    best = max(fits, key=lambda candidate: candidate.margin, default=None)
-    if best is None:
+    edges, rates = np.arange(t[0], t[-1] + BIN, BIN), Samples(t, gyr)
+    at = Grid(rates.means(edges), means(t, vector / length, edges))
+    searches = [_ArrangementSearch(at, size, offset) for size in WINDOWS]
+    fits = [(search.fit(length), search) for search in searches if search.scale > 0.0]
+    if not fits:
         return None
-    against = any(rival.best != best.best and rival.margin > _CONTRADICTS and rival.agrees for rival in fits)
-    return replace(best, contradicted=against)
+    best, search = max(fits, key=lambda pair: pair[0].margin)
+    against = any(rival.best != best.best and rival.margin > _CONTRADICTS and rival.agrees for rival, _ in fits)
+    delays, sds = search.delays(rates, edges, best.best, best.delay)
+    return replace(best, contradicted=against, delay=delays[0], delay_sd=sds[0], delay_halves=(delays[1], delays[2]))
 
 
 class _ArrangementSearch:
@@ -300,10 +267,8 @@ class _ArrangementSearch:
 
     def __init__(self, at: Grid, size: int, offset: float) -> None:
         self.at, self.size = at, size
-        length = min(_BLOCK, at.t.size * BIN / 10.0)
-        self.block = max(4, round(length / (size * BIN)))
-        self.design = designs()
-        grams = windows(at, size, self.block)
+        self.block = max(4, round(min(_BLOCK, at.size * BIN / 10.0) / (size * BIN)))
+        grams = self._blocks(0)
         turned = float(np.einsum("bii->", grams[:, 12:15, 12:15]))
         changed = np.einsum("bii->b", grams[:, 16:, 16:])
         self.scale = float(np.sqrt(changed.sum() / turned)) if turned > 0.0 else 0.0
@@ -311,100 +276,123 @@ class _ArrangementSearch:
         usual = float(np.median(changed[changed > 0.0])) if (changed > 0.0).any() else 0.0
         self.weight = np.where(changed > 0.0, 1.0 / (changed + 0.1 * usual + 1e-300), 0.0)
 
-    def fit(self, t: Floats, gyr: Floats, length: float) -> VectorFit | None:
-        """Best delay of each arrangement on the grid, their odds by blocks, and the delay of the best to a fraction."""
-        if not self.scale > 0.0:
-            return None
-        reach = min(round(LONGEST_DELAY / BIN), self.at.t.size // 4)
+    def fit(self, length: float) -> VectorFit:
+        """Best delay of each arrangement on the grid, and their odds by blocks."""
+        reach = min(round(LONGEST_DELAY / BIN), self.at.size // 4)
         shifts = np.arange(-reach, reach + 1)
-        residual = np.array([self._residual(int(shift)) for shift in shifts])  # (shifts, 48)
+        residual = self._residuals(shifts)  # (shifts, 48)
         at = residual.argmin(axis=0)
-        cut = {int(i): windows(self.at, self.size, self.block, int(shifts[i])) for i in np.unique(at)}
-        count = min(len(blocks) for blocks in cut.values())
-        cut = {i: blocks[:count] for i, blocks in cut.items()}
-        moments = [self._moments(cut[int(i)], n) for n, i in enumerate(at)]
+        cut = {int(i): self._blocks(int(shifts[i])) for i in np.unique(at)}
+        count = min(map(len, cut.values()))
+        moments = np.empty((len(at), count, FREE + 1, FREE + 1))
+        for i, blocks in cut.items():
+            moments[at == i] = _moments(blocks[:count], np.flatnonzero(at == i))
         first = int(residual.min(axis=0).argmin())
-        all_blocks = np.ones(count, dtype=np.bool_)
-        counts = self._counts(cut[int(at[first])])
-        share = self._independent(first, _Scored(moments[first], counts, self.ridge), int(shifts[at[first]]))
-        counts = share * counts
-        scored = [_Scored(m, counts, self.ridge) for m in moments]
-        log = np.array([score.log_likelihood for score in scored])
+        counts = cut[int(at[first])][:count, 15, 15] / (self.size * BIN) ** 2  # windows that count in each block
+        best = _Scored(moments[first : first + 1], counts, self.ridge)
+        counts = self._independent(first, best, int(shifts[at[first]])) * counts
+        scored = _Scored(moments, counts, self.ridge)
+        log = scored.log_likelihood
         top = int(log.argmax())
-        best = scored[top]
-        halves = best.halves()
-        by_half = [
-            np.array([_Scored(m[half], counts[half], self.ridge).log_likelihood for m in moments]) for half in halves
-        ]
-        start = BIN * float(shifts[at[top]])
-        delays = [self._delay(t, gyr, top, start, np.where(rows, best.weight, 0.0)) for rows in (all_blocks, *halves)]
+        halves = scored.halves(top)
+        by_half = [_Scored(moments[:, half], counts[half], self.ridge).log_likelihood for half in halves]
+        self.weights = np.where((np.ones(count, dtype=np.bool_), *halves), scored.weight[top], 0.0)
+        p, cov = scored.p[top], scored.covariance(top)
         return VectorFit(
             log_odds=log - log.max(),
             halves=(by_half[0] - by_half[0].max(), by_half[1] - by_half[1].max()),
-            delay=delays[0][0],
-            delay_sd=delays[0][1],
-            delay_halves=(delays[1][0], delays[2][0]),
-            scale=float(best.p[0]),
-            scale_sd=float(np.sqrt(best.cov[0, 0])),
-            bias=best.p[1:4],
-            offset=length * best.p[4:7] / max(float(best.p[0]), 1e-3 * self.scale),
-            explained=best.explained,
+            delay=BIN * float(shifts[at[top]]),
+            delay_sd=math.inf,
+            delay_halves=(math.nan, math.nan),
+            scale=float(p[0]),
+            scale_sd=float(np.sqrt(cov[0, 0])),
+            bias=p[1:4],
+            offset=length * p[4:7] / max(float(p[0]), 1e-3 * self.scale),
+            explained=float(scored.explained[top]),
             effective=float(counts.sum()),
         )
 
-    def _residual(self, shift: int) -> Floats:
-        """Part of the change that each arrangement leaves, (48,)."""
-        grams = windows(self.at, self.size, self.block, shift)
-        gram = np.einsum("b,bij->ij", self.weight[: len(grams)], grams[: len(self.weight)])
-        m = np.einsum("ncai,ij,ncbj->nab", self.design, gram, self.design, optimize=True)
-        change = m[:, -1, -1]
-        weak = np.diag(self.ridge) * (change[0] / (3.0 * self.block * len(self.weight)) + 1e-12)
-        p = solved(m[:, :-1, :-1] + weak, m[:, :-1, -1:])[:, :, 0]
-        return np.where(p[:, 0] > 0.0, _rss(m, p), change) / max(float(change[0]), 1e-300)
+    def _blocks(self, shift: int) -> Floats:
+        """Gram matrices (blocks, 19, 19) of the scalars, with the rates moved by whole bins."""
+        row = self.at.scalars(self.size, shift)
+        count = max(1, row.shape[1] // self.block) * self.block
+        row = np.pad(row, ((0, 0), (0, max(0, count - row.shape[1]))))[:, :count]
+        cut = row.reshape(SCALARS, -1, self.block).swapaxes(0, 1)
+        return np.asarray(cut @ cut.swapaxes(1, 2))
 
-    def _counts(self, blocks: Floats) -> Floats:
-        """Windows that count in each block."""
-        return np.asarray(blocks[:, 15, 15] / (self.size * BIN) ** 2)
+    def _gram(self, row: Floats, weights: Floats) -> Floats:
+        """Gram matrices (n, 19, 19) of all windows, by the weights of blocks."""
+        count = min(max(1, row.shape[1] // self.block), len(weights[0])) * self.block
+        row = row[:, :count]
+        return np.array([(row * np.repeat(weight, self.block)[: row.shape[1]]) @ row.T for weight in weights])
 
-    def _moments(self, blocks: Floats, n: int) -> Floats:
-        return np.asarray(sum(component @ blocks @ component.T for component in self.design[n]))
+    def _residuals(self, shifts: NDArray[np.int64]) -> Floats:
+        """Part of the change that each arrangement leaves at each shift (S, 48).
+
+        The negative of an arrangement has the same solution with the scale negated, and a scale is positive.
+        """
+        grams = np.concatenate(
+            [self._gram(self.at.scalars(self.size, int(shift)), self.weight[np.newaxis]) for shift in shifts]
+        )
+        m = _moments(grams, np.arange(len(_TURNED)))  # (24, S, 11, 11)
+        change = m[0, :, -1, -1]
+        weak = np.diag(self.ridge) * (change / (3.0 * self.block * len(self.weight)) + 1e-12)[:, np.newaxis, np.newaxis]
+        p = solved(m[..., :-1, :-1] + weak, m[..., :-1, -1:])[..., 0]
+        rss = _rss(m, p)
+        both = np.concatenate([np.where(sign * p[..., 0] > 0.0, rss, change) for sign in (1.0, -1.0)])
+        return np.asarray((both / np.maximum(change, 1e-300)).T)
 
     def _independent(self, n: int, scored: "_Scored", shift: int) -> float:
         """Independent samples for each window: residuals of neighbours are alike."""
-        rows = scalars(self.at, self.size, shift)[: len(scored.p_block) * self.block]
-        residuals = np.einsum("ni,cai,a->nc", rows, self.design[n], np.append(-scored.p, 1.0))
-        sd = np.repeat(np.sqrt(scored.variance), self.block)[: len(residuals), np.newaxis]
+        row = self.at.scalars(self.size, shift)[:, : len(scored.counts) * self.block]
+        residuals = np.einsum("in,cai,a->nc", row, designs()[n], np.append(-scored.p[0], 1.0), optimize=True)
+        sd = np.repeat(np.sqrt(scored.variance[0]), self.block)[: len(residuals), np.newaxis]
         return 1.0 / inflation(residuals / sd)
 
-    def _delay(self, t: Floats, gyr: Floats, n: int, start: float, weight: Floats) -> tuple[float, float]:
-        """Delay of an arrangement and its standard deviation, s: the vertex of a parabola, drawn three times."""
-        edges = np.append(self.at.t - 0.5 * BIN, self.at.t[-1] + 0.5 * BIN)
-        shift, at, curvature = round(start / BIN), 0.0, 0.0
-        for reach in (BIN, 0.3 * BIN, 0.3 * BIN):
-            away = reach * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
-            cost = []
-            for d in at + away:
-                moved = Grid(self.at.t, means(t, gyr, edges - d), self.at.vector)
-                m = self._moments(windows(moved, self.size, self.block, shift), n)
-                count = min(len(m), len(weight))
-                cost.append(0.5 * _cost(np.einsum("k,kab->ab", weight[:count], m[:count]), self.ridge))
-            a, b, _ = np.polyfit(away, cost, 2)
-            if a <= 0.0:
-                return start + at, float("inf")
-            at, curvature = at + float(np.clip(-0.5 * b / a, -2.0 * reach, 2.0 * reach)), 2.0 * float(a)
-        return start + at, 1.0 / float(np.sqrt(curvature))
+    def delays(self, rates: Samples, edges: Floats, n: int, start: float) -> tuple[list[float], list[float]]:
+        """Delay of an arrangement and its standard deviation, s, by all blocks and by either half of them.
+
+        The vertex of a parabola, drawn thrice: about the start, about the vertex of all, and about that of each.
+        """
+        shift, at = round(start / BIN), np.zeros(3)
+        sd, costs = np.full(3, np.inf), dict[float, Floats]()
+        open_ = np.ones(3, dtype=np.bool_)
+        for step, reach in enumerate((BIN, 0.3 * BIN, 0.3 * BIN)):
+            away = reach * np.array([-1.0, 0.0, 1.0])
+            for i in np.flatnonzero(open_):
+                centre = at[i] if step == 2 else at[0]
+                for d in centre + away:
+                    if d not in costs:
+                        moved = Grid(rates.means(edges - d), self.at.vector)
+                        grams = self._gram(moved.scalars(self.size, shift), self.weights)
+                        costs[d] = 0.5 * _costs(_moments(grams, np.array([n]))[0], self.ridge)
+                before, middle, after = (costs[d][i] for d in centre + away)
+                slope, bend = 0.5 * (after - before) / reach, (after - 2.0 * middle + before) / reach**2
+                if not bend > 0.0:
+                    sd[i], open_[i] = np.inf, False
+                    continue
+                at[i], sd[i] = centre + np.clip(-slope / bend, -2.0 * reach, 2.0 * reach), 1.0 / np.sqrt(bend)
+        return [start + float(d) for d in at], sd.tolist()
 
 
-def _cost(m: Floats, ridge: Floats) -> float:
-    """Least squares of moments that are weighted by inverse variances."""
-    p = solved(m[:-1, :-1] + np.diag(ridge), m[:-1, -1:])[:, 0]
-    return float(m[-1, -1] - p @ m[:-1, -1])
+def _moments(grams: Floats, n: NDArray[np.int64]) -> Floats:
+    """Moments (n, K, 11, 11) of the parameters of arrangements and the change, of Gram matrices (K, 19, 19)."""
+    design = designs()[n]
+    right = (grams @ design.reshape(-1, SCALARS).T).reshape(len(grams), SCALARS, len(n), 3, FREE + 1)
+    right = right.transpose(2, 0, 3, 1, 4).reshape(len(n), len(grams), 3 * SCALARS, FREE + 1)
+    return np.asarray(design.swapaxes(1, 2).reshape(len(n), 1, FREE + 1, 3 * SCALARS) @ right)
+
+
+def _costs(m: Floats, ridge: Floats) -> Floats:
+    """Least squares (n,) of moments (n, 11, 11) that are weighted by inverse variances."""
+    p = solved(m[:, :-1, :-1] + np.diag(ridge), m[:, :-1, -1:])[..., 0]
+    return np.asarray(m[:, -1, -1] - np.sum(p * m[:, :-1, -1], axis=1))
 
 
 def _rss(m: Floats, p: Floats) -> Floats:
-    """Sum of squares (n,) that parameters (n, 10) leave of moments (n, 11, 11)."""
-    full = np.concatenate((-p, np.ones((len(p), 1))), axis=1)
-    return np.asarray(np.maximum(np.einsum("na,nab,nb->n", full, m, full), 0.0))
+    """Sums of squares (…) that parameters (…, 10) leave of moments (…, 11, 11)."""
+    full = np.concatenate((-p, np.ones((*p.shape[:-1], 1))), axis=-1)
+    return np.asarray(np.maximum(np.sum((m @ full[..., np.newaxis])[..., 0] * full, axis=-1), 0.0))
 
 
 def inflation(left: Floats) -> float:
@@ -413,7 +401,7 @@ def inflation(left: Floats) -> float:
     power = float(np.sum(left * left))
     total = 1.0
     for lag in range(1, max(2, size // 4)):
-        rho = float(np.sum(left[lag:] * left[:-lag])) / power if power > 0.0 else 0.0
+        rho = float(np.vdot(left[lag:], left[:-lag])) / power if power > 0.0 else 0.0
         if lag > 1 and rho < 0.02:
             break
         total += 2.0 * max(rho, 0.0)
@@ -421,40 +409,44 @@ def inflation(left: Floats) -> float:
 
 
 class _Scored:
-    """One arrangement, with a variance of its own in each block: what pushes the unit now and then counts less.
+    """Arrangements, each with a variance of its own in each block: what pushes the unit now and then counts less.
 
     Two of three components tell: the vector does not change along itself.
     """
 
     def __init__(self, moments: Floats, counts: Floats, ridge: Floats) -> None:
-        self.counts = counts
-        change = moments[:, -1, -1]
+        self.counts, self.ridge = counts, ridge
+        self.change = change = moments[..., -1, -1]  # (A, blocks)
         some = change > 0.0
-        usual = float(np.median(change[some])) if some.any() else 1.0
-        floor = FLOOR**2 * (change + 0.01 * usual) + 1e-12
+        usual = np.array([np.median(row[of]) if of.any() else 1.0 for row, of in zip(change, some, strict=True)])
+        self.floor = floor = FLOOR**2 * (change + 0.01 * usual[:, np.newaxis]) + 1e-12
         many = np.maximum(counts, 1e-3)
         variance = (change + floor) / (2.0 * many)
-        live = counts > 0.5
+        self.live = live = counts > 0.5
+        flat = moments.reshape(*change.shape, -1)
         for _ in range(_ROUNDS):
             self.weight = np.where(live, 1.0 / variance, 0.0)
-            total = np.einsum("k,kab->ab", self.weight, moments)
-            normal = total[:-1, :-1] + np.diag(ridge)
-            self.p = solved(normal, total[:-1, -1:])[:, 0]
-            if self.p[0] <= 0.0:
-                self.p = np.append(0.0, solved(normal[1:, 1:], total[1:-1, -1:])[:, 0])
-            residual = _rss(moments, np.broadcast_to(self.p, (len(moments), FREE)))
-            variance = (residual + floor) / (2.0 * many)
-        self.variance, self.p_block = np.maximum(variance, 1e-300), residual
-        self.cov = solved(normal, np.eye(FREE))
-        self.gain = np.where(live, counts * np.log((change + floor) / (residual + floor)), 0.0)
-        self.log_likelihood = -float(np.sum(counts[live] * np.log(residual[live] + floor[live]))) - 0.5 * float(
-            self.p @ (ridge * self.p)
-        )
-        self.explained = 1.0 - float(np.sum(self.weight * residual) / max(float(np.sum(self.weight * change)), 1e-300))
+            total = (self.weight[:, np.newaxis] @ flat).reshape(-1, FREE + 1, FREE + 1)
+            self.normal = total[:, :-1, :-1] + np.diag(ridge)
+            self.p = solved(self.normal, total[:, :-1, -1:])[..., 0]
+            if (back := self.p[:, 0] <= 0.0).any():
+                self.p[back, 0] = 0.0
+                self.p[back, 1:] = solved(self.normal[back, 1:, 1:], total[back, 1:-1, -1:])[..., 0]
+            self.residual = _rss(moments, np.broadcast_to(self.p[:, np.newaxis], (*change.shape, FREE)))
+            variance = (self.residual + floor) / (2.0 * many)
+        self.variance = np.maximum(variance, 1e-300)
+        self.log_likelihood = -np.log(self.residual + floor)[:, live] @ counts[live] - 0.5 * self.p**2 @ ridge
+        before = np.maximum(np.sum(self.weight * change, axis=1), 1e-300)
+        self.explained = 1.0 - np.sum(self.weight * self.residual, axis=1) / before
 
-    def halves(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Blocks of either half of what tells."""
-        tells = np.cumsum(np.maximum(self.gain, 0.0))
+    def covariance(self, n: int) -> Floats:
+        """Covariance (10, 10) of the parameters of an arrangement."""
+        return solved(self.normal[n], np.eye(FREE))
+
+    def halves(self, n: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Blocks of either half of what tells of an arrangement."""
+        gain = self.counts * np.log((self.change[n] + self.floor[n]) / (self.residual[n] + self.floor[n]))
+        tells = np.cumsum(np.maximum(np.where(self.live, gain, 0.0), 0.0))
         first = tells <= 0.5 * tells[-1]
         first[0], first[-1] = True, False
         return first, ~first

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.quality.arrangement import ARRANGEMENTS, BIN, LONGEST_DELAY, VectorFit, inflation, means
-from plumbob.rotations import dcm_from_quat, quat_chained
+from plumbob.core.kernels import kernel
+from plumbob.quality.arrangement import ARRANGEMENTS, BIN, LONGEST_DELAY, Samples, VectorFit, inflation, means
+from plumbob.rotations.kernels import quat_exp, quat_mul, rows
 
 FLOOR: Final = 0.02
 """Change of gravity's direction from window to window that biases and scales of good sensors feign, rad."""
@@ -37,6 +38,9 @@ _STRIDE: Final = 2
 _NEVER: Final = 1e30
 """Mean square change of a handedness that is out of the question."""
 _HALF: Final = len(ARRANGEMENTS) // 2
+_TAKEN: Final = np.swapaxes(ARRANGEMENTS[:_HALF], 1, 2).reshape(_HALF, 9)
+"""What each arrangement of one handedness takes of the products ``R_ab u_c``."""
+_SQUARED: Final = (_TAKEN[:, :, np.newaxis] * _TAKEN[:, np.newaxis]).reshape(_HALF, 81)
 
 
 def fit_force(
@@ -106,9 +110,9 @@ class _DerotatedSearch:
     def __init__(
         self, t: Floats, gyr: Floats, force: Floats, edges: Floats, scales: Sequence[float], signs: Sequence[float]
     ) -> None:
-        self.t, self.gyr, self.force, self.edges = t, gyr, force, edges
+        self.gyr, self.force, self.edges = Samples(t, gyr), force, edges
         self.scales, self.signs = tuple(scales), tuple(signs)
-        self.rate = means(t, gyr, edges)
+        self.rate = self.gyr.means(edges)
         reach = min(round(LONGEST_DELAY / BIN), len(force) // 8) // _STRIDE * _STRIDE
         self.shifts = np.arange(-reach, reach + 1, _STRIDE)
         self.levels = self._levels() if np.isfinite(self.rate).any() else []
@@ -143,7 +147,8 @@ class _DerotatedSearch:
     def fit(self) -> VectorFit:
         """Odds of each arrangement at its own best scale and delay, and the delay and scale of the best."""
         scale, shift, top = (int(i) for i in np.unravel_index(int(self.together.argmax()), self.together.shape))
-        shares = [self._share(level, scale, shift, top) for level in self.levels]
+        dcm = _rotations(self.rate, (1.0 if top < _HALF else -1.0) * self.scales[scale])
+        shares = [self._share(level, dcm, shift, top) for level in self.levels]
         log = _agreed([share * logs for share, logs in zip(shares, self.logs, strict=True)])
         best = log.max(axis=(0, 1))
         top = int(best.argmax())
@@ -173,9 +178,8 @@ class _DerotatedSearch:
             ),
         )
 
-    def _share(self, level: _EqualWindows, scale: int, shift: int, top: int) -> float:
+    def _share(self, level: _EqualWindows, dcm: Floats, shift: int, top: int) -> float:
         """Independent changes for each of a level: what is left of neighbours is alike."""
-        dcm = _rotations(self.rate, (1.0 if top < _HALF else -1.0) * self.scales[scale])
         change, valid = changes(dcm, self.force, level.size, int(self.shifts[shift]))
         residual = change[valid] @ ARRANGEMENTS[top % _HALF].T.ravel()
         usual = float(np.median(np.abs(residual))) if residual.size else 0.0
@@ -207,12 +211,24 @@ def _rotations(rate: Floats, scale: float) -> Floats:
 
     NaN where rates are missing: windows that contain a pause do not count.
     """
-    unknown = np.asarray(~np.isfinite(rate).all(axis=1))
-    turn = np.where(unknown[:, np.newaxis], 0.0, rate) * (scale * BIN)
-    half = 0.5 * (turn + np.concatenate((np.zeros((1, 3)), turn[:-1])))  # from middle to middle
-    dcm = np.asarray(dcm_from_quat(quat_chained(half)[-len(rate) :]))
-    dcm[unknown] = np.nan
-    return dcm
+    finite = np.isfinite(rate[:, :1])
+    turns, dcm = np.where(finite, rate, 0.0) * (0.5 * scale * BIN), np.empty((len(rate), 9))
+    turns[1:] += turns[:-1].copy()  # from middle to middle
+    _chain(turns, dcm)
+    dcm[~finite[:, 0]] = np.nan
+    return dcm.reshape(-1, 3, 3)
+
+
+@kernel
+def _chain(turns: Floats, dcm: Floats) -> None:
+    """Write the matrices (N, 9) to which rotation vectors (N, 3), rad, lead one after the other."""
+    q = (1.0, 0.0, 0.0, 0.0)
+    for k in range(turns.shape[0]):
+        r = quat_exp(turns[k, 0], turns[k, 1], turns[k, 2])
+        q = quat_mul(q[0], q[1], q[2], q[3], r[0], r[1], r[2], r[3])
+        c = rows(q[0], q[1], q[2], q[3])
+        dcm[k, 0], dcm[k, 1], dcm[k, 2], dcm[k, 3], dcm[k, 4] = c[0], c[1], c[2], c[3], c[4]
+        dcm[k, 5], dcm[k, 6], dcm[k, 7], dcm[k, 8] = c[5], c[6], c[7], c[8]
 
 
 def changes(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats, NDArray[np.bool_]]:
@@ -227,12 +243,12 @@ def _products(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats
     elif shift < 0:
         dcm, force = dcm[-shift:], force[:shift]
     count = len(force) // size
-    dcm, force = dcm[: count * size], force[: count * size]
-    valid = np.asarray(np.isfinite(force).all(axis=1) & np.isfinite(dcm[:, 0, 0]))
-    u = np.where(valid[:, np.newaxis], force, 0.0)
-    dcm = np.where(valid[:, np.newaxis, np.newaxis], dcm, 0.0)
-    mean = np.swapaxes(dcm.reshape(count, size, 9), 1, 2) @ u.reshape(count, size, 3) / size
-    return mean.reshape(count, 3, 9), np.asarray(valid.reshape(count, size).all(axis=1))
+    u, dcm = force[: count * size].reshape(count, size, 3), dcm[: count * size].reshape(count, size, 9)
+    mean = (np.swapaxes(dcm, 1, 2) @ u / size).reshape(count, 3, 9)
+    valid = np.isfinite(mean[:, 0, 0])
+    if not valid.all():
+        mean[~valid] = 0.0
+    return mean, valid
 
 
 def _changed(mean: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
@@ -249,8 +265,7 @@ def _mean_squares(mean: Floats, valid: NDArray[np.bool_], block: int) -> tuple[F
     change = change[: count * block].reshape(count, block * 3, 9)
     gram = np.swapaxes(change, 1, 2) @ change
     many = paired[: count * block].reshape(count, block).sum(axis=1).astype(np.float64)
-    m = np.swapaxes(ARRANGEMENTS[:_HALF], 1, 2).reshape(_HALF, 9)
-    power = np.einsum("ni,bij,nj->nb", m, gram, m, optimize=True)
+    power = _SQUARED @ gram.reshape(count, 81).T
     return np.maximum(power, 0.0) / np.maximum(many, 1.0), many
 
 
@@ -258,7 +273,6 @@ class _Refined:
     """Delay, scale and bias of one arrangement by Gauss-Newton steps, with a variance of its own in each block."""
 
     _SD: Final = np.array([0.3, 1.0, 0.05, 0.05, 0.05])  # delay, s; logarithm of the scale; bias, rad/s
-    _STEP: Final = np.array([0.002, 0.01, 0.002, 0.002, 0.002])
 
     def __init__(self, search: _DerotatedSearch, size: int, best: int, scale: float, delay: float) -> None:
         self.search, self.start, self.scale = search, delay, scale
@@ -276,7 +290,8 @@ class _Refined:
         self.weight = self._weight(self.change)
         self.inflation = inflation(self.change * np.sqrt(self.weight)[:, np.newaxis])
         self.bias = p[2:]
-        still = self._change(np.zeros(5), turning=False)
+        rate = self.search.gyr.means(self.search.edges - self.start)
+        still = self._changed(self.search.force @ self.axes + 0.0 * rate)
         power = float(np.sum(self.weight[:, np.newaxis] * still**2))
         residual = float(np.sum(self.weight[:, np.newaxis] * self.change**2))
         self.explained = 1.0 - residual / power if power > 0.0 else 0.0
@@ -308,17 +323,24 @@ class _Refined:
         return np.asarray(np.einsum("w,wci,wcj->ij", weight, slopes, slopes) + np.diag(1.0 / self._SD**2))
 
     def _linear(self, p: Floats) -> tuple[Floats, Floats]:
-        change = self._change(p)
-        slopes = [(self._change(p + step) - change) / step.max() for step in np.diag(self._STEP)]
-        return change, np.stack(slopes, axis=2)
+        """Change of gravity (n, 3), and its slopes (n, 3, 5): turned by what the rates add up to, it moves across."""
+        said = self.sign * self.scale * np.exp(p[1]) * self.search.gyr.means(self.search.edges - self.start - p[0])
+        dcm = _rotations(said - p[2:], 1.0)
+        gravity = (dcm @ (self.search.force @ self.axes)[:, :, np.newaxis])[:, :, 0]
+        dcm, said = (np.where(np.isfinite(values), values, 0.0) for values in (dcm, said))
+        parts = np.stack((said, np.cross(p[2:], said), *-np.eye(3)[:, np.newaxis] * np.ones_like(said)), axis=2)
+        parts = dcm @ parts  # in the axes of the start, (N, 3, 5)
+        way = BIN * (np.cumsum(parts, axis=0) - 0.5 * parts)
+        delay = way[:, :, 1:2] - parts[:, :, :1] + parts[:1, :, :1]
+        way = np.concatenate((delay, way[:, :, :1], way[:, :, 2:]), axis=2)
+        slopes = [self._changed(np.cross(way[:, :, i], gravity)) for i in range(5)]
+        return self._changed(gravity), np.stack(slopes, axis=2)
 
-    def _change(self, p: Floats, *, turning: bool = True) -> Floats:
-        search = self.search
-        rate = means(search.t, search.gyr, search.edges - self.start - p[0])
-        rate = self.sign * self.scale * np.exp(p[1]) * rate - p[2:]
-        force = np.where(np.asarray(np.isfinite(rate).all(axis=1))[:, np.newaxis], search.force, np.nan)
-        dcm = _rotations(rate, 1.0) if turning else np.broadcast_to(np.eye(3), (len(rate), 3, 3))
-        return np.asarray(changes(dcm, force, self.size, 0)[0] @ self.axes.T.ravel())
+    def _changed(self, gravity: Floats) -> Floats:
+        """Change (n, 3) of the means over windows of a vector (N, 3); 0 where one is not whole."""
+        count = len(gravity) // self.size
+        change = np.diff(gravity[: count * self.size].reshape(count, self.size, 3).mean(axis=1), axis=0)
+        return np.where(np.isfinite(change), change, 0.0)
 
     def _weight(self, change: Floats) -> Floats:
         """Inverse variance of each window, from its block."""

@@ -95,6 +95,6 @@ def half_angle(angle2: float) -> tuple[float, float]:
 
 @kernel
 def quat_exp(rx: float, ry: float, rz: float) -> Quat:
-    """Unit quaternion of the rotation vector r (rad)."""
+    """Unit quaternion of a rotation vector r, rad."""
     w, s = half_angle(rx * rx + ry * ry + rz * rz)
     return w, s * rx, s * ry, s * rz  # [Sola2017] (101)
