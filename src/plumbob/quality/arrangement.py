@@ -297,7 +297,7 @@ class _ArrangementSearch:
         halves = scored.halves(top)
         by_half = [_Scored(moments[:, half], counts[half], self.ridge).log_likelihood for half in halves]
         self.weights = np.where((np.ones(count, dtype=np.bool_), *halves), scored.weight[top], 0.0)
-        p, cov = scored.p[top], scored.covariance(top)
+        p, cov = scored.p[top], solved(scored.normal[top], np.eye(FREE))
         return VectorFit(
             log_odds=log - log.max(),
             halves=(by_half[0] - by_half[0].max(), by_half[1] - by_half[1].max()),
@@ -415,7 +415,7 @@ class _Scored:
     """
 
     def __init__(self, moments: Floats, counts: Floats, ridge: Floats) -> None:
-        self.counts, self.ridge = counts, ridge
+        self.counts = counts
         self.change = change = moments[..., -1, -1]  # (A, blocks)
         some = change > 0.0
         usual = np.array([np.median(row[of]) if of.any() else 1.0 for row, of in zip(change, some, strict=True)])
@@ -438,10 +438,6 @@ class _Scored:
         self.log_likelihood = -np.log(self.residual + floor)[:, live] @ counts[live] - 0.5 * self.p**2 @ ridge
         before = np.maximum(np.sum(self.weight * change, axis=1), 1e-300)
         self.explained = 1.0 - np.sum(self.weight * self.residual, axis=1) / before
-
-    def covariance(self, n: int) -> Floats:
-        """Covariance (10, 10) of the parameters of an arrangement."""
-        return solved(self.normal[n], np.eye(FREE))
 
     def halves(self, n: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Blocks of either half of what tells of an arrangement."""
