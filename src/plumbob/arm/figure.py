@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -14,15 +14,11 @@ from plumbob.core.errors import ShapeError
 from plumbob.core.units import to_deg
 from plumbob.data.chain import Chain, Posture
 from plumbob.reporting.content import Figure, Scene, Table
+from plumbob.reporting.plot import PlotLine, PlotPanel, draw_panels
 from plumbob.reporting.report import Report
 from plumbob.reporting.style import SERIES, SOFT
 from plumbob.rotations import wrap
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import FigureBase
-
-_COLUMNS: Final = 800
 _HAND: Final = "hand"
 _DASHES: Final = ("solid", "dashed", "dotted")
 
@@ -173,64 +169,50 @@ def _angles_figure(
     key += [("truth", SOFT, "solid")] if true is not None else []
     key += [("program", SERIES[-1], "dashed")] if program is not None else []
     count = sum(bool(joint.axes) for joint in chain.joints)
-    draw = partial(_draw_angles, chain, track, angles, program, true)
+    draw = partial(draw_panels, partial(_angle_panels, chain, track, angles, program, true))
     band = ", with the band of ±σ" if track.sd is not None else ""
     return Figure(f"Joint angles over time{band}", draw, key, height=0.5 + 1.15 * count)
 
 
-def _draw_angles(
-    chain: Chain, track: JointTrack, angles: Floats, program: Program | None, true: Floats | None,
-    canvas: "FigureBase",
-) -> None:  # fmt: skip
+def _angle_panels(
+    chain: Chain, track: JointTrack, angles: Floats, program: Program | None, true: Floats | None
+) -> list[PlotPanel]:
     """A panel for each joint."""
-    moving = [joint for joint in chain.joints if joint.axes]
-    panels = canvas.subplots(len(moving), 1, sharex=True, squeeze=False)[:, 0]
-    places = {name: k for k, name in enumerate(chain.angles)}
-    for ax, joint in zip(panels, moving, strict=True):
+    panels, places = [], {name: k for k, name in enumerate(chain.angles)}
+    for joint in (joint for joint in chain.joints if joint.axes):
+        lines: list[PlotLine] = []
         for n, name in enumerate(joint.angles):
             k = places[name]
-            if true is not None:
-                _line(ax, track.t, to_deg(true[:, k]), color=SOFT, linewidth=2.4)
-            if track.sd is not None:
-                sd = to_deg(track.sd[:, track.names.index(name)])
-                _band(ax, track.t, to_deg(angles[:, k]), sd, SERIES[n])
-            _line(ax, track.t, to_deg(angles[:, k]), color=SERIES[n], linewidth=0.9)
+            sd = None if track.sd is None else to_deg(track.sd[:, track.names.index(name)])
+            lines += _lines(track.t, to_deg(angles[:, k]), None if true is None else to_deg(true[:, k]), sd, SERIES[n])
             if program is not None and name in program.names:
                 values = to_deg(program.angles[:, program.names.index(name)])
-                _line(ax, np.asarray(program.recorded), values, color=SERIES[-1], linewidth=0.8, linestyle="--")
-        ax.set_ylabel(f"{joint.name} [°]")
-    panels[-1].set_xlabel("time of the recording [s]" if program is not None else "time [s]")
+                lines.append(PlotLine(np.asarray(program.recorded), values, SERIES[-1], "dashed", jump=180.0))
+        panels.append(PlotPanel(f"{joint.name} [°]", lines, f"time{' of the recording' if program else ''} [s]"))
+    return panels
 
 
-def _line(ax: "Axes", t: Floats, values: Floats, **style: object) -> None:
-    from plumbob.reporting.drawing import envelope
-
-    ax.plot(*envelope(t, values, _COLUMNS, jump=180.0), **style)  # type: ignore[arg-type]
-
-
-def _band(ax: "Axes", t: Floats, middle: Floats, sd: Floats, colour: str) -> None:
-    rows = slice(None, None, max(1, t.size // _COLUMNS))
-    ax.fill_between(t[rows], (middle - sd)[rows], (middle + sd)[rows], color=colour, alpha=0.25, linewidth=0)
+def _lines(t: Floats, values: Floats, true: Floats | None, sd: Floats | None, colour: str) -> list[PlotLine]:
+    """Truth, pale, and values with the band of ±σ, as far as they are there."""
+    band = None if sd is None else (values - sd, values + sd, colour, 0.25)
+    pale = [] if true is None else [PlotLine(t, true, SOFT, width=2.4, jump=180.0)]
+    return [*pale, PlotLine(t, values, colour, width=0.9, jump=180.0, band=band)]
 
 
 def _hand_figure(chain: Chain, track: JointTrack, angles: Floats, true: Floats | None) -> Figure:
     hand = chain.hand_at(chain.postures(angles)) if track.hand is None else track.hand
     there = None if true is None else chain.hand_at(chain.postures(true))
 
-    def draw(canvas: "FigureBase") -> None:
-        panels = canvas.subplots(3, 1, sharex=True)
-        for k, ax in enumerate(panels):
-            if there is not None:
-                _line(ax, track.t, there[:, k], color=SOFT, linewidth=2.4)
-            if track.hand_sd is not None:
-                _band(ax, track.t, hand[:, k], track.hand_sd[:, k], SERIES[0])
-            _line(ax, track.t, hand[:, k], color=SERIES[0], linewidth=0.9)
-            ax.set_ylabel(f"{'xyz'[k]} [m]")
-        panels[-1].set_xlabel("time [s]")
+    def panels() -> list[PlotPanel]:
+        rows = zip(hand.T, [None] * 3 if there is None else there.T,
+                   [None] * 3 if track.hand_sd is None else track.hand_sd.T, strict=True)  # fmt: skip
+        return [
+            PlotPanel(f"{axis} [m]", _lines(track.t, *row, SERIES[0])) for axis, row in zip("xyz", rows, strict=True)
+        ]
 
     band = ", with the band of ±σ" if track.hand_sd is not None else ""
     key = [("hand", SERIES[0], "solid"), *([("truth", SOFT, "solid")] if there is not None else [])]
-    return Figure(f"Position of the hand over time{band}", draw, key, height=3.4)
+    return Figure(f"Position of the hand over time{band}", partial(draw_panels, panels), key, height=3.4)
 
 
 _RATES: Final = ("velocity", "acceleration", "jerk")
@@ -262,7 +244,7 @@ def _program_part(chain: Chain, program: Program) -> Report:
             (name, SERIES[k % len(SERIES)], _DASHES[k // len(SERIES) % len(_DASHES)])
             for k, name in enumerate(program.names)
         ]
-        draw = partial(_draw_use, chain, program, bounded)
+        draw = partial(draw_panels, partial(_use_panels, chain, program, bounded))
         figures = [Figure("Use of the limits over time", draw, key, height=0.5 + 1.1 * len(bounded))]
     return Report("Program", list(program.facts().items()), tables, program.notes, figures)
 
@@ -276,17 +258,15 @@ def _limits_table(chain: Chain, program: Program) -> Table:
     return Table("Greatest use of the limits [%]", ["", "of the limit"], rows)
 
 
-def _draw_use(chain: Chain, program: Program, names: Sequence[str], canvas: "FigureBase") -> None:
+def _use_panels(chain: Chain, program: Program, names: Sequence[str]) -> list[PlotPanel]:
     """Differences of the samples over the limits."""
-    bounds = dict(zip(chain.angles, chain.limits, strict=True))
-    panels = canvas.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    for ax, name in zip(panels, names, strict=True):
-        order = 1 + _RATES.index(name)
+    bounds, panels = dict(zip(chain.angles, chain.limits, strict=True)), []
+    for name in names:
+        order, lines = 1 + _RATES.index(name), []
         for k, angle in enumerate(program.names):
             values = np.diff(program.angles[:, k], order) * program.rate**order / getattr(bounds[angle], name)
-            style = {"color": SERIES[k % len(SERIES)], "linestyle": _DASHES[k // len(SERIES) % len(_DASHES)]}
-            _line(ax, program.t[order:], 100.0 * values, linewidth=0.7, **style)
-        ax.set_ylim(-105.0, 105.0)
-        ax.set_yticks((-100, 0, 100))
-        ax.set_ylabel(f"{name} [%]")
-    panels[-1].set_xlabel("time of the program [s]")
+            style = SERIES[k % len(SERIES)], _DASHES[k // len(SERIES) % len(_DASHES)]
+            lines.append(PlotLine(program.t[order:], 100.0 * values, *style, width=0.7))
+        xlabel = "time of the program [s]"
+        panels.append(PlotPanel(f"{name} [%]", lines, xlabel, y=(-105.0, 105.0), ticks=(-100, 0, 100)))
+    return panels

@@ -21,8 +21,7 @@ from plumbob.core.errors import ClockError, ShapeError, UnitError
 from plumbob.core.series import Series
 from plumbob.core.time import is_gap, to_ns, to_s
 from plumbob.core.units import to_deg
-from plumbob.data.cards.file import UNITS
-from plumbob.data.sample import ImuSample
+from plumbob.data.sample import UNITS, ImuSample
 from plumbob.rotations import Frame, North, body_axes, euler_zyx_from_quat
 
 Half = tuple[float, ...]

@@ -10,6 +10,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
 
+UNITS = {"gyr": "rad/s", "acc": "m/s2", "mag": "uT"}
 _HALF = 1 << 63
 
 

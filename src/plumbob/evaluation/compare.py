@@ -19,7 +19,7 @@ from plumbob.core.errors import ClockError
 from plumbob.core.time import GAP_FACTOR, timing
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.cards.file import UNITS
+from plumbob.data.sample import UNITS
 from plumbob.evaluation.align import FINEST_STEP, MIN_CORRELATION, MIN_RATE_SD, masked_correlation
 from plumbob.evaluation.report import Evaluation
 from plumbob.reporting.content import Table

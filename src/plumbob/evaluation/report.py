@@ -2,10 +2,10 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -20,13 +20,10 @@ from plumbob.data import AttitudeTrack
 from plumbob.evaluation.align import Alignment, Fate, Match
 from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Consistency, Stats
 from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.plot import PlotLine, PlotPanel, draw_panels
 from plumbob.reporting.report import Report, Reported, plain
 from plumbob.reporting.style import SERIES, SHADE, SOFT
 from plumbob.rotations import IDENTITY, North, euler_zyx_from_quat, quat_angle
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import FigureBase
 
 ESTIMATE, REFERENCE = SERIES[0], SOFT
 COLOUR: Final = dict(zip(("total", "heading", "inclination"), SERIES, strict=False))
@@ -341,7 +338,7 @@ def _describe_alignment(e: Evaluation) -> list[str]:
     if a.mounting is not None:
         lines.append(
             f"mounting: {to_deg(float(quat_angle(IDENTITY, a.mounting))):.3f}°, estimate's body to reference's "
-            f"wxyz {_numbers(a.mounting)}"
+            f"wxyz {' '.join(f'{v:.5f}' for v in a.mounting)}"
         )
     if a.heading is not None:
         side = "right" if a.heading >= 0.0 else "left"
@@ -369,10 +366,6 @@ def degrees(angle: float) -> str:
     return f"{value:.3f}" if value == 0.0 or abs(value) >= 0.0005 else f"{value:.0e}"
 
 
-def _numbers(values: Floats) -> str:
-    return " ".join(f"{v:.5f}" for v in values)
-
-
 def _deg(angle: float | None) -> float | None:
     return None if angle is None else to_deg(angle)
 
@@ -388,29 +381,19 @@ def _samples(e: Evaluation) -> dict[str, Any]:
     times = e.t[e.match.scored]
     exact = int(e.match.exact.sum())
     return {
-        "estimate": int(e.t.size),
-        "scored": int(times.size),
-        "exact": exact,
-        "interpolated": int(times.size) - exact,
-        "near_gimbal": e.near_gimbal,
-        "first_s": float(times[0]),
-        "last_s": float(times[-1]),
+        "estimate": int(e.t.size), "scored": int(times.size), "exact": exact, "interpolated": int(times.size) - exact,
+        "near_gimbal": e.near_gimbal, "first_s": float(times[0]), "last_s": float(times[-1]),
         "not_converged_until_s": e.not_converged_until,
         "left_out": {fate.name.lower(): n for fate, n in e.match.counts().items() if fate is not Fate.SCORED},
-    }
+    }  # fmt: skip
 
 
 def _track(track: AttitudeTrack) -> dict[str, Any]:
     rate = (len(track) - 1) / float(track.t[-1] - track.t[0]) if len(track) > 1 else math.nan
     return {
-        "source": track.source,
-        "frame": str(track.frame),
-        "north": str(track.north),
-        "samples": len(track),
-        "mean_rate_hz": rate,
-        "first_s": float(track.t[0]),
-        "last_s": float(track.t[-1]),
-    }
+        "source": track.source, "frame": str(track.frame), "north": str(track.north), "samples": len(track),
+        "mean_rate_hz": rate, "first_s": float(track.t[0]), "last_s": float(track.t[-1]),
+    }  # fmt: skip
 
 
 def _figures(e: Evaluation, columns: int) -> list[Figure]:
@@ -418,53 +401,54 @@ def _figures(e: Evaluation, columns: int) -> list[Figure]:
     attitude = [("estimate", ESTIMATE, "solid"), ("reference", REFERENCE, "solid"), shade]
     errors = [(name, colour, "solid") for name, colour in COLOUR.items() if name in e.stats]
     caption = "Cumulative distribution of the error; dots mark 50, 95 and 99 %"
+    over_time = partial(draw_panels, partial(_error_panels, e, columns))
+    course = partial(draw_panels, partial(_attitude_panels, e, columns))
     return [
-        Figure(
-            "Error over time",
-            partial(_draw_errors, e, columns),
-            [*errors, shade],
-            height=0.6 + 1.1 * max(1, len(errors)),
-        ),
-        Figure("Yaw, pitch and roll over time", partial(_draw_attitude, e, columns), attitude, height=3.9),
-        Figure(caption, partial(_draw_distribution, e), errors),
+        Figure("Error over time", over_time, [*errors, shade], height=0.6 + 1.1 * max(1, len(errors))),
+        Figure("Yaw, pitch and roll over time", course, attitude, height=3.9),
+        Figure(caption, partial(draw_panels, partial(_distribution, e)), errors),
     ]
 
 
-def _draw_attitude(e: Evaluation, columns: int, canvas: "FigureBase") -> None:
+def _attitude_panels(e: Evaluation, columns: int) -> list[PlotPanel]:
     """Yaw, pitch and roll of estimate and reference over time."""
-    est, ref = euler_zyx_from_quat(e.estimate.q_nb), euler_zyx_from_quat(e.match.q_ref)
-    axes = canvas.subplots(3, 1, sharex=True)
-    for i, name in enumerate(("yaw", "pitch", "roll")):
-        _line(axes[i], e, ref[:, i], columns, color=REFERENCE, linewidth=2.4, jump=np.pi)
-        _line(axes[i], e, est[:, i], columns, color=ESTIMATE, linewidth=0.7, jump=np.pi)
-        _round_degrees(axes[i], 90 if name == "pitch" else 180)
-        _shade(axes[i], e, columns)
-        axes[i].set_ylabel(f"{name} [°]")
-    axes[2].set_xlabel("time [s]")
+    est, ref = (to_deg(euler_zyx_from_quat(q)).T for q in (e.estimate.q_nb, e.match.q_ref))
+    limits, styles = (180.0, 90.0, 180.0), ((REFERENCE, 2.4), (ESTIMATE, 0.7))
+    return [
+        _panel(e, columns, name, zip((ref[i], est[i]), styles, strict=True), jump=180.0, circle=(-limit, limit))
+        for i, (name, limit) in enumerate(zip(("yaw", "pitch", "roll"), limits, strict=True))
+    ]
 
 
-def _draw_errors(e: Evaluation, columns: int, canvas: "FigureBase") -> None:
+def _error_panels(e: Evaluation, columns: int) -> list[PlotPanel]:
     """Total, heading and inclination error over time, those of them that are scored."""
-    names = [name for name in COLOUR if name in e.stats]
-    axes = canvas.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    for ax, name in zip(axes, names, strict=True):
-        _line(ax, e, e.errors[name], columns, color=COLOUR[name], linewidth=0.7)
-        _shade(ax, e, columns)
-        ax.set_ylim(bottom=0.0)
-        ax.set_ylabel(f"{name} [°]")
-    axes[-1].set_xlabel("time [s]")
+    return [
+        _panel(e, columns, name, [(to_deg(e.errors[name]), (COLOUR[name], 0.7))], y=(0.0, None))
+        for name in COLOUR if name in e.stats
+    ]  # fmt: skip
 
 
-def _draw_distribution(e: Evaluation, canvas: "FigureBase") -> None:
+def _panel(
+    e: Evaluation, columns: int, name: str, lines: Iterable[tuple[Floats, Any]], *, jump: float = np.inf, **how: Any
+) -> PlotPanel:
+    """Values in degrees, each with colour and width, over time; pale where samples are not scored."""
+    from plumbob.reporting.drawing import runs
+
+    several = e.t.size > 1
+    gap = GAP_FACTOR * float(np.median(np.diff(e.t))) if several else np.inf
+    drawn = [PlotLine(e.t, y, colour, width=width, gap=gap, jump=jump) for y, (colour, width) in lines]
+    pale, ends = (runs(e.t, ~e.match.scored, columns), (e.t[0], e.t[-1])) if several else ([], (None, None))
+    return PlotPanel(f"{name} [°]", drawn, x=ends, pale=pale, columns=columns, **how)
+
+
+def _distribution(e: Evaluation) -> list[PlotPanel]:
     """Share of samples whose error is at most so much, with the median and the 95th and 99th percentile."""
-    ax = canvas.subplots()
-    scored = [name for name in COLOUR if name in e.stats]
-    for name in scored:
-        _cumulative(ax, e.errors[name][e.match.scored], color=COLOUR[name], linestyle="solid")
-        s = e.stats[name]
-        marks = [to_deg(p) for p in (s.p50, s.p95, s.p99)]
-        ax.plot(marks, (50, 95, 99), "o", color=COLOUR[name], markersize=3.0, clip_on=False)
-    _finish_cumulative(ax, [e.stats[name] for name in scored])
+    scored = {name: e.stats[name] for name in COLOUR if name in e.stats}
+    lines = [_cumulative(e.errors[name][e.match.scored], COLOUR[name]) for name in scored]
+    marks = {name: np.array([to_deg(p) for p in (s.p50, s.p95, s.p99)]) for name, s in scored.items()}
+    share = np.array([50.0, 95.0, 99.0])
+    lines += [PlotLine(x, share, COLOUR[name], width=0.0, mark="o") for name, x in marks.items()]
+    return [_cumulative_panel(lines, list(scored.values()))]
 
 
 def comparison_figure(evaluations: Mapping[str, Evaluation]) -> Figure:
@@ -472,52 +456,22 @@ def comparison_figure(evaluations: Mapping[str, Evaluation]) -> Figure:
     shared = NEEDS_HEADING[0] if all(NEEDS_HEADING[0] in e.stats for e in evaluations.values()) else "inclination"
     styles = [(SERIES[i % len(SERIES)], _DASHES[i // len(SERIES) % len(_DASHES)]) for i in range(len(evaluations))]
 
-    def draw(canvas: "FigureBase") -> None:
-        ax = canvas.subplots()
-        for e, (colour, dash) in zip(evaluations.values(), styles, strict=True):
-            _cumulative(ax, e.errors[shared][e.match.scored], color=colour, linestyle=dash)
-        _finish_cumulative(ax, [e.stats[shared] for e in evaluations.values()])
+    def panels() -> list[PlotPanel]:
+        both = zip(evaluations.values(), styles, strict=True)
+        lines = [_cumulative(e.errors[shared][e.match.scored], *style) for e, style in both]
+        return [_cumulative_panel(lines, [e.stats[shared] for e in evaluations.values()])]
 
     keys = [(name, *style) for name, style in zip(evaluations, styles, strict=True)]
-    return Figure(f"Cumulative distribution of the {shared} error", draw, keys)
+    return Figure(f"Cumulative distribution of the {shared} error", partial(draw_panels, panels), keys)
 
 
-def _line(ax: "Axes", e: Evaluation, values: Floats, columns: int, *, jump: float = np.inf, **style: Any) -> None:
-    from plumbob.reporting.drawing import envelope
-
-    gap = GAP_FACTOR * float(np.median(np.diff(e.t))) if e.t.size > 1 else np.inf
-    t, y = envelope(e.t, values, columns, gap=gap, jump=jump)
-    marker = "." if t.size < 3 else ""
-    ax.plot(t, to_deg(y), marker=marker, **style)
-
-
-def _shade(ax: "Axes", e: Evaluation, columns: int) -> None:
-    from plumbob.reporting.drawing import runs
-
-    if e.t.size < 2:
-        return
-    ax.set_xlim(e.t[0], e.t[-1])
-    stretches = runs(e.t, ~e.match.scored, columns)
-    ax.broken_barh(stretches, (0.0, 1.0), transform=ax.get_xaxis_transform(), facecolors=SHADE, linewidth=0, zorder=0)
-
-
-def _round_degrees(ax: "Axes", limit: int) -> None:
-    """Round ticks and the whole range on an axis that shows more than half of what the angle can be."""
-    low, high = ax.get_ylim()
-    if high - low > limit:
-        ax.set_ylim(min(low, -limit), max(high, limit))
-        ax.set_yticks((-limit, -limit // 2, 0, limit // 2, limit))
-
-
-def _cumulative(ax: "Axes", error: Floats, *, color: str, linestyle: str) -> None:
+def _cumulative(error: Floats, colour: str, dash: str = "solid") -> PlotLine:
     sizes = np.abs(error[np.isfinite(error)])
-    ax.plot(to_deg(np.percentile(sizes, _QUANTILES)), _QUANTILES, color=color, linestyle=linestyle, linewidth=1.1)
+    return PlotLine(to_deg(np.percentile(sizes, _QUANTILES)), _QUANTILES, colour, dash, width=1.1)
 
 
-def _finish_cumulative(ax: "Axes", stats: Sequence[Stats]) -> None:
-    """Axes up to the worst 99th percentile and a quarter; the tail beyond is in the table."""
-    ax.set_ylim(0.0, 100.0)
-    ax.set_yticks((0, 25, 50, 75, 95))
-    ax.set_xlim(0.0, max(to_deg(max(min(s.max_abs, 1.25 * s.p99) for s in stats)), 1e-9))
-    ax.set_xlabel("error [°]")
-    ax.set_ylabel("cumulative share [%]")
+def _cumulative_panel(lines: Sequence[PlotLine], stats: Sequence[Stats]) -> PlotPanel:
+    """Up to the worst 99th percentile and a quarter; the tail beyond is in the table."""
+    end = max(to_deg(max(min(s.max_abs, 1.25 * s.p99) for s in stats)), 1e-9)
+    ticks = (0, 25, 50, 75, 95)
+    return PlotPanel("cumulative share [%]", lines, "error [°]", x=(0.0, end), y=(0.0, 100.0), ticks=ticks)

@@ -1,7 +1,7 @@
 """Plots of a recording: values over time, spectra, bursts and flags; for the script of the page, and as pictures."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -16,10 +16,10 @@ from plumbob.overview.streaming_stats import SPECTRAL, Gathered
 from plumbob.overview.tables import SPECTRAL_UNITS, heading_circle, shown_scale
 from plumbob.quality.tilt import Headings
 from plumbob.reporting.content import Figure
+from plumbob.reporting.plot import PlotLine, PlotPanel, draw_panels
 from plumbob.reporting.style import COLOURS, SERIES
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
 COLUMNS: Final = 1500
@@ -179,7 +179,7 @@ def figures(subject: Subject) -> dict[str, Figure]:
             if "limit" in panels[what][0].spec:
                 key = [("limit", SERIES[1], "dashed")]
             more = 0.22 * len(g.flags) if what == "flags" else 0.0
-            draw = partial(_draw, g, panels[what])
+            draw = partial(draw_panels, partial(_panels, g, panels[what]))
             drawings[what] = Figure(caption, draw, list(dict.fromkeys(key)), height + more)
     return drawings
 
@@ -198,107 +198,44 @@ def figure(subject: Subject, what: str) -> Figure:
     return drawings[what]
 
 
-def _draw(g: Gathered, panels: Sequence[Chart], canvas: "FigureBase") -> None:
-    split = [
-        (chart.label.format(line["label"]), chart.spec, [line])
-        for chart in panels if "{}" in chart.label
-        for line in chart.spec["lines"]
-    ] or [(chart.label, chart.spec, chart.spec.get("lines", ())) for chart in panels]  # fmt: skip
-    axes = canvas.subplots(len(split), 1, sharex=True, squeeze=False)[:, 0]
-    kind = panels[0].spec["kind"]
-    for ax, (label, spec, lines) in zip(axes, split, strict=True):
-        ax.set_ylabel(label, fontsize=6.0 if kind == "spectrum" else None)
-        _PANELS[kind](ax, g, spec, lines)
-    if kind == "spectrum":
-        return
-    axes[-1].set_xlabel("time [s]")
-    axes[-1].set_xlim(g.begin, max(g.end, g.begin + g.step))  # of a single sample one step behind it
+def _panels(g: Gathered, drawn: Sequence[Chart]) -> list[PlotPanel]:
+    """What is drawn of plots, those with a place for the name of a line as a panel for each."""
+    ends, least = (g.begin, max(g.end, g.begin + g.step)), g.duration / COLUMNS  # of one sample, a step behind it
+    panels = []
+    for _, label, spec, _ in drawn:
+        if spec["kind"] == "flags":
+            bars = [(row["label"], COLOURS[row["colour"]], [(begin, max(end, begin + least)) for begin, end in
+                     row["runs"]]) for row in spec["rows"]]  # fmt: skip
+            return [PlotPanel("", x=ends, bars=bars)]
+        lines = [(line["label"], _line(g, spec, line)) for line in spec["lines"]]
+        if spec["kind"] == "spectrum":
+            panels.append(PlotPanel(label, [line for _, line in lines], "frequency [Hz]", log=True,
+                                x=(spec["x"][0], spec["x"][-1]), columns=COLUMNS))  # fmt: skip
+            continue
+        how: Any = {
+            "x": ends, "y": (spec.get("floor"), None), "compass": "compass" in spec, "columns": COLUMNS,
+            "circle": spec["period"] if "compass" in spec else None,
+            "levels": [spec["limit"]] if "limit" in spec else [],
+        }  # fmt: skip
+        split = [(label.format(name), [line]) for name, line in lines] if "{}" in label else []
+        panels += [PlotPanel(*part, **how) for part in split or [(label, [line for _, line in lines])]]
+    return panels
 
 
-def _over_time(ax: "Axes", g: Gathered, spec: dict[str, Any], lines: Sequence[dict[str, Any]]) -> None:
-    from plumbob.reporting.drawing import envelope
-
-    for line in lines:
-        if "sd" in line:
-            _band(ax, g, line, circular="period" in spec)
-        y = shown_values(g, line["channel"])
-        finite = np.isfinite(y)
-        t = g.traces.t[finite]
-        gap = max(_gap(g), GAP_FACTOR * float(np.median(np.diff(t)))) if t.size > 1 else np.inf
-        jump = 180.0 if "period" in spec else np.inf
-        drawn = envelope(t, y[finite], COLUMNS, gap=gap, jump=jump)
-        ax.plot(*drawn, color=COLOURS[line["colour"]], linewidth=0.6)
-    if "limit" in spec:
-        ax.axhline(spec["limit"], color=SERIES[1], linewidth=0.8, linestyle="--")
-    if "floor" in spec:
-        ax.set_ylim(bottom=spec["floor"])
-    if "compass" in spec:
-        (low, high), start = ax.get_ylim(), spec["period"][0]
-        if high - low > 180.0:
-            ax.set_ylim(start, start + 360.0)
-            ax.set_yticks(start + np.arange(0.0, 361.0, 90.0))
-        ax.yaxis.set_major_formatter(lambda value, _: f"{value % 360.0:g}")
-
-
-def _gap(g: Gathered) -> float:
-    """A step in time that breaks a line, s."""
-    return max(GAP_FACTOR, 1.01 * g.traces.each) * g.step
-
-
-def _band(ax: "Axes", g: Gathered, line: dict[str, Any], *, circular: bool) -> None:
-    """Value ± one claimed standard deviation, as far as both are known."""
-    y, sd = (shown_values(g, line[name]) for name in ("channel", "sd"))
-    t, size = g.traces.t, -(-y.size // COLUMNS)
-    behind = np.flatnonzero(np.diff(t) > _gap(g)) + 1
-    starts = np.union1d(np.arange(0, y.size, size), behind)
-    low, high = np.fmin.reduceat(y - sd, starts), np.fmax.reduceat(y + sd, starts)
-    if circular:  # where it turns through North, from one edge to the other
-        turned = np.fmax.reduceat(y, starts) - np.fmin.reduceat(y, starts) > 180.0
-        low[turned] = high[turned] = np.nan
-    places = np.searchsorted(starts, behind)  # nothing is claimed across a gap
-    low, high = (np.insert(edge, places, np.nan) for edge in (low, high))
-    shown = np.insert(t[starts], places, t[behind - 1] + g.step)
-    ax.fill_between(shown, low, high, color=SERIES[5], alpha=0.5, linewidth=0.0, step="post")
-
-
-def _spectrum(ax: "Axes", _: Gathered, spec: dict[str, Any], lines: Sequence[dict[str, Any]]) -> None:
-    for line in lines:
-        ax.loglog(spec["x"], np.array(line["y"], dtype=float), color=COLOURS[line["colour"]], linewidth=0.8)
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_formatter(lambda value, _: _power(value))
-    ax.xaxis.set_minor_formatter(lambda value, _: "")  # of a narrow band matplotlib writes formulas there
-    ax.set_xlim(spec["x"][0], spec["x"][-1])
-    if ax.get_subplotspec().is_last_row():  # type: ignore[union-attr]
-        ax.set_xlabel("frequency [Hz]")
-
-
-_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def _power(value: float) -> str:
-    """Power of ten as a mark of an axis."""
-    exponent = round(np.log10(value)) if value > 0.0 else 0
-    return f"{value:g}" if -2 <= exponent <= 3 else f"10{str(exponent).translate(_RAISED)}"
-
-
-def _points(ax: "Axes", _: Gathered, spec: dict[str, Any], lines: Sequence[dict[str, Any]]) -> None:
-    for line in lines:
-        y, style = np.array(line["y"], dtype=float), "o--" if "dash" in line else "o-"
-        ax.plot(spec["x"], y, style, color=COLOURS[line["colour"]], markersize=2.5, linewidth=0.8)
-    ax.set_ylim(bottom=spec["floor"])
-
-
-def _flags(ax: "Axes", g: Gathered, spec: dict[str, Any], _: Sequence[dict[str, Any]]) -> None:
-    rows, least = spec["rows"], g.duration / COLUMNS
-    for place, row in enumerate(rows):
-        bars = [(begin, max(end - begin, least)) for begin, end in row["runs"]]
-        ax.broken_barh(bars, (place - 0.35, 0.7), facecolors=COLOURS[row["colour"]], linewidth=0)
-    ax.set_yticks(range(len(rows)), [row["label"] for row in rows])
-    ax.set_ylim(len(rows) - 0.5, -0.5)
-    ax.grid(visible=True, axis="x")
-
-
-_PANELS: Final = {"time": _over_time, "spectrum": _spectrum, "points": _points, "flags": _flags}
+def _line(g: Gathered, spec: Mapping[str, Any], line: Mapping[str, Any]) -> PlotLine:
+    """Values over the whole; of a channel over time with a band of ± one claimed standard deviation, where it has."""
+    colour, kind = COLOURS[line["colour"]], spec["kind"]
+    if kind != "time":
+        dash, mark = "dashed" if "dash" in line else "solid", "o" if kind == "points" else ""
+        return PlotLine(np.array(spec["x"]), np.array(line["y"], dtype=float), colour, dash, mark=mark)
+    t, y = g.traces.t, shown_values(g, line["channel"])
+    steps = np.diff(t[np.isfinite(y)])
+    gap = max(
+        GAP_FACTOR * g.step, 1.01 * g.traces.each * g.step, GAP_FACTOR * float(np.median(steps)) if steps.size else 0.0
+    )
+    sd = shown_values(g, line["sd"]) if "sd" in line else None
+    band = None if sd is None else (y - sd, y + sd, SERIES[5], 0.5)
+    return PlotLine(t, y, colour, width=0.6, gap=gap, jump=180.0 if "period" in spec else np.inf, band=band)
 
 
 def _draw_rose(headings: Headings, canvas: "FigureBase") -> None:

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from plumbob.core import __version__
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import file_sha256
-from plumbob.core.findings import Finding, warnings
+from plumbob.core.findings import Finding, warning, warnings
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.imu import BLOCK, TITLES
 from plumbob.data.reading import read_at
-from plumbob.data.recording import Recording
+from plumbob.data.recording import Recording, inferred
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.reading import read
 from plumbob.files.formats import is_own
@@ -30,8 +30,11 @@ from plumbob.rotations import North
 from plumbob.rotations.headings import counted_from
 
 if TYPE_CHECKING:
+    from plumbob.files.mcap import Log
     from plumbob.live.session import Session
+    from plumbob.live.stream import ItemResult, Stream
 
+_WAIT: Final = 0.02  # s
 OWN: Final = "track"
 """In place of a filter: the attitude that the file holds."""
 NONE: Final = "none"
@@ -288,10 +291,73 @@ def _recorded(path: Path, how: Mapping[str, Any]) -> "Iterator[tuple[Recording, 
         recording = read_recorded(path, estimated=how.get("filter") == OWN, unit=unit).of_unit(None)
         yield replace(recording, name=path.name), paths, session
         return
-    from plumbob.overview.decoded import decoded_to
-
     with TemporaryDirectory(prefix="plumbob-") as folder:
         yield replace(decoded_to(Path(folder) / "samples.parquet", log, session), name=path.name), paths, session
+
+
+def decoded_to(file: Path, log: "Log", session: "Session") -> Recording:
+    """Decode a recording of a line to a native file, and open that; no more than a part of it is in memory.
+
+    Parameters
+    ----------
+    file : Path
+        The native file, which must stay as long as the result is used.
+    log : Log
+        The recording.
+    session : Session
+        What its bytes mean; of one unit.
+
+    Raises
+    ------
+    DecodeError
+        If no sample could be decoded.
+    """
+    from plumbob.files import read
+    from plumbob.files.parquet import write_parquet
+    from plumbob.live.recorded import decoded_note
+    from plumbob.live.stream import Stream
+
+    stream = Stream(replace(session, stage=None))
+    write_parquet(file, _samples(stream, log))
+    damage = (warning("reading.damaged", damage=str(damage)) for damage in log.damage)
+    recording = read(file, whole=False)
+    notes = (decoded_note(stream), *damage, *inferred(stream.time_report()), *recording.notes)
+    return replace(recording, notes=notes)
+
+
+def _samples(stream: "Stream", log: "Log") -> Iterator[Recording]:
+    info = log.first_info
+    offset = 0 if info is None else info.epoch_offset_ns
+    first = None
+    for part in _parts(stream, log):
+        if not len(part.sensed):
+            continue
+        if first is None:
+            first = (0 if stream.t0_ns is None else stream.t0_ns) + offset
+        yield Recording(imu=_stamped(part.sensed, first))
+    if first is None:
+        raise DecodeError(f"{log.paths[0]} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
+
+
+def _stamped(imu: ImuData, t0_ns: int) -> ImuData:
+    return imu.corrected(meta=replace(imu.meta, t0_ns=t0_ns))
+
+
+def _parts(stream: "Stream", log: "Log") -> "Iterator[ItemResult]":
+    from plumbob.live.sources import ReplaySource
+
+    source = ReplaySource(log, None)
+    try:
+        while not source.finished:
+            for item in source.read(_WAIT):
+                part = stream.feed(item)
+                if part is not None:
+                    yield part
+        rest = stream.finish()
+        if rest is not None:
+            yield rest
+    finally:
+        source.close()
 
 
 def _provenance(

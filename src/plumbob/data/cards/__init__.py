@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import text_of
 from plumbob.core.lazy import lazily
-from plumbob.data.cards.file import UNITS
+from plumbob.data.sample import UNITS
 
 if TYPE_CHECKING:
     from plumbob.data.cards.calibration import CalibrationCard, Mount, Quality, TriadCalibration

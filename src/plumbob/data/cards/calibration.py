@@ -11,7 +11,8 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.core.errors import CalibrationError
-from plumbob.data.cards.file import UNITS, Card, finite, require_no_negative, require_number, require_part, require_text
+from plumbob.data.cards.file import Card, finite, require_no_negative, require_number, require_part, require_text
+from plumbob.data.sample import UNITS
 
 GRADES: Final = ("good", "fair", "poor")
 

@@ -15,8 +15,6 @@ from plumbob.core.errors import CalibrationError, DecodeError, ParameterError
 from plumbob.core.files import text_of, write_text
 from plumbob.core.text import FactsText
 
-UNITS = {"gyr": "rad/s", "acc": "m/s2", "mag": "uT"}
-
 
 class Card(FactsText):
     """A card as a file; each kind says its name, its version and what its parts are."""

@@ -9,7 +9,8 @@ import numpy as np
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
-from plumbob.data.cards.file import UNITS, Card, finite, require_part, require_text
+from plumbob.data.cards.file import Card, finite, require_part, require_text
+from plumbob.data.sample import UNITS
 
 
 @dataclass(frozen=True, eq=False)
