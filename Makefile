@@ -27,6 +27,7 @@ pages: setup  ## the pages that a program makes; the tests say when they are out
 	$(BIN)/python website/equations.py > docs/equations.md
 	$(BIN)/python website/draw_house.py > docs/images/house.svg
 	$(BIN)/python website/view_types.py > web/src/messages.ts
+	$(BIN)/python website/sentences.py > tests/docs/sentences.txt
 
 ##@ More tests
 test-all: setup page  ## as 'test', with every group

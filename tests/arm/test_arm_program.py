@@ -120,7 +120,7 @@ def test_smoothing_removes_what_is_faster_than_its_knots():
 def test_poses_beyond_the_range_are_brought_inside_and_said():
     program = taught(pick_and_place(np.radians([[0.0], [50.0]])), Limits(low=-1.0, high=np.radians(45.0)))
     assert program.stops[1].angles == (np.radians(45.0),)
-    assert "5.00° beyond the range of j0" in program.notes[0]
+    assert "5.00° beyond the range of j0" in str(program.notes[0])
     assert program.deviations["j0"].max == pytest.approx(np.radians(5.0), abs=1e-6)
 
 

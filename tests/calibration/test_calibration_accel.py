@@ -40,7 +40,7 @@ def test_gravity_at_the_place_scales_the_result_and_scatter_is_told():
     np.testing.assert_allclose(local.matrix, standard.matrix * 9.81 / G0, rtol=4 * EPS)
     assert (local.bias == standard.bias).all() and local.reference == 9.81
     for noise in (0.0, 0.01, 0.001):  # more than the noise that is told
-        assert any("times as much" in r for r in fit_accel(poses, noise=noise).remarks) is (noise == 0.001)
+        assert any("times as much" in str(r) for r in fit_accel(poses, noise=noise).remarks) is (noise == 0.001)
 
 
 def test_without_noise_the_sensor_comes_back_but_for_a_turn():
@@ -48,7 +48,7 @@ def test_without_noise_the_sensor_comes_back_but_for_a_turn():
     np.testing.assert_allclose(fit.calibration.bias, BIAS, atol=1e-10)
     np.testing.assert_allclose(fit.calibration.matrix, TRUE, atol=1e-11)
     assert (fit.calibration.quality.grade, fit.calibration.quality.regions) == ("good", 18)
-    assert "calibrate mount" in fit.remarks[-1]
+    assert "calibrate mount" in str(fit.remarks[-1])
 
 
 def test_intervals_hold_the_truth_and_the_predicted_tilt_is_that_of_the_errors():
@@ -83,7 +83,7 @@ def test_as_many_poses_as_parameters_do_where_the_noise_is_known_but_are_never_c
     assert (np.abs(found.calibration.matrix - TRUE).ravel() < 4.0 * sd[3:]).all()
     assert found.calibration.quality.tilt_sd < TILT.good
     assert found.calibration.quality.grade == "fair"
-    assert any("too few to notice a bad one" in remark for remark in found.remarks)
+    assert any("too few to notice a bad one" in str(remark) for remark in found.remarks)
 
 
 def test_a_sensor_without_misalignment_keeps_the_doubt_about_it():
@@ -106,7 +106,7 @@ def test_poses_that_cannot_tell_misalignment_say_so(poses, noise):
     assert sd == pytest.approx([CROSS_AXIS] * 3, rel=0.03)  # of gravity in the sensor's scale, 2 % off
     assert found.calibration.quality.grade == "poor"
     assert found.calibration.quality.tilt_sd > CROSS_AXIS
-    assert any("Misalignment was left at zero" in remark for remark in found.remarks)
+    assert any("Misalignment was left at zero" in str(remark) for remark in found.remarks)
 
 
 def test_intervals_without_misalignment_hold_where_data_sheets_are_right():
@@ -158,7 +158,7 @@ def test_a_disturbed_pose_is_set_aside_and_named():
     fit, without = fit_accel(poses), fit_accel(np.delete(poses, 4, axis=0))
     c = fit.calibration
     assert np.flatnonzero(~fit.used).tolist() == [4]
-    assert any("poses 5 of 26" in remark for remark in fit.remarks)
+    assert any("poses 5 of 26" in str(remark) for remark in fit.remarks)
     assert (np.abs(c.bias - without.calibration.bias) < 1e-3 * without.calibration.bias_sd).all()
     sizes = [np.linalg.norm(c.matrix @ (pose - c.bias)) for i, pose in enumerate(poses) if i != 4]
     assert c.residual_rms == pytest.approx(np.sqrt(np.mean(np.square(np.array(sizes) - G0))), rel=1e-9)

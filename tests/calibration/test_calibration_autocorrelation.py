@@ -56,7 +56,7 @@ def fit_in_a_room(seed, lever):
 
 
 def is_uneven(fit):
-    return any(remark.startswith("UNEVEN") for remark in fit.remarks)
+    return any(str(remark).startswith("UNEVEN") for remark in fit.remarks)
 
 
 def off(fit, unit):

@@ -53,7 +53,7 @@ def test_scale_magnets_and_regions():
     fit = fit_mag(capture(rng, attitudes(rng, 300), soft_iron(rng)))
     assert np.linalg.det(fit.calibration.matrix) == pytest.approx(1.0, rel=1e-12)
     assert fit.calibration.reference is None
-    assert any("own scale" in remark for remark in fit.remarks)
+    assert any("own scale" in str(remark) for remark in fit.remarks)
     # 18 attitudes that show every direction once; and a grade as predicted
     mag = STRENGTH * REGIONS + [6.0, -4.0, 3.0] + NOISE * np.random.default_rng(15).normal(size=(18, 3))
     quality = fit_mag(mag).calibration.quality
@@ -82,7 +82,7 @@ def test_a_few_bad_first_samples_are_set_aside(low):
     mag = capture(rng, attitudes(rng, 150), soft_iron(rng))
     mag[:4] -= low
     fit = fit_mag(mag)
-    assert not fit.used[:4].any() and any("Set aside as outliers" in remark for remark in fit.remarks)
+    assert not fit.used[:4].any() and any("Set aside as outliers" in str(remark) for remark in fit.remarks)
     (reason, *_) = reasons(fit_mag, mag[::-1])
     assert reason.kind == "magnet-moved" and "after 95 % of the samples" in reason.text
 

@@ -53,7 +53,7 @@ def test_bias_walk_and_field_of_the_gyroscope_are_found():
     assert fit.gyr_bias - same.gyr_bias == pytest.approx(planted, abs=dps(1e-3))
     assert fit.walk == pytest.approx(dps(0.005), rel=0.5)  # 60 steps, a third of which the field does not show
     assert fit.distortion == pytest.approx(same.distortion, abs=1e-2)
-    assert f"{np.degrees(mags.DIP):.1f}°" in fit_mag_gyr(t, mag, gyr, acc=acc, strength=mags.STRENGTH).remarks[2]
+    assert f"{np.degrees(mags.DIP):.1f}°" in str(fit_mag_gyr(t, mag, gyr, acc=acc, strength=mags.STRENGTH).remarks[2])
 
 
 def test_a_later_magnetometer_is_put_right():
@@ -65,7 +65,7 @@ def test_a_later_magnetometer_is_put_right():
     ]
     assert delays == pytest.approx([0.0, 0.04], abs=3 * 0.6e-3)
     fit = fit_mag_gyr(t[2:], mag[:-2], gyr[2:], strength=mags.STRENGTH, gyr_gain_sd=0.0)
-    assert f"{1e3 * delays[1]:.1f} ms later" in fit.remarks[1]
+    assert f"{1e3 * delays[1]:.1f} ms later" in str(fit.remarks[1])
     assert np.degrees(mags.heading_rms(fit.calibration, unit)) < 0.25
 
 

@@ -55,7 +55,7 @@ def test_two_axes_are_calibrated_and_the_third_stays(upright):
     assert c.bias[upright] == 0.0
     assert c.matrix[np.ix_(level, level)] == pytest.approx(LEVEL * SHAPE, abs=6.0 * float(c.matrix_sd.max()))
     assert (c.bias[level], c.quality.tilt_range) == (pytest.approx(BIAS, abs=5.0 * float(c.bias_sd.max())), 0.0)
-    assert f"the {'xyz'[upright]} axis is upright" in fit.remarks[0]
+    assert f"the {'xyz'[upright]} axis is upright" in str(fit.remarks[0])
     told = fit_mag_level(mag)  # by the axis along which the field changed least
     assert told.calibration.bias.tolist() == c.bias.tolist()
     level_matrix = told.calibration.matrix[np.ix_(level, level)]

@@ -179,7 +179,7 @@ def test_terms_that_a_card_has_not_are_left_out():
     assert len(rows(many, "bias per K")) == 11 and "bias per K¹¹ [°/s/K¹¹]" in many
     mounted = replace(CARD, mount=replace(MOUNT, remarks=("nothing shows the heading.",)))
     assert text_of(mounted).endswith("\n- nothing shows the heading.")
-    assert report.numbers(mounted, {})["remarks"]["mount"] == ["nothing shows the heading."]
+    assert report.numbers(mounted, {})["remarks"]["mount"][0]["text"] == "nothing shows the heading."
 
 
 def test_a_matrix_that_was_not_fitted_is_not_shown_as_a_result():
@@ -220,7 +220,8 @@ def test_json_holds_the_card_and_figures():
     said = json.loads(json.dumps(report.numbers(CARD, FITS), allow_nan=False))
     assert said["card"] == json.loads(CARD.text())
     assert said["refused"] == []
-    assert said["remarks"] == {"mag": [DIP], "gyr": [], "mount": []}
+    texts = {name: [remark["text"] for remark in remarks] for name, remarks in said["remarks"].items()}
+    assert texts == {"mag": [DIP], "gyr": [], "mount": []}
     assert said["units"] == {"gyr": "rad/s", "acc": "m/s2", "mag": "uT", "angles": "rad"}
     assert list(said["figures"]) == ["gyr", "mag", "mount"]
     assert said["figures"]["mag"]["scale"] == pytest.approx([0.02, 0.0, 0.0], abs=1e-14)

@@ -108,4 +108,4 @@ def test_hysteresis_is_told_and_only_where_it_is():
     for seed in range(5):
         for soaked, expected in ((soak(seed, hysteresis=dps(0.02)), True), (soak(seed, walk=WALK), False)):
             remarks = fit_temperature(Rates(*soaked[:2], temp_c=soaked[2])).remarks
-            assert any("hysteresis" in remark for remark in remarks) is expected
+            assert any("hysteresis" in str(remark) for remark in remarks) is expected

@@ -124,7 +124,7 @@ def test_disturbed_seconds_are_skipped_on_their_own_or_on_demand(tmp_path):
     np.save(tmp_path / "bump.npy", values)
     for words, where in (("", r"29[0-9.]+ to 30[0-9.]+ s"), ("--skip 295s..305s", "295 to 305 s")):
         result = answer(f"allan bump.npy {SCALED} {words}", cwd=tmp_path)
-        assert re.search(f"is skipped there: {where}", " ".join(result["bump"]["notes"]))
+        assert re.search(f"is skipped there: {where}", " ".join(note["text"] for note in result["bump"]["notes"]))
         assert densities(result) == pytest.approx([dps(0.02)], rel=0.02)
 
 

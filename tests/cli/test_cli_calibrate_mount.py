@@ -35,7 +35,7 @@ def test_poses_give_a_card_with_the_mounting(folder, tmp_path):
     assert mount.method.startswith("level pose and nose raised by 30.0°, body axes of NED") and mount.date
     report = answer("calibrate mount unit.parquet --frame NED --level 0s..5s --raised 8s..13s", cwd=folder)
     assert quat_angle(np.array(report["card"]["mount"]["q_bs"]), Q_BS) < 5.0 * np.linalg.norm(mount.sd)
-    assert report["remarks"]["mount"][0].startswith("the accelerometer is not calibrated")
+    assert report["remarks"]["mount"][0]["text"].startswith("the accelerometer is not calibrated")
 
 
 def test_the_mounting_joins_a_card_and_a_moving_body_is_refused(folder, tmp_path):

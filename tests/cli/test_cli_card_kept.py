@@ -85,4 +85,4 @@ def test_remarks_of_a_part_are_told_wherever_the_card_is(folder, capsys):
     (first, *_) = CalibrationCard.load(folder / "card.json").gyr.remarks
     capsys.readouterr()
     assert main(["info", "card.json", "--json"]) == 0
-    assert first in json.loads(capsys.readouterr().out)["remarks"]["gyr"]
+    assert first.to_dict() in json.loads(capsys.readouterr().out)["remarks"]["gyr"]

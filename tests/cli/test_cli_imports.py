@@ -80,7 +80,7 @@ sim buoy SENSORS calibrated --duration 6s --out sea.parquet | SIMULATED
 list filters | numpy filters
 list references | numpy filters
 docs time |
-info sea.parquet | READ calibration
+info sea.parquet | READ calibration kernels
 run sea.parquet --filter mekf | RUN
 run sea.parquet --filter mahony --out track.parquet | RUN
 run none.parquet --filter mekf | numpy filters
@@ -89,7 +89,7 @@ batch none.parquet --out dataset | READ evaluation scipy
 report sea.parquet --filter none --figure rates --out rates.svg | READ DRAWN
 eval track.parquet sea.parquet | READ evaluation
 compare sea.parquet sea.parquet | RUN FITS scipy.ndimage scipy.signal scipy.stats
-doctor sea.parquet | READ scipy scipy.fft
+doctor sea.parquet | READ kernels scipy scipy.fft
 send track.parquet --as json --to file:sent.jsonl --speed max | READ VIEW
 sim static SENSORS random --duration 90s --rate 50Hz --out rest.parquet | SIMULATED
 allan rest.parquet --triads gyr | READ data.cards.calibration noise kernels FITS

@@ -239,7 +239,9 @@ def test_a_card_replaces_only_a_card_of_its_kind(tmp_path):
     noise_card().save(path, overwrite=True)
     with pytest.raises(ParameterError, match="is a noise card, not a calibration card"):
         card().save(path, overwrite=True)
-    assert "is a calibration card, not a noise card" in refused("allan", tmp_path / "absent.txt", "--card", other)
+    assert "is a calibration card, not a noise card" in refused(
+        "allan", tmp_path / "absent.txt", "--card", other, "--force"
+    )
 
 
 READERS = {

@@ -104,3 +104,10 @@ def test_every_code_has_a_sentence_of_its_values_and_every_sentence_a_code():
         and not any(code.startswith(text) for text in texts if len(text) > 12 and text.endswith("_"))
     ]
     assert unused == []
+
+
+@pytest.mark.parametrize("lang", ["zh"])
+def test_other_languages_have_the_same_codes_and_values(lang):
+    assert sorted(words(lang)) == sorted(words("en"))
+    for code, template in words(lang).items():
+        assert fields(template) == fields(words("en")[code]), code

@@ -96,7 +96,7 @@ def test_round_trip_keeps_every_bit(tmp_path, data):
     turn = data.draw(numbers(4, 1.0).filter(lambda q: np.linalg.norm(q) > 0.1))
     mount = Mount(turn / np.linalg.norm(turn), sd=np.abs(data.draw(numbers(3))), method="hung", date="2026-11-19",
                   remarks=["heading is that of the case."])  # fmt: skip
-    assert mount.remarks == ("heading is that of the case.",)
+    assert list(map(str, mount.remarks)) == ["heading is that of the case."]
     card = calibration(device="Gerät µ-7", gyr=made, mag=triad(), mount=mount, software="plumbob 0")
     card.save(tmp_path / "card.json", overwrite=True)
     assert_same_bits(card, CalibrationCard.load(tmp_path / "card.json"))
@@ -206,7 +206,7 @@ REFUSED = [
     (triad, {"reference": "g"}, "reference must be a finite number, but it is 'g'"),
     (triad, {"reference": 0.0}, "reference must be above zero"),
     (triad, {"quality": "good"}, "quality must be a Quality or None"),
-    *((triad, {"remarks": bad}, "remarks must be a list of texts") for bad in ("one", [1], None)),
+    *((triad, {"remarks": bad}, "remarks must be a sequence of findings") for bad in ("one", [1], None)),
     *((triad, {name: bad}, f"{name} must be a text") for name, bad in (("unit_in", 0), ("method", None), ("date", 3))),
     *((calibration, {name: 3}, f"{name} must be a text") for name in ("device", "date", "method", "software")),
     *((calibration, {name: noise().gyr}, f"{name} must be a") for name in ("acc", "gyr", "mount")),
@@ -226,7 +226,7 @@ REFUSED = [
     (mount, {"sd": [0.1, -0.1, 0.1]}, "sd must not be negative, but it is"),
     (mount, {"method": 3}, "method must be a text"),
     (mount, {"date": "soon"}, "date must be ISO 8601"),
-    (mount, {"remarks": {}}, "remarks must be a list of texts"),
+    (mount, {"remarks": {}}, "remarks must be a sequence of findings"),
     *((triad_noise, {"b": bad}, "b must be three finite numbers ≥ 0") for bad in ([1, -1, 1], [np.nan] * 3, [1, 1], 1)),
     *(
         (triad_noise, {"n_interval": bad}, "n_interval must be")

@@ -7,7 +7,7 @@ from plumbob import json_schema
 from plumbob.protocols import checksum
 from plumbob.protocols.field import MARKS, ROLES, SIZES, WORDS
 from tests.helpers.io_samples import schema_keys
-from website import command_line, draw_house, equations, view_types
+from website import command_line, draw_house, equations, sentences, view_types
 
 ROOT = Path(__file__).parents[2]
 BY_HOOKS = {f"{name}.md" for name in ("index", "examples", "reference", "changelog", "contributing", "security")}
@@ -31,6 +31,11 @@ def test_the_page_of_equations_is_up_to_date():
 def test_the_types_of_the_live_page_are_those_of_its_messages():
     """Otherwise: make pages."""
     assert (ROOT / "web" / "src" / "messages.ts").read_text(encoding="utf-8") == view_types.page()
+
+
+def test_every_sentence_of_the_program_stands_in_one_file_to_be_read_through():
+    """Otherwise: make pages."""
+    assert (ROOT / "tests" / "docs" / "sentences.txt").read_text(encoding="utf-8") == sentences.page()
 
 
 def test_every_page_is_in_the_menu_of_the_site():

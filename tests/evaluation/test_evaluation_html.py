@@ -53,7 +53,7 @@ def test_rows_that_cannot_be_compared_are_called_so(judged, track, monkeypatch):
     other = evaluate(judged.estimate, judged.reference, settle=4.0)
     free = evaluate(track(judged.t, judged.estimate.q_nb, north=North.FREE), judged.reference)
     assert comparison({"a": judged, "b": judged}).remarks == []
-    assert "the rows differ in the samples scored" in comparison({"a": judged, "b": other}).remarks[0]
+    assert "the rows differ in the samples scored" in str(comparison({"a": judged, "b": other}).remarks[0])
     both = comparison({"free": free, "magnetic": judged}).page()  # with figures of the tilt alone
     assert both.count("not scored: the heading of the estimate counts from an arbitrary zero") == 1
     with pytest.raises(ShapeError, match="at least one evaluation"):

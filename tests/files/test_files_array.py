@@ -154,9 +154,9 @@ def test_findings_name_the_units_that_they_are_about(tmp_path):
     clipped = replace(array.units["左"], acc=np.tile([4.0, 1.0, 0.1], (12, 1)))
     plumbob.write(tmp_path / "a.parquet", ImuArray({**array.units, "左": clipped}))
     notes = plumbob.read(tmp_path / "a.parquet").notes
-    assert any(note.startswith("clipped: 左: acc is at the end of the range in 12") for note in notes)
-    assert sum(note.startswith("calibration: ") for note in notes) == 1
-    assert any(note.startswith("calibration: 左, left.arm: NONE") for note in notes)
+    assert any(str(note).startswith("clipped: 左: acc is at the end of the range in 12") for note in notes)
+    assert sum(note.code == "samples.uncalibrated" for note in notes) == 1
+    assert any(str(note).startswith("calibration: 左, left.arm: NONE") for note in notes)
 
 
 def test_info_has_units_mounts_and_samples(tmp_path):

@@ -36,6 +36,9 @@ SENSORS = [  # name, cell of a row of units, sensor, axis, unit by our name
     ("akm_akm09918.x", "", "mag", "x", ""), ("HMC5883L_y", "", "mag", "y", ""), ("LIS3MDL z", "", "mag", "z", ""),
     ("adxl345_x", "", "acc", "x", ""), ("L3G4200D_z", "", "gyr", "z", ""), ("lis3dh_x", "", "acc", "x", ""),
     ("lsm6ds3_x", "", "", "x", ""),  # parts with two sensors say nothing
+    ("Accel X, g (LGR S/N: 10)", "", "acc", "x", "g"), ("Ускорение X, м/с²", "", "acc", "x", "m/s2"),
+    ("in_anglvel_x", "", "gyr", "x", ""), ("Hoeksnelheid X (graden/s)", "", "gyr", "x", "deg/s"),
+    ("I[0].pqr[1]", "", "gyr", "1", ""),
     ("rotationRate.alpha", "", "gyr", "z", ""),  # W3C Device Orientation, 5.3: about z
 ]  # fmt: skip
 OTHERS = [
@@ -95,4 +98,9 @@ def test_dates_in_words_are_the_moments_that_the_library_reads():
              "Wed, 22 Dec 2021 21:09:46 GMT", "Dec 22, 2021, 9:09:46 PM", "Dec 22 2021 21:09:46"]  # fmt: skip
     utc = 1_000_000_000 * int(parsedate_to_datetime(moment).timestamp())
     assert {stamps_ns([form], None)[0][0] for form in forms} == {utc}
-    assert not any(map(is_stamp, ("Wed Dec 22 21:09:46 CET 2021", "Mai 1 2024 12:00:00", "walking")))
+    assert stamps_ns(["13. März 2024 12:30:45 CET", "14. März 2024 06:30:45 EST"], None) == (
+        [1710329445 * 10**9, 1710415845 * 10**9],
+        True,
+    )
+    assert stamps_ns(["5/13/2024 12:30:45", "5/12/2024 12:30:45"], 0)[0] == [1715603445 * 10**9, 1715517045 * 10**9]
+    assert not any(map(is_stamp, ("Wed Foo 22 21:09:46 2021", "walking")))

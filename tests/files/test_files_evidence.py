@@ -196,7 +196,8 @@ def test_broken_lines_are_left_out_and_counted(tmp_path):
     lost = [99, 299, 300, 599]
     assert recording.imu.t == pytest.approx(np.delete(T, lost), abs=1e-9)
     assert recording.imu.acc == pytest.approx(np.delete(ACC, lost, axis=0), abs=1e-4)
-    assert any("3 lines of 599 left out" in note and "line 101 has 2 cells" in str(note) for note in recording.notes)
+    (note,) = [note for note in recording.notes if note.code == "reading.lines_left_out"]
+    assert note.values["count"] == 3 and "line 101 has 2 cells" in str(note)
     assert any("line 601, the last, is cut" in str(note) for note in recording.notes)
 
 

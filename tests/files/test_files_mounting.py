@@ -151,7 +151,7 @@ WRONG = [
     (HEAD + ISO + 'unit = "s"\n' + GYR, "has a format, so it can have no unit"),
     (HEAD + ISO + 'columns = ["d", "t"]\n' + GYR, "needs column, or columns"),
     (HEAD + SECONDS + 'zone = "UTC"\n' + GYR, "time.zone is for dates"),
-    (HEAD + ISO + 'zone = "CET"\n' + GYR, "time.zone: 'CET' is not a zone"),
+    (HEAD + ISO + 'zone = "XYZ"\n' + GYR, "time.zone: 'XYZ' is not a zone"),
     (HEAD + ISO.replace("ISO 8601", "%H") + GYR, "must be one of 'ISO 8601'"),
     ("t0_ns = 1\n" + HEAD + ISO + GYR, "remove t0_ns"),
     (AT_100 + "zero = 32768\n", r"gyr\.zero is in counts; add gyr\.counts_per_unit"),

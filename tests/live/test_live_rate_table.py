@@ -130,4 +130,4 @@ def test_what_the_card_so_far_means_is_said(made, session, planned, fitted):
         ("accelerometer is not calibrated", fitted, 1),
         ("accelerometer is not calibrated", uncoupled, 0),
     ):
-        assert sum(words in remark for remark in fit.remarks) == times
+        assert sum(words in str(remark) for remark in fit.remarks) == times

@@ -218,16 +218,16 @@ def test_a_filter_is_recognised_and_its_curve_is_not_believed():
     expected = np.sqrt(1.0 - (3.0 - 4.0 * np.exp(-ratio) + np.exp(-2.0 * ratio)) / (2.0 * ratio))
     there = (found.tau > 0.2) & (found.before.edf > 50.0)
     assert found.ratio[there] == pytest.approx(expected[there], rel=0.05)
-    assert any(note.startswith("warning") and "no slope" in note for note in found.notes)
-    assert any("nothing has changed" in note for note in found.notes)
+    assert any(str(note).startswith("warning") and "no slope" in str(note) for note in found.notes)
+    assert any("nothing has changed" in str(note) for note in found.notes)
 
 
 @slow_as_python
 def test_records_without_a_filter_between_them():
-    assert compare(white(8), white(9), 0.01).notes == ("the two spectra show no low-pass between them",)
+    assert compare(white(8), white(9), 0.01).notes[0].code == "noise.no_low_pass"
     halved = compare(white(8), 0.5 * white(8), 0.01)
     assert halved.time_constant is None
-    assert halved.notes[-1] == "the deviation has changed by a factor of 0.500"
+    assert str(halved.notes[-1]) == "the deviation has changed by a factor of 0.500"
     with pytest.raises(ParameterError, match="after is constant"):
         compare(white(8), np.ones(100), 0.01)
 
@@ -278,7 +278,7 @@ def test_white_noise_is_not_masked_and_a_warm_up_is_no_noise():
     assert found.terms["B"].hours > found.duration / 3600.0
     t = np.arange(200_000) * 0.01
     warming = analyse(white(6, 200_000, 0.02) + 0.1 * np.exp(-t / 300.0), 0.01)
-    assert any("times the noise that the terms make" in note for note in warming.notes)
+    assert any("times the noise that the terms make" in str(note) for note in warming.notes)
 
 
 @pytest.mark.parametrize(("values", "dt", "options", "error", "text"), [

@@ -201,7 +201,7 @@ def test_the_dictionary_is_strict_json_with_both_units_of_every_number(analyses,
     assert math.isclose(gyr["gauss_markov"]["time"]["value"]["s"], 90.0)
     assert gyr["mask"] == {"n": 8, "frequency_hz": 6.25, "reason": "the device filters its output"}
     assert gyr["candidates"][0] == {"terms": "N B K", "bic": -1234.5, "chosen": True}
-    assert gyr["notes"] == list(a.notes)
+    assert [note["text"] for note in gyr["notes"]] == list(map(str, a.notes))
     curve = gyr["curve"]
     assert np.array_equal(curve["dev"]["rad/s"], a.curve.dev)
     assert np.allclose(curve["hi"]["deg/h"], PER_HOUR * a.curve.hi, rtol=1e-12, atol=0.0)

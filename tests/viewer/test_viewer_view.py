@@ -188,7 +188,7 @@ OPENED = [
     ("a.mcap", {"line": {"port": "/dev/ttyUSB0"}}, "port belongs to a line"),
     ("s.toml", {"line": {"causal": True}}, "--causal is for a recording"),
     ("/dev/ttyUSB0", {"line": {"port": "/dev/ttyUSB1", "format": "buoy"}}, "both name the line"),
-    ("/dev/ttyUSB0", {}, "need --format"),
+    ("/dev/ttyUSB0", {}, "does not exist"),
     (None, {}, "give either a session file"),
     (None, {"emulate": "nothing"}, "there is no rig"),
 ]

@@ -18,6 +18,7 @@ from plumbob.arm.smoother import FRAME_SD, LOST, Attitudes, ChainStart, estimate
 from plumbob.core import check, flags
 from plumbob.core.check import Floats, number
 from plumbob.core.errors import ParameterError
+from plumbob.core.findings import Note, as_findings, as_json, info, warning
 from plumbob.core.params import describe, shown
 from plumbob.core.series import Series
 from plumbob.core.units import Quantity, deg, given, to_deg
@@ -82,7 +83,7 @@ class ArmEstimate(Series):
     frame: Frame
     rows: NDArray[np.intp] = field(repr=False)
     joint_cov: Mapping[str, Floats] = field(repr=False)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     def facts(self) -> Mapping[str, str]:
         """Chain, frame, and how sure it is."""
@@ -127,7 +128,7 @@ class ArmEstimate(Series):
             "hand_m": joints.hand[-1].tolist(),
             "flags": flags.counts(joints.flags),
             "method": joints.source,
-            "notes": list(self.notes),
+            "notes": as_json(as_findings("notes", self.notes)),
         }
 
     def columns(self) -> Mapping[str, NDArray[Any]]:
@@ -221,7 +222,7 @@ def run(
         notes=_notes(model, card, start, anchor, posed=posed, causal=causal) + _contradicted(links, strays),
     )
     for remark in estimate.notes if note else ():
-        note(remark)  # type: ignore[misc]
+        note(str(remark))  # type: ignore[misc]
     return estimate
 
 
@@ -299,25 +300,22 @@ def _source(params: Params, *, causal: bool) -> str:
 
 def _notes(
     chain: Chain, card: ArmCard | None, start: ChainStart, anchor: Anchored | None, *, posed: bool, causal: bool
-) -> tuple[str, ...]:
-    notes = []
+) -> tuple[Note, ...]:
+    notes: list[Note] = []
     if card is None:
-        notes.append("no card: units are taken to sit exactly as the chain says; plumbob arm align finds how they do")
+        notes.append(warning("arm.no_card"))
     else:
         notes += [f"{joint.name}: {joint.rating}" for joint in card.joints if not joint.rating.startswith("good")]
     if chain.base_fixed and start.free and not posed:
-        notes.append(
-            "nothing says where the arm points on its base: no hinge on the ground lies level, and no pose was given; "
-            "headings are of the field, or free"
-        )
+        notes.append(warning("arm.no_pose"))
     elif start.free and anchor is None:
-        notes.append("no magnetometer and no fixed base hold the common heading: it counts from the start, and drifts")
+        notes.append(warning("arm.heading_drifts"))
     elif start.free and causal:
         notes.append(
             "the common heading counts from the start, near North; the fields of all units keep it from drifting"
         )
     if causal:
-        notes.append(f"headings begin with what the first {start.ready:.1f} s show; a live system gives them then")
+        notes.append(info("arm.headings_begin", ready=start.ready))
     return tuple(notes)
 
 
@@ -394,7 +392,7 @@ class _Reading:
                 attitudes[segment.name] = quat_multiply(of_unit, quat_conjugate(np.array(segment.mount.q_bs)))
         return attitudes
 
-    def estimate(self, *, north: North, source: str, notes: tuple[str, ...]) -> ArmEstimate:
+    def estimate(self, *, north: North, source: str, notes: tuple[Note, ...]) -> ArmEstimate:
         """All of it."""
         angles = self._chain.angles_of(self._q)
         covs = {joint.name: self._joint_cov(joint) for joint in self._chain.joints}

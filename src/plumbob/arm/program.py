@@ -24,6 +24,7 @@ from plumbob.arm.angles import RECORDED, TIME, JointTrack, read_table
 from plumbob.core import check, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.findings import Note, warning
 from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity, to_deg
@@ -107,7 +108,7 @@ class Program(Series):
     stops: tuple[Standstill, ...] = ()
     deviations: Mapping[str, PathDeviation] | None = None
     slowed: float = 1.0
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -365,13 +366,17 @@ def _trimmed(mean: Floats, rest: tuple[int, int], width: int, still: float) -> t
 
 def _poses(
     q: Floats, rests: Sequence[tuple[int, int]], bounds: Sequence[Limits], names: Sequence[str], t: Floats
-) -> tuple[Floats, list[str]]:
+) -> tuple[Floats, list[Note]]:
     """Pose of each stop, the median of its rows, inside the ranges; and what that changed."""
     poses = np.stack([np.median(q[first : last + 1], axis=0) for first, last in rests])
     inside = np.clip(poses, [bound.low for bound in bounds], [bound.high for bound in bounds])
-    notes = [
-        f"The pose at {t[rests[row][0]]:.3f} s of the recording is {to_deg(abs(poses[row, k] - inside[row, k])):.2f}° "
-        f"beyond the range of {names[k]}, and was brought to its end."
+    notes: list[Note] = [
+        warning(
+            "arm.pose_beyond",
+            t=t[rests[row][0]],
+            beyond_deg=to_deg(abs(poses[row, k] - inside[row, k])),
+            joint=names[k],
+        )
         for row, k in np.argwhere(inside != poses)
     ]
     return inside, notes

@@ -41,6 +41,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE, G0, WGS84_A, WGS84_F, WGS84_GM, WGS84_GRAVITY_EQUATOR, WGS84_GRAVITY_POLE
 from plumbob.core.errors import ParameterError
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted
 from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.data.cards import UNITS, Quality, TriadCalibration
@@ -360,25 +361,23 @@ def _quality(poses: Floats, fit: NormFit, tilt: float, tilt_range: float) -> Qua
     )
 
 
-def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[str, ...]:
-    notes = [f"Shape: {_WORDS[fit.shape]} ({why}).", *_far_scale(mean_radius(fit.ellipsoid.shape) / gravity)]
+def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[Note, ...]:
+    notes: list[Note] = [
+        info("calibration.shape", shape=_WORDS[fit.shape], why=why),
+        *_far_scale(mean_radius(fit.ellipsoid.shape) / gravity),
+    ]
     if gravity == G0:
-        notes.append("Gravity is the standard one; at the place it may differ by 0.3 %, in scale but not in direction.")
+        notes.append(info("calibration.standard_gravity"))
     if fit.shape is not Shape.ELLIPSOID:
         sd = to_deg(float(np.sqrt(np.diag(fit.covariance)[6:].max())) * mean_radius(fit.ellipsoid.shape))
-        notes.append(
-            f"Misalignment was left at zero; the predicted error counts it with {sd:.2g}° (1 sd) per pair of axes."
-        )
+        notes.append(info("calibration.no_misalignment", sd=sd))
     if np.count_nonzero(fit.used) < fit.shape.value + SPARE:
-        notes.append(f"{len(fit.used)} poses are too few to notice a bad one. Take {fit.shape.value + SPARE} or more.")
+        notes.append(warning("calibration.few_poses", count=len(fit.used), needed=fit.shape.value + SPARE))
     if noise > 0.0 and fit.sd > _RESTLESS * noise:
-        notes.append(f"The poses scatter {fit.sd / noise:.0f} times as much about the fit as noise at rest explains.")
+        notes.append(warning("calibration.poses_scatter", factor=fit.sd / noise))
     if not fit.used.all():
-        notes.append(f"Set aside because they do not fit the others: poses {_numbers(fit)} of {len(fit.used)}.")
-    notes.append(
-        "The length of gravity does not show how the axes are turned in the case, usually 0.3°; 'plumbob calibrate "
-        "mount' measures that turn."
-    )
+        notes.append(warning("calibration.poses_set_aside", poses=_numbers(fit), count=len(fit.used)))
+    notes.append(info("calibration.gravity_length"))
     return tuple(notes)
 
 

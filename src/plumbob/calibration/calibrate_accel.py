@@ -13,6 +13,7 @@ from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
+from plumbob.core.findings import info
 from plumbob.data import ImuData
 from plumbob.data.cards import TriadCalibration
 from plumbob.quality.static_periods import stills
@@ -77,9 +78,9 @@ def calibrate_accel(
         return _tumbled(imu, shape, gravity, tilt_range)
     poses = poses_at_rest(imu)
     fit = fit_accel(poses.means, shape=shape, noise=poses.noise, gravity=gravity, tilt_range=tilt_range)
-    remarks = [f"{len(poses.spans)} poses were found at rest, of {_shortest(poses):.1f} s at least."]
+    remarks = [info("calibration.poses", count=len(poses.spans), shortest=_shortest(poses))]
     for i in np.flatnonzero(~fit.used).tolist():
-        remarks.append(f"Pose {i + 1} is from {poses.spans[i][0]:.2f} to {poses.spans[i][1]:.2f} s.")
+        remarks.append(info("calibration.pose", pose=i + 1, start=poses.spans[i][0], stop=poses.spans[i][1]))
     return replace(fit, calibration=_warmed(fit.calibration, poses.temp_c), remarks=(*remarks, *fit.remarks))
 
 

@@ -22,6 +22,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, ParameterError
+from plumbob.core.findings import info
 from plumbob.core.units import dps, to_deg, to_dps
 from plumbob.data import ImuData
 from plumbob.quality.static_periods import stills
@@ -107,7 +108,7 @@ def calibrate_mag(
     mag, acc = imu.usable("mag"), imu.usable("acc")
     if shape == "level":
         level = fit_mag_level(mag[use], acc=_complete(acc[use]), strength=strength, dip=dip)
-        return replace(level, remarks=("Fitted without other sensors: level, as asked for.", *level.remarks))
+        return replace(level, remarks=(info("calibration.mag_level"), *level.remarks))
     refuse(_unfit(mag[use]))
     slow = _slow(imu)
     with np.errstate(invalid="ignore"):

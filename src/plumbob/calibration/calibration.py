@@ -8,14 +8,13 @@ from plumbob.calibration.fit import Fitted
 from plumbob.calibration.mount import Mounted
 from plumbob.core import __version__
 from plumbob.core.errors import CalibrationError, ParameterError
-from plumbob.core.findings import Finding
+from plumbob.core.findings import Finding, warning
 from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
 
 SOFTWARE = f"plumbob {__version__}"
 _UNNAMED = "unknown"
-_STALE = "It was found with the axes that the accelerometer had before its calibration of"
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +164,8 @@ def _outdated(base: CalibrationCard, new: CalibrationCard) -> CalibrationCard:
         return base
     free = base.gyr is not None and not base.gyr.matrix_found  # a bias at rest needs no axes
     parts = base.without("acc", *(["gyr"] if free else []), *new.parts).parts
-    note = f"{_STALE} {new.acc.date}: calibrate it again."
-    remarks = {name: (*(r for r in part.remarks if not r.startswith(_STALE)), note) for name, part in parts.items()}
+    note = warning("calibration.stale_axes", date=new.acc.date)
+    remarks = {name: (*(r for r in part.remarks if r.code != note.code), note) for name, part in parts.items()}
     return replace(base, **{name: replace(part, remarks=remarks[name]) for name, part in parts.items()})
 
 

@@ -17,6 +17,7 @@ from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
+from plumbob.core.findings import Note, as_findings, as_json
 from plumbob.core.text import FactsText
 
 _FACES = 6
@@ -45,7 +46,7 @@ class CountsCalibration(FactsText):
     matrix: Floats
     residual_sd: float
     samples: int
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Note, ...] = ()
 
     @property
     def counts_per_g(self) -> Floats | None:
@@ -61,14 +62,14 @@ class CountsCalibration(FactsText):
 
     def text(self) -> str:
         """The same for a reader, a line each."""
-        return "\n".join((*(f"{name:13} {value}" for name, value in self.facts().items()), *self.remarks))
+        return "\n".join((*(f"{name:13} {value}" for name, value in self.facts().items()), *map(str, self.remarks)))
 
     def summary(self) -> dict[str, Any]:
         """All figures, as JSON can hold them."""
         scale = self.counts_per_g
         counts = {"bias": self.bias.tolist(), "matrix": self.matrix.tolist(), "residual_sd": self.residual_sd,
                   "samples": self.samples, "counts_per_g": None if scale is None else scale.tolist()}  # fmt: skip
-        return {"sensor": self.sensor, "counts": counts, "remarks": list(self.remarks)}
+        return {"sensor": self.sensor, "counts": counts, "remarks": as_json(as_findings("remarks", self.remarks))}
 
 
 def fit_counts(readings: Floats, sensor: str = "mag") -> CountsCalibration:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
+from plumbob.core.findings import Note
 from plumbob.core.units import deg
 from plumbob.data.cards import TriadCalibration
 
@@ -35,7 +36,7 @@ class Fitted:
     measured: Floats
     residuals: Floats
     used: NDArray[np.bool_]
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Note, ...] = ()
 
 
 class GradeLimits(NamedTuple):

@@ -25,6 +25,7 @@ from plumbob.calibration.mag.checks import DIP, dip_angle
 from plumbob.calibration.mag.with_acc import FEWEST, rotation_in, turn_angle
 from plumbob.calibration.predicted import heading_apart, heading_sd
 from plumbob.core.check import Floats
+from plumbob.core.findings import Note, warning
 from plumbob.core.units import deg, to_deg
 from plumbob.data import TITLES, ImuData
 from plumbob.rotations import axes_letters, axes_words, signed_axes
@@ -145,11 +146,11 @@ def _reason(fault: _Fault) -> Reason:
     return Reason("mirrored" if fault.mirrored else "turned-axes", f"{_diagnosis(fault)}.", advice)
 
 
-def _remark(fault: _Fault) -> str:
+def _remark(fault: _Fault) -> Note:
     text = f"{_diagnosis(fault)}. {_advice(fault)}"
     if fault.suspect.triad != "mag":
-        return f"AXES: {text} The magnetometer's card does not rest on them."
-    return f"TURNED BY {_angle(fault.suspect.way)}°: {text} The card takes a turn up, and no mirror."
+        return warning("calibration.mag_axes", what=text)
+    return warning("calibration.mag_turned", angle=_angle(fault.suspect.way), what=text)
 
 
 def _diagnosis(fault: _Fault) -> str:
@@ -241,7 +242,7 @@ _NEGATED: Final = (
 
 def told_by_others(
     imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], *, helper: str, dip: float | None
-) -> tuple[str, ...]:
+) -> tuple[Note, ...]:
     """Remarks of gyroscope, accelerometer and place about a fit.
 
     Parameters

@@ -16,6 +16,7 @@ from plumbob.calibration.fit import CaptureRefusedError, Reason, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.findings import Note
 from plumbob.core.units import deg, to_deg
 from plumbob.data.cards import Mount
 from plumbob.rotations import (
@@ -48,7 +49,7 @@ class Mounted:
     """A mounting that was found, with remarks on it, each a sentence."""
 
     mount: Mount
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Note, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -11,6 +11,7 @@ from plumbob.cli.engine import Call, Verb, show
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import write_text
+from plumbob.core.findings import as_findings, as_json
 from plumbob.core.units import Quantity, parse, to_deg
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     motion = call(array=_read(args, call))
     ends = {name: f"{to_deg(last):8.2f}° ± {to_deg(sd):.2f}° at the end" for name, last, sd in motion.at_end()}
     if not args.json:
-        common.note(*motion.notes)
+        common.note(*map(str, motion.notes))
     shown = common.Listed(common.rows(motion.facts() | ends, 20), {"out": args.out, **motion.summary()})
     return show(args, verb, motion, shown=shown)
 
@@ -102,7 +103,7 @@ def export(args: argparse.Namespace, verb: Verb, call: Call) -> int:
             arm.export(program, path, unit=in_unit, overwrite=args.force)
     show(args, verb._replace(pages=None), _exported(args, program, chain))
     if not args.json:
-        common.note(*program.notes)
+        common.note(*map(str, program.notes))
     if chain is not None and (args.html or args.plot):
         common.write_pages(args, arm.arm_report(chain, track, program=program))
     return 0
@@ -117,7 +118,7 @@ def _exported(args: argparse.Namespace, program: "Program", chain: "Chain | None
     values = {
         "files": args.out, "angles": list(program.names), "samples": len(program),
         "rate_hz": program.rate, "duration_s": float(program.t[-1]), "slowed": program.slowed, "stops": stops,
-        "used": used, "notes": list(program.notes),
+        "used": used, "notes": as_json(as_findings("notes", program.notes)),
         "deviation_deg": {name: {"rms": rms, "max": most} for name, (rms, most) in away.items()},
     }  # fmt: skip
     lines = [common.rows(program.facts())]

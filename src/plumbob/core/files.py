@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final, TypeVar
@@ -78,9 +78,7 @@ def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path
     DecodeError
         If there is none, it is a folder, a pipe or a device, or it is larger.
     """
-    from plumbob.core import check
-
-    file = check.path("path", path)
+    file = Path(path)
     if file.is_dir():
         raise DecodeError(f"{file} is a folder; name one file in it.")
     if not file.exists():
@@ -151,11 +149,10 @@ def profile_paths(path: Path) -> tuple[Path, ...]:
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Put the file's name before every error of its content, and make one line of it."""
-    import numpy as np  # what only writes needs no arrays
-
+    numpy = sys.modules.get("numpy")  # what reads no arrays does not import it
     try:
         # A damaged file may hold any number; the validators judge it, so NumPy need not warn of it as well.
-        with np.errstate(over="ignore", invalid="ignore"):
+        with nullcontext() if numpy is None else numpy.errstate(over="ignore", invalid="ignore"):
             yield
     except PlumbobError as error:
         raise type(error)(f"{path}: {one_line(error)}") from error

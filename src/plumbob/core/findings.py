@@ -53,7 +53,7 @@ class Finding:
     values: Mapping[str, Value] = field(default_factory=dict)
 
     def __hash__(self) -> int:
-        return hash((self.code, *self.values.values()))
+        return hash((self.code, frozenset(self.values.items())))
 
     @property
     def family(self) -> str:
@@ -117,18 +117,24 @@ def _plain(value: object) -> Value:
     return number if isinstance(number, int | float | bool) else str(value)
 
 
-def as_findings(name: str, given: Iterable[Finding | str]) -> tuple[Finding, ...]:
-    """Findings, of which some may be given as lines of text.
+def as_findings(name: str, given: Iterable[Finding | str | Mapping[str, Any]]) -> tuple[Finding, ...]:
+    """Findings, of which some may be given as lines of text, or as JSON has them.
 
     Raises
     ------
     ShapeError
         If it is one text, whose findings would be its letters, or holds anything else.
     """
-    items = None if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
-    if items is None or not all(isinstance(item, str | Finding) for item in items):
-        raise ShapeError(f"{name} must be a sequence of lines of text, but got {given!r}.")
-    return tuple(info(TEXT, text=" ".join(item.split())) if isinstance(item, str) else item for item in items)
+    items = None if isinstance(given, str | Mapping) or not isinstance(given, Iterable) else tuple(given)
+    if items is None or not all(isinstance(item, str | Finding | Mapping) for item in items):
+        raise ShapeError(f"{name} must be a sequence of findings or lines of text, but got {given!r}.")
+    return tuple([_finding(item) for item in items])
+
+
+def _finding(item: Finding | str | Mapping[str, Any]) -> Finding:
+    if isinstance(item, str):
+        return Finding(TEXT, "info", {"text": " ".join(item.split())})
+    return Finding.from_dict(item) if isinstance(item, Mapping) else item
 
 
 def warnings(of: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -199,11 +205,9 @@ def note(place: str, value: Any) -> Finding:
     DecodeError
         If it is neither.
     """
-    if isinstance(value, str):
-        return as_findings(place, [value])[0]
-    if not isinstance(value, Mapping):
+    if not isinstance(value, str | Mapping):
         raise DecodeError(f"{place} must be text or a table with code, severity and values, but is {value!r:.100}.")
-    return Finding.from_dict(value)
+    return _finding(value)
 
 
 note.json = {"type": ["string", "object"]}  # type: ignore[attr-defined]

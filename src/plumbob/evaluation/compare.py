@@ -16,6 +16,7 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError
+from plumbob.core.findings import Note, as_findings, as_json, warning
 from plumbob.core.time import GAP_FACTOR, timing
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
@@ -170,7 +171,7 @@ class Comparison(Reported):
     evaluation: Evaluation | None = None
     within: bool | None = None
     counts: Sequence[tuple[str, str, str]] = ()
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Note, ...] = ()
 
     def facts(self) -> Mapping[str, str]:
         """What was compared, and whether it is equal."""
@@ -183,7 +184,11 @@ class Comparison(Reported):
     def summary(self) -> dict[str, Any]:
         """All numbers, ready for JSON: s, degrees, and the units of the triads."""
         numbers: dict[str, Any] = {"a": self.names[0], "b": self.names[1], "equal": self.equal}
-        numbers |= {"first_difference": self.first or None, "within_tolerance": self.within, "remarks": self.remarks}
+        numbers |= {
+            "first_difference": self.first or None,
+            "within_tolerance": self.within,
+            "remarks": as_json(as_findings("remarks", self.remarks)),
+        }
         numbers |= {"counts": {name: {"a": a, "b": b} for name, a, b in self.counts}}
         if self.evaluation is not None:
             return dict(plain(numbers | {"attitude": self.evaluation.summary()}))
@@ -291,7 +296,7 @@ def compare_recordings(
     """Compare the samples of two recordings; `most` is the largest offset, s, `tolerance` a share of each triad."""
     assert a.imu is not None
     assert b.imu is not None
-    first, remarks = _first(_columns(a.imu), _columns(b.imu)), list[str]()
+    first, remarks = _first(_columns(a.imu), _columns(b.imu)), list[Note]()
     starts = [recording.imu.meta.t0_ns for recording in (a, b) if recording.imu is not None]
     shift = (starts[1] - starts[0]) / 1e9 if all(starts) else 0.0
     clock, mounting = _alignment(a.imu, b.imu, shift, most, remarks)
@@ -313,11 +318,11 @@ def compare_recordings(
 
 
 def _alignment(
-    a: ImuData, b: ImuData, shift: float, most: float, remarks: list[str]
+    a: ImuData, b: ImuData, shift: float, most: float, remarks: list[Note]
 ) -> tuple[Clock | None, Mounting | None]:
     """Clock of b against a, and rotation; None, with a remark, what cannot be seen."""
     if not ("gyr" in a.triads and "gyr" in b.triads):
-        remarks.append("Without both gyroscopes neither offset nor mounting can be found.")
+        remarks.append(warning("compare.no_gyroscopes"))
         return None, None
     try:
         offset, correlation = _coarse(a, b, shift, most)
@@ -365,7 +370,7 @@ def _size_on(grid: Floats, t: Floats, rates: Floats, step: float) -> Floats:
 
 
 def _fine(
-    a: ImuData, b: ImuData, offset: float, correlation: float, remarks: list[str]
+    a: ImuData, b: ImuData, offset: float, correlation: float, remarks: list[Note]
 ) -> tuple[Clock, Mounting | None]:
     """Offset, drift, rotation, bias and scale by least squares of the rates, b brought to the times of a.
 
@@ -386,10 +391,7 @@ def _fine(
             break
         width = min(COARSE, HALF_POWER / band)
     if not observed:
-        remarks.append(
-            "The body turns about a single axis: the rates do not show the mounting about it, and triads are compared "
-            "each in its own axes."
-        )
+        remarks.append(warning("compare.single_axis"))
     if not observed:
         return clock, None
     return clock, Mounting(quat_from_dcm(rotation, tolerance=1e-3), turn_sd)
@@ -505,7 +507,7 @@ class _Curve:
 
 
 def _difference(
-    a: ImuData, b: ImuData, name: str, clock: Clock, q_ab: Floats, remarks: list[str]
+    a: ImuData, b: ImuData, name: str, clock: Clock, q_ab: Floats, remarks: list[Note]
 ) -> TriadDifference | None:
     x = a.usable(name)
     same = clock is SAME and np.array_equal(a.t, b.t)
@@ -513,7 +515,7 @@ def _difference(
     y = y if q_ab is IDENTITY else y @ dcm_from_quat(q_ab).T
     both = np.isfinite(x + y).all(axis=1)
     if both.sum() < FEWEST:
-        remarks.append(f"{name}: {int(both.sum())} samples in common, too few to compare.")
+        remarks.append(warning("compare.too_few", name=name, samples=int(both.sum())))
         return None
     x, y = x[both], y[both]
     off = y - x

@@ -13,6 +13,7 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted
 from plumbob.core.units import deg, to_deg
 from plumbob.data import UNCALIBRATED, AttitudeTrack
@@ -151,41 +152,42 @@ _REPEATS = 0.95
 _MOSTLY = 0.5
 
 
-def _remarks(e: Evaluation, policy: HeadingPolicy) -> Iterator[str]:
+def _remarks(e: Evaluation, policy: HeadingPolicy) -> Iterator[Note]:
     """Remarks in the order in which things were done; none where there is nothing to say."""
     align, time = e.settings.align, e.alignment.time
     beyond = e.match.counts().get(Fate.OUTSIDE, 0)
     if beyond > _MOSTLY * e.t.size:
-        yield (
-            f"{beyond} of {e.t.size} samples lie outside of the reference's time: the errors mean something only if "
-            "the clocks of both agree"
-        )
+        yield (warning("evaluation.outside", beyond=beyond, samples=e.t.size))
     if e.estimate.frame is not e.reference.frame:
-        yield f"the reference was converted from {e.reference.frame} to the estimate's frame, {e.estimate.frame}"
+        yield info("evaluation.frame_converted", reference_frame=e.reference.frame, estimate_frame=e.estimate.frame)
     if policy.note:
         yield policy.note
     if time and time.rival is not None and time.rival_at is not None and time.rival >= _REPEATS * time.correlation:
         yield (
-            f"the motion repeats: an offset of {1e3 * time.rival_at:+.0f} ms matches nearly as well "
-            f"(correlation {time.rival:.3f} against {time.correlation:.3f})"
+            warning(
+                "evaluation.motion_repeats",
+                rival_ms=1000.0 * time.rival_at,
+                rival=time.rival,
+                correlation=time.correlation,
+            )
         )
     if align:
         delay = ", and a delay of the filter is not in the errors" if "time" in align else ""
-        yield f"{', '.join(align)} fitted to the samples that are scored{delay}"
+        yield info("evaluation.aligned", align=tuple(align), delay=delay)
     if e.near_gimbal:
         guard = f"{to_deg(GIMBAL_GUARD):.0f}°"
-        yield f"yaw and roll leave out {e.near_gimbal} scored samples with a pitch within {guard} of ±90°"
+        yield info("evaluation.near_gimbal", near_gimbal=e.near_gimbal, guard=guard)
     free = flags.MEANING[flags.HEADING_FREE][0]
     if "heading" not in e.not_scored and e.alignment.heading is None and (count := e.flag_counts().get(free, 0)):
         samples = counted(count, "scored sample")
-        yield f"{samples} with {free}: the heading counts from where it began and is scored nevertheless"
+        yield warning("evaluation.heading_free", samples=samples, flag=free)
     if UNCALIBRATED in e.estimate.source:
-        yield "the estimate was made from uncalibrated sensor values, whose errors are in these figures"
+        yield warning("evaluation.uncalibrated")
     if policy.comparable and not align and (constant := _constant_part(e)):
         yield constant
 
 
-def _constant_part(e: Evaluation) -> str:
+def _constant_part(e: Evaluation) -> Note:
     """Point at a convention, heading or mounting that explains most of the error, rather than a filter."""
     rows = np.flatnonzero(e.match.scored)
     rows = rows[:: max(1, rows.size // _PROBE)]
@@ -198,9 +200,11 @@ def _constant_part(e: Evaluation) -> str:
     if after >= _EXPLAINED * before:
         return ""
     alike = (1.0 + _EXPLAINED) * after + 0.1 * _SUSPICIOUS  # what explains as much is said beside it
-    return (
-        f"most of the error looks like {', or '.join(cause for rmse, cause in causes if rmse <= alike)}: without it, "
-        f"total RMSE would be {to_deg(after):.2f}° instead of {to_deg(before):.2f}°"
+    return warning(
+        "evaluation.constant_part",
+        causes=", or ".join((cause for rmse, cause in causes if rmse <= alike)),
+        after_deg=to_deg(after),
+        before_deg=to_deg(before),
     )
 
 

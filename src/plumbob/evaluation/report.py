@@ -12,6 +12,7 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
+from plumbob.core.findings import Note, as_findings, as_json
 from plumbob.core.series import data_frame
 from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR
@@ -98,7 +99,7 @@ class Evaluation(Reported):
     near_gimbal: int
     consistency: Consistency | None
     reference_rate: float | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     def facts(self) -> Mapping[str, str]:
         """What it is, in words: scored samples and the root mean square of each error, degrees."""
@@ -150,7 +151,7 @@ class Evaluation(Reported):
             "flags": self.flag_counts(),
             "consistency": self.consistency,
             "reference_rate_rms_dps": None if self.reference_rate is None else to_dps(self.reference_rate),
-            "notes": self.notes,
+            "notes": as_json(as_findings("notes", self.notes)),
         }))  # fmt: skip
 
     def report(self, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
@@ -276,7 +277,7 @@ def _remarks(e: Evaluation) -> list[str]:
         f"{', '.join(name for name, why in e.not_scored.items() if why == reason)} not scored: {reason}"
         for reason in dict.fromkeys(e.not_scored.values())
     ]
-    return [_FOOTNOTE, *reasons, *e.notes]
+    return [_FOOTNOTE, *reasons, *map(str, e.notes)]
 
 
 def _differences(evaluations: list[Evaluation]) -> str:

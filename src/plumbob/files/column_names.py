@@ -15,25 +15,24 @@ from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity, canonical_name, is_n
 
 _WORDS: Final = {
     "gyr": re.compile(
-        r"g|w|gy|gyr\w*|giro\w*|omega|ω|angvel|dreh\w*|\w+geschw\w*|角速度|陀螺\w*|гиро\w*|각속도|자이로\w*"
+        r"g|w|gy|gyr\w*|giro\w*|omega|ω|pqr|ang\w*vel\w*|dreh\w*|hoeksnel\w*|\w+geschw\w*|"
+        r"角速度|陀螺\w*|гиро\w*|각속도|자이로\w*"
     ),
     "acc": re.compile(r"a|f|ac|xl|gf|acc\w*|acél\w*|acel\w*|alpha|beschl\w*|versnel\w*|加速度|ускор\w*|가속도"),
-    "mag": re.compile(r"m|b|mag\w*|compass|kompass|地?磁\w*|маг\w*|지?자기\w*"),
+    "mag": re.compile(r"m|b|h|mag\w*|compass|kompass|地?磁\w*|маг\w*|지?자기\w*"),
 }
-_PHRASES: Final = (
-    (
-        "gyr",
-        re.compile(
-            r"ang(ular)? (rate|velocity|vel|speed)|(vit|vel)\w* ang(ul|ol)\w*|rot\w* (rate|velocity|speed)|\brates?\b"
-        ),
+_PHRASES: Final = {
+    "gyr": re.compile(
+        r"ang(ular)? (rate|velocity|vel|speed)|(vit|vel)\w* ang(ul|ol)\w*|rot\w* (rate|velocity|speed)|\brates?\b|"
+        r"угловая скорость|\b(itg|l 3 gd?|bmg|fxas)( \d|\b)"
     ),
-    ("acc", re.compile(r"specific force|\bg force")),
-    ("mag", re.compile(r"magnetic( field)?|^field$|local flux")),
-    # parts that measure one thing alone, by their makers' names
-    ("gyr", re.compile(r"\b(itg|l 3 gd?|bmg|fxas)( \d|\b)")),
-    ("acc", re.compile(r"\b(adxl|bma|mma|kx|lis \d dh)( ?\d|\b)")),
-    ("mag", re.compile(r"\b(akm|ak \d{4}|hmc|qmc|mmc|bmm|ist 83|rm 3100|lis \d mdl)( ?\d|\b)")),
-)
+    "acc": re.compile(r"specific force|\bg force|\b(adxl|bma|mma|kx|lis \d dh)( ?\d|\b)"),
+    "mag": re.compile(
+        r"magnetic( field)?|^field$|local flux|"
+        r"\b(akm|ak \d{4}|hmc|qmc|mmc|bmm|ist 83|rm 3100|lis \d mdl)( ?\d|\b)"
+    ),
+}
+"""Phrases, and parts that measure one thing alone by their makers' names."""
 _WITHOUT_GRAVITY: Final = re.compile(r"\b(linear|lin|free|user|usr)\b")
 _OTHER: Final = re.compile(
     r"\b(covariance\d*|cov|std|sd|var|bias|offset|setpoint|norm|abs\w*|total|magnitude|(?<!including )gravity|grav|"
@@ -48,11 +47,11 @@ _COUNTER: Final = re.compile(
 )
 _WEEK: Final = re.compile(r".*\bgps week\b.*|week( no\w*)?")
 _TEMPERATURE: Final = re.compile(r"t(emp)? ?c|.*\btemp(erat\w*)?\b.*|.*温度.*")
-_QUATERNION: Final = re.compile(r".*\b(q|quat|quaternion|orientation|attitude)\b.*|q|quat")
+_QUATERNION: Final = re.compile(r".*\b(q|quat|quaternion|orientation|attitude|rotation)\b.*|q|quat")
 _SCALAR: Final = {"w", "s", "scalar", "real"}
 _DIRECTIONS: Final = {
     "x": re.compile(r"long(itudinal)?|fwd|forwards?|front|back|aft|surge|inline|ap"),
-    "y": re.compile(r"lat(eral)?|left|right|port|starboard|sway|transversal|ml"),
+    "y": re.compile(r"lat(eral)?|left|right|port|starboard|sway|sides?|sideways|transversal|ml"),
     "z": re.compile(r"v|vt|vert(ical)?|up|down|heave"),
 }
 _ROLLS: Final = {
@@ -93,12 +92,15 @@ class ColumnName:
         As it stands there.
     stated : bool
         Whether brackets or a row of units say the unit, instead of a word of the name.
+    scale : float
+        How many of the unit one count is, as in ``t [10us]``.
     """
 
     base: str
     axis: str
     unit: str
     stated: bool
+    scale: float = 1.0
 
     def unit_as(self, kind: Quantity) -> str:
         """Its unit by our name, where that is one of a quantity."""
@@ -112,9 +114,14 @@ class ColumnName:
         if by_word in QUANTITY_BY_TRIAD:
             fits = not of or QUANTITY_BY_TRIAD[by_word] in of
             return by_word if fits and (of or not self.stated or _may_be_counts(self.unit)) else "other"
-        if by_word or not self.axis or self.base not in _BARE:
+        if by_word or not self.axis or not self.is_bare:
             return by_word
         return next((name for name, kind in QUANTITY_BY_TRIAD.items() if kind in of), "")
+
+    @property
+    def is_bare(self) -> bool:
+        """Whether its words say no sensor, so that its unit alone does."""
+        return self.base in _BARE
 
     @property
     def by_unit(self) -> str:
@@ -164,7 +171,7 @@ def _may_be_counts(unit: str) -> bool:
 def _by_word(base: str) -> str:
     if _WITHOUT_GRAVITY.search(base) and re.search(r"\b(a|acc\w*)\b", base) and not base.startswith("field "):
         return "linear"
-    for name, phrase in _PHRASES:
+    for name, phrase in _PHRASES.items():
         if phrase.search(base) and not _OTHER.search(base):
             return name
     if _OTHER.search(base):
@@ -178,9 +185,15 @@ def _is_word(word: re.Pattern[str], token: str, words: Sequence[str]) -> bool:
     return bool(word.fullmatch(token)) and (len(token) > 1 or len(words) == 1 or token == words[-1])
 
 
+_FOREIGN: Final = {
+    "弧度": "rad", "度": "deg", "毫": "m", "微": "u", "米": "m", "秒": "s", "特": "T", "мк": "u", "град": "deg",
+    "рад": "rad", "Тл": "T", "Гс": "gauss", "м": "m", "н": "n", "с": "s",
+}  # fmt: skip
+"""Parts of units in Chinese and Russian."""
 _SPELLINGS: Final = (
     (r"[()]", ""),
-    (r"[º˚]", "°"),
+    (r"[º˚]|^[?\ufffd](?=C$)", "°"),
+    (r"(?i)\bgra(d|den|dos|di)\b", "deg"),
     (r"(?i)\bmicro[- ]?t(esla)?s?$", "uT"),
     (r"(?i)\bmilli[- ]?(?=g|d|rad|s|t)", "m"),
     (r"(?i)\bmicro[- ]?(?=s)", "u"),
@@ -206,6 +219,7 @@ def canonical(name: str, kind: Quantity) -> str:
     """Our name of a unit of a quantity; empty where it is none."""
     plain = name.strip()
     if not is_name(plain, kind):
+        plain = plain if plain.isascii() else re.sub("|".join(_FOREIGN), lambda word: _FOREIGN[word[0]], plain)
         for spelling, ours in _SPELLINGS:
             plain = re.sub(spelling, ours, plain)
         plain = _LETTERS.get(plain, plain) if kind is Quantity.ACCELERATION else plain
@@ -218,14 +232,17 @@ _INDEX: Final = r"([\dxyzwXYZ])(?:[ -]?axis)?"
 
 def taken_apart(name: str, unit: str = "") -> ColumnName:
     """Take a name apart; `unit` is what a row of units has below it."""
-    index = re.search(rf"[\[(]{_INDEX}[\])]", name)
+    index = re.findall(rf"[\[(]{_INDEX}[\])]", name)
     brackets = [text for text in _BRACKETS.findall(name) if not re.fullmatch(_INDEX, text)]
     inner = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", unit)
-    tail = re.search(r"(?:\bin |, ?)(\S+)$", name.strip())
-    said = brackets[-1] if brackets else tail[1] if tail else ""
+    plain = re.sub(r"[\[(].*?[\])]", " ", name).strip()
+    tail = re.search(r"(?:\bin |, ?)(\S+)$", plain)
+    texts = [*reversed(brackets), *([tail[1]] if tail else [])]
+    said = next(filter(is_unit, texts), texts[0] if texts else "")
     stated = (inner[1] if inner else unit.strip() or said).strip()
     stated = "" if re.fullmatch(r"x[0-9A-Fa-f]{4}", stated) else stated
-    plain = re.sub(r"[\[(].*?[\])]", " ", name[: tail.start()] if tail else name)
+    stated, scale = _scaled(stated)
+    plain = plain[: tail.start()] if tail else plain
     plain = re.sub("[µμ]", "u", plain.replace("²", "2").replace("°", "deg"))
     words = [word.lower() for word in _WORD.findall(plain)]
     suffix = ""
@@ -238,8 +255,22 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
     if not stated and not suffix and words and words[-1] in _NAMED_UNITS:
         suffix = _NAMED_UNITS[words[-1]]
     base, axis = _split_axis(words)
-    axis = index[1].lower() if index and not axis else axis
-    return ColumnName(base, axis, stated or suffix, bool(stated))
+    axis = index[-1].lower() if index and not axis else axis
+    return ColumnName(base, axis, stated or suffix, bool(stated), scale)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of some quantity."""
+    return any(canonical(text, kind) for kind in Quantity)
+
+
+def _scaled(unit: str) -> tuple[str, float]:
+    """Unit without a number before it, and that: of any time, of others a decimal part alone, as more is a range."""
+    number = re.match(r"(\d+(?:\.\d+)?(?:e-?\d+)?)\s*[*x×]?\s*(?=[^\W\d]|°)(?!lsb)", unit, re.IGNORECASE)
+    rest = unit[number.end() :] if number else ""
+    if number and (canonical(rest, Quantity.TIME) or (is_unit(rest) and re.fullmatch(r"0\.0*1|1e-\d+", number[1]))):
+        return rest, float(number[1])
+    return unit, 1.0
 
 
 def named_sensor(words: str) -> str:

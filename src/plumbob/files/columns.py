@@ -2,8 +2,8 @@
 
 Times in text are dates and clock times by ISO 8601, ``2024-05-01T12:30:05.120+08:00``, as loggers write it: a blank for
 the T, slashes for the hyphens, one digit for two, a comma or a colon before the fraction, AM and PM, a clock time
-without a date. The year comes first, or the day where the month has a name or dots stand between them. Of a date that
-could be read in two ways, as 5/8/2024, only the clock time is used.
+without a date. The year comes first, or the day where the month has a name or dots stand between them. Of dates that
+could all be read in two ways, as 5/8/2024, only the clock time is used; one that cannot, as 5/13/2024, says it for all.
 """
 
 import re
@@ -27,20 +27,33 @@ from plumbob.rotations import Frame, North
 FORM: Final = "ISO 8601"
 _DAY_NS: Final = 86_400 * 10**9
 _EPOCH: Final = date(1970, 1, 1).toordinal()
-_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_MONTHS: Final = (
+    "jan|ene|gen", "feb|fév|fev", "mar|mär|mrz|maa", "apr|avr|abr", "may|mai|mei|mag", "jun|juin|giu", "jul|juil|lug",
+    "aug|aoû|ago", "sep|set", "oct|okt|ott|out", "nov", "dec|déc|dez|dic",
+)  # fmt: skip
+"""How the names of months begin: English, German, French, Spanish, Italian, Dutch, Portuguese."""
+_MONTH: Final = rf"(?:{'|'.join(_MONTHS)})[^\W\d]*\.?"
 _DATE: Final = (
     r"(?P<year>\d{4})([-/])(?P<month>\d{1,2})\2(?P<day>\d{1,2})|(?P<dotted>\d{1,2}\.\d{1,2}\.\d{4})|"
-    rf"(?P<named>\d{{1,2}}[- ](?:{'|'.join(_MONTHS)})[a-z]*[- ]\d{{4}})|\d{{1,2}}[-/]\d{{1,2}}[-/]\d{{4}}"
+    rf"(?P<named>\d{{1,2}}\.?[- ]{_MONTH}[- ]\d{{4}})|"
+    r"(?P<slashed>\d{1,2}(?P<sign>[-/])\d{1,2}(?P=sign)(?:\d{4}|\d\d))"
 )
 _CLOCK: Final = (
     r"(?:(?P<hour>\d{1,4}):(?P<minute>\d\d):(?P<second>\d\d)(?:[.,:](?P<fraction>\d+))?|"
     r"(?P<minutes>\d{1,4}):(?P<seconds>\d\d)[.,](?P<parts>\d+))(?: *(?P<half>[ap])m)?"
 )
-_ZONE: Final = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)"
-_STAMP: Final = re.compile(rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:T| +))?{_CLOCK} *{_ZONE}?", re.IGNORECASE)
+_ZONES: Final = {
+    "Z": 0, "UTC": 0, "GMT": 0, "WET": 0, "WEST": 1, "CET": 1, "MEZ": 1, "CEST": 2, "MESZ": 2, "EET": 2, "EEST": 3,
+    "MSK": 3, "JST": 9, "KST": 9, "EST": -5, "EDT": -4, "CDT": -5, "MST": -7, "MDT": -6, "PST": -8, "PDT": -7,
+}  # fmt: skip
+"""What zones with a name are ahead of UTC, h; American ones by RFC 822. CST, IST and BST are several."""
+_ZONE: Final = rf"(?P<zone>{'|'.join(_ZONES)}|(?:UTC|GMT)?[+-]\d\d?(?::?\d\d)?)(?:\[[\w/]+\])?"
+_STAMP: Final = re.compile(
+    rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:T| +))?{_CLOCK} *(?:{_ZONE}|(?-i:[A-Z]{{3,4}}))?", re.IGNORECASE
+)
 _BASIC: Final = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-](\d\d)(\d\d)(\d\d)(?!\d)")
 _WORDED: Final = re.compile(
-    rf"(?:[a-z]{{3,9}},? )?(?P<month>{'|'.join(_MONTHS)})[a-z]* +(?P<day>\d{{1,2}}),? +"
+    rf"(?:[a-z]{{3,9}},? )?(?P<month>{_MONTH}) +(?P<day>\d{{1,2}}),? +"
     r"(?:(?P<year>\d{4}),? +(?P<clock>.+)|(?P<inner>\S+(?: [ap]m)?(?: \S+)?) +(?P<last>\d{4}))",
     re.IGNORECASE,
 )
@@ -72,8 +85,7 @@ def _matched(cell: str) -> re.Match[str] | None:
     if cell[:1].isalpha() and (said := _WORDED.fullmatch(cell)):
         clock = said["clock"] or said["inner"]
         cell = f"{said['day']}-{said['month']}-{said['year'] or said['last']} {clock}"
-    if cell[:1].isalpha() or "GMT" in cell:
-        cell = re.sub(r"^[A-Za-z]{3,9}, |(?<= )GMT(?=[+-])", "", cell).replace(" GMT", " UTC")
+    cell = re.sub(r"^[^\W\d_]{2,9}\.?,? (?=\d)| \(.*\)$", "", cell)  # of the day of the week, and of a zone
     return _STAMP.fullmatch(_BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell, count=1))
 
 
@@ -137,8 +149,9 @@ def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
     """
     times: list[int] = []
     first: tuple[bool, bool] | None = None
+    day_first = _day_first(cells)
     for row, cell in enumerate(cells):
-        ns, has = _parsed(row, cell)
+        ns, has = _parsed(row, cell, day_first)
         first = first or has
         if has != first:
             raise StampError(f"{excerpt(cell)} has a date or a zone and the first time has none, or the reverse.", row)
@@ -150,13 +163,24 @@ def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
     return [ns - (zone or 0) for ns in times], absolute
 
 
-def _parsed(row: int, cell: str) -> tuple[int, tuple[bool, bool]]:
+def _day_first(cells: Sequence[str]) -> bool | None:
+    """Whether the day stands before the month in dates with slashes and four digits of year; None if both can be."""
+    dates = {date for cell in cells for date in re.findall(r"^(\d+)[-/](\d+)[-/]\d{4}\b", cell)}
+    orders = {int(first) > 12 for first, second in dates if int(first) > 12 or int(second) > 12}
+    return orders.pop() if len(orders) == 1 else None
+
+
+def _parsed(row: int, cell: str, day_first: bool | None) -> tuple[int, tuple[bool, bool]]:
     match = _matched(cell)
     if match is None:
         raise StampError(f"{excerpt(cell)} is not a time in the form of {FORM}, as 2024-05-01T12:30:05.120Z.", row)
     zone, fraction = match["zone"], match["fraction"] or match["parts"]
+    named = match["dotted"] or match["named"]
+    if match["slashed"] and day_first is not None and len(match["slashed"]) >= len("1/1/1970"):
+        first, second, year = match["slashed"].split(match["sign"])
+        named = f"{first}.{second}.{year}" if day_first else f"{second}.{first}.{year}"
     try:
-        days = _days(match["year"], match["month"], match["day"], match["dotted"] or match["named"])
+        days = _days(match["year"], match["month"], match["day"], named)
     except ValueError:
         raise StampError(f"{excerpt(cell)} has no such day.", row) from None
     hour, minute = divmod(int(match["minutes"]), 60) if match["minutes"] else map(int, match.group("hour", "minute"))
@@ -174,18 +198,18 @@ def _parsed(row: int, cell: str) -> tuple[int, tuple[bool, bool]]:
 def _days(year: str | None, month: str, day: str, day_first: str | None) -> int | None:
     """Days since 1970; None without a date, or where it is ambiguous."""
     if day_first is not None:
-        day, month, year = re.split(r"[-. ]", day_first)
-        month = month if month.isdigit() else str(_MONTHS.index(month[:3].lower()) + 1)
+        day, month, year = filter(None, re.split(r"[-. ]", day_first))
+        if not month.isdigit():
+            month = str(1 + next(i for i, names in enumerate(_MONTHS) if re.match(names, month, re.IGNORECASE)))
     return None if year is None else date(int(year), int(month), int(day)).toordinal() - _EPOCH
 
 
 @cache
 def _ahead(zone: str) -> int:
-    if zone.upper() in {"Z", "UTC"}:
-        return 0
-    digits = zone[1:].replace(":", "")
-    minutes = int(digits[:2]) * 60 + int(digits[2:] or 0)
-    return (-minutes if zone[0] == "-" else minutes) * 60 * 10**9
+    if zone.upper() in _ZONES:
+        return _ZONES[zone.upper()] * 3600 * 10**9
+    sign, hours, minutes = re.findall(r"([-+])(\d\d?):?(\d\d)?", zone)[0]
+    return int(f"{sign}1") * (int(hours) * 60 + int(minutes or 0)) * 60 * 10**9
 
 
 Columns = dict[str, NDArray[Any]]

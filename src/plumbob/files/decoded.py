@@ -9,6 +9,7 @@ import numpy as np
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import require_room
+from plumbob.core.findings import info
 from plumbob.core.schema import toml_text
 from plumbob.data import TRIADS
 from plumbob.data.cards import UNITS
@@ -110,4 +111,4 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     }
     texts: dict[Any, Any] = {ref: table.column(ref).to_pylist() for ref in words}
     decoded = TextTable(numbers, Decimal(0), rows, (), texts, lambda row: row + 1)
-    return table_recording(profile, decoded, file.stem, "read with the profile in its metadata")
+    return table_recording(profile, decoded, file.stem, info("source.profile_inside"))

@@ -46,6 +46,8 @@ _RATES: Final = (0.5, 50_000.0)
 """Sampling rates that are plausible, Hz."""
 _SPREADSHEET: Final = (36_526.0, 51_544.0)
 """Days since 1899-12-30 of 2000, and of 2041; from there on they may be modified Julian days, since 2000."""
+_HUNDRED_NS: Final = ((1.2591e17, 1.5747e17), (6.3082e17, 6.6239e17))
+"""Steps of 100 ns since 1601 (FILETIME) and since the year 1 (.NET), from 2000 to 2100."""
 _SAID_RATES: Final = (
     (r"(?:rate|freq\w*|odr|sampling|\bfs\b)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*(?:hz|sps)?(?![\w.%])", "Hz"),
     (r"(?:\bat|sampling|@)\W*(\d+(?:\.\d+)?)\s*(?:hz|sps)\b", "Hz"),
@@ -64,7 +66,7 @@ _USUAL_RATES: Final = (4.0, 9000.0)
 """Sampling rates of inertial sensors in use, Hz."""
 _UNIT_NORM: Final = 0.02
 _EVEN: Final = 0.2
-"""Scatter of the steps of a column without a name, in steps, up to which it is surely a clock."""
+"""How far nearly all steps of a column without a name are off their median, in steps, where it is surely a clock."""
 _MOST_SENSORS: Final = 20
 _ANGLES: Final = ("yaw", "pitch", "roll")
 _REST: Final = {"m/s2": G0, "g": 1.0, "mg": 1000.0}
@@ -330,11 +332,16 @@ class _DraftWriter:
         self._name, self._sample, self._where, self._stream, self._answers = name, sample, where, stream, answers
         self._parts = _with_axes(_turn_rates(self._parts, self._names))
         self._sensor = sensor or (
-            "" if any(p.axis and p.sensor for p in self._parts) else named_sensor(Path(name).stem)
+            "" if any(p.axis and p.sensor and not p.is_bare for p in self._parts) else named_sensor(Path(name).stem)
         )
         if base := {"linear": "linear acc"}.get(self._sensor, self._sensor):
-            self._parts = [replace(p, base=base) if p.axis and not p.sensor else p for p in self._parts]
+            named = [replace(p, base=base) if p.axis and (p.is_bare or not p.sensor) else p for p in self._parts]
+            self._parts = [p if q.sensor == "other" else q for p, q in zip(self._parts, named, strict=True)]
         self._numbers = [sample.numbers(i) for i in range(sample.width)]
+        for i, (part, numbers) in enumerate(zip(self._parts, self._numbers, strict=True)):
+            if not part.stated and any(low <= np.nanmin(numbers, initial=np.inf) < high for low, high in _HUNDRED_NS):
+                self._parts[i] = replace(part, unit="us", scale=0.1)
+            self._numbers[i] = numbers if self._parts[i].scale == 1.0 else numbers * self._parts[i].scale
         self._known = next((log for log in KNOWN if log.fits(sample)), None)
         self._clocks = self._first_of_four()
         self._time = self._time_columns()
@@ -368,7 +375,7 @@ class _DraftWriter:
                 if linear
                 else f"where its sensors stand, the first {len(self._sample.rows)} rows hold zeros alone: begin the "
                 "file where they measure."
-                if any(part.sensor in TRIADS for part in self._parts)
+                if any(self._threes(partial(_may_be, name)) for name in TRIADS)
                 else f"no three columns look like a gyroscope, an accelerometer or a magnetometer; {GUIDE} says how to "
                 "write a profile by hand."
             )
@@ -447,15 +454,16 @@ class _DraftWriter:
         return jumps or is_utc or re.search(r"hhmmss|hms", self._parts[column].base) is not None
 
     def _rising_column(self) -> tuple[int, ...]:
-        """First column of numbers that rise in each row: of those without a name, or the very first one."""
+        """First column of numbers that rise as a clock does: of those without a name, or the very first one."""
         nameless = self._is_nameless()
-        for i, part in enumerate(self._parts if nameless else self._parts[:1]):
+        for i, part in enumerate(self._parts):
             steps = np.diff(self._numbers[i])
             counts = bool((steps == 1.0).all()) and bool(self._names[i])
             bare = not part.is_counter and not part.sensor and (nameless or not part.axis)
-            if bare and not counts and steps.size and (steps > 0.0).all():
+            rises = steps.size and (np.mean(steps > 0.0) > 1.0 - LEFT_OUT_MOST if i == 0 else (steps > 0.0).all())
+            if bare and not counts and rises and (nameless or not i or not self._names[i]):
                 return (i,)
-        return ()
+        return self._in_two_parts(range(self._sample.width)) if nameless else ()
 
     def _in_two_parts(self, named: Sequence[int]) -> tuple[int, ...]:
         """Columns of whole seconds, which repeat, and of the parts of them, which begin again as they go on."""
@@ -518,7 +526,10 @@ class _DraftWriter:
 
     def _angle_columns(self) -> tuple[int, ...]:
         """Columns of yaw, pitch and roll."""
-        names = {re.sub(r"^(heading|azimuth)$", "yaw", part.base): i for i, part in enumerate(self._parts)}
+        names = {
+            re.sub("elevation", "pitch", re.sub("heading|azimuth", "yaw", part.base)): i
+            for i, part in enumerate(self._parts)
+        }
         return tuple(names[name] for name in _ANGLES) if set(_ANGLES) <= set(names) else ()
 
     def _is_nameless(self) -> bool:
@@ -743,7 +754,8 @@ class _DraftWriter:
             return
         part, numbers = self._parts[self._time[0]], self._numbers[self._time[0]]
         steps = np.diff(numbers[np.isfinite(numbers)])
-        even = bool(steps.size and np.std(steps) < _EVEN * np.mean(steps)) and not (steps == 1.0).all()
+        usual = float(np.median(steps)) if steps.size else 0.0
+        even = bool(np.mean(np.abs(steps - usual) < _EVEN * usual) > 1.0 - LEFT_OUT_MOST and (steps != 1.0).any())
         self._set("column", refs[0], "it increases like time", ask=True, sure=part.is_time or even or len(refs) == 2)
         unit, why, sure = _time_unit(numbers, part)
         if len(refs) == 2:
@@ -751,7 +763,7 @@ class _DraftWriter:
         self._set("unit", unit, why, ask=not (part.stated and part.unit == unit), sure=sure)
         if len(refs) == 2:
             self._set("seconds", refs[1], "whole seconds, to which it is added", ask=True, sure=True)
-        self._set_known("unit_per_count")
+        self._write_scale(part)
         weeks = [i for i, other in enumerate(self._parts) if other.is_week and "tow" in part.base]
         if weeks:
             self._set("week", self._ref(weeks[0]), "the GPS week that the time is of", ask=True, sure=True)
@@ -816,7 +828,8 @@ class _DraftWriter:
         are_counts = not scale and guess.counts is not None and not stated and not self._has("unit")
         if not scale and not self._has("unit_per_count") and (self._has("counts_per_unit") or zero or are_counts):
             self._set("counts_per_unit", guess.counts or "", "counts that are one unit, by the data sheet", ask=True)
-        self._set_known("unit_per_count", "range", "delay", *(("axes", "mirrored") if name != "gyr" else ()))
+        self._write_scale(part)
+        self._set_known("range", "delay", *(("axes", "mirrored") if name != "gyr" else ()))
         if zero:
             self._set("zero", f"{zero:g}", "whole numbers around it: counts that mean 0", ask=True)
         if name == "acc":
@@ -826,6 +839,12 @@ class _DraftWriter:
                 self._set("sign", "specific-force", self._sign_told(columns, zero), ask=True)
         if name == "gyr" and self._turns[0] != AS_MOUNTED and not self._accept:
             self._write_axes(signed_axes(self._turns[0]))
+
+    def _write_scale(self, part: ColumnName) -> None:
+        """Write what one count is, where an answer, a known log or the header says it."""
+        self._set_known("unit_per_count")
+        if part.scale != 1.0 and not self._has("unit_per_count"):
+            self._set("unit_per_count", part.scale, "of the unit, as the header or the size of the numbers says")
 
     def _stated_scale(self, name: str) -> tuple[str, str, float] | None:
         """Unit, key and number of the scale of whole numbers that the lines above say, as ``131 LSB/(deg/s)``."""
@@ -981,13 +1000,17 @@ def _with_axes(parts: list[ColumnName]) -> list[ColumnName]:
         stem = three[0].base[:-1]
         if stem and [part.base for part in three] == [f"{stem}{axis}" for axis in "xyz"]:
             parts[i : i + 3] = [replace(part, base=stem, axis=axis) for part, axis in zip(three, "xyz", strict=True)]
-        first, letters = parts[i], "".join(part.axis or part.base for part in parts[i + 1 : i + 3]).lower()
-        bare = all(
-            p.base in {"", first.base, p.base * (not p.axis)} and p.unit in {"", first.unit}
-            for p in parts[i + 1 : i + 3]
-        )
-        if (first.sensor or first.by_unit) and first.axis in {"", "x"} and bare and letters in {"yz", "12", "23"}:
-            parts[i : i + 3] = [replace(first, axis=axis) for axis in "xyz"]
+        first, others = parts[i], parts[i + 1 : i + 3]
+        letters = "".join(part.axis or part.base for part in others).lower()
+        bare = all(p.base in {"", first.base, p.base * (not p.axis)} and p.unit in {"", first.unit} for p in others)
+        has_all_axes = {first.axis or "x", *letters} == set("xyz")
+        if (
+            (first.sensor or first.by_unit)
+            and bare
+            and (has_all_axes or (letters in {"12", "23"} and first.axis in {"", "x"}))
+        ):
+            axes = (first.axis or "x", *letters) if has_all_axes else "xyz"
+            parts[i : i + 3] = [replace(first, axis=axis) for axis in axes]
     return parts
 
 

@@ -152,6 +152,8 @@ def questions(raw: Mapping[str, Any], where: str = "") -> list[str]:
     keys = []
     for key, value in raw.items():
         first = value[0] if isinstance(value, list) and value else value
+        if key == "notes":
+            continue
         if isinstance(value, dict):
             keys += questions(value, f"{where}{key}.")
         elif isinstance(first, dict):

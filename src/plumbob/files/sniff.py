@@ -17,9 +17,9 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
-from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity
+from plumbob.core.units import QUANTITY_BY_TRIAD
 from plumbob.files.arrow import text_bytes
-from plumbob.files.column_names import canonical, named_sensor, taken_apart
+from plumbob.files.column_names import is_unit, named_sensor, taken_apart
 from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import BLANK, JSON, QUOTED, TextLayout
 from plumbob.files.stamps import CENTURY
@@ -287,7 +287,7 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     words, units, axis = [label(gaps[0])], [""] * (len(gaps) - 1), 0
     for i, gap in enumerate(gaps[1:], 1):
         unit = re.match(r"\s*([^][\s,;|:={}()]+)", gap)
-        behind = unit is not None and _is_unit(unit[1])
+        behind = unit is not None and is_unit(unit[1])
         if unit is not None and behind:
             for k in range(i - 1, max(-1, i - 4), -1):
                 if units[k]:
@@ -374,7 +374,7 @@ def _numbers_in(cell: str, decimal: str) -> int:
     if numbers := vector(cell, decimal):
         return len(numbers) if cell[-1] in "])}" else 1
     text, unit = number_and_unit(cell)
-    return bool(NUMBER[decimal].fullmatch(text)) and _is_unit(unit)
+    return bool(NUMBER[decimal].fullmatch(text)) and is_unit(unit)
 
 
 def _forms(table: _SniffedTable, names: Sequence[str]) -> tuple[str, ...]:
@@ -386,7 +386,7 @@ def _forms(table: _SniffedTable, names: Sequence[str]) -> tuple[str, ...]:
         units = Counter(number_and_unit(cell)[1] for cell in said).most_common(1) or [("", 0)]
         bracketed = any(cell[:1] in set('[({"') for cell in said) or bool(taken_apart(f"{name} x").sensor)
         is_vector = sizes[0][0] > 1 and sizes[0][1] > 0.5 * len(said) and bracketed
-        has_unit = units[0][1] > 0.5 * len(said) and _is_unit(units[0][0])
+        has_unit = units[0][1] > 0.5 * len(said) and is_unit(units[0][0])
         forms.append(f"[{sizes[0][0]}]" if is_vector else units[0][0] if has_unit and not is_vector else "")
     is_split = any(re.match(r"[\[({].*[,; ]", cell) for row in table.rows[:TRIED] for cell in row)
     return tuple(forms) if any(forms) or is_split else ()
@@ -491,12 +491,8 @@ def _names(line: str, separator: str, width: int) -> tuple[str, ...]:
 def _are_units(cells: Sequence[str]) -> bool:
     """Whether a row is one of units: two known ones at least, and as many as there are other words; blanks are none."""
     words = [cell.strip() for cell in cells if cell.strip()]
-    units = [word for word in words if _UNIT_CELL.fullmatch(word) or _is_unit(word)]
+    units = [word for word in words if _UNIT_CELL.fullmatch(word) or is_unit(word)]
     return len(units) > 1 and 2 * len(units) >= len(words) and not any(map(is_clocklike, words))
-
-
-def _is_unit(cell: str) -> bool:
-    return any(canonical(cell, kind) for kind in Quantity)
 
 
 def _comment(lines: Sequence[str]) -> str:
@@ -504,5 +500,12 @@ def _comment(lines: Sequence[str]) -> str:
 
 
 def _missing(rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    markers = {cell.strip() for row in rows for cell in row} & set(MISSING)
+    counts = [Counter(cell.strip() for cell in column) for column in zip(*rows, strict=False)]
+    said = [(column, sum(n for cell, n in column.items() if re.search(r"\d", cell))) for column in counts]
+    markers = {
+        cell
+        for column, numbers in said
+        for cell, n in column.items()
+        if cell in MISSING or (1 < n < numbers and len(cell) <= len("undefined") and not re.search(r"\d", cell))
+    }
     return tuple(dict.fromkeys((*TextLayout(separator=",").missing, *sorted(markers))))

@@ -20,7 +20,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError, UnknownFormatError, excerpt
 from plumbob.core.files import as_list, existing_file, reading, text_of
-from plumbob.core.findings import Finding, as_findings, lasting, warning
+from plumbob.core.findings import Finding, Note, as_findings, info, lasting, warning
 from plumbob.core.time import interpolated, to_ns
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.imu import known_rows
@@ -95,7 +95,7 @@ def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | 
     return joined_recordings(parts, files[0].stem)
 
 
-def _read_one(file: Path, declared: Profile, note: str) -> Recording:
+def _read_one(file: Path, declared: Profile, note: Note) -> Recording:
     with reading(file):
         time = declared.time
         exact = time.exact if isinstance(time, TimeColumn) else None
@@ -103,7 +103,7 @@ def _read_one(file: Path, declared: Profile, note: str) -> Recording:
         return table_recording(declared, table, file.stem, note)
 
 
-def table_recording(profile: Profile, table: TextTable, name: str, note: str) -> Recording:
+def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -> Recording:
     """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
     table = _oldest_first(profile, table)
     t, t0_ns, clock = _time(profile, table)
@@ -150,12 +150,12 @@ def _in_turns(imu: ImuData, notes: tuple[Finding, ...]) -> tuple[ImuData, tuple[
     return made.imu, (*notes, warning("reading.rows_in_turns"), *as_findings("notes", made.notes))
 
 
-def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profile, str]:
+def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profile, Finding]:
     """Profile that is given or lies beside a text file, and a note that says which; errors as in `read_text`."""
     if isinstance(given, Profile):
-        return given, f"read with the profile {given.origin}"
+        return given, info("source.profile", name=given.origin)
     if given is not None:
-        return load_profile(given), f"read with the profile {Path(given).name}"
+        return load_profile(given), info("source.profile", name=Path(given).name)
     profiles = profiles_beside(file)
     if len(profiles) > 1:
         raise DecodeError(
@@ -171,7 +171,7 @@ def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profil
             f"it); its first line is {first}. plumbob profile {shlex.quote(str(file))} drafts one. Plain numbers of a "
             "unit at rest are for 'plumbob allan', with --rate and --scale."
         )
-    return load_profile(profiles[0]), f"read with the profile {profiles[0].name}, found beside the file"
+    return load_profile(profiles[0]), info("source.profile_beside", name=profiles[0].name)
 
 
 def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[Finding, ...]]:
@@ -330,26 +330,23 @@ def _attitude(source: ReferenceSource, table: TextTable) -> Floats:
     return quat_from_xyzw(values) if source.order == "xyzw" else values
 
 
-def _changes(profile: Profile, t0_ns: int) -> tuple[str, ...]:
-    notes = []
+def _changes(profile: Profile, t0_ns: int) -> tuple[Note, ...]:
+    notes: list[Note] = []
     if profile.stamps and not t0_ns and "t0_ns" not in profile.meta:
-        notes.append("the time stamps name no date or no zone (see time.zone), so the start in UTC is not known")
+        notes.append(info("source.no_date"))
     for name, group in profile.triads.items():
         if group.axes != AS_MOUNTED:
-            notes.append(f"{name}: the case's x, y, z are its '{group.axes}', as the profile says")
+            notes.append(info("source.case_axes", name=name, axes=group.axes))
         if group.plus:
-            notes.append(f"{name}: the columns {', '.join(map(str, group.plus))} were added, as the profile says")
+            notes.append(info("source.columns_added", name=name, columns=tuple(map(str, group.plus))))
         if group.delay:
-            notes.append(
-                f"{name}: its rows are {1e3 * group.delay:g} ms late, as the profile says, and were interpolated; "
-                "those in a gap or beyond an end are missing"
-            )
+            notes.append(info("source.rows_late", name=name, delay_ms=1000.0 * group.delay))
     if any(group.gravity for group in profile.triads.values()):
-        notes.append("acc was negated: the profile says that it points down at rest, as gravity does")
+        notes.append(info("source.acc_negated"))
     if "mag" in profile.triads and profile.triads["mag"].unit == "relative":
-        notes.append(f"mag is relative to the field of the place, which is taken for {NOMINAL_FIELD:g} µT")
+        notes.append(info("source.mag_relative", field=NOMINAL_FIELD))
     if profile.turn is not None:
-        notes.append(f"body axes are '{profile.turn}' of the sensor case, as the profile says")
+        notes.append(info("source.body_axes", turn=profile.turn))
     return tuple(notes)
 
 

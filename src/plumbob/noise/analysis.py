@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, UnitError
+from plumbob.core.findings import Note, warning
 from plumbob.core.units import Quantity
 from plumbob.noise.bands import LeftOut, least_squares, leave_out, lines, mask_first_order
 from plumbob.noise.curve import Curve, curve, interval, skew_edf, with_noise
@@ -395,18 +396,15 @@ def _modelled(full_spectrum: Spectrum, of: Curve) -> tuple[LeftOut, Choice]:
     return (left_out, choice) if below is None else (left_out._replace(kept=below), choose(below))
 
 
-def _notes(unmasked: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, Coefficient]) -> Iterator[str]:
+def _notes(unmasked: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, Coefficient]) -> Iterator[Note]:
     if mask.n == 1 and mask.reason != Mask().reason:
         yield mask.reason
     yield from choice.notes
     unseen = [letter for letter in "BK" if letter in quoted and not quoted[letter].observable]
     shown = [letter for letter, c in quoted.items() if c.observable]
     if len(unseen) == 2 and is_more_than(unmasked, choice.best, shown):
-        yield "bias instability and random walk cannot be separated in this record, but one of them is present"
+        yield warning("noise.b_or_k")
     for inside, excess, sd in departures(unmasked, choice.best, octaves(unmasked)):  # from the model
         if abs(excess) > max(_MISFIT, _SURE * sd):
             low, high = unmasked.frequency[inside][[0, -1]]
-            yield (
-                f"from {low:.2g} to {high:.2g} Hz the record has {1.0 + excess:.2g} times the noise that the terms "
-                "make: a warm-up, a disturbance, or another kind of noise"
-            )
+            yield (warning("noise.excess", low=low, high=high, factor=1.0 + excess))

@@ -15,6 +15,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import number, visible
 from plumbob.core.units import Quantity, from_si, written
 from plumbob.data import TITLES
@@ -58,7 +59,7 @@ def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> Noi
     for name, triad in complete.items():
         if triad.quantity.value != UNITS[name]:
             raise UnitError(f"{name} is in '{triad.quantity}', but a card holds {UNITS[name]}; scale the recording.")
-    said = [source, *(remark for triad in complete.values() for remark in _remarks(triad))]
+    said = [source, *(str(remark) for triad in complete.values() for remark in _remarks(triad))]
     others = {name: triad for name, triad in by_name.items() if name not in complete}
     said += [f"left out, no triad of three axes: {_names(others)}"] if others else []
     noises = {name: _noise(triad) for name, triad in complete.items()}
@@ -124,16 +125,16 @@ def _value(analysis: Analysis, letter: str) -> float:
     return analysis.most_likely.get(letter, 0.0)
 
 
-def _remarks(triad: Triad) -> list[str]:
+def _remarks(triad: Triad) -> list[Note]:
     """Length of the record, and the limits of what is not observable."""
     units = DATASHEET[triad.quantity]
-    remarks = [f"{triad.name} from {length_and_rate(triad)}"]
+    remarks: list[Note] = [info("noise.record", name=triad.name, length=length_and_rate(triad))]
     for letter in ("B", "K"):
         hidden = {axis: c for axis in AXES if (c := triad.channels[axis].terms.get(letter)) and not c.observable}
         limits = ", ".join(f"{axis} {coefficient(c, units[letter])}" for axis, c in hidden.items())
         if hidden:
             limit = f"{limits} {written(units[letter])} (95 %)"
-            remarks.append(f"{triad.name} {letter} not observable, the most likely is taken: {limit}")
+            remarks.append(warning("noise.not_observable", name=triad.name, letter=letter, limit=limit))
     return remarks
 
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.units import Quantity
 from plumbob.noise.curve import Curve, curve
 from plumbob.noise.spectrum import Spectrum, spectrum
@@ -43,7 +44,7 @@ class DeviationComparison:
         Frequency at which the power of the ratio of spectra has fallen to half, Hz; None where it does not.
     bent_below : float or None
         Averaging time up to which that filter bends the curve, s: `FAR` time constants.
-    notes : tuple of str
+    notes : tuple of Finding
         What the comparison says, and what must not be read from it.
     """
 
@@ -55,7 +56,7 @@ class DeviationComparison:
     time_constant: float | None
     corner: float | None
     bent_below: float | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     @property
     def tau(self) -> Floats:
@@ -164,25 +165,22 @@ def _notes(
     constant: float | None,
     corner: float | None,
     bent: float | None,
-) -> Iterator[str]:
+) -> Iterator[Note]:
     if bent is None:
-        yield "the two spectra show no low-pass between them"
+        yield info("noise.no_low_pass")
         if np.median(np.abs(np.log(ratio)) / np.log(hi / lo)) > 1.0:  # twice the distance to an end of the interval
-            yield f"the deviation has changed by a factor of {np.median(ratio):.3f}"
+            yield info("noise.changed", factor=np.median(ratio))
         return
     if constant is not None:
-        yield f"between the two lies a filter of first order with a time constant of {constant:.3g} s"
+        yield info("noise.first_order", constant=constant)
     else:
-        yield f"between the two lies a low-pass that halves the power at {corner:.3g} Hz; it is not of first order"
-    yield (
-        f"warning: below τ = {bent:.3g} s the curve after is bent by the filter; no slope or coefficient may be read "
-        "off there, and Q and N of the record after mean nothing"
-    )
+        yield info("noise.low_pass", corner=corner)
+    yield (warning("noise.bent", bent=bent))
     far = tau >= bent
     if not far.any():
-        yield "the records are too short to show what happens beyond the filter"
+        yield warning("noise.too_short")
     elif ((lo[far] <= 1.0) & (hi[far] >= 1.0)).mean() >= 0.5:
-        yield f"beyond it nothing has changed that the records could show: ratio {np.median(ratio[far]):.3f}"
+        yield info("noise.same_beyond", ratio=np.median(ratio[far]))
     else:
         change = float(np.median(ratio[far]))
-        yield f"beyond it the deviation has changed by a factor of {change:.3f}: a filter does not do that"
+        yield warning("noise.changed_beyond", change=change)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plumbob.core.check import Floats
+from plumbob.core.findings import Note
 from plumbob.core.units import Quantity
 from plumbob.noise.curve import Curve
 from plumbob.noise.terms import allan_transfer, variance
@@ -231,7 +232,7 @@ class Analysis:
     candidates: tuple[Candidate, ...] = ()
     most_likely: Mapping[str, float] = field(default_factory=dict)
     step: float = 0.0
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def terms(self) -> Mapping[str, Coefficient]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
+from plumbob.core.findings import as_findings, as_json
 from plumbob.core.text import measured, number, places, rounded
 from plumbob.core.units import Quantity, from_si, unit, written
 from plumbob.data import TITLES
@@ -304,7 +305,7 @@ def _channel_numbers(a: Analysis) -> dict[str, Any]:
         and {"sd": _coefficient(a.markov.sd, sample), "time": _coefficient(a.markov.time, "s")},
         "mask": {"n": a.mask.n, "frequency_hz": a.mask.frequency, "reason": a.mask.reason},
         "candidates": [{"terms": c.terms, "bic": c.bic, "chosen": c.chosen} for c in a.candidates],
-        "notes": list(a.notes),
+        "notes": as_json(as_findings("notes", a.notes)),
         "curve": _curve_numbers(a.curve, sample),
     }
 
@@ -348,7 +349,7 @@ def _compared_numbers(pair: ChannelComparison) -> dict[str, Any]:
         "before": _curve_numbers(c.before, unit), "after": _curve_numbers(c.after, unit),
         "ratio": c.ratio, "ratio_lo": c.lo, "ratio_hi": c.hi,
         "time_constant_s": c.time_constant, "corner_hz": c.corner, "bent_below_s": c.bent_below,
-        "notes": list(c.notes),
+        "notes": as_json(as_findings("notes", c.notes)),
     }))  # fmt: skip
 
 
@@ -427,7 +428,7 @@ def _remarks(triad: Triad) -> list[str]:
     """What a reader must know beside the coefficients, each remark once with the axes that it holds for."""
     axes_by_remark: dict[str, list[str]] = {}
     for axis, a in triad.channels.items():
-        for remark in (*_extras(a), *a.notes):
+        for remark in (*_extras(a), *map(str, a.notes)):
             axes_by_remark.setdefault(remark, []).append(axis)
     everywhere = len(triad.channels)
     rest = [r if len(axes) == everywhere else f"{', '.join(axes)}: {r}" for r, axes in axes_by_remark.items()]

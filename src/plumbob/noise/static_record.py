@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ParameterError, ShapeError, UnitError
-from plumbob.core.findings import Finding, Note
-from plumbob.core.text import counted
+from plumbob.core.findings import Finding, Note, info, warning
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import Quantity
 from plumbob.data import TRIAD_FLAGS, TRIADS, ImuData
@@ -290,14 +289,14 @@ class Sensors:
         Triads, or those of their axes, that can be used: evenly spaced, without a missing sample.
     refused : dict
         Triads and channels that cannot, and why.
-    notes : list of str
+    notes : list of Finding
         What was done.
     """
 
     dt: float
     groups: list[Channels] = field(default_factory=list)
     refused: dict[str, str] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
 
 
 def usable_sensors(
@@ -350,12 +349,12 @@ def _cut(imu: ImuData, file: Path, between: tuple[float | None, float | None]) -
     return imu[first:end]
 
 
-def _even(imu: ImuData, file: Path) -> tuple[ImuData, float, list[str]]:
+def _even(imu: ImuData, file: Path) -> tuple[ImuData, float, list[Note]]:
     """Longest stretch in which no sample is missing, its mean step, and what to say of it."""
     step = np.diff(imu.t)
     if _jittered(imu.t):
         dt = float(step.mean())
-        return imu, dt, [f"sampling time {dt:.6g} s from the time stamps (none missing; jitter {step.std():.2g} s)"]
+        return imu, dt, [info("static.sampling_time_jittered", dt=dt, jitter=step.std())]
     if (reason := bursts(imu.t)) is not None:
         raise ClockError(f"{file}: {reason}.")
     usual = float(step[step <= GAP_FACTOR * np.median(step)].mean())
@@ -369,14 +368,17 @@ def _even(imu: ImuData, file: Path) -> tuple[ImuData, float, list[str]]:
             "an Allan deviation needs even ones; record with the device's own clock, or resample."
         )
     dt = float(inside.mean())
-    notes = [
-        f"sampling time {dt:.6g} s from the time stamps (median {np.median(inside):.6g} s, jitter {inside.std():.2g} s)"
-    ]
+    notes: list[Note] = [info("static.sampling_time", dt=dt, median=np.median(inside), jitter=inside.std())]
     if breaks.size:
         notes.append(
-            f"samples are missing at {counted(breaks.size, 'place')} (the first after {imu.t[breaks[0]]:.6g} s, the "
-            f"longest for {step.max():.4g} s); only the longest stretch without, {part.t[0]:.6g} s to "
-            f"{part.t[-1]:.6g} s, is used"
+            warning(
+                "static.missing",
+                count=breaks.size,
+                first=imu.t[breaks[0]],
+                longest=step.max(),
+                start=part.t[0],
+                stop=part.t[-1],
+            )
         )
     return part, dt, notes
 
@@ -433,11 +435,10 @@ def _own_rows(places: NDArray[np.int64], imu: ImuData, name: str, sensors: Senso
     rows = places[first:end]
     if every > 1:
         rate = (rows.size - 1) / (imu.t[rows[-1]] - imu.t[rows[0]])
-        sensors.notes.append(f"{name} comes every {every} rows; it is analysed at its own rate, {rate:.6g} Hz")
+        sensors.notes.append(info("static.own_rate", name=name, every=every, rate=rate))
     if breaks.size:
         sensors.notes.append(
-            f"{name} lacks values at {counted(breaks.size, 'place')}; only its longest stretch without, "
-            f"{imu.t[rows[0]]:.6g} s to {imu.t[rows[-1]]:.6g} s, is used"
+            warning("static.lacks_values", name=name, count=breaks.size, start=imu.t[rows[0]], stop=imu.t[rows[-1]])
         )
     return rows
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plumbob.core.findings import Note
 from plumbob.core.text import WIDTH, FactsText, listed
 from plumbob.reporting.content import Figure, Table
 
@@ -66,7 +67,7 @@ class Report(Writable):
         Names and values; a name may come again.
     tables : sequence of Table
         The numbers.
-    remarks : sequence of str
+    remarks : sequence of Finding or str
         What a reader must know, each a sentence.
     figures : sequence of Figure
         Drawn only where they are shown.
@@ -83,7 +84,7 @@ class Report(Writable):
     title: str
     facts: Sequence[tuple[str, str]] = ()
     tables: Sequence[Table] = ()
-    remarks: Sequence[str] = ()
+    remarks: Sequence[Note] = ()
     figures: Sequence[Figure] = ()
     parts: "Sequence[Report]" = ()
     definitions: Sequence[str] = ()
@@ -126,7 +127,7 @@ def _text(report: Report, details: Collection[str], *, top: bool) -> Iterator[st
         yield from _facts(report)
     elif tables and report.remarks:
         yield ""
-    yield from listed(report.remarks)
+    yield from listed(map(str, report.remarks))
     for block in (*map(_titled, more), *parts):
         yield from ("", *block)
 

@@ -6,6 +6,8 @@ from functools import cache
 from pathlib import Path
 from typing import Final, Self
 
+from plumbob.core.findings import Finding, Note
+
 LANGUAGES: Final = ("en", "zh")
 """Of the labels of pages and pictures."""
 
@@ -55,12 +57,14 @@ class Both(str):
         return type(self), (self[:], self.zh)
 
 
-def said(label: str, lang: str) -> str:
+def said(label: Note, lang: str) -> str:
     """A label in a language; what is not a label stays as it is.
 
     Parts of a label that stand apart by a colon, a comma or a unit in brackets are looked up one by one, where the
     first of them is known; a number in it stands as # in the dictionary.
     """
+    if isinstance(label, Finding):
+        return label.sentence(lang)
     if isinstance(label, Both):
         return label[:] if lang == "en" else label.zh
     if lang == "en":

@@ -41,6 +41,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError
+from plumbob.core.findings import info, warning
 from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.data.cards import UNITS, Quality, TriadCalibration
 from plumbob.quality.static_periods import MOVED, TURNED, stills
@@ -205,9 +206,7 @@ def fit_trackball(rates: Rates) -> Fitted:
     )
     slope = to_dps(float(drift.bias_per_k[0]))
     remarks = (
-        f"ASSUMED, NOT MEASURED: {slope:g} °/s per °C and 0.1 °/s per g are the paper's figures for every part. This "
-        "unit's may have another size or sign, and then the card makes it worse than none away from "
-        "the temperature of the capture. 'plumbob calibrate temperature' measures them. Its grade is poor for that.",
+        warning("calibration.assumed_drift", slope=slope),
         *turned,
         *unseen_turn(rates, where),
     )
@@ -384,9 +383,13 @@ def _gyroscope(session: _Session, accelerometer: TriadCalibration, placing: floa
         quality=Quality(grade=grade_of(scale_sd, SCALE) or "poor", samples=9, scale_sd=scale_sd),
     )
     remarks = (
-        f"Each turn is taken to be {to_deg(angle):g}° to {to_deg(ANGLE_SD):g}° (standard deviation, assumed): that "
-        f"makes {100.0 * ANGLE_SD / angle:.2g} % of the scale factors.",
-        f"The bias repeats to {to_dps(float(face_sd.max())):.2g} °/s from face to face.",
+        info(
+            "calibration.turn_assumed",
+            angle_deg=to_deg(angle),
+            angle_sd_deg=to_deg(ANGLE_SD),
+            percent=100.0 * ANGLE_SD / angle,
+        ),
+        info("calibration.bias_repeats", spread_dps=to_dps(float(face_sd.max()))),
     )
     return Fitted(calibration, measured, residuals, np.ones(6, dtype=bool), remarks)
 

@@ -29,6 +29,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted, p_value
 from plumbob.core.units import deg, dps, to_deg, to_dps
 from plumbob.data.cards import Quality, TriadCalibration
@@ -453,17 +454,12 @@ def _flat(flat: NDArray[np.bool_], clipped: NDArray[np.bool_] | None) -> tuple[s
     )
 
 
-def _remarks(fit: MotionFit, spoilt: dict[str, int], acc_calibrated: bool) -> tuple[str, ...]:
+def _remarks(fit: MotionFit, spoilt: dict[str, int], acc_calibrated: bool) -> tuple[Note, ...]:
     size = to_deg(float(np.sqrt(np.mean(np.sum(fit.residuals[fit.used] ** 2, axis=1)))))
-    remarks = [f"Gravity comes out {size:.2g}° (rms) off after a motion; axes are those of the accelerometer."]
+    remarks: list[Note] = [info("calibration.gravity_after_motion", size=size)]
     if not acc_calibrated:
-        remarks.append(
-            "The accelerometer is UNCALIBRATED: its errors are in this matrix, and the standard deviations do not know "
-            "it. Calibrate it first and give its card with --calibration."
-        )
-    remarks += [f"Left out: {counted(count, 'motion')} ({what})." for what, count in spoilt.items() if count]
+        remarks.append(warning("calibration.acc_uncalibrated"))
+    remarks += [info("calibration.motions_left_out", count=count, what=what) for what, count in spoilt.items() if count]
     if not fit.used.all():
-        remarks.append(
-            f"Set aside because they do not fit the others: {counted(int(np.count_nonzero(~fit.used)), 'motion')}."
-        )
+        remarks.append(warning("calibration.motions_set_aside", count=int(np.count_nonzero(~fit.used))))
     return tuple(remarks)

@@ -17,6 +17,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE
 from plumbob.core.errors import CalibrationError
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted
 from plumbob.core.units import deg, dps, to_deg, to_dps
 from plumbob.data.calibrated import temperature_drift
@@ -242,7 +243,7 @@ def fit_rest(rates: Rates) -> Fitted:
     return Fitted(calibration, means, means - bias, np.ones(len(where), dtype=bool), remarks)
 
 
-def rest(rates: Rates) -> tuple[list[slice], tuple[str, ...]]:
+def rest(rates: Rates) -> tuple[list[slice], tuple[Note, ...]]:
     """Stretches at rest, and what to say of them, or a refusal."""
     t, gyr, clipped = rates.t, rates.gyr, rates.clipped
     refuse(dead_axes(gyr))
@@ -260,7 +261,7 @@ def rest(rates: Rates) -> tuple[list[slice], tuple[str, ...]]:
     return where, notes
 
 
-def _unturned(t: Floats, mag: Floats | None, where: list[slice]) -> tuple[list[slice], tuple[str, ...]]:
+def _unturned(t: Floats, mag: Floats | None, where: list[slice]) -> tuple[list[slice], tuple[Note, ...]]:
     """Stretches in which the field stood still, and how many others there were; a refusal where it did in none."""
     turns = np.zeros(len(where)) if mag is None else field_turns(t, mag, where)
     if not turns.any():
@@ -268,8 +269,12 @@ def _unturned(t: Floats, mag: Floats | None, where: list[slice]) -> tuple[list[s
     if turns.all():
         refuse([turn_reason(turns)])
     notes = (
-        f"Left out: {np.count_nonzero(turns)} of {len(where)} stretches, in which the field turned by up to "
-        f"{to_deg(float(turns.max())):.0f}°.",
+        warning(
+            "calibration.stretches_turned",
+            turned=np.count_nonzero(turns),
+            count=len(where),
+            turn_deg=to_deg(float(turns.max())),
+        ),
     )
     return [part for part, turn in zip(where, turns.tolist(), strict=True) if not turn], notes
 
@@ -296,13 +301,12 @@ def _temperature(base: TriadCalibration, temp_c: Floats | None, where: list[slic
     return float(np.nanmean(temps)) if np.isfinite(temps).any() else base.temp_ref_c
 
 
-def _remarks(calibration: TriadCalibration, spread: Floats, seconds: float) -> tuple[str, ...]:
-    remarks = [
-        f"The bias is known to {to_dps(float(spread.max())):.2g} °/s where the unit lay; it includes up to "
-        f"{to_dps(EARTH_RATE):.4f} °/s of the Earth's rotation."
+def _remarks(calibration: TriadCalibration, spread: Floats, seconds: float) -> tuple[Note, ...]:
+    remarks: list[Note] = [
+        info("calibration.bias_known", sd_dps=to_dps(float(spread.max())), earth_rate_dps=to_dps(EARTH_RATE))
     ]
     if round(seconds) < LONG:
-        remarks.append(f"{seconds:.0f} s at rest do not show how the bias wanders; lay it down for 30 s or longer.")
+        remarks.append(warning("calibration.short_rest", seconds=seconds))
     if not calibration.bias_per_k.any():
-        remarks.append("It holds at the temperature of the capture: 'plumbob calibrate temperature' finds its drift.")
+        remarks.append(info("calibration.at_temperature"))
     return tuple(remarks)

@@ -26,6 +26,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE
 from plumbob.core.errors import ParameterError
+from plumbob.core.findings import Note, warning
 from plumbob.core.text import counted, p_value
 from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.data.cards import Quality, TriadCalibration
@@ -248,11 +249,11 @@ def fit_table(
     _refuse_deformed(solution)
     if first.tilt > 2.0 * mounting:
         tilts, usual = (f"{to_deg(angle):.2g}°" for angle in (first.tilt, mounting))
-        remarks.append(f"opposite mountings differ by {tilts} of tilt, more than the {usual} that was assumed.")
+        remarks.append(warning("calibration.table_tilts", tilts=tilts, usual=usual))
     return _fitted(session, solution, (*remarks, *_unknown_earth(latitude, session)))
 
 
-def _chosen(session: TableSession, model: str) -> tuple[TableSession, list[str]]:
+def _chosen(session: TableSession, model: str) -> tuple[TableSession, list[Note]]:
     """Session with the columns of the model, and what to know about the choice."""
     why_not = _why_no_coupling(session)
     if model == "21":
@@ -355,7 +356,7 @@ def _solve(session: TableSession, mounting: float, response: Floats) -> _Solutio
     )
 
 
-def _fitted(session: TableSession, solution: _Solution, remarks: tuple[str, ...]) -> Fitted:
+def _fitted(session: TableSession, solution: _Solution, remarks: tuple[Note, ...]) -> Fitted:
     matrix = np.asarray(np.linalg.inv(solution.response), dtype=np.float64)
     covariance = _covariance(matrix, solution.covariance)
     scale_sd = float(np.sqrt(np.diag(covariance)[[3, 7, 11]]).max())

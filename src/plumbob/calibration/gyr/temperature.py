@@ -30,6 +30,7 @@ from plumbob.calibration.gyr.rest import (
 )
 from plumbob.core import check
 from plumbob.core.check import Floats
+from plumbob.core.findings import Note, info
 from plumbob.core.units import to_dps
 from plumbob.data.cards import Quality, TriadCalibration
 from plumbob.quality.static_periods import stills
@@ -290,9 +291,10 @@ def _fitted(fit: _Polynomial, blocks: _Blocks, temp_c: Floats, base: TriadCalibr
         method=f"gyr over temperature, degree {degree}, {span[0]:.1f} to {span[1]:.1f} °C in {seconds:.0f} s",
         quality=Quality(grade=grade_of(spread, RATE) or "poor", samples=len(blocks.rate)),
     )
-    remarks = (
-        f"The bias is known to {to_dps(spread):.2g} °/s anywhere from {span[0]:.1f} to {span[1]:.1f} °C "
-        f"(standard deviation; polynomial of degree {degree}); beyond, it goes on as its tangent.",
+    remarks: tuple[Note, ...] = (
+        info(
+            "calibration.bias_over_temperature", spread_dps=to_dps(spread), low_c=span[0], high_c=span[1], degree=degree
+        ),
         *_hysteresis(blocks, fit),
     )
     return Fitted(calibration, blocks.rate, fit.residuals, np.ones(len(blocks.rate), dtype=bool), remarks)

@@ -13,6 +13,7 @@ from plumbob.calibration.predicted import filled
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.units import deg, to_deg
 from plumbob.data.cards import UNITS, Quality, TriadCalibration
 
@@ -132,14 +133,8 @@ MOST_OUTLIERS: Final = 0.1
 EVEN: Final = "Capture away from steel, furniture and walls, best outdoors, and turn the unit slowly about one place."
 """Advice where the field differed from place to place."""
 
-LONGER: Final = "Keep turning it for a minute or two, through all attitudes, each several times."
-"""Advice where the field may have been uneven."""
-
 LOST: Final = deg(30.0)
 """Predicted heading error above which there is no heading, rad; three times as much is a quarter of a turn."""
-
-DIRECTION: Final = "An accelerometer in slow turning shows it (--with acc), or a gyroscope (--with gyr)."
-"""Advice where only the field's direction could tell."""
 
 _LONG_MEMORY: Final = 10.0  # samples that count as one, above which it is told
 _COUNTS: Final = 1.5  # predicted error over that of an even field, above which it is told
@@ -263,7 +258,11 @@ def uneven(doubt: Doubt) -> Reason | None:
             "the unit turned too little to show whether the field is even, and in most rooms it is not; that leaves "
             f"{heading_told(doubt.sd)}."
         )
-        return Reason("too-few-regions", what, f"{LONGER} {EVEN}")
+        return Reason(
+            "too-few-regions",
+            what,
+            f"Keep turning it for a minute or two, through all attitudes, each several times. {EVEN}",
+        )
     what = (
         "the residuals do not average out as noise does, but persist while the unit turns, as where the field "
         f"differs from place to place, or the sensor is slow; that leaves {heading_told(doubt.sd)}."
@@ -276,31 +275,19 @@ def heading_told(sd: float) -> str:
     return f"a heading error of {to_deg(sd):.2g}° (1 sd)" if sd < LOST else "no heading at all"
 
 
-def uneven_told(doubt: Doubt) -> tuple[str, ...]:
+def uneven_told(doubt: Doubt) -> tuple[Note, ...]:
     """Remarks where the field differed from place to place or may have, or errors have a long memory."""
     more = doubt.sd / doubt.even if doubt.even > 0.0 else 1.0
     text = f"this makes the predicted error {more:.2g} times that of an even field."
     if doubt.shown:
-        return (
-            "UNEVEN: the residuals persist while the unit turns, as in a field that differs from place to place; "
-            f"{text} {EVEN}",
-        )
-    remarks = []
+        return (warning("calibration.field_uneven", effect=text),)
+    remarks: list[Note] = []
     if more > _COUNTS and doubt.field.short:
-        remarks.append(
-            "SHORT: the unit turned too little to show whether the field is even, so the unevenness of a usual room, "
-            f"{doubt.field.sd:.2g} µT, is assumed; {text} {LONGER}"
-        )
+        remarks.append(warning("calibration.field_short", sd=doubt.field.sd, effect=text))
     elif more > _COUNTS:
-        remarks.append(
-            "LENGTH ALONE: the length does not show a field that changes along itself, as around the arm of a hand, so "
-            f"{doubt.field.sd:.2g} µT are assumed; {text} {DIRECTION}"
-        )
+        remarks.append(warning("calibration.length_alone", sd=doubt.field.sd, effect=text))
     if doubt.memory > _LONG_MEMORY:
-        remarks.append(
-            f"The residuals are autocorrelated: {doubt.memory:.0f} neighbouring samples count as one. Filters, drifts "
-            "and uneven fields cause this."
-        )
+        remarks.append(info("calibration.autocorrelated", memory=doubt.memory))
     return tuple(remarks)
 
 

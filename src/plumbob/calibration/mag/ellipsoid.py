@@ -50,6 +50,7 @@ from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenn
 from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, region_names
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.findings import Note, info
 
 FEWEST: Final = 30
 """Fewest samples in which a change is looked for."""
@@ -345,12 +346,10 @@ def _regions_told(directions: Floats) -> str:
     return f"{text}, missing {region_names(empty)}" if empty else text
 
 
-def _remarks(fit: NormFit, why: str, strength: float | None, size: float, doubt: Doubt) -> tuple[str, ...]:
-    notes = [f"Shape: {_WORDS[fit.shape]} ({why})."]
+def _remarks(fit: NormFit, why: str, strength: float | None, size: float, doubt: Doubt) -> tuple[Note, ...]:
+    notes: list[Note] = [info("calibration.shape", shape=_WORDS[fit.shape], why=why)]
     if fit.shape is not Shape.ELLIPSOID and why != "asked for":
-        notes.append("Predicted errors are those of the general ellipsoid, because soft iron may be too small to show.")
+        notes.append(info("calibration.general_ellipsoid"))
     notes += own_scale(strength, size)
-    notes.append(
-        "The length of the field does not show how the magnetometer is turned in its case; the accelerometer does."
-    )
+    notes.append(info("calibration.field_length"))
     return (*notes, *uneven_told(doubt), *set_aside(fit.used))

@@ -55,6 +55,7 @@ from plumbob.calibration.mag.with_acc import turn_angle
 from plumbob.calibration.mag.with_gyr import GAIN_SD
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
 from plumbob.core.check import Floats
+from plumbob.core.findings import Note, info
 from plumbob.core.units import dps, to_deg, to_dps
 from plumbob.rotations import skew
 
@@ -616,16 +617,20 @@ def _reasons(fit: InUseFit, sd: float, radius: float, strength: float | None) ->
     return [reason for reason in reasons if reason is not None]
 
 
-def _remarks(fit: InUseFit, lasting: float, size: float) -> tuple[str, ...]:
+def _remarks(fit: InUseFit, lasting: float, size: float) -> tuple[Note, ...]:
     bias = ", ".join(f"{value:.3f}" for value in to_dps(fit.gyr_bias.mean(axis=0)).tolist())
     most = to_dps(float(np.max(np.ptp(fit.gyr_bias, axis=0))))
     moved = f", which moved by {most:.2g} °/s at most" if len(fit.gyr_bias) > 1 else ""
     duration = f"{lasting / 3600.0:.3g} h" if lasting >= 3600.0 else f"{lasting / 60.0:.3g} min"
     return (
-        f"In use: {fit.windows} windows of {LENGTH:g} s in {duration}; from one to the next the field walks by "
-        f"{fit.walk * size:.2g} µT along each axis.",
-        f"Gyroscope: bias {bias} °/s{moved}; the magnetometer is turned by {to_deg(turn_angle(fit.distortion)):.2g}° "
-        f"against it, and answers {1e3 * fit.delay:.1f} ms later.",
+        info("calibration.in_use", windows=fit.windows, length=LENGTH, duration=duration, walk_ut=fit.walk * size),
+        info(
+            "calibration.in_use_gyroscope",
+            bias=bias,
+            moved=moved,
+            turn_deg=to_deg(turn_angle(fit.distortion)),
+            delay_ms=1000.0 * fit.delay,
+        ),
     )
 
 

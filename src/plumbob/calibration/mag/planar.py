@@ -35,6 +35,7 @@ from plumbob.calibration.mag.checks import (
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.predicted import heading_sd
 from plumbob.core.check import Floats
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.units import deg, to_deg
 
 PARAMETERS: Final = 5
@@ -328,13 +329,12 @@ def _weak(radius: float) -> Reason | None:
     return Reason("wrong-field", what, "Check the unit and the gain of the magnetometer.")
 
 
-def _remarks(fit: EllipseFit, axis: int, radius: float, wanted: float | None) -> tuple[str, ...]:
+def _remarks(fit: EllipseFit, axis: int, radius: float, wanted: float | None) -> tuple[Note, ...]:
     per_degree = to_deg(10.0 * deg(1.0) / radius)
-    remarks = [
-        f"ONLY LEVEL: headings hold while the {'xyz'[axis]} axis is upright. That axis is not calibrated; at 1° of "
-        f"inclination, each 10 µT of its error turn the heading by {per_degree:.1f}°.",
-        "A turn of the magnetometer about the upright axis is not seen: compare one heading with a known one.",
+    remarks: list[Note] = [
+        warning("calibration.only_level", axis="xyz"[axis], per_degree=per_degree),
+        info("calibration.upright_turn"),
     ]
     if wanted is None:
-        remarks.append(f"Level field: {radius:.4g} µT, the sensor's own scale.")
+        remarks.append(info("calibration.level_field", radius=radius))
     return (*remarks, *set_aside(fit.used))

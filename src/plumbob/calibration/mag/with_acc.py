@@ -44,6 +44,7 @@ from plumbob.calibration.mag.field_gradient import unevenness
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.findings import Note, info
 from plumbob.core.text import measured
 from plumbob.core.units import deg, to_deg
 
@@ -432,11 +433,14 @@ def _unsteady(sd: float) -> Reason | None:
     return Reason("not-still", what, _ADVICE)
 
 
-def _remarks(fit: DipFit, dip_sd: float, strength: float | None, size: float, stride: int) -> tuple[str, ...]:
+def _remarks(fit: DipFit, dip_sd: float, strength: float | None, size: float, stride: int) -> tuple[Note, ...]:
     dip, sd = to_deg(fit.dip), to_deg(dip_sd)
-    remarks = [
-        f"Dip of the field [°]: {measured(dip, dip - sd, dip + sd)}; "
-        f"the magnetometer is turned by {to_deg(turn_angle(fit.matrix)):.2g}° against the accelerometer.",
-        f"Noise: {fit.mag_sd:.2g} µT of the field, {to_deg(fit.down_sd):.2g}° of the vertical.",
+    remarks: list[Note] = [
+        info(
+            "calibration.dip_with_acc",
+            dip=measured(dip, dip - sd, dip + sd),
+            turn_deg=to_deg(turn_angle(fit.matrix)),
+        ),
+        info("calibration.noise_with_acc", mag_sd=fit.mag_sd, down_sd_deg=to_deg(fit.down_sd)),
     ]
     return (*remarks, *own_scale(strength, size), *thinned(stride), *set_aside(fit.used))

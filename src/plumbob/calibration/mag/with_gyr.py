@@ -43,6 +43,7 @@ from plumbob.calibration.mag.with_acc import turn_angle
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
+from plumbob.core.findings import Note, info
 from plumbob.core.units import dps, to_deg, to_dps
 from plumbob.rotations import (
     dcm_from_quat,
@@ -522,12 +523,16 @@ def _wandering(walk: float) -> Reason | None:
 
 def _remarks(
     fit: FieldFit, strength: float | None, size: float, dip: float, measured: bool, stride: int
-) -> tuple[str, ...]:
+) -> tuple[Note, ...]:
     bias = ", ".join(f"{value:.3f}" for value in to_dps(fit.gyr_bias).tolist())
-    remarks = [
-        f"Gyroscope: bias {bias} °/s, random walk {to_dps(fit.walk):.2g}°/√s; the magnetometer is turned by "
-        f"{to_deg(turn_angle(fit.distortion)):.2g}° against it.",
-        f"The magnetometer answers {1e3 * fit.delay:.1f} ms later than the gyroscope.",
+    remarks: list[Note] = [
+        info(
+            "calibration.with_gyroscope",
+            bias=bias,
+            walk_dps=to_dps(fit.walk),
+            turn_deg=to_deg(turn_angle(fit.distortion)),
+        ),
+        info("calibration.mag_delay", delay_ms=1000.0 * fit.delay),
         f"Dip of the field: {to_deg(dip):.1f}°, {'by the mean specific force' if measured else 'assumed'}.",
     ]
     return (*remarks, *own_scale(strength, size), *thinned(stride), *set_aside(fit.used))

@@ -10,7 +10,8 @@ import numpy as np
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
-from plumbob.core.errors import CalibrationError
+from plumbob.core.errors import CalibrationError, ShapeError
+from plumbob.core.findings import Finding, Note, as_findings
 from plumbob.data.cards.file import Card, finite, require_no_negative, require_number, require_part, require_text
 from plumbob.data.sample import UNITS
 
@@ -107,7 +108,7 @@ class TriadCalibration:
         How and when it was found; ISO 8601.
     quality : Quality or None
         How good it is.
-    remarks : tuple of str
+    remarks : tuple of Finding
         What to know about it, each a sentence.
     """
 
@@ -127,7 +128,7 @@ class TriadCalibration:
     method: str = ""
     date: str = ""
     quality: Quality | None = None
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Note, ...] = ()
 
     PARTS: ClassVar[Mapping[str, type]] = {"quality": Quality}
 
@@ -151,7 +152,7 @@ class TriadCalibration:
         require_part("quality", self.quality, Quality)
         require_matrix(self.matrix)
         require_bias(self.bias, self.unit_in)
-        object.__setattr__(self, "remarks", texts("remarks", self.remarks))
+        object.__setattr__(self, "remarks", _remarks(self.remarks))
 
     def _check_uncertainties(self) -> None:
         shapes = (
@@ -198,7 +199,7 @@ class Mount:
         Standard deviation about the body's axes, rad.
     method, date : str
         How and when it was found; ISO 8601.
-    remarks : tuple of str
+    remarks : tuple of Finding
         What to know about it, each a sentence.
     """
 
@@ -206,7 +207,7 @@ class Mount:
     sd: Floats | None = None
     method: str = ""
     date: str = ""
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Note, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate the numbers."""
@@ -218,7 +219,7 @@ class Mount:
             require_no_negative("sd", self.sd)
         require_text(method=self.method)
         require_dates(date=self.date)
-        object.__setattr__(self, "remarks", texts("remarks", self.remarks))
+        object.__setattr__(self, "remarks", _remarks(self.remarks))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -363,8 +364,8 @@ def require_dates(**dates: Any) -> None:
             raise CalibrationError(f"{name} must be ISO 8601, as 2026-11-21, but it is {value!r}.") from error
 
 
-def texts(name: str, value: Any) -> tuple[str, ...]:
-    """Tuple of texts, from a list or a tuple."""
-    if not isinstance(value, list | tuple) or not all(isinstance(text, str) for text in value):
-        raise CalibrationError(f"{name} must be a list of texts, but it is {value!r}.")
-    return tuple(value)
+def _remarks(given: Any) -> tuple[Finding, ...]:
+    try:
+        return as_findings("remarks", given)
+    except ShapeError as error:
+        raise CalibrationError(str(error)) from error

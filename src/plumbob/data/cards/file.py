@@ -13,6 +13,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError, DecodeError, ParameterError
 from plumbob.core.files import text_of, write_text
+from plumbob.core.findings import as_json
 from plumbob.core.text import FactsText
 
 
@@ -68,6 +69,9 @@ class Card(FactsText):
     def text(self) -> str:
         """Text of the card's file."""
         content = {"kind": self.KIND, "format_version": self.VERSION, **asdict(self)}  # type: ignore[call-overload]
+        for name in self.PARTS:
+            if remarks := getattr(getattr(self, name), "remarks", ()):
+                content[name]["remarks"] = as_json(remarks)
         return json.dumps(content, indent=2, default=lambda a: a.tolist(), allow_nan=False) + "\n"
 
     @classmethod

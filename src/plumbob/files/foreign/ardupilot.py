@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from plumbob.core import units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
-from plumbob.core.text import counted
+from plumbob.core.findings import Note, info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
@@ -64,7 +64,7 @@ class _DataFlashLog:
     names: dict[int, str] = field(default_factory=dict)
     columns: dict[str, tuple[str, tuple[str, ...]]] = field(default_factory=dict)
     tables: dict[str, dict[str, NDArray[Any]]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
 
 
 def accepts(path: Path) -> bool:
@@ -98,7 +98,7 @@ def _of_bytes(raw: bytes) -> _DataFlashLog:
             skipped, at = skipped + resumed - at, resumed
             continue
         if at + length > size:
-            log.notes.append("cut: the file ends within a message")
+            log.notes.append(warning("reading.cut_message"))
             break
         if kind == _FMT:
             _defined(log, raw[at + 3 : at + _FMT_LENGTH], lengths, places)
@@ -106,7 +106,7 @@ def _of_bytes(raw: bytes) -> _DataFlashLog:
             places[kind].append(at + 3)
         at += length
     if skipped:
-        log.notes.append(f"damage: {counted(skipped, 'byte')} skipped, which are not messages")
+        log.notes.append(warning("reading.damage_bytes", skipped=skipped))
     data = np.frombuffer(raw, np.uint8)
     for kind, found_at in places.items():
         _decoded(log, log.names[kind], data, np.frombuffer(found_at, np.int64), lengths[kind])
@@ -135,10 +135,12 @@ def _decoded(log: _DataFlashLog, name: str, data: NDArray[np.uint8], places: NDA
     try:
         layout = np.dtype([(column, _LETTERS[letter][0]) for letter, column in zip(letters, columns, strict=True)])
     except (ValueError, KeyError, TypeError):
-        log.notes.append(f"damage: the definition of {name} is not one, so its {places.size} messages are left out")
+        log.notes.append(warning("reading.damage_definition", name=name, count=places.size))
         return
     if layout.itemsize + 3 != length:
-        log.notes.append(f"damage: {name} has {length} bytes, but its letters need {layout.itemsize + 3}; left out")
+        log.notes.append(
+            warning("reading.damage_definition_size", name=name, length=length, needed=layout.itemsize + 3)
+        )
         return
     table = records(data, places, layout)
     log.tables[name] = {
@@ -177,7 +179,7 @@ def _of_text(file: Path) -> _DataFlashLog:
                 for i, column in enumerate(columns)
             }
     if bad:
-        log.notes.append(f"damage: {counted(bad, 'line')} left out, which do not hold what their FMT says")
+        log.notes.append(warning("reading.damage_lines", bad=bad))
     return log
 
 
@@ -205,7 +207,7 @@ def _recording(flash: _DataFlashLog, name: str, unit: str | None) -> Recording:
         losses=flash.notes,
     )
     if log.epoch_ns is None:
-        log.notes.append("UTC: not known, as no GPS with a fix is in the log")
+        log.notes.append(info("source.no_utc_without_fix"))
     imus = _units(flash, "IMU", "GyrX")
     if unit == ALL and len(imus) > 1:
         return _together(imus, log, name)
@@ -218,7 +220,7 @@ def _recording(flash: _DataFlashLog, name: str, unit: str | None) -> Recording:
     for compass, table in list(compasses.items())[:1]:
         if {"MagY", "MagZ"} <= table.keys():
             rest = "".join(f", not {other}" for other in compasses if other != compass)
-            log.notes.append(f"mag: {compass}, {counted(_stamped(table).size, 'message')}{rest}")
+            log.notes.append(info("source.ardupilot_compass", compass=compass, count=_stamped(table).size, rest=rest))
             log.add("mag", _stamped(table), vectors(table, "MagX", "MagY", "MagZ"), "mgauss")
     for kind in (*_QUATERNIONS, "ATT"):
         table = flash.tables.get(kind, {})

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ShapeError, excerpt
 from plumbob.core.files import replacing_folder, text_of
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns
 from plumbob.core.units import QUANTITY_BY_TRIAD, is_name
@@ -77,10 +78,7 @@ def _stem(table: Path) -> str:
 
 def _recording(table: Path, home: Path | None, name: str) -> Recording:
     t_ns, values = text_rows(table, 6, delimiter=",", comments="#")
-    notes = [
-        "ASL layout of EuRoC and TUM VI: axes of the IMU; rad/s, m/s²; stamps in ns since 1970 by the recorder's clock "
-        "(head lines of the tables; doi:10.1177/0278364915620033, doi:10.1109/IROS.2018.8593419)"
-    ]
+    notes: list[Note] = [info("source.euroc")]
     q_b_imu, rate = _sensor(table.with_name("sensor.yaml"), "imu0", notes)
     meta = ImuMeta(device="ASL imu0", rate_nominal=rate, frame=Frame.ENU, north=North.FREE)
     log = SensorLog(notes, meta, epoch_ns=0)
@@ -129,21 +127,21 @@ def _places(table: Path) -> dict[str, tuple[list[int], str]]:
     return places
 
 
-def _sensor(file: Path, name: str, notes: list[str]) -> tuple[Floats, float | None]:
+def _sensor(file: Path, name: str, notes: list[Note]) -> tuple[Floats, float | None]:
     """Rotation of ``T_BS`` as a quaternion, sensor to body, and the rate, Hz, as far as ``sensor.yaml`` says them.
 
     Of YAML it reads what these files use: keys at the start of a line, numbers, and a list in brackets.
     """
     identity = np.array([1.0, 0.0, 0.0, 0.0])
     if not file.is_file():
-        notes.append(f"{name}: no sensor.yaml, so its axes are taken for those of the body")
+        notes.append(warning("source.euroc_no_sensor", name=name))
         return identity, None
     text = re.sub(r"#.*", "", text_of(inside(file.parent.parent, file.parent.name, file.name)))
     rate = re.search(r"^rate_hz:[ \t]*([0-9.]{1,24})[ \t]*$", text, re.MULTILINE)
     hertz = _numbers(rate[1], "rate_hz", file)[0] if rate else None
     listed = re.search(r"^T_BS:[^\[\]]{0,200}?data:\s{0,80}\[([^\]]{0,2000})\]", text, re.MULTILINE)
     if listed is None:
-        notes.append(f"{name}: no T_BS in sensor.yaml, so its axes are taken for those of the body")
+        notes.append(warning("source.euroc_no_axes", name=name))
         return identity, hertz
     numbers = _numbers(listed[1], "T_BS", file)
     if len(numbers) != 16:
@@ -154,7 +152,7 @@ def _sensor(file: Path, name: str, notes: list[str]) -> tuple[Floats, float | No
     except ShapeError as error:
         raise DecodeError(f"T_BS in {name}/{file.name} is not a rotation: {error}") from error
     if not np.allclose(c_bs, np.eye(3), atol=1e-6):
-        notes.append(f"{name}: T_BS turns its axes into those of the body; samples stay in axes of the IMU")
+        notes.append(info("source.euroc_axes", name=name))
     return turn, hertz if hertz else None
 
 

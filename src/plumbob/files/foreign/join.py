@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ShapeError
-from plumbob.core.findings import warning
-from plumbob.core.text import counted
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.time import GAP_FACTOR, LONGEST, interpolated, is_gap
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.imu import known_rows
@@ -53,7 +52,7 @@ class Joined(NamedTuple):
 
     imu: ImuData
     rows_ns: NDArray[np.int64]
-    notes: tuple[Any, ...]
+    notes: tuple[Note, ...]
 
 
 def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | None = None) -> Joined:
@@ -81,7 +80,7 @@ def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | No
     ClockError
         If the time of a stream begins again, or recordings do not overlap.
     """
-    ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[Any]()
+    ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[Note]()
     for name, stream in streams.items():
         ordered[name] = _ordered(name, stream, notes)
     triads = [name for name in TRIADS if name in ordered and ordered[name][0].size]
@@ -92,11 +91,11 @@ def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | No
     columns: dict[str, Any] = {}
     for name, (stamps, values) in ordered.items():
         if not stamps.size:
-            notes.append(f"{name}: no sample")
+            notes.append(info("source.no_sample", name=name))
             continue
         columns[name], how = _resampled(rows, stamps, values)
         if how:
-            notes.append(f"{name}: {counted(stamps.size, 'sample')} on stamps of its own, {how} at those of {lead}")
+            notes.append(info("source.own_stamps", name=name, count=stamps.size, how=how, sensor=lead))
     t0_ns = 0 if epoch_ns is None else int(rows[0]) + epoch_ns
     imu = ImuData(t=(rows - rows[0]) / 1e9, meta=replace(meta, t0_ns=t0_ns), **columns)
     return Joined(imu, rows, tuple(notes))
@@ -155,7 +154,7 @@ def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
     return Recording(imu=imu, name=name, notes=tuple(notes))
 
 
-def _ordered(name: str, stream: Readings, notes: list[Any]) -> tuple[NDArray[np.int64], Floats]:
+def _ordered(name: str, stream: Readings, notes: list[Note]) -> tuple[NDArray[np.int64], Floats]:
     """Stamps that increase, with their values, and a note where they had to be made so."""
     stamps = np.asarray(stream.t_ns, dtype=np.int64)
     values = np.asarray(stream.values, dtype=np.float64)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.core.files import text_of
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
@@ -107,13 +108,12 @@ def _stamps(file: Path) -> NDArray[np.int64]:
 
 
 def _recording(t_ns: NDArray[np.int64], table: Floats, stamped: int, name: str) -> Recording:
-    notes = [
-        "KITTI raw: axes of the vehicle, forward, left, up; frame ENU, yaw 0 = East, counter-clockwise; m/s², rad/s "
-        "(oxts/dataformat.txt; doi:10.1177/0278364913491297)",
-        "UTC: not known, as timestamps.txt does not say its time zone",
+    notes: list[Note] = [
+        info("source.kitti"),
+        info("source.kitti_no_zone"),
     ]
     if missing := stamped - t_ns.size:
-        notes.append(f"oxts/data: {counted(missing, 'sample')} of {stamped} have a stamp and no file")
+        notes.append(warning("reading.kitti_missing", missing=missing, stamped=stamped))
     meta = ImuMeta(device="OXTS RT3003", frame=Frame.ENU, north=North.TRUE, unit_check=False)
     log = SensorLog(notes, meta)
     log.add("gyr", t_ns, table[:, _GYR])

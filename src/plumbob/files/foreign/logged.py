@@ -20,6 +20,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, one_line
 from plumbob.core.files import existing_file
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted, first_words
 from plumbob.core.time import longest_bridged
 from plumbob.core.units import to_si
@@ -80,12 +81,12 @@ class SensorLog:
         Notes that come last: what of the file is cut or damaged.
     """
 
-    notes: list[Any]
+    notes: list[Note]
     meta: ImuMeta
     epoch_ns: int | None = None
     streams: dict[str, Readings] = field(default_factory=dict)
     attitudes: list[LoggedAttitude] = field(default_factory=list)
-    losses: list[str] = field(default_factory=list)
+    losses: list[Note] = field(default_factory=list)
 
     def add(self, sensor: str, t_ns: ArrayLike, values: Any, unit: str = "", *, valid: Any = None) -> None:
         """Add a sensor's stream, of rows that are `valid` alone, in a unit or in SI."""
@@ -117,7 +118,7 @@ class SensorLog:
         for attitude in self.attitudes:
             q_nb = _attitude_at(rows_ns, attitude, notes)
             if q_nb is not None:
-                notes.append(f"{attitude.kind}: {attitude.note or attitude.source}")
+                notes.append(info("source.attitude", kind=attitude.kind, source=attitude.note or attitude.source))
                 track = AttitudeTrack(
                     t=imu.t, q_nb=q_nb, frame=attitude.frame, north=attitude.north, source=attitude.source
                 )
@@ -128,7 +129,7 @@ class SensorLog:
 
 
 def choose(
-    notes: list[Any], counts: Mapping[str, int], unit: str | None, of: str = "samples", what: str = "record"
+    notes: list[Note], counts: Mapping[str, int], unit: str | None, of: str = "samples", what: str = "record"
 ) -> str:
     """One of a log's units, with the counts of their records: by name (``IMU.1``, ``imu1``) or number, or the first.
 
@@ -139,11 +140,11 @@ def choose(
     """
     taken = chosen([*counts], unit)
     others = {name: count for name, count in counts.items() if name != taken}
-    note = f"{of}: {taken}, {counted(counts[taken], what)}"
-    if others:
-        listed = first_words([f"{name} ({count})" for name, count in others.items()], 20)
-        note += f"; not taken: {listed}; --unit {next(iter(others))} takes another"
-    notes.append(note)
+    listed = first_words([f"{name} ({count})" for name, count in others.items()], 20)
+    records = counted(counts[taken], what)
+    notes.append(
+        info("source.chosen", of=of, taken=taken, records=records, others=listed, other=next(iter(others), ""))
+    )
     return taken
 
 
@@ -181,20 +182,20 @@ def micro(stamps: NDArray[Any]) -> NDArray[np.int64]:
     return np.minimum(stamps.astype(np.uint64), np.uint64(most)).astype(np.int64) * 1000
 
 
-def _attitude_at(rows_ns: NDArray[np.int64], logged: LoggedAttitude, notes: list[Any]) -> Floats | None:
+def _attitude_at(rows_ns: NDArray[np.int64], logged: LoggedAttitude, notes: list[Note]) -> Floats | None:
     """Quaternions at the rows of the samples, NaN where the log has none; None where it has none at all."""
     (t_ns, _), q_nb = without_leaps(logged.t_ns), logged.q_nb
     valid = np.abs(np.sqrt(np.sum(q_nb * q_nb, axis=1)) - 1.0) < _NORM
     if not valid.any():
         return None
     if lost := valid.size - int(valid.sum()):
-        notes.append(f"attitude: {counted(lost, 'attitude')} left out of {valid.size}, not rotations")
+        notes.append(warning("reading.no_rotations", lost=lost, count=valid.size))
     if np.array_equal(t_ns, rows_ns):  # in one table with the samples: what is not known there stays so
         return np.where(valid[:, None], q_nb, np.nan)
     try:
         line = time_line(t_ns[valid])
     except ClockError as error:  # the samples have a clock of their own
-        notes.append(f"attitude: left out: {error}")
+        notes.append(warning("reading.attitude_left_out", error=error))
         return None
     notes += (finding.on("attitude") for finding in line.notes)
     attitude = read_rows(line.t_ns, quat_normalize(q_nb[valid]), rows_ns, max_gap=longest_bridged(line.t_ns))
@@ -203,8 +204,12 @@ def _attitude_at(rows_ns: NDArray[np.int64], logged: LoggedAttitude, notes: list
         return None
     if not attitude.exact.all():
         notes.append(
-            f"attitude: {counted(line.t_ns.size, 'quaternion')} on stamps of its own, interpolated along the shorter "
-            f"arc at those of the samples; not known in {int(np.count_nonzero(missing))} of {rows_ns.size}"
+            info(
+                "source.attitude_interpolated",
+                count=line.t_ns.size,
+                unknown=int(np.count_nonzero(missing)),
+                samples=rows_ns.size,
+            )
         )
     return attitude.q_nb
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.errors import DecodeError
-from plumbob.core.text import counted
+from plumbob.core.findings import info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, choose, micro, of_vehicle, records, vectors
@@ -119,9 +119,9 @@ def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
         if (system, kind) in tables:
             log.attitudes.append(_attitude(kind, *tables[system, kind], log))
     if skipped:
-        log.losses.append(f"damage: {counted(skipped, 'byte')} skipped, which are not packets")
+        log.losses.append(warning("reading.damage_no_packets", skipped=skipped))
     if bad:
-        log.losses.append(f"damage: {counted(bad, 'packet')} left out, whose CRC is wrong")
+        log.losses.append(warning("reading.damage_crc", bad=bad))
     return log.recording(name, none="attitude: none at the samples' times (ATTITUDE_QUATERNION, ATTITUDE)")
 
 
@@ -214,7 +214,7 @@ def _attitude(number: int, table: NDArray[Any], came_us: NDArray[np.int64], log:
     apart = int(np.min(came_us * 1000 - t_ns)) - (log.epoch_ns or 0)
     if abs(apart) > 10**9:
         t_ns = t_ns + apart
-        log.notes.append("attitude: its clock is another one, so both are put on the receiver's by what came soonest")
+        log.notes.append(info("source.mavlink_attitude_clock"))
     q_nb = table["q"].astype(np.float64) if number == 31 else quat_from_euler_zyx(vectors(table, *_ANGLES))
     heading = "is taken to count from true north"
     return of_vehicle(t_ns, q_nb, _KINDS[number].name, "the vehicle's", heading)

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from plumbob.core import units
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.resources import guide
-from plumbob.core.text import counted
 from plumbob.core.time import interpolated
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
@@ -50,10 +50,6 @@ from plumbob.files.stamps import time_line
 from plumbob.files.text_table import read_table
 from plumbob.rotations import Frame, North, quat_from_xyzw
 
-AXES_NOTE: Final = (
-    "body axes are the phone's: x right, y to the top of the screen, z out of it; attitudes are meant in East-North-Up "
-    "with magnetic north, Android's world"
-)
 _TABLES: Final = (".csv", ".txt")
 
 
@@ -116,16 +112,14 @@ def _log(note: str) -> SensorLog:
 def _recording(parts: Parts, log: SensorLog, device: str) -> Recording:
     """Recording of the streams, without fields of zero."""
     if not {"gyr", "acc", "mag"} & set(log.streams):
-        raise DecodeError(f"it holds no gyroscope, accelerometer or magnetometer; {'; '.join(log.notes)}.")
+        raise DecodeError(f"it holds no gyroscope, accelerometer or magnetometer; {'; '.join(map(str, log.notes))}.")
     log.meta = replace(log.meta, device=device or "phone")
-    log.notes.append(AXES_NOTE)
+    log.notes.append(info("source.phone_axes"))
     if mag := log.streams.get("mag"):
         measured = np.any(mag.values, axis=1)
         log.add("mag", mag.t_ns, mag.values, valid=measured)
         if zeros := int(np.sum(~measured)):
-            log.notes.append(
-                f"mag: {counted(zeros, 'sample')} of exactly zero left out, as before a phone has calibrated"
-            )
+            log.notes.append(warning("reading.mag_zeros", zeros=zeros))
     return log.recording(parts.path.resolve().stem)
 
 
@@ -178,17 +172,17 @@ def _phyphox(parts: Parts) -> Recording:
     for name, names in headers.items():
         for kind, columns in _phyphox_triads(name, names):
             if kind == "acc?":
-                notes.append(f"left out: {name}, acceleration that is without gravity or does not say that it has it")
+                notes.append(info("source.acceleration_left_out", name=name))
             elif kind in log.streams:
-                notes.append(f"left out: {columns[0]} and its axes of {name}, a second {kind}")
+                notes.append(info("source.second_sensor", columns=columns[0], name=name, kind=kind))
             elif table := sheet(name, parts.read(name)).table([names[0], *columns]):
                 notes += [note for note in table.notes if note not in notes]
                 stamps = _on_wall(seconds_to_ns(name, table.columns[names[0]]), events)
                 log.add(kind, stamps, vectors(table.columns, *columns))
             else:
-                notes.append(f"{kind}: {name} has no sample")
+                notes.append(info("source.sensor_empty", kind=kind, name=name))
     if others := sorted(name for name in _tables(parts) if name not in headers):
-        notes.append(f"left out: {excerpt(', '.join(others))}")
+        notes.append(info("source.left_out", names=excerpt(", ".join(others))))
     notes.append(_phyphox_clock(events))
     device = dict(row for row in _meta(parts, "device.csv") if len(row) == 2)
     model = " ".join(device[key] for key in ("deviceBrand", "deviceModel") if device.get(key))
@@ -258,13 +252,13 @@ def _sensor_logger(parts: Parts) -> Recording:
         for stem in (title, f"{title}Uncalibrated"):
             if stem in data:
                 log.streams[kind] = data[stem]
-                notes.append(f"{kind}: {stem}, {'rad/s' if kind == 'gyr' else 'µT'}")
+                notes.append(info("source.logger_part", kind=kind, stem=stem, unit="rad/s" if kind == "gyr" else "µT"))
                 break
     if force := _logger_force(data, meta, notes):
         log.streams["acc"] = force
-    notes.append("clock: ns since 1970 (UTC) of the phone")
+    notes.append(info("source.clock_of_phone"))
     if others := sorted(_stem(name) for name in tables if _stem(name) not in (*_WANTED, "Metadata")):
-        notes.append(f"left out: {', '.join(others)}")
+        notes.append(info("source.left_out_names", names=tuple(others)))
     return _recording(parts, log, meta.get("device name", ""))
 
 
@@ -280,35 +274,35 @@ _WANTED: Final = (
 )
 
 
-def _logger_stream(log: Sheet, notes: list[str]) -> Readings | None:
+def _logger_stream(log: Sheet, notes: list[Note]) -> Readings | None:
     table = log.table(["time", "x", "y", "z"], "time")
     if table is None:
-        notes.append(f"{log.title} has no sample")
+        notes.append(info("source.part_empty", name=log.title))
         return None
     notes += table.notes
     stamps = int(table.zero) + np.round(table.columns["time"]).astype(np.int64)
     return Readings(stamps, vectors(table.columns, *"xyz"))
 
 
-def _logger_force(data: Mapping[str, Readings], meta: Mapping[str, str], notes: list[str]) -> Readings | None:
+def _logger_force(data: Mapping[str, Readings], meta: Mapping[str, str], notes: list[Note]) -> Readings | None:
     """Specific force, by the rule of the platform."""
     platform = meta.get("platform", "").strip().lower()
     if "TotalAcceleration" in data and platform != "ios":  # only Android has it [UNITS.md]
-        notes.append("acc: TotalAcceleration, m/s² with gravity (specific force), which Sensor Logger has on Android")
+        notes.append(info("source.logger_total"))
         return data["TotalAcceleration"]
     if not {"Accelerometer", "AccelerometerUncalibrated"} & set(data):
         return None
     if {"Accelerometer", "Gravity"} <= set(data):
         sign, why = _logger_sign(platform, meta)
-        notes.append(f"acc: Accelerometer and Gravity together, m/s²{why}")
+        notes.append(info("source.logger_with_gravity", why=why))
         return _sum(data["Accelerometer"], data["Gravity"], sign)
     if "AccelerometerUncalibrated" in data:
         sign, why = _logger_sign(platform, meta)
         raw = data["AccelerometerUncalibrated"]
         unit = "g" if sign < 0.0 else "m/s2"
-        notes.append(f"acc: AccelerometerUncalibrated, {unit}{why}")
+        notes.append(info("source.logger_uncalibrated", unit=unit, why=why))
         return Readings(raw.t_ns, sign * units.to_si(np.asarray(raw.values), unit))
-    notes.append("left out: Accelerometer, which is without gravity; record Gravity (or TotalAcceleration) with it")
+    notes.append(warning("source.no_gravity"))
     return None
 
 
@@ -382,19 +376,19 @@ def _sensorlog(parts: Parts) -> Recording:
             continue
         stream, began = _sensorlog_stream(table, _STAMP_OF[sensor], columns, notes)
         if stream is None or (kind == "mag" and not np.any(stream.values)):
-            notes.append(f"{kind}: {columns[0]} and its axes have no sample")
+            notes.append(info("source.columns_empty", kind=kind, columns=columns[0]))
             continue
         log.epoch_ns = began if log.epoch_ns is None else log.epoch_ns
         log.add(kind, stream.t_ns, sign * np.asarray(stream.values), unit)
-        notes.append(f"{kind}: {form.format('X, Y, Z')}")
-    notes.append("clock: seconds since the phone's start, on UTC by the first loggingTime, to some 0.1 s")
+        notes.append(info("source.sensorlog_form", kind=kind, form=form.format("X, Y, Z")))
+    notes.append(info("source.sensorlog_clock"))
     if any(name.startswith("motionQuaternion") for name in table.names):
-        notes.append("left out: motionQuaternion, the phone's own attitude, whose frame varies by a setting of the app")
+        notes.append(info("source.sensorlog_attitude"))
     return _recording(parts, log, "iPhone")
 
 
 def _sensorlog_stream(
-    log: Sheet, stamp: str, columns: list[str], notes: list[str]
+    log: Sheet, stamp: str, columns: list[str], notes: list[Note]
 ) -> tuple[Readings | None, int | None]:
     """Samples of one sensor, each once: a row repeats what has not changed since the row before."""
     logged = "loggingTime(txt)"
@@ -441,7 +435,7 @@ def _android(parts: Parts) -> Recording:
         present = [stem for stem in stems if f"{stem}.txt" in parts.names]
         if present:
             log.add(kind, *_android_stream(parts, present[0], 3, log.notes))
-            log.notes.append(f"{kind}: {present[0]}")
+            log.notes.append(info("source.android_part", kind=kind, file=present[0]))
     start = properties.get("StartTime", "")
     log.epoch_ns = int(start) * 10**9 if re.fullmatch(r"[1-9]\d{0,9}", start) else None
     if "rotation-vector.txt" in parts.names:
@@ -452,7 +446,7 @@ def _android(parts: Parts) -> Recording:
     return _recording(parts, log, " ".join(properties[key] for key in ("Manufacturer", "Model") if properties.get(key)))
 
 
-def _android_stream(parts: Parts, stem: str, count: int, notes: list[str]) -> tuple[NDArray[np.int64], Floats]:
+def _android_stream(parts: Parts, stem: str, count: int, notes: list[Note]) -> tuple[NDArray[np.int64], Floats]:
     """Stamps and so many values of a table without names."""
     table = read_table(parts.read(f"{stem}.txt"), _BLANKS, range(1, count + 2))
     notes += [finding.on(stem) for finding in table.notes]

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from plumbob.core.constants import NOMINAL_FIELD
+from plumbob.core.findings import Note, info
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign.join import seconds_to_ns
@@ -44,10 +45,7 @@ def _separator(path: Path) -> str:
 def read(path: Path) -> Recording:
     """Read samples and the orientation by Vicon."""
     time, values = text_rows(path, 13, stamps="f8", delimiter=_separator(path), skiprows=2)
-    notes = [
-        "RepoIMU: axes of the IMU; s, m/s², rad/s; magnetic field in units of the local one, scaled by "
-        f"{NOMINAL_FIELD:g} µT (head lines; doi:10.1007/978-3-319-46418-3_45)"
-    ]
+    notes: list[Note] = [info("source.repoimu", field=NOMINAL_FIELD)]
     meta = ImuMeta(device="Xsens MTi (RepoIMU)", frame=Frame.ENU, unit_check=False)
     log, t_ns = SensorLog(notes, meta), seconds_to_ns("time", time)
     for sensor, first, unit in (("gyr", 7, ""), ("acc", 4, ""), ("mag", 10, "relative")):

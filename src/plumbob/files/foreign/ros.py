@@ -17,14 +17,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, UnitError
-from plumbob.core.text import counted, first_words
+from plumbob.core.findings import Note, info, warning
+from plumbob.core.text import first_words
 from plumbob.core.units import to_si
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
@@ -50,10 +51,6 @@ POSES: Final = {
 """Types that hold an attitude, and the column at which its quaternion begins."""
 UTC_FROM: Final = 10**18
 """Stamps from here on, ns, are taken for UTC: 2001-09-09."""
-CONVENTIONS: Final = (
-    "units of sensor_msgs and REP 103: rad/s, m/s² with gravity, T, °C; body axes as the driver gave them (REP 103: "
-    "forward, left, up)"
-)
 _WORLD: Final = (
     "; yaw counts from magnetic north if the unit uses a magnetometer (REP 145), which is not said: North is free"
 )
@@ -152,13 +149,13 @@ def _without_raw(imus: list[Topic]) -> list[Topic]:
     return [topic for topic in imus if topic.name.removesuffix("_raw") not in names - {topic.name}]
 
 
-def _left_out(topics: Iterable[Topic], used: Iterable[Topic]) -> list[str]:
+def _left_out(topics: Iterable[Topic], used: Iterable[Topic]) -> list[Note]:
     taken = list(used)
     rest = [topic for topic in topics if topic not in taken]
-    return [f"left out: {_listed(rest)}"] if rest else []
+    return [info("source.topics_left_out", topics=_listed(rest))] if rest else []
 
 
-def _stamps(topic: Topic, table: MessageTable) -> tuple[NDArray[np.int64], list[str]]:
+def _stamps(topic: Topic, table: MessageTable) -> tuple[NDArray[np.int64], list[Note]]:
     """When each message was measured, ns; what was done about stamps that are not set."""
     unset = int(np.count_nonzero(table.stamped == 0))
     if unset < max(2, len(table.stamped)):
@@ -166,14 +163,11 @@ def _stamps(topic: Topic, table: MessageTable) -> tuple[NDArray[np.int64], list[
     return table.logged, [f"{topic.name}: no stamp is set; times are those at which the recorder took each message"]
 
 
-def _epoch(stamps: NDArray[np.int64], notes: list[str]) -> int | None:
+def _epoch(stamps: NDArray[np.int64], notes: list[Note]) -> int | None:
     """UTC of the stamp 0, ns; None where stamps are not UTC."""
     if stamps.size and int(stamps[0]) >= UTC_FROM:
         return 0
-    notes.append(
-        "stamps lie before 2001, as those of a simulation or since power-on do; UTC is not known, and t = 0 is at the "
-        f"stamp {stamps[0]} ns"
-    )
+    notes.append(info("source.ros_no_utc", stamp=stamps[0]))
     return None
 
 
@@ -184,7 +178,7 @@ class _RosImu:
     imu: ImuData | None
     track: AttitudeTrack | None
     used: list[Topic]
-    notes: list[str]
+    notes: list[Note]
 
 
 def _measured(table: MessageTable) -> dict[str, Floats]:
@@ -217,8 +211,8 @@ def _of_imus(several: list[Topic], topics: list[Topic], name: str) -> Recording:
         parts = [Recording(imu=unit.imu, notes=tuple(unit.notes)) for unit in units if unit.imu is not None]
         together = joined_recordings(parts, name)
         used = [topic for unit in units for topic in unit.used]
-        why = f"{_listed(several)} are one IMU, whose sensors have topics of their own"
-        return replace(together, notes=(CONVENTIONS, why, *together.notes, *_left_out(topics, used)))
+        why = info("source.ros_joined", topics=_listed(several))
+        return replace(together, notes=(info("source.ros"), why, *together.notes, *_left_out(topics, used)))
     if len(several) > 1:
         first = _stamps(several[0], tables[0])[0]
         for topic, table in zip(several, tables, strict=True):
@@ -229,12 +223,12 @@ def _of_imus(several: list[Topic], topics: list[Topic], name: str) -> Recording:
                 )
     units = [_unit(topic, table, topics) for topic, table in zip(several, tables, strict=True)]
     used = [topic for unit in units for topic in unit.used]
-    notes = [CONVENTIONS, *(line for unit in units for line in unit.notes), *_left_out(topics, used)]
+    notes = [info("source.ros"), *(line for unit in units for line in unit.notes), *_left_out(topics, used)]
     if any(topic.kind in {MAG, TEMPERATURE} and topic not in used for topic in topics):
-        notes.append("of magnetometers and thermometers one is taken for each IMU, whose header names the same frame")
+        notes.append(info("source.ros_one_magnetometer"))
     if len(units) == 1:
         return Recording(imu=units[0].imu, track=units[0].track, name=name, notes=tuple(dict.fromkeys(notes)))
-    notes += [f"{unit.used[0].name}: its orientation is left out; name it with --unit" for unit in units if unit.track]
+    notes += [info("source.ros_orientation_left_out", name=unit.used[0].name) for unit in units if unit.track]
     samples = {unit.used[0].name: unit.imu for unit in units if unit.imu is not None}
     if not samples:
         raise ParameterError(f"it holds orientations alone, on {_listed(several)}. Name one with --unit.")
@@ -251,7 +245,7 @@ def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> _RosImu:
     for key, values in _measured(table).items():
         log.add(key, stamps, values)
     for key in sorted({"gyr", "acc"} - set(log.streams)):
-        notes.append(f"{topic.name}: no {key}: absent by its covariance, or exactly zero in every message")
+        notes.append(info("source.ros_absent", name=topic.name, key=key))
     track = _orientation(topic, table, stamps, notes)
     if not log.streams:
         if track is None:
@@ -302,19 +296,19 @@ def _add(
     """Take in a stream unless it cannot be in its unit; one whose stamps are all among the IMU's stays at these."""
     stamps, notes = _stamps(topic, table)[0], log.notes
     if not np.isfinite(values.reshape(len(values), -1)).all(axis=1).any():
-        notes.append(f"{topic.name} is left out: it has no value")
+        notes.append(info("source.topic_empty", name=topic.name))
         return
     if key == "mag":
         try:
             ImuData(t=np.arange(len(values), dtype=np.float64), mag=values)
         except UnitError as error:
-            notes.append(f"{topic.name} is left out: it is hardly in tesla, as sensor_msgs has it: {error}")
+            notes.append(warning("reading.ros_no_tesla", name=topic.name, error=error))
             return
     used.append(topic)
     where = np.minimum(np.searchsorted(rows, stamps), rows.size - 1)
     if (np.diff(rows) > 0).all() and (np.diff(stamps) > 0).all() and np.array_equal(rows[where], stamps):
         if stamps.size < rows.size:
-            notes.append(f"{key}: {counted(stamps.size, 'sample')} on {topic.name}, each at its own stamp")
+            notes.append(info("source.ros_own_stamps", key=key, count=stamps.size, name=topic.name))
         placed = np.full((rows.size, *values.shape[1:]), np.nan)
         placed[where] = values
         stamps, values = rows, placed
@@ -322,7 +316,7 @@ def _add(
 
 
 def _orientation(
-    topic: Topic, table: MessageTable, stamps: NDArray[np.int64], notes: list[str]
+    topic: Topic, table: MessageTable, stamps: NDArray[np.int64], notes: list[Note]
 ) -> AttitudeTrack | None:
     """Orientation that an IMU tells, where it tells one."""
     numbers = table.numbers
@@ -332,7 +326,7 @@ def _orientation(
     if np.isnan(xyzw).any(axis=1).all():
         return None
     if (numbers[:, :4] == _UNSET).all() and not numbers[:, 4:13].any():
-        notes.append(f"{topic.name}: its orientation is left out: it is always the default of the message")
+        notes.append(info("source.ros_orientation_default", name=topic.name))
         return None
     return _track(topic, table, stamps, xyzw, notes, cov_n=numbers[:, 4:13].reshape(-1, 3, 3))
 
@@ -347,7 +341,7 @@ def _track(
     table: MessageTable,
     stamps: NDArray[np.int64],
     xyzw: Floats,
-    notes: list[Any],
+    notes: list[Note],
     *,
     cov_n: Floats | None = None,
     start: int | None = None,
@@ -361,7 +355,7 @@ def _track(
     some = ~np.isnan(xyzw).all(axis=1)
     wrong = ~(np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= 1e-3)
     if (count := int(np.count_nonzero(some & wrong))) > 0:
-        notes.append(f"{topic.name}: {counted(count, 'quaternion')} not of norm 1, taken as unknown")
+        notes.append(warning("reading.ros_no_rotations", name=topic.name, count=count))
     q_nb = quat_from_xyzw(np.where(wrong[:, np.newaxis], np.nan, xyzw))
     if not np.isfinite(q_nb).any():
         raise DecodeError(f"{topic.name} holds no quaternion of norm 1.")
@@ -371,12 +365,10 @@ def _track(
         covs = np.where(good[:, np.newaxis, np.newaxis], cov_n, np.nan)
         c_nb = dcm_from_quat(q_nb)
         cov_b = np.swapaxes(c_nb, 1, 2) @ covs @ c_nb
-        notes.append(
-            f"{topic.name}: covariances of the orientation are taken about the world's axes, as those of poses"
-        )
+        notes.append(info("source.ros_covariance_axes", name=topic.name))
     frame = _world(table)
     axes = "north, east, down" if frame is Frame.NED else "east, north, up"
-    notes.append(f"{topic.name}: attitudes in a world whose axes are {axes} (REP 103){_WORLD}")
+    notes.append(info("source.ros_world", name=topic.name, axes=axes, world=_WORLD))
     return AttitudeTrack(
         t=(line.t_ns - (line.t_ns[0] if start is None else start)) / 1e9,
         q_nb=q_nb,
@@ -395,7 +387,7 @@ def _of_pose(topic: Topic, topics: list[Topic], name: str) -> Recording:
     start = min(int(_stamps(lead, ros_bags.table(lead))[0][0]) for lead in leading)
     at = POSES[topic.kind]
     track = _track(topic, table, stamps, table.numbers[:, at : at + 4], notes, start=start)
-    head = [] if imus else ["it holds no inertial data (sensor_msgs/Imu); a pose is read as an attitude"]
-    frames = f"{topic.name}: body to {', '.join(table.frames) or 'a frame without a name'}; positions are left out"
-    zero = f"t = 0 is at the stamp {start} ns, the first of {'its IMU' if imus else 'all its poses'}"
+    head = [] if imus else [info("source.ros_pose_alone")]
+    frames = info("source.ros_pose", topic=topic.name, frames=", ".join(table.frames) or "a frame without a name")
+    zero = info("source.ros_zero_of_imu" if imus else "source.ros_zero_of_poses", stamp=start)
     return Recording(track=track, name=name, notes=(*head, frames, *notes, zero, *_left_out(topics, [topic])))

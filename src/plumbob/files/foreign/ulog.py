@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from plumbob.core import units
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt, one_line
-from plumbob.core.text import counted
+from plumbob.core.findings import Note, info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign.logged import SensorLog, Table, choose, micro, of_vehicle, vectors
@@ -62,7 +62,7 @@ class _Topics:
 
     parameters: Mapping[str, Any]
     tables: Mapping[tuple[str, int], Table]
-    losses: list[str]
+    losses: list[Note]
 
     def instances(self, name: str, *needed: str) -> dict[int, Table]:
         """Instances of a topic that have these columns."""
@@ -115,16 +115,14 @@ def _topics(file: Path) -> _Topics:
     for topic in content.data_list:
         if len(topic.data.get("timestamp", ())):
             tables.setdefault((topic.name, topic.multi_id), topic.data)
-    losses = []
+    losses: list[Note] = []
     if content.dropouts:
         seconds = sum(dropout.duration for dropout in content.dropouts) / 1000
-        losses.append(
-            f"dropouts: the logger lost data {counted(len(content.dropouts), 'time')}, {seconds:.3g} s in all"
-        )
+        losses.append(warning("reading.dropouts", count=len(content.dropouts), seconds=seconds))
     if content.file_corruption:
-        losses.append("damage: bytes that are not messages, or messages that do not fit their layout, were skipped")
+        losses.append(warning("reading.damage_ulog"))
     if log.cut:
-        losses.append("cut: the file ends within a message")
+        losses.append(warning("reading.cut_message"))
     return _Topics({**content.msg_info_dict, **content.initial_parameters}, tables, losses)
 
 
@@ -168,7 +166,7 @@ def _recording(topics: _Topics, name: str, unit: str | None) -> Recording:
         note = "left out: magnetic field and attitude, which are in body axes, as the board is turned in the vehicle "
         return log.recording(name, none=f"{note}(SENS_BOARD_ROT {rotation})")
     if boot_ns is None:
-        log.notes.append("UTC: not known, as no GPS with a fix is in the log")
+        log.notes.append(info("source.no_utc_without_fix"))
     _magnetometer(topics, log)
     if table := topics.instances("vehicle_attitude", "timestamp", "q[3]").get(0):
         north = North.MAGNETIC if boot_ns is None else North.TRUE
@@ -198,10 +196,10 @@ def _sensors(topics: _Topics, log: SensorLog, unit: str) -> bool:
         log.add("gyr", _sampled(table), vectors(table, *"xyz"))
         places = topics.instances("sensor_accel", "timestamp", *"xyz")
         instance, why = _accelerometer(table, int(number), places)
-        log.notes.append(f"acc: {why}")
+        log.notes.append(info("source.px4_accelerometer", why=why))
         if instance is not None:
             log.add("acc", _sampled(places[instance]), vectors(places[instance], *"xyz"))
-        log.notes.append("axes: sensor_gyro is in axes of the board and without PX4's calibration")
+        log.notes.append(info("source.px4_board_axes"))
         return not topics.parameters.get("SENS_BOARD_ROT", 0)
     if topic == "sensor_combined":
         t_ns = micro(table["timestamp"])
@@ -213,7 +211,7 @@ def _sensors(topics: _Topics, log: SensorLog, unit: str) -> bool:
             span = table[f"{column}_dt"].astype(np.float64) / 1e6
             means = _array(table, column) / np.where(span > 0.0, span, np.nan)[:, None]
             log.add(sensor, _sampled(table), means, valid=span > 0.0)
-    log.notes.append(f"axes: {topic} is in body axes, corrected by PX4's calibration")
+    log.notes.append(info("source.px4_body_axes", topic=topic))
     return True
 
 
@@ -252,7 +250,7 @@ def _magnetometer(topics: _Topics, log: SensorLog) -> None:
             return
     for instance, table in sorted(topics.instances("sensor_mag", "timestamp", *"xyz").items())[:1]:
         log.add("mag", _sampled(table), vectors(table, *"xyz"), "gauss")
-        log.notes.append(f"mag: sensor_mag.{instance}, as the sensor gave it")
+        log.notes.append(info("source.px4_magnetometer", instance=instance))
 
 
 def _boot(topics: _Topics) -> int | None:

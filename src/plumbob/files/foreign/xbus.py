@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted, first_words
 from plumbob.files.foreign.logged import choose, records
 
@@ -86,7 +87,7 @@ class XbusUnit:
 
     head: dict[str, str] = field(default_factory=dict)
     columns: dict[str, Floats] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
 
 
 @dataclass
@@ -121,7 +122,7 @@ class _Group:
 
 def read_unit(raw: bytes, unit: str | None) -> XbusUnit:
     """One unit of a log: that of an identity, as 037003F8, or a number from 1 in the order of the bus; or the first."""
-    notes = ["MTB log: messages of the Xbus (MT Low Level Communication Protocol MT0101P)"]
+    notes: list[Note] = [info("source.mtb")]
     messages = _messages(raw, notes)
     configuration = _configuration(messages)
     data = np.isin(messages.kind, (_MTDATA, _MTDATA2)) & (messages.sizes > 0)
@@ -144,7 +145,7 @@ def read_unit(raw: bytes, unit: str | None) -> XbusUnit:
     return content
 
 
-def _messages(raw: bytes, notes: list[str]) -> _CheckedMessages:
+def _messages(raw: bytes, notes: list[Note]) -> _CheckedMessages:
     """Messages one after another; after damage the next is one whose checksum fits and that another follows."""
     data = np.frombuffer(raw, np.uint8)
     sums, size = np.cumsum(data, dtype=np.uint8), data.size
@@ -161,11 +162,11 @@ def _messages(raw: bytes, notes: list[str]) -> _CheckedMessages:
     if not starts:
         raise DecodeError("it holds no message of the Xbus (FA, bus, kind, length, data, checksum); copy it again.")
     if at < size and data[at] == PREAMBLE:
-        notes.append(f"cut: the file ends within a message, {counted(size - at, 'byte')} left out")
+        notes.append(warning("reading.cut_message_bytes", count=size - at))
     else:
         junk += size - at
     if junk:
-        notes.append(f"damage: {counted(junk, 'byte')} skipped, which are not messages whose checksums fit")
+        notes.append(warning("reading.damage_checksums", junk=junk))
     start, end = np.frombuffer(starts, np.int64), np.frombuffer(ends, np.int64)
     head = np.where(data[start + 3] == _LONG, 6, 4)
     return _CheckedMessages(raw, data, start + head, end - start - head - 1, data[start + 1], data[start + 2])
@@ -238,7 +239,7 @@ def _groups(
     modern = messages.kind[numbers] == _MTDATA2
     if modern.any():
         if lost := int(np.count_nonzero(~modern)):
-            unit.notes.append(f"left out: {counted(lost, 'packet')} of MTData, beside those of MTData2")
+            unit.notes.append(info("source.mtdata_left_out", lost=lost))
         return _modern(messages, numbers[modern], unit.notes), _declared_rate(messages, bus)
     return _legacy(messages, numbers, configuration, unit)
 
@@ -252,7 +253,7 @@ def _declared_rate(messages: _CheckedMessages, bus: int) -> float | None:
     return float(max(rates)) or None
 
 
-def _modern(messages: _CheckedMessages, numbers: NDArray[np.int64], notes: list[str]) -> list[_Group]:
+def _modern(messages: _CheckedMessages, numbers: NDArray[np.int64], notes: list[Note]) -> list[_Group]:
     """Packets of MTData2, told apart by the heads of their blocks."""
     groups: list[_Group] = []
     sizes, lost = messages.sizes[numbers], 0
@@ -270,10 +271,7 @@ def _modern(messages: _CheckedMessages, numbers: NDArray[np.int64], notes: list[
             rest = np.delete(rest, same)
         lost += rest.size
     if lost:
-        notes.append(
-            f"damage: {counted(lost, 'packet')} left out, whose blocks do not fill them, or come in more ways than a "
-            "unit sends"
-        )
+        notes.append(warning("reading.damage_blocks", lost=lost))
     return groups
 
 
@@ -317,10 +315,8 @@ def _legacy(
             f"OutputSettings {settings:08X} make {total}. Export it as text with MT Manager (File, Export)."
         )
     if lost := int(np.count_nonzero(~fits)):
-        unit.notes.append(
-            f"damage: {counted(lost, 'packet')} left out, not of the {total} bytes that the settings make"
-        )
-    unit.notes.append(f"packets: MTData by OutputMode {mode:04X} and OutputSettings {settings:08X}")
+        unit.notes.append(warning("reading.damage_sizes", lost=lost, total=total))
+    unit.notes.append(info("source.mtdata", mode=mode, settings=settings))
     period, skipped = _uint(configuration, 4, 2), _uint(configuration, 6, 2)
     rate = _PERIOD_HZ / period / (skipped + 1) if period and skipped != 0xFFFF else None
     return [_Group(np.flatnonzero(fits), messages.begins[numbers[fits]], blocks)], rate
@@ -386,10 +382,10 @@ def _fill(unit: XbusUnit, data: NDArray[np.uint8], groups: list[_Group], rate: f
                     unit.columns[column] = np.full(rows.size, np.nan)
                 unit.columns[column][places] = part
     if wrong:
-        unit.notes.append(f"damage: blocks left out that have a wrong size: {_listed(wrong)}")
+        unit.notes.append(warning("reading.damage_block_size", blocks=_listed(wrong)))
     unused = {identity for identity in held if identity & ~0xF not in taken or identity & ~0xF not in _COLUMNS}
     if unused:
-        unit.notes.append(f"left out: {_listed(unused)}")
+        unit.notes.append(info("source.blocks_left_out", blocks=_listed(unused)))
     if not {"Gyr_X", "OriInc_q0", "Acc_X", "VelInc_X", "Mag_X"} & unit.columns.keys():
         snapshots = (
             "; only Xsens' software takes snapshots apart" if {kind & ~0xF for kind in held} & {*_SNAPSHOTS} else ""
@@ -447,7 +443,7 @@ def _timed(unit: XbusUnit, rate: float | None) -> None:
         timed = np.isfinite(columns["SampleTimeFine"])
         if lost := int(np.count_nonzero(~timed)):
             unit.columns = {name: values[timed] for name, values in columns.items()}
-            unit.notes.append(f"left out: {counted(lost, 'packet')} without SampleTimeFine")
+            unit.notes.append(warning("reading.packets_without_time", lost=lost))
     elif rate is not None and "PacketCounter" in columns:
         unit.head["update rate"] = f"{rate:.6f}Hz"
     else:
@@ -458,7 +454,7 @@ def _timed(unit: XbusUnit, rate: float | None) -> None:
     counter = unit.columns.get("PacketCounter")
     if counter is not None and "SampleTimeFine" in columns and not np.isfinite(counter).all():
         del unit.columns["PacketCounter"]
-        unit.notes.append("left out: PacketCounter, which some packets lack")
+        unit.notes.append(info("source.no_packet_counter"))
 
 
 def _listed(identities: Iterable[int]) -> str:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
-from plumbob.core.text import counted
+from plumbob.core.findings import Note, info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign.logged import RELATIVE_NOTE, LoggedAttitude, SensorLog
@@ -57,7 +57,7 @@ def accepts(path: Path) -> bool:
 
 def read(path: Path) -> Recording:
     """Read a log of x-IMU3, its table of inertial messages, or the folder of one device's tables."""
-    notes = ["x-IMU3: deg/s and g, as its messages have them; clock: µs of the device"]
+    notes: list[Note] = [info("source.ximu3")]
     if path.suffix.lower() == ".ximu3":
         messages, answers = _of_log(path.read_bytes(), notes)
     else:
@@ -67,9 +67,9 @@ def read(path: Path) -> Recording:
     return _recording(path.stem, messages, answers, notes)
 
 
-def _recording(name: str, messages: _Messages, answers: str, notes: list[str]) -> Recording:
+def _recording(name: str, messages: _Messages, answers: str, notes: list[Note]) -> Recording:
     if "I" not in messages:
-        raise DecodeError(f"it has no inertial message; {'; '.join(notes[1:]) or 'is this the file?'}.")
+        raise DecodeError(f"it has no inertial message; {'; '.join(map(str, notes[1:])) or 'is this the file?'}.")
     frame, north, how = _convention(answers)
     log = SensorLog(notes, ImuMeta(device="x-IMU3", frame=frame, unit_check=False))
     stamps, inertial = messages["I"]
@@ -97,7 +97,7 @@ def _convention(answers: str) -> tuple[Frame, North, str]:
     return frame, north, how
 
 
-def _of_log(raw: bytes, notes: list[str]) -> tuple[_Messages, str]:
+def _of_log(raw: bytes, notes: list[Note]) -> tuple[_Messages, str]:
     """Messages by their letter, and the answers to commands."""
     answers: list[str] = []
     bodies: dict[str, list[bytes]] = {letter: [] for letter in NUMBERS}
@@ -105,7 +105,7 @@ def _of_log(raw: bytes, notes: list[str]) -> tuple[_Messages, str]:
     others = junk = 0
     lines = raw.split(b"\n")
     if lines.pop():
-        notes.append("cut: the last message has no end, and was left out: the file may be incomplete")
+        notes.append(warning("reading.cut_last_message"))
     for line in lines:
         letter = chr(line[0] & 0x7F) if line else ""
         if letter not in NUMBERS:
@@ -124,9 +124,9 @@ def _of_log(raw: bytes, notes: list[str]) -> tuple[_Messages, str]:
         else:
             junk += 1
     if others:
-        notes.append(f"left out: {counted(others, 'message')} of other kinds")
+        notes.append(info("source.messages_left_out", others=others))
     if junk:
-        notes.append(f"left out: {counted(junk, 'line')} that are not a message of x-IMU3")
+        notes.append(warning("reading.damage_ximu3", junk=junk))
     return _joined(bodies, texts), "\n".join(answers)
 
 
@@ -162,7 +162,7 @@ def _ns(us: Floats) -> NDArray[np.int64]:
     return np.asarray(np.round(us).astype(np.int64) * 1000)
 
 
-def _of_tables(parts: Parts, folder: bool, notes: list[str]) -> _Messages:
+def _of_tables(parts: Parts, folder: bool, notes: list[Note]) -> _Messages:
     messages: _Messages = {}
     tables: Mapping[str, str] = TABLES if folder else {"I": parts.names[0]}
     for letter, name in tables.items():
@@ -174,7 +174,7 @@ def _of_tables(parts: Parts, folder: bool, notes: list[str]) -> _Messages:
             raise DecodeError(f"{name} has the columns {', '.join(source.names)}, which x-IMU3 does not write.")
         table = source.table(wanted)
         if table is None:
-            notes.append(f"{name} has no sample")
+            notes.append(info("source.part_empty", name=name))
             continue
         notes += table.notes
         values = np.stack([table.columns[column] for column in wanted[1:]], axis=1)

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from plumbob.core import flags, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, DecodeError, excerpt
-from plumbob.core.text import counted
+from plumbob.core.findings import Note, info, warning
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import xbus
@@ -127,10 +127,10 @@ def _head(raw: bytes) -> dict[str, str]:
     }
 
 
-def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: list[str]) -> Recording:
+def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: list[Note]) -> Recording:
     """Recording of columns by the names of an export."""
-    notes = [
-        "MT Manager: m/s² (specific force) and rad/s in the sensor's axes (MTi Family Reference Manual)",
+    notes: list[Note] = [
+        info("source.mt_manager"),
         *left_out,
     ]
     stamps = _stamps(columns, head, notes)
@@ -147,9 +147,9 @@ def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: l
     log = SensorLog(notes, meta, _epoch(columns, stamps))
     _add_streams(log, columns, stamps)
     if log.epoch_ns is None and set(_UTC) <= columns.keys():
-        notes.append("UTC: not known, as no packet has a valid date")
+        notes.append(info("source.no_utc_without_date"))
     if attitude and frame is None:
-        notes.append("left out: the attitude, as the file does not say its frame (a line '// Coordinate system: ENU')")
+        notes.append(warning("source.no_coordinate_system"))
     elif attitude and frame is not None:
         note = f"{_SOURCE}; {frame}, magnetic north, as it counts without GNSS and a declination set"
         q_nb = _attitude(columns, attitude)
@@ -160,7 +160,7 @@ def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: l
 
 def _attitude_alone(
     name: str, columns: Columns, attitude: tuple[str, ...], stamps: NDArray[np.int64], frame: Frame | None,
-    notes: list[str],
+    notes: list[Note],
 ) -> Recording:  # fmt: skip
     """Recording of an export without sensor values, as OpenSense takes it: its attitude."""
     if frame is None:
@@ -172,7 +172,9 @@ def _attitude_alone(
         t=(line.t_ns - line.t_ns[0]) / 1e9, q_nb=_attitude(columns, attitude), frame=frame, north=North.MAGNETIC,
         source=_SOURCE,
     )  # fmt: skip
-    return Recording(track=track, name=name, notes=(*notes, *line.notes, f"attitude: {_SOURCE}; {frame}"))
+    return Recording(
+        track=track, name=name, notes=(*notes, *line.notes, info("source.xsens_attitude", source=_SOURCE, frame=frame))
+    )
 
 
 def _add_streams(log: SensorLog, columns: Columns, stamps: NDArray[np.int64]) -> None:
@@ -190,7 +192,7 @@ def _add_streams(log: SensorLog, columns: Columns, stamps: NDArray[np.int64]) ->
             )
     for kind in [kind for kind, samples in values.items() if not np.isfinite(samples).any()]:
         del values[kind]
-        log.notes.append(f"{kind}: {_TRIADS[kind][0]} and its axes have no value")
+        log.notes.append(info("source.columns_empty", kind=kind, columns=_TRIADS[kind][0]))
     if not values:
         raise DecodeError("none of its rates, accelerations and magnetic fields is a number; export it again.")
     there = {kind: np.isfinite(samples).any(axis=1) for kind, samples in values.items()}
@@ -204,18 +206,18 @@ def _add_streams(log: SensorLog, columns: Columns, stamps: NDArray[np.int64]) ->
         log.notes.append(RELATIVE_NOTE)
 
 
-def _mean_rates(turns: Floats, stamps: NDArray[np.int64], notes: list[str]) -> Floats:
+def _mean_rates(turns: Floats, stamps: NDArray[np.int64], notes: list[Note]) -> Floats:
     """Mean rates of turn (N, 3), rad/s, over the sample before each row, of increments of orientation (N, 4)."""
     there = np.isfinite(turns).all(axis=1)
     rates = np.full((len(turns), 3), np.nan)
     if there.any():
         step = _step(stamps[there])
         rates[there] = rotvec_from_quat(turns[there]) / step
-        notes.append(f"gyr: orientation increments (OriInc) over the sample of {step:.6g} s")
+        notes.append(info("source.orientation_increments", step=step))
     return rates
 
 
-def _mean_forces(changes: Floats, gyr: Floats | None, stamps: NDArray[np.int64], notes: list[str]) -> Floats:
+def _mean_forces(changes: Floats, gyr: Floats | None, stamps: NDArray[np.int64], notes: list[Note]) -> Floats:
     """Mean specific forces (N, 3), m/s², in the axes at the end of each sample, of increments of velocity (N, 3)."""
     there = np.isfinite(changes).all(axis=1)
     forces = np.full((len(changes), 3), np.nan)
@@ -224,7 +226,7 @@ def _mean_forces(changes: Floats, gyr: Floats | None, stamps: NDArray[np.int64],
         back = np.zeros_like(changes[there]) if gyr is None else -step * np.nan_to_num(gyr[there])
         forces[there] = quat_rotate(quat_from_rotvec(back), changes[there]) / step
         axes = "at its beginning, as no rate is known" if gyr is None else "at its end"
-        notes.append(f"acc: velocity increments (VelInc) over the sample of {step:.6g} s, in the axes {axes}")
+        notes.append(info("source.velocity_increments", step=step, axes=axes))
     return forces
 
 
@@ -259,7 +261,7 @@ def _frame(head: Mapping[str, str]) -> Frame | None:
     return Frame(words[0].upper()) if words and words[0].upper() in list(Frame) else None
 
 
-def _stamps(columns: Columns, head: Mapping[str, str], notes: list[str]) -> NDArray[np.int64]:
+def _stamps(columns: Columns, head: Mapping[str, str], notes: list[Note]) -> NDArray[np.int64]:
     """Time of each row, ns, from SampleTimeFine, or from PacketCounter and the rate that the head declares."""
     counter = _unwrapped(columns, "PacketCounter", _COUNTER_WRAPS)
     ticks = _unwrapped(columns, "SampleTimeFine", _TIME_WRAPS)
@@ -268,7 +270,7 @@ def _stamps(columns: Columns, head: Mapping[str, str], notes: list[str]) -> NDAr
         steps = np.diff(counter)
         usual = max(1, int(np.median(steps)))
         if lost := int(np.maximum(steps // usual - 1, 0).sum()):
-            notes.append(f"PacketCounter leaves out {counted(lost, 'packet')}")
+            notes.append(warning("reading.packets_lost", lost=lost))
     if ticks is not None:
         step = float(np.median(np.diff(ticks))) * TICK_NS / 1e9 if ticks.size > 1 else 0.0
         if rate is not None and step > 0.0 and abs(step * rate - 1.0) > _RATE_FITS:
@@ -276,14 +278,14 @@ def _stamps(columns: Columns, head: Mapping[str, str], notes: list[str]) -> NDAr
                 f"SampleTimeFine steps by {step:g} s, as its ticks are 0.1 ms, but the head says {rate:g} Hz; one of "
                 "them is wrong."
             )
-        notes.append("clock: SampleTimeFine, ticks of 0.1 ms")
+        notes.append(info("source.sample_time_fine"))
         return ticks * TICK_NS
     if counter is None or rate is None:
         raise DecodeError(
             "it has neither SampleTimeFine nor PacketCounter with a line '// Update Rate: 100.0Hz', so its time is not "
             "known; add that line, or describe the file with a profile that has [time] rate."
         )
-    notes.append(f"clock: PacketCounter at {rate:g} Hz, as the file says")
+    notes.append(info("source.packet_counter_clock", rate=rate))
     return np.asarray(np.round((counter - counter[0]) * (1e9 / rate)).astype(np.int64))
 
 

@@ -60,7 +60,7 @@ class StaticTest(Reported):
             if e.alignment.heading is not None
         ]
         made = f"after: {self.after.estimate.source}"
-        return (made, *removed, *dict.fromkeys((*self.after.not_scored.values(), *self.after.notes)))
+        return (made, *removed, *dict.fromkeys(map(str, (*self.after.not_scored.values(), *self.after.notes))))
 
     def summary(self) -> dict[str, Any]:
         """Ready for JSON: degrees and seconds; None where there is no figure."""
