@@ -68,6 +68,13 @@ def test_a_code_that_is_not_known_keeps_its_sentence_and_nonsense_is_refused():
     for wrong in ({}, {"code": 1}, {"code": "x", "severity": "bad"}, {"code": "x", "values": 3}):
         with pytest.raises(DecodeError, match="a finding needs code, severity and values"):
             Finding.from_dict(wrong)
+    for values in (
+        {},
+        {"count": 1, "samples": 1, "longest": "long"},
+        {"count": 1, "samples": 1, "longest": {"a": [1]}},
+    ):
+        damaged = Finding.from_dict({"code": "samples.gaps", "severity": "warning", "values": values})
+        assert str(damaged).startswith("samples.gaps: {") and warnings([damaged, damaged]) == (damaged,)
     with pytest.raises(DecodeError, match="must be text or a table"):
         note("notes[1]", 5)
     for wrong in ("one text", [1], None):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plumbob import ImuData, ImuMeta, Recording, doctor
+from plumbob import ImuData, ImuMeta, Recording, doctor, simulate
 from plumbob.core.units import from_si
 from plumbob.quality.arrangement import ARRANGEMENTS, fit, means
 from plumbob.quality.derotated import fit_force
@@ -251,3 +251,11 @@ def test_pauses_of_the_gyroscope_do_not_count() -> None:
     found = fit_force(data["t"], [gyr], acc, (1.0,))
     assert found is not None and found.margin > 7.0 and found.agrees and found.explained > 0.99
     assert (ARRANGEMENTS[found.best] == np.eye(3)).all()
+
+
+@pytest.mark.parametrize("seconds", [0.5, 1.0, 2.0, 3.0, 5.0])
+def test_a_recording_of_a_single_block_is_examined_and_nothing_is_sure(seconds):
+    """Halves of one block are one block and none: that is little evidence, not a fault."""
+    found = simulate("tumble", frame="ENU", sensors="mpu6000+hmc5983", unit="random", seed=1, duration=seconds)
+    answers = doctor(found.imu).findings
+    assert not any(answer.wrong and str(answer.answer) == "sure" for answer in answers)

@@ -78,6 +78,10 @@ def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path
     DecodeError
         If there is none, it is a folder, a pipe or a device, or it is larger.
     """
+    if not isinstance(path, str | os.PathLike):
+        from plumbob.core import check  # which imports NumPy
+
+        check.path("path", path)
     file = Path(path)
     if file.is_dir():
         raise DecodeError(f"{file} is a folder; name one file in it.")

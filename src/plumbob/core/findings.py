@@ -63,7 +63,10 @@ class Finding:
     def sentence(self, lang: str = "en") -> str:
         """The finding in words; in English where the language has none, and in its own where the code is not known."""
         template = words(lang).get(self.code) or words("en").get(self.code) or "{text}"
-        return render(template, self.values)
+        try:
+            return render(template, self.values)
+        except (KeyError, ValueError, TypeError):  # a file of somebody else's
+            return f"{self.code}: {dict(self.values)}"
 
     __str__ = sentence
 
@@ -89,7 +92,7 @@ class Finding:
         values = content.get("values", {})
         if not (isinstance(code, str) and severity in get_args(Severity) and isinstance(values, Mapping)):
             raise DecodeError(f"a finding needs code, severity and values, but got {content!r:.200}.")
-        held = {str(key): tuple(map(str, item)) if isinstance(item, list) else item for key, item in values.items()}
+        held = {str(key): _plain(item) for key, item in values.items()}
         text = {} if code in words("en") else {"text": " ".join(str(content.get("text", "")).split())}
         return cls(code, severity, held | text)
 

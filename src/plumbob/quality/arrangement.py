@@ -137,9 +137,9 @@ def designs() -> Floats:
 
 
 def solved(a: Floats, b: Floats) -> Floats:
-    """Solutions of normal equations (…, n, n) x = (…, n, k), whose unfinites may differ by many orders of size.
+    """Solutions of normal equations (…, n, n) x = (…, n, k), whose unknowns may differ by many orders of size.
 
-    Each unfinite is scaled by its own diagonal first, and held by a part in 10¹² of it: one that nothing shows stays 0
+    Each unknown is scaled by its own diagonal first, and held by a part in 10¹² of it: one that nothing shows stays 0
     where the plain solution would end in a singular matrix.
     """
     size = np.sqrt(np.maximum(np.diagonal(a, axis1=-2, axis2=-1), 0.0))
@@ -423,7 +423,7 @@ class _Scored:
         many = np.maximum(counts, 1e-3)
         variance = (change + floor) / (2.0 * many)
         self.live = live = counts > 0.5
-        flat = moments.reshape(*change.shape, -1)
+        flat = moments.reshape(*change.shape, (FREE + 1) ** 2)  # no block may be left
         for _ in range(_ROUNDS):
             self.weight = np.where(live, 1.0 / variance, 0.0)
             total = (self.weight[:, np.newaxis] @ flat).reshape(-1, FREE + 1, FREE + 1)

@@ -8,13 +8,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_deg, to_si
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.imu import TITLES
-from plumbob.data.plausibility import ALL_AXES, statistics
-from plumbob.data.recording import STUCK_FOR, STUCK_SAMPLES, dead_axes
 from plumbob.quality.arrangement import ARRANGEMENTS, VectorFit, fit, means
 from plumbob.quality.derotated import fit_force
 from plumbob.quality.units import UNITS, rate_error, unit_odds
@@ -249,7 +246,7 @@ class Examination:
     def __init__(self, imu: ImuData, name: str, declared: Declared, hemisphere: str | None) -> None:
         self.name, self.declared, self.hemisphere = name, declared, hemisphere
         self.t, self.up = imu.t, (imu.meta.frame or Frame.ENU).up
-        self.values = {triad: _live(imu, triad) for triad in imu.triads}
+        self.values = {triad: _finite(getattr(imu, triad)) for triad in imu.triads}
         self.findings: list[Convention] = []
         self.lines: dict[str, list[str]] = {}
         self.remarks: list[str] = []
@@ -575,14 +572,8 @@ def _steady_rate(t: Floats, gyr: Floats) -> float:
     return float(np.sqrt(np.nanmean(np.sum(means(t, quat_rotate(q, rate), edges) ** 2, axis=1))))
 
 
-def _live(imu: ImuData, name: str) -> Floats:
-    """Samples that say how the body moves: others are NaN, as those of a sensor that is held or has a dead axis."""
-    values = getattr(imu, name)
+def _finite(values: Floats) -> Floats:
+    """Rows with a value on all axes; others are NaN, as are those too large to be squared."""
     with np.errstate(invalid="ignore"):
-        counts = np.asarray((np.abs(values) < 1e12).all(axis=1))
-    counts &= not dead_axes(imu, name)
-    again = statistics(imu, name).repeats == ALL_AXES
-    for start, stop in check.runs(again):
-        if stop - start >= STUCK_SAMPLES - 1 and imu.t[stop - 1] - imu.t[start] >= STUCK_FOR:
-            counts[start:stop] = False
-    return np.where(counts[:, np.newaxis], values, np.nan)
+        finite = np.asarray((np.abs(values) < 1e12).all(axis=1))
+    return np.where(finite[:, np.newaxis], values, np.nan)
