@@ -57,6 +57,9 @@ def test_it_goes_through_json_and_toml_and_is_said_once():
         (back,) = tomllib.loads(f"notes = [{inline_toml(finding)}]")["notes"]
         assert str(note("notes[1]", back)) == str(finding)
     assert str(fitted).startswith("time: b: acc: 3 of 9 stamps repeat")
+    impossible = warning("samples.field", median=float("inf"), low=22.0, high=67.0)  # JSON has no infinity
+    assert json.loads(json.dumps(impossible.to_dict(), allow_nan=False))["values"]["median"] is None
+    assert tomllib.loads(f"note = {inline_toml(impossible)}")["note"]["values"]["median"] == float("inf")
     assert str(written) == "by hand"
     assert warnings([gaps, written, gaps]) == (gaps,)
     assert lasting([gaps, written, fitted, written]) == (written, fitted)

@@ -18,7 +18,7 @@ from plumbob.arm.smoother import FRAME_SD, LOST, Attitudes, ChainStart, estimate
 from plumbob.core import check, flags
 from plumbob.core.check import Floats, number
 from plumbob.core.errors import ParameterError
-from plumbob.core.findings import Note, as_findings, as_json, info, warning
+from plumbob.core.findings import Note, as_json, info, warning
 from plumbob.core.params import describe, shown
 from plumbob.core.series import Series
 from plumbob.core.units import Quantity, deg, given, to_deg
@@ -128,7 +128,7 @@ class ArmEstimate(Series):
             "hand_m": joints.hand[-1].tolist(),
             "flags": flags.counts(joints.flags),
             "method": joints.source,
-            "notes": as_json(as_findings("notes", self.notes)),
+            "notes": as_json(self.notes),
         }
 
     def columns(self) -> Mapping[str, NDArray[Any]]:

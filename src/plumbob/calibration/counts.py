@@ -17,7 +17,7 @@ from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
-from plumbob.core.findings import Note, as_findings, as_json
+from plumbob.core.findings import Note, as_json
 from plumbob.core.text import FactsText
 
 _FACES = 6
@@ -69,7 +69,7 @@ class CountsCalibration(FactsText):
         scale = self.counts_per_g
         counts = {"bias": self.bias.tolist(), "matrix": self.matrix.tolist(), "residual_sd": self.residual_sd,
                   "samples": self.samples, "counts_per_g": None if scale is None else scale.tolist()}  # fmt: skip
-        return {"sensor": self.sensor, "counts": counts, "remarks": as_json(as_findings("remarks", self.remarks))}
+        return {"sensor": self.sensor, "counts": counts, "remarks": as_json(self.remarks)}
 
 
 def fit_counts(readings: Floats, sensor: str = "mag") -> CountsCalibration:

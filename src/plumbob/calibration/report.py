@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from plumbob.calibration.fit import CaptureRefusedError, Fitted
 from plumbob.calibration.predicted import NAMES, REGIONS, filled, region_names
 from plumbob.core.check import Floats
-from plumbob.core.findings import as_findings, as_json
+from plumbob.core.findings import as_json
 from plumbob.core.text import WIDTH, counted, listed, measured, number
 from plumbob.core.units import from_si, g, to_deg, written
 from plumbob.data import TITLES, TRIADS
@@ -164,7 +164,7 @@ def numbers(card: CalibrationCard, fits: Mapping[str, Fitted]) -> dict[str, Any]
     figures = {name: _figures(name, getattr(card, name), fits.get(name)) for name in TRIADS if name in card.parts}
     if card.mount is not None:
         figures["mount"] = {"yaw_pitch_roll": euler_zyx_from_quat(card.mount.q_bs)}
-    remarks = {name: as_json(as_findings("remarks", part.remarks)) for name, part in card.parts.items()}
+    remarks = {name: as_json(part.remarks) for name, part in card.parts.items()}
     content = {"units": _UNITS, "card": json.loads(card.text()), "figures": plain(figures), "remarks": remarks}
     return {"refused": [], **content}
 

@@ -11,7 +11,7 @@ from plumbob.cli.engine import Call, Verb, show
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import write_text
-from plumbob.core.findings import as_findings, as_json
+from plumbob.core.findings import as_json
 from plumbob.core.units import Quantity, parse, to_deg
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def _exported(args: argparse.Namespace, program: "Program", chain: "Chain | None
     values = {
         "files": args.out, "angles": list(program.names), "samples": len(program),
         "rate_hz": program.rate, "duration_s": float(program.t[-1]), "slowed": program.slowed, "stops": stops,
-        "used": used, "notes": as_json(as_findings("notes", program.notes)),
+        "used": used, "notes": as_json(program.notes),
         "deviation_deg": {name: {"rms": rms, "max": most} for name, (rms, most) in away.items()},
     }  # fmt: skip
     lines = [common.rows(program.facts())]

@@ -10,6 +10,7 @@ left out where one of its values is missing or empty: ``[[, the longest of {coun
 ``about`` names the sensors or units of a finding; it stands before the sentence where the template does not place it.
 """
 
+import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -76,8 +77,10 @@ class Finding:
         return replace(self, values={**self.values, "about": ": ".join(filter(None, (", ".join(about), before)))})
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON has it: code, severity, values and the sentence in English."""
-        return {"code": self.code, "severity": self.severity, "values": dict(self.values), "text": str(self)}
+        """As JSON has it: code, severity, values, null where they are not finite, and the sentence in English."""
+        lacks = {name for name, value in self.values.items() if isinstance(value, float) and not math.isfinite(value)}
+        values = {name: None if name in lacks else value for name, value in self.values.items()}
+        return {"code": self.code, "severity": self.severity, "values": values, "text": str(self)}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
@@ -216,6 +219,6 @@ def note(place: str, value: Any) -> Finding:
 note.json = {"type": ["string", "object"]}  # type: ignore[attr-defined]
 
 
-def as_json(of: Iterable[Finding]) -> list[dict[str, Any]]:
-    """Findings as JSON has them."""
-    return [finding.to_dict() for finding in of]
+def as_json(of: Iterable[Note]) -> list[dict[str, Any]]:
+    """Findings, and lines of text, as JSON has them."""
+    return [_finding(item).to_dict() for item in of]

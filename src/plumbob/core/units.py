@@ -302,7 +302,10 @@ def split(text: str) -> tuple[str, str]:
 def parse(text: str, quantity: Quantity) -> float:
     """Read a number with its unit, as in ``"3.2 deg"``.
 
-    Raises a UnitError for no number, a unit that is unknown or of something else, and none where two are usual.
+    Raises
+    ------
+    UnitError
+        If it is not a number, its unit is unknown or measures something else, or a unit is missing where two are usual.
     """
     number, name = split(text)
     fitting = ", ".join(k for k, u in UNITS.items() if u.quantity is quantity)

@@ -302,7 +302,7 @@ def earth_acceleration(
         If samples and attitude have different times.
     """
     if imu.acc is None:
-        raise ShapeError("the recording has no accelerometer, so there is no acceleration. Record acc.")
+        raise ShapeError("the recording has no accelerometer, from which to compute an acceleration. Record acc.")
     if not np.array_equal(imu.t, track.t):
         raise ClockError("samples and attitude have different times. Estimate the attitude from these samples.")
     card, acc = given_noise(noise), imu.usable("acc")

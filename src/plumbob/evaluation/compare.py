@@ -16,7 +16,7 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError
-from plumbob.core.findings import Note, as_findings, as_json, warning
+from plumbob.core.findings import Note, as_json, warning
 from plumbob.core.time import GAP_FACTOR, timing
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
@@ -187,7 +187,7 @@ class Comparison(Reported):
         numbers |= {
             "first_difference": self.first or None,
             "within_tolerance": self.within,
-            "remarks": as_json(as_findings("remarks", self.remarks)),
+            "remarks": as_json(self.remarks),
         }
         numbers |= {"counts": {name: {"a": a, "b": b} for name, a, b in self.counts}}
         if self.evaluation is not None:

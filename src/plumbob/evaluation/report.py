@@ -12,7 +12,7 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
-from plumbob.core.findings import Note, as_findings, as_json
+from plumbob.core.findings import Note, as_json
 from plumbob.core.series import data_frame
 from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR
@@ -151,7 +151,7 @@ class Evaluation(Reported):
             "flags": self.flag_counts(),
             "consistency": self.consistency,
             "reference_rate_rms_dps": None if self.reference_rate is None else to_dps(self.reference_rate),
-            "notes": as_json(as_findings("notes", self.notes)),
+            "notes": as_json(self.notes),
         }))  # fmt: skip
 
     def report(self, *, facts: Sequence[tuple[str, str]] = ()) -> Report:

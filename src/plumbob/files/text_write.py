@@ -3,7 +3,6 @@
 Of MATLAB and NetCDF, whose arrays have names and units, `plumbob.files.arrays` writes the same profile into the file.
 """
 
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -200,4 +199,4 @@ def _toml(value: Value) -> str:
         return str(value).lower()
     if isinstance(value, str):
         return toml_text(value)
-    return f"[{', '.join(map(toml_text, value))}]" if isinstance(value, tuple) else json.dumps(value)
+    return f"[{', '.join(map(toml_text, value))}]" if isinstance(value, tuple) else repr(value)

@@ -83,10 +83,7 @@ def read_recorded(
     dead = [] if array is None else [u.unit for u in replayed.stream.session.units if u.unit not in array.units]
     doubts = dict.fromkeys(doubt for sensed in units.values() for doubt in sensed.unit_doubts())
     notes = (
-        decoded_note(replayed.stream),
-        *([warning("reading.starts", starts=log.starts)] if log.starts > 1 else []),
-        *(warning("reading.damaged", damage=str(damage)) for damage in log.damage),
-        *inferred(replayed.stream.time_report()),
+        *reading_notes(log, replayed.stream),
         *(warning("reading.dead_unit", unit=name) for name in dead),
         *(warning("reading.unit_doubt", doubt=str(doubt)) for doubt in doubts),
     )
@@ -97,6 +94,16 @@ def read_recorded(
         array=None if array is None else ImuArray(units, array.mounts),
     )
     return replace(recording, notes=(*notes, *all_findings(recording)))
+
+
+def reading_notes(log: Log, stream: Stream) -> tuple[Finding, ...]:
+    """What the reading of a recorded line shows: its bytes, starts and damage, and gaps that were inferred."""
+    return (
+        decoded_note(stream),
+        *([warning("reading.starts", starts=log.starts)] if log.starts > 1 else []),
+        *(warning("reading.damaged", damage=str(damage)) for damage in log.damage),
+        *inferred(stream.time_report()),
+    )
 
 
 def decoded_note(stream: Stream) -> Finding:

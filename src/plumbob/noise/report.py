@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
-from plumbob.core.findings import as_findings, as_json
+from plumbob.core.findings import as_json
 from plumbob.core.text import measured, number, places, rounded
 from plumbob.core.units import Quantity, from_si, unit, written
 from plumbob.data import TITLES
@@ -305,7 +305,7 @@ def _channel_numbers(a: Analysis) -> dict[str, Any]:
         and {"sd": _coefficient(a.markov.sd, sample), "time": _coefficient(a.markov.time, "s")},
         "mask": {"n": a.mask.n, "frequency_hz": a.mask.frequency, "reason": a.mask.reason},
         "candidates": [{"terms": c.terms, "bic": c.bic, "chosen": c.chosen} for c in a.candidates],
-        "notes": as_json(as_findings("notes", a.notes)),
+        "notes": as_json(a.notes),
         "curve": _curve_numbers(a.curve, sample),
     }
 
@@ -349,7 +349,7 @@ def _compared_numbers(pair: ChannelComparison) -> dict[str, Any]:
         "before": _curve_numbers(c.before, unit), "after": _curve_numbers(c.after, unit),
         "ratio": c.ratio, "ratio_lo": c.lo, "ratio_hi": c.hi,
         "time_constant_s": c.time_constant, "corner_hz": c.corner, "bent_below_s": c.bent_below,
-        "notes": as_json(as_findings("notes", c.notes)),
+        "notes": as_json(c.notes),
     }))  # fmt: skip
 
 

@@ -15,12 +15,12 @@ import numpy as np
 from plumbob.core import __version__
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import file_sha256
-from plumbob.core.findings import Finding, warning, warnings
+from plumbob.core.findings import Finding, warnings
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.imu import BLOCK, TITLES
 from plumbob.data.reading import read_at
-from plumbob.data.recording import Recording, inferred
+from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.reading import read
 from plumbob.files.formats import is_own
@@ -314,15 +314,13 @@ def decoded_to(file: Path, log: "Log", session: "Session") -> Recording:
     """
     from plumbob.files import read
     from plumbob.files.parquet import write_parquet
-    from plumbob.live.recorded import decoded_note
+    from plumbob.live.recorded import reading_notes
     from plumbob.live.stream import Stream
 
     stream = Stream(replace(session, stage=None))
     write_parquet(file, _samples(stream, log))
-    damage = (warning("reading.damaged", damage=str(damage)) for damage in log.damage)
     recording = read(file, whole=False)
-    notes = (decoded_note(stream), *damage, *inferred(stream.time_report()), *recording.notes)
-    return replace(recording, notes=notes)
+    return replace(recording, notes=(*reading_notes(log, stream), *recording.notes))
 
 
 def _samples(stream: "Stream", log: "Log") -> Iterator[Recording]:

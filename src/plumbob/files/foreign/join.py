@@ -178,8 +178,9 @@ def _ordered(name: str, stream: Readings, notes: list[Note]) -> tuple[NDArray[np
 def without_leaps(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
     """Stamps (N,) of which those that leap far off their neighbours lie between these, and how many do.
 
-    They are damaged, and their samples are kept: one that leaps ahead would make all behind it late. Far is farther
-    than a gap where the neighbours are no more than a gap apart, or half of the longest recording off the median.
+    They are damaged, and their samples are kept: one that leaps ahead would make all behind it late. A stamp is far
+    off if it is more than a gap away from neighbours that are within a gap of each other, or more than half of the
+    longest possible recording away from the median.
     """
     if stamps.size < 3:
         return stamps, 0

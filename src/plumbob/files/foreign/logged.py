@@ -67,7 +67,7 @@ class SensorLog:
 
     Attributes
     ----------
-    notes : list of str
+    notes : list of Finding
         What the format says of units, axes and clocks, and what was left out.
     meta : ImuMeta
         What is known of the unit.
@@ -77,7 +77,7 @@ class SensorLog:
         By ``gyr``, ``acc``, ``mag`` and ``temp_c``, in SI.
     attitudes : list of LoggedAttitude
         In the order in which they are preferred; the first that is known at the samples' times counts.
-    losses : list of str
+    losses : list of Finding
         Notes that come last: what of the file is cut or damaged.
     """
 

@@ -258,7 +258,7 @@ def _sensor_logger(parts: Parts) -> Recording:
         log.streams["acc"] = force
     notes.append(info("source.clock_of_phone"))
     if others := sorted(_stem(name) for name in tables if _stem(name) not in (*_WANTED, "Metadata")):
-        notes.append(info("source.left_out_names", names=tuple(others)))
+        notes.append(info("source.left_out", names=tuple(others)))
     return _recording(parts, log, meta.get("device name", ""))
 
 

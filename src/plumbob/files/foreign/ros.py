@@ -152,7 +152,7 @@ def _without_raw(imus: list[Topic]) -> list[Topic]:
 def _left_out(topics: Iterable[Topic], used: Iterable[Topic]) -> list[Note]:
     taken = list(used)
     rest = [topic for topic in topics if topic not in taken]
-    return [info("source.topics_left_out", topics=_listed(rest))] if rest else []
+    return [info("source.left_out", names=_listed(rest))] if rest else []
 
 
 def _stamps(topic: Topic, table: MessageTable) -> tuple[NDArray[np.int64], list[Note]]:

@@ -385,7 +385,7 @@ def _fill(unit: XbusUnit, data: NDArray[np.uint8], groups: list[_Group], rate: f
         unit.notes.append(warning("reading.damage_block_size", blocks=_listed(wrong)))
     unused = {identity for identity in held if identity & ~0xF not in taken or identity & ~0xF not in _COLUMNS}
     if unused:
-        unit.notes.append(info("source.blocks_left_out", blocks=_listed(unused)))
+        unit.notes.append(info("source.left_out", names=_listed(unused)))
     if not {"Gyr_X", "OriInc_q0", "Acc_X", "VelInc_X", "Mag_X"} & unit.columns.keys():
         snapshots = (
             "; only Xsens' software takes snapshots apart" if {kind & ~0xF for kind in held} & {*_SNAPSHOTS} else ""
