@@ -147,7 +147,7 @@ def _in_turns(imu: ImuData, notes: tuple[Finding, ...]) -> tuple[ImuData, tuple[
         return imu, notes
     streams = {name: Readings(imu.t_ns[valid], getattr(imu, name)[valid]) for name, valid in rows.items()}
     made = joined(streams, meta=imu.meta, epoch_ns=imu.meta.t0_ns or None)
-    return made.imu, (*notes, warning("reading.rows_in_turns"), *as_findings("notes", made.notes))
+    return made.imu, (*notes, warning("reading.rows_in_turns"), *made.notes)
 
 
 def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profile, Finding]:

@@ -42,11 +42,10 @@ _HEAD: Final = b"\xa3\x95"
 _FMT, _FMT_LENGTH = 128, 89
 _TEXT: Final = b"FMT,"
 _LETTERS: Final = {
-    **{letter: (kind, 1.0) for letter, kind in zip(
-        "abBhHiIfgdnNZMqQ",
-        ("(32,)<i2", "i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f2", "<f8", "S4", "S16", "S64", "u1", "<i8",
-         "<u8"), strict=True)},
-    "c": ("<i2", 0.01), "C": ("<u2", 0.01), "e": ("<i4", 0.01), "E": ("<u4", 0.01), "L": ("<i4", 1e-7),
+    "a": ("(32,)<i2", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
+    "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "g": ("<f2", 1.0), "d": ("<f8", 1.0), "n": ("S4", 1.0),
+    "N": ("S16", 1.0), "Z": ("S64", 1.0), "M": ("u1", 1.0), "q": ("<i8", 1.0), "Q": ("<u8", 1.0), "c": ("<i2", 0.01),
+    "C": ("<u2", 0.01), "e": ("<i4", 0.01), "E": ("<u4", 0.01), "L": ("<i4", 1e-7),
 }  # fmt: skip
 """Type and multiplier of each letter (`LogStructure.h`, 'Format characters in the format string')."""
 _WANTED: Final = frozenset(("IMU", "IMU2", "IMU3", "MAG", "MAG2", "MAG3", "ATT", "XKQ", "XKQ1", "NKQ1", "GPS", "PARM"))
@@ -252,7 +251,7 @@ def _together(imus: Mapping[str, Table], log: SensorLog, name: str) -> Recording
             "its units have stamps of their own, so that they are not an array; take one with --unit "
             f"{next(iter(made))}."
         )
-    how = [f"{unit}: {note}" for unit, joint in made.items() for note in joint.notes]
+    how = [finding.on(unit) for unit, joint in made.items() for finding in joint.notes]
     omitted = (
         "left out: magnetic field and attitude, which are of none of the units; --unit with the name of one keeps them"
     )

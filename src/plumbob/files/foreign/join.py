@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ShapeError
-from plumbob.core.findings import Note, info, warning
+from plumbob.core.findings import Finding, info, warning
 from plumbob.core.time import GAP_FACTOR, LONGEST, interpolated, is_gap
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.imu import known_rows
@@ -52,7 +52,7 @@ class Joined(NamedTuple):
 
     imu: ImuData
     rows_ns: NDArray[np.int64]
-    notes: tuple[Note, ...]
+    notes: tuple[Finding, ...]
 
 
 def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | None = None) -> Joined:
@@ -80,7 +80,7 @@ def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | No
     ClockError
         If the time of a stream begins again, or recordings do not overlap.
     """
-    ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[Note]()
+    ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[Finding]()
     for name, stream in streams.items():
         ordered[name] = _ordered(name, stream, notes)
     triads = [name for name in TRIADS if name in ordered and ordered[name][0].size]
@@ -154,7 +154,7 @@ def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
     return Recording(imu=imu, name=name, notes=tuple(notes))
 
 
-def _ordered(name: str, stream: Readings, notes: list[Note]) -> tuple[NDArray[np.int64], Floats]:
+def _ordered(name: str, stream: Readings, notes: list[Finding]) -> tuple[NDArray[np.int64], Floats]:
     """Stamps that increase, with their values, and a note where they had to be made so."""
     stamps = np.asarray(stream.t_ns, dtype=np.int64)
     values = np.asarray(stream.values, dtype=np.float64)
