@@ -5,6 +5,10 @@ Whether an arrangement can be seen at all is computed from the true attitude alo
 turned into the body, and each other arrangement is scored on them; the least sum of squares in units of the disturbance
 (linear acceleration, iron nearby, noise: what was measured less what the attitude says) must be 25 or more. Sums of
 squares over arrangements are quadratic forms of one 9 × 9 matrix, so this is a statement about its least eigenvalues.
+
+Then, in the recording as it is, one factor is planted: in the rates, in time, by a counter of rows taken for ms, or in
+the specific force. Rates and times are observable where gravity and field, turned back by the rates with the part of
+the factor that the gain of a part does not explain, stand 25 variances less still (`benchmarks.wrong_inputs`).
 """
 
 import argparse
@@ -16,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.wrong_inputs import unrest, whole
 from plumbob import read, simulate
 from plumbob.core.units import Quantity, to_si
 from plumbob.data import AttitudeTrack, ImuData
@@ -31,6 +36,7 @@ from plumbob.rotations import (
     quat_slerp,
     rotvec_from_quat,
 )
+from tests.helpers.file_kinds import Motion
 
 SEEN = 25.0
 WRONG_UNITS = {
@@ -43,6 +49,14 @@ SIMULATED = (
     ("tumble", 60.0), ("buoy", 120.0), ("sway", 60.0), ("arm", 60.0), ("turntable", 60.0), ("static", 60.0),
     ("tumble", 12.0), ("coning", 60.0), ("cone", 60.0), ("fin", 60.0),
 )  # fmt: skip
+FACTORS = (
+    *((what, k) for what in ("rates", "time") for k in (0.5, 0.9, 1.1, 2.0)),
+    ("counter", 0.0), ("force", 0.5), ("force", 2.0),
+)  # fmt: skip
+GAIN = 1.03
+"""Gain of gyroscopes as they leave the line, PS-MPU-6000A, 6.1."""
+LONGEST = 4000
+"""Samples from the middle that are looked at for what can be seen, which takes a search."""
 
 
 Planted = tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, str], dict[str, float]]
@@ -154,7 +168,7 @@ def _axes(
     """Count what was found of the axes and the delay of each vector sensor."""
     _, axes, _, delays = planted_
     kind = label.split("/", maxsplit=1)[0]
-    delayed = {f.sensor: f for f in after.findings if f.question == "delay"}
+    delayed = {f.sensor: f for f in after.answers.values() if f.question == "delay"}
     for name, sensor in after.sensors.items():
         tally = all_.tallies.setdefault(f"{kind} {name}", Tally())
         found, expected = sensor.found, np.linalg.det(axes[name]) * axes[name] @ axes["gyr"].T
@@ -184,7 +198,7 @@ def _axes(
 
 def _units(label: str, after: Examination, units: dict[str, str], all_: Score) -> None:
     """Count what was found of the units."""
-    for one in after.findings:
+    for one in after.answers.values():
         if one.question == "unit" and one.answer is not Trust.UNKNOWN:
             tally = all_.tallies.setdefault(f"{label.split('/', maxsplit=1)[0]} {one.sensor} unit", Tally())
             right = after.numbers.get(one.sensor, {}).get("unit") == units[one.sensor]
@@ -195,6 +209,64 @@ def _units(label: str, after: Examination, units: dict[str, str], all_: Score) -
                 print(f"{label} {one.sensor}: {one.value}, but it is {units[one.sensor]}; {one.answer}, {one.why}")
 
 
+def _with_factor(imu: ImuData, what: str, k: float) -> tuple[ImuData, float]:
+    """The recording with one factor, and by how much the rates then turn too fast, or the force is too large."""
+    t, values = np.array(imu.t), {name: np.array(getattr(imu, name)) for name in imu.triads}
+    if what == "counter":
+        k = 1e-3 / float(np.median(np.diff(t)))
+        t = 1e-3 * np.arange(t.size)
+    elif what == "time":
+        t = t * k
+    else:
+        values["gyr" if what == "rates" else "acc"] *= k
+    meta = replace(imu.meta, unit_check=False, gyr_range=None, acc_range=None)
+    return ImuData(t=t, meta=meta, **values), k
+
+
+def _shown(recording: Recording, size: float) -> bool:
+    """Whether rates that turn by a factor too fast are seen to, beyond what a gain explains."""
+    imu, middle = recording.imu, len(recording.imu) // 2
+    rows = slice(max(0, middle - LONGEST // 2), middle + LONGEST // 2)
+    of = {name: whole(imu.t, getattr(imu, name))[rows] for name in imu.triads}
+    t_ns = np.round((imu.t[rows] - imu.t[rows][0]) * 1e9).astype(np.int64)
+    right = Motion(t_ns, of["gyr"], of["acc"], of.get("mag"), None, None)
+    wrong = right._replace(gyr=right.gyr * (size * GAIN if size < 1.0 else size / GAIN))
+    return max(unrest(wrong, right, n) - unrest(right, right, n) for n in (25, 100)) > SEEN
+
+
+def _factor(label: str, recording: Recording, rng: np.random.Generator, all_: Score) -> None:
+    """Count whether a planted factor is named, and whether anything else is called wrong and sure."""
+    what, k = FACTORS[rng.integers(len(FACTORS))]
+    imu, size = _with_factor(recording.imu, what, k)
+    if "acc" not in imu.triads or abs(np.log(size)) <= np.log(GAIN):
+        return
+    diagnosis = Examination(imu, label, Declared(None), None).diagnosis()
+    sensor = "acc" if what == "force" else "gyr"
+    right, wrong = False, []
+    for it in (it for it in diagnosis.findings if it.wrong):
+        factor = it.finding.values.get("factor")
+        if (it.sensor, it.question) == (sensor, "unit") and factor is not None and it.finding.code != "doctor.unit":
+            off = np.log(factor * size if what == "force" else factor / size)
+            sd = it.finding.values.get("sd", 0.0) / factor
+            right |= (named := abs(off) < np.log(GAIN) + 3.0 * sd or what == "force")
+            wrong += [] if named else [it]
+        else:
+            wrong.append(it)
+    tally = all_.tallies.setdefault(f"{label.split('/', maxsplit=1)[0]} factor of {what}", Tally())
+    seen = what == "force" or _shown(recording, size)
+    tally.observable += seen
+    tally.hidden += not seen
+    tally.found += seen and right
+    tally.hidden_found += not seen and right
+    tally.confident_wrong += any(it.answer is Trust.SURE for it in wrong)
+    if wrong or (seen and not right):
+        said = [f"{it.sensor} {it.question} {it.answer}: {it.value}" for it in diagnosis.findings if it.wrong]
+        unit = next(it for it in diagnosis.findings if (it.sensor, it.question) == (sensor, "unit"))
+        print(
+            f"{label} {what} × {size:.3g}: {'; '.join(said) or f'{unit.answer} {unit.value}; {unit.why}'}", flush=True
+        )
+
+
 def main() -> None:
     p = argparse.ArgumentParser(description=__doc__)
     p.add_argument("--kinds", nargs="+", default=["broad", "foreign", "simulated"])
@@ -203,8 +275,9 @@ def main() -> None:
     p.add_argument("--seconds", type=float, help="a piece of each recording, from anywhere in it")
     args = p.parse_args()
     all_, rng, used = Score({}, {}), np.random.default_rng(args.seed), time.process_time()
-    for label, whole in recordings(args.kinds, args.simulated):
-        recording = whole if args.seconds is None else piece(whole, args.seconds, rng)
+    second = np.random.default_rng(args.seed + 1)
+    for label, given in recordings(args.kinds, args.simulated):
+        recording = given if args.seconds is None else piece(given, args.seconds, rng)
         imu = recording.imu
         if imu is None or "gyr" not in imu.triads:
             continue
@@ -216,6 +289,7 @@ def main() -> None:
         after.diagnosis()
         _axes(label, recording, before, after, changed, all_)
         _units(label, after, changed[2], all_)
+        _factor(label, recording, second, all_)
     for name, tally in all_.tallies.items():
         other = "" if name.endswith("unit") else f", {tally.hidden_found} of {tally.hidden} others"
         what = "answered" if name.endswith("unit") else "observable"

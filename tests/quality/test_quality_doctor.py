@@ -12,7 +12,7 @@ from plumbob import ImuData, ImuMeta, Recording, doctor, simulate
 from plumbob.core.units import from_si
 from plumbob.quality.arrangement import ARRANGEMENTS, fit, means
 from plumbob.quality.derotated import fit_force
-from plumbob.quality.diagnosis import Diagnosis, Trust
+from plumbob.quality.diagnosis import Diagnosis, Trust, unusable
 from plumbob.quality.units import unit_odds
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_from_euler_zyx, signed_axes
 from tests.helpers.commandline import call, ok
@@ -123,9 +123,45 @@ def test_a_factor_that_is_no_unit_is_named_and_no_unit_is_prescribed(factor: flo
         found = diagnosed(wrong)
         (unit,) = [one for one in found.findings if (one.sensor, one.question) == ("gyr", "unit")]
         assert unit.wrong and str(unit.answer) == "sure"
-        assert unit.value.startswith("no unit, but × ") and "sampling rate" in unit.value
+        assert unit.finding.code == "doctor.factor"
         assert found.values["gyr"]["scale"] == pytest.approx(1.0 / factor, rel=0.03)
         assert not [line for line in found.lines if "unit" in line]
+
+
+def held(name: str) -> Arrays:
+    values = sensors()[name].copy()
+    values[2000:] = values[2000]
+    return {name: values}
+
+
+CLIPPED = sensors()["mag"].clip(-25.0, 25.0)
+DEAD = sensors()["mag"] * [1.0, 1.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("values", "out"),
+    [
+        (held("gyr"), np.arange(4000) >= 2000), (held("acc"), np.arange(4000) >= 2000), ({"mag": DEAD}, True),
+        ({"mag": CLIPPED}, np.abs(CLIPPED).max(axis=1) == 25.0), ({}, False),
+        ({"mag": np.repeat(sensors()["mag"][::4], 4, axis=0)}, False), ({"mag": sensors()["mag"].round()}, False),
+    ],
+)  # fmt: skip
+def test_samples_that_say_nothing_are_left_out_and_no_convention_is_wrong(values: Arrays, out: Any) -> None:
+    """Held, at the end of the range, or of a dead axis; but not those of a slower sensor or of a coarse step."""
+    data = sensors() | values
+    name = next(iter(values), "mag")
+    assert (unusable(ImuData(**data), name) == out).all()
+    found = diagnosed(data)
+    assert not found.wrong, found.text()
+    assert answers(diagnosed(data | {"gyr": from_si(data["gyr"], "deg/s")}))["gyr unit"] == ("sure", True)
+
+
+def test_rows_counted_and_taken_for_milliseconds_are_a_factor() -> None:
+    """At 100 Hz a row is 10 ms: the rates then turn a tenth of what gravity does."""
+    data = sensors() | {"t": 1e-3 * np.arange(len(sensors()["t"]))}
+    (unit,) = [one for one in diagnosed(data).findings if (one.sensor, one.question) == ("gyr", "unit")]
+    assert unit.wrong and unit.finding.code == "doctor.factor"
+    assert unit.finding.values["factor"] == pytest.approx(0.1, rel=0.03)
 
 
 ROLL, PITCH = sensors((1.2, 0.0, 0.0)), {name: sensors((0.0, 1.2, 0.0))[name] for name in ("t", "gyr", "acc")}

@@ -17,7 +17,7 @@ from plumbob.rotations import Frame
 
 LONGEST_STEP: Final = 0.5
 """A gyroscope whose usual step is longer tells no attitude, s; the slowest in use give some 10 samples a second."""
-SHORTEST_STEP: Final = 1e-5
+SHORTEST_STEP: Final = 3e-5
 """No MEMS part gives samples at shorter steps, s: the fastest give 32 kHz (ICM-42688-P, DS-000347)."""
 USUAL_RATE: Final = 10.0
 """A body that turns faster half of the time is rare, rad/s: 573 °/s. Walking, hands and vehicles stay far below."""
@@ -33,16 +33,10 @@ STEADY: Final = 0.03
 FEWEST_WINDOWS: Final = 5
 THROUGHOUT: Final = 0.99
 STEEP: Final = math.cos(float(deg(135.0)))
-
-
-DOUBTS: Final = frozenset({
-    "samples.step_too_long", "samples.step_too_short", "samples.bursts", "samples.gyr_against_acc",
-    "samples.gyr_in_dps", "samples.gyr_in_rad_s", "samples.rates_large",
-})  # fmt: skip
-"""Codes of what `doubts` finds."""
-
 ALL_AXES: Final = 7
 NOT_KNOWN: Final = 8
+STUCK_SAMPLES: Final = 50
+"""A sensor that repeats its value to the bit in so many samples is stuck: noise changes the last digit before."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +64,7 @@ class Statistics:
 
 
 _MEASURED: Final[WeakKeyDictionary[ImuData, dict[str, Statistics]]] = WeakKeyDictionary()
+_DOUBTS: Final[WeakKeyDictionary[ImuData, tuple[Finding, ...]]] = WeakKeyDictionary()
 
 
 def statistics(imu: ImuData, name: str) -> Statistics:
@@ -118,7 +113,9 @@ def doubts(imu: ImuData) -> tuple[Finding, ...]:
     """
     if "gyr" not in imu.triads or len(imu) < ENOUGH:
         return ()
-    return tuple(_steps(imu)) or _turning(imu) or _rates(imu)
+    if imu not in _DOUBTS:
+        _DOUBTS[imu] = tuple(_steps(imu)) or _turning(imu) or _rates(imu)
+    return _DOUBTS[imu]
 
 
 def upside_down(imu: ImuData, frame: Frame) -> tuple[Finding, ...]:

@@ -20,7 +20,7 @@ from plumbob.core.time import quantile
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray
 from plumbob.data.imu import TRIAD_FLAGS
-from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, doubts, statistics
+from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, doubts, statistics
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard
@@ -257,7 +257,6 @@ EARTH_FIELD: Final = (22.0, 67.0)
 
 STUCK_FOR: Final = 1.0
 """A sensor that repeats its value to the bit for so long is stuck, s: noise changes the last digit before."""
-STUCK_SAMPLES: Final = 50
 
 
 def findings(imu: ImuData) -> tuple[Finding, ...]:

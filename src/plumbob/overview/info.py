@@ -135,7 +135,7 @@ def info(
         report["array"] = _array(recording.array)
     if recording.track is not None:
         report["attitude"] = _attitude(recording.track)
-    made = grade_of(recording, judged=not isinstance(what, Recording), examined=True)
+    made = grade_of(recording)
     report["grade"] = made.summary()
     lines = [name, *(f"{topic:12} {visible(text)}" for topic, text in _facts(report, recording.notes, said))]
     return Info(report, lines, made, made.points)
@@ -151,7 +151,7 @@ def _grade_lines(grade: "Grade", *, full: bool) -> Iterator[str]:
             continue
         yield f"{'':12} {criterion.name}: −{criterion.lost:.3g} of {criterion.points:g}: {visible(criterion.measured)}"
         if full:
-            yield f"{'':14} rule: {criterion.rule}; {criterion.source}"
+            yield f"{'':14} rule: {criterion.rule}"
         if criterion.advice:
             yield f"{'':14} {criterion.advice}"
 

@@ -25,7 +25,7 @@ from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.reading import read
 from plumbob.files.formats import is_own
 from plumbob.overview.streaming_stats import Gathered, Gatherer
-from plumbob.quality.grade import Grade, grade_of
+from plumbob.quality.grade import Grade, grade, grade_of
 from plumbob.rotations import North
 from plumbob.rotations.headings import counted_from
 
@@ -69,8 +69,7 @@ class Subject:
     numbers : mapping
         Of the estimate, as JSON can hold them.
     grade : Grade or None
-        Of the recording as it was read, as `plumbob.info` gives it; of an estimate, of the samples that it was given;
-        None where nobody asked.
+        Of the samples that the filter was given, calibrated where they were; None where nobody asked.
     t0_ns : int
         UTC of t = 0, ns since 1970; 0 where not known.
     """
@@ -122,7 +121,7 @@ def read_subject(
         which = given.get("filter")
         if which in (OWN, NONE) or recording.imu is None:
             made = _as_recorded(recording, paths, session, gatherer, which != NONE)
-            return replace(made, grade=grade_of(recording, judged=bool(paths))) if graded else made
+            return replace(made, grade=grade_of(recording)) if graded else made
         name, notes = recording.name, warnings(note for note in recording.notes if note.family == "reading")
         for line in notes if note is not None else ():
             note(f"{name}: {line}")  # type: ignore[misc]
@@ -134,8 +133,8 @@ def read_subject(
             note=note,
             progress=None if progress is None else partial(progress, name),
         )
-        grade = grade_of(recording, judged=bool(paths)) if graded else None
-        return subject_from(result, gatherer, paths, session, notes, grade)
+        of_samples = grade(result.imu, recording.notes) if graded else None
+        return subject_from(result, gatherer, paths, session, notes, of_samples)
 
 
 def subject_from(

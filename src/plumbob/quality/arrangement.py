@@ -25,7 +25,9 @@ SCALARS: Final = 19
 FREE: Final = 10
 """Parameters of one arrangement: the scale, three biases of the rates, three offsets, three constants."""
 
-_LONGEST_STEP: Final = 0.3
+_LONGEST_STEP: Final = 0.1
+_LARGEST_TURN: Final = 0.5
+"""Turn of a vector between samples farther apart than a bin, rad, beyond which the straight line is 1 % too short."""
 _LEVI_CIVITA = np.zeros((3, 3, 3))
 for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
     _LEVI_CIVITA[_i, _j, _k], _LEVI_CIVITA[_k, _j, _i] = 1.0, -1.0
@@ -55,6 +57,10 @@ class Samples:
         self.slope = np.diff(self.values, axis=0) / step
         usual = float(np.median(step)) if step.size else 0.0
         self.pauses = np.asarray(step[:, 0] > max(_LONGEST_STEP, 3.0 * usual))
+        if usual > BIN or self.pauses.any():
+            size = np.sqrt(np.sum(self.values * self.values, axis=1))
+            turned = np.sum(self.values[1:] * self.values[:-1], axis=1) < math.cos(_LARGEST_TURN) * size[1:] * size[:-1]
+            self.pauses |= turned & (step[:, 0] > BIN)
 
     def means(self, edges: Floats) -> Floats:
         """Means (N, C) between edges (N + 1,); NaN in pauses and outside."""

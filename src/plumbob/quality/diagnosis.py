@@ -1,18 +1,23 @@
 """Which units, axes, signs and delays of a recording's sensors are consistent with physics, with odds."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from plumbob.core import check
 from plumbob.core.check import Floats
+from plumbob.core.findings import Finding, as_json, info
 from plumbob.core.units import deg, to_deg, to_si
 from plumbob.data import TRIADS, ImuData
-from plumbob.data.imu import TITLES
-from plumbob.quality.arrangement import ARRANGEMENTS, VectorFit, fit, means
+from plumbob.data.imu import TRIAD_FLAGS
+from plumbob.data.plausibility import ALL_AXES, LONGEST_STEP, NOT_KNOWN, STUCK_SAMPLES, statistics
+from plumbob.data.recording import findings as sample_findings
+from plumbob.quality.arrangement import ARRANGEMENTS, FLOOR, VectorFit, fit, means
 from plumbob.quality.derotated import fit_force
 from plumbob.quality.units import UNITS, rate_error, unit_odds
 from plumbob.reporting.content import Table
@@ -40,6 +45,8 @@ _MATTERS: Final = float(deg(1.0))
 _AVERAGED: Final = 3.0
 """Time over which filters average gravity, and the field for longer, s [Laidig2023]: turns to and fro cancel."""
 _FEWEST: Final = 100
+_SHORT_STEP, _USUAL_STEP = 2e-3, 1e-2
+"""Steps below the first, s, are fewer than loggers write, most of which write some 100 samples a second."""
 _SLOWEST, _FASTEST = 0.003, 30.0  # usual rates of bodies that turn at all, rad/s
 _GAIN: Final = math.log(1.03)
 """What the gain of a gyroscope may be off by, of parts as they leave the line (MPU-6000: ±3 %, PS-MPU-6000A, 6.1)."""
@@ -47,13 +54,8 @@ _VAGUE: Final = 0.3
 _VAGUE_DELAY: Final = 0.05  # s
 _LEAST_DIP: Final = 0.17
 """Part of the field along the vertical below which its sign says nothing."""
-
-
-_ASSUMED: Final = (
-    "Turning shows an axis, not its direction: all three axes of the accelerometer, or of the magnetometer, may be "
-    "negated, and turn alike. It is assumed that acc is specific force, which points up at rest: lay the unit flat and "
-    "look."
-)
+_SHORTEST_RUN: Final = 5
+"""Repeats in fewer samples cost an examination nothing."""
 
 
 class Trust(StrEnum):
@@ -76,23 +78,33 @@ class Convention:
         ``unit``, ``axes``, ``sign`` or ``delay``.
     answer : Trust
         How far it can be trusted.
-    value : str
-        The best hypothesis, in words.
+    finding : Finding
+        The best hypothesis.
     log_odds : float
         Natural logarithm of its odds against the next.
     wrong : bool
         Whether it contradicts what the recording is read as.
-    why : str
+    reasons : tuple of Finding
         What it is known by, or what would tell.
     """
 
     sensor: str
     question: str
     answer: Trust
-    value: str
-    log_odds: float
+    finding: Finding
+    log_odds: float = 0.0
     wrong: bool = False
-    why: str = ""
+    reasons: tuple[Finding, ...] = ()
+
+    @property
+    def value(self) -> str:
+        """The best hypothesis, in words."""
+        return str(self.finding)
+
+    @property
+    def why(self) -> str:
+        """The reasons, in words."""
+        return "; ".join(map(str, self.reasons))
 
     @property
     def odds(self) -> str:
@@ -115,8 +127,8 @@ class Diagnosis(Reported):
         Every question.
     lines : tuple of str
         Lines of the profile, as TOML.
-    remarks : tuple of str
-        What is assumed, and what cannot be known.
+    remarks : tuple of Finding
+        What is assumed, what cannot be known, and which samples say nothing.
     values : mapping
         Numbers by sensor: ``scale``, ``delay_s``, ``axes`` and their odds.
     """
@@ -124,7 +136,7 @@ class Diagnosis(Reported):
     name: str
     findings: tuple[Convention, ...]
     lines: tuple[str, ...]
-    remarks: tuple[str, ...]
+    remarks: tuple[Finding, ...]
     values: Mapping[str, Any]
 
     @property
@@ -139,26 +151,26 @@ class Diagnosis(Reported):
 
     def summary(self) -> dict[str, Any]:
         """All that is known, as JSON can hold it."""
-        rows = [asdict(finding) for finding in self.findings]
-        for row in rows:
-            row |= {"answer": str(row["answer"]), "log10_odds": min(row.pop("log_odds") / math.log(10.0), 6.0)}
+        rows = [
+            {
+                "sensor": it.sensor, "question": it.question, "answer": str(it.answer), "code": it.finding.code,
+                "value": it.value, "log10_odds": min(it.log_odds / math.log(10.0), 6.0), "wrong": it.wrong,
+                "why": it.why, "values": it.finding.to_dict()["values"],
+            }
+            for it in self.findings
+        ]  # fmt: skip
         return {"recording": self.name, "wrong": self.wrong, "findings": rows, "profile": list(self.lines),
-                "remarks": list(self.remarks), "values": dict(self.values)}  # fmt: skip
+                "remarks": as_json(self.remarks), "values": dict(self.values)}  # fmt: skip
 
     def report(self) -> Report:
         """Verdicts, lines of the profile, and remarks."""
         rows = [
-            (
-                f"{finding.sensor} {finding.question}",
-                str(finding.answer),
-                finding.odds,
-                ("WRONG: " if finding.wrong else "") + finding.value + (f" ({finding.why})" if finding.why else ""),
-            )
-            for finding in self.findings
-        ]
-        profile = (
-            [Table("Lines of the profile", ("",), [(line,) for line in self.lines], words=(0,))] if self.lines else []
-        )
+            (f"{it.sensor} {it.question}", str(it.answer), it.odds,
+             f"{'WRONG: ' if it.wrong else ''}{it.value}{it.why and f' ({it.why})'}")
+            for it in self.findings
+        ]  # fmt: skip
+        lines = [(line,) for line in self.lines]
+        profile = [Table("Lines of the profile", ("",), lines, words=(0,))] if lines else []
         return Report(
             title="Conventions",
             facts=tuple(self.facts().items()),
@@ -244,35 +256,89 @@ class Examination:
     """All sensors of one recording, and what they say about each other."""
 
     def __init__(self, imu: ImuData, name: str, declared: Declared, hemisphere: str | None) -> None:
-        self.name, self.declared, self.hemisphere = name, declared, hemisphere
-        self.t, self.up = imu.t, (imu.meta.frame or Frame.ENU).up
-        self.values = {triad: _finite(getattr(imu, triad)) for triad in imu.triads}
-        self.findings: list[Convention] = []
-        self.lines: dict[str, list[str]] = {}
-        self.remarks: list[str] = []
+        self.imu, self.name, self.declared, self.hemisphere = imu, name, declared, hemisphere
+        step = np.diff(imu.t, prepend=imu.t[:1])  # nothing spans a pause, so a long one is as good as a short one
+        self.t, self.up = np.cumsum(np.minimum(step, LONGEST_STEP + 1.0)), (imu.meta.frame or Frame.ENU).up
+        self.values = {triad: _finite(imu, triad) for triad in imu.triads}
+        self.answers: dict[tuple[str, str], Convention] = {}
+        self.lines: dict[tuple[str, str], list[str]] = {}
+        self.remarks: list[Finding] = []
         self.numbers: dict[str, Any] = {}
         self.sensors: dict[str, _Sensor] = {}
 
     def diagnosis(self) -> Diagnosis:
-        """Ask every question."""
+        """Ask every question; and where something looks wrong, ask again without the samples that say nothing."""
+        self._ask()
+        parts = [sensor.found.explained for sensor in self.sensors.values() if sensor.known and sensor.found]
+        if any(answer.wrong for answer in self.answers.values()) and min(parts, default=0.0) < 1.0 - FLOOR:
+            self._without_unusable()
+        if self.t.size >= _FEWEST and (step := float(np.median(np.diff(self.imu.t)))) < _SHORT_STEP:
+            self._slower(_USUAL_STEP / step)
+        if self.lines.get(("mag", "sign")):
+            self.lines.pop(("mag", "axes"), None)  # those of the sign say both
+        findings = sorted(self.answers.values(), key=lambda answer: TRIADS.index(answer.sensor))
+        by_triad = {name: [line for at, of in self.lines.items() if at[0] == name for line in of] for name in TRIADS}
+        lines = [line for name, of in by_triad.items() if of for line in (f"[{name}]", *of)]
+        return Diagnosis(self.name, tuple(findings), tuple(lines), tuple(self.remarks), self.numbers)
+
+    def _ask(self) -> None:
         self._fit()
-        for name in TRIADS:
-            if name not in self.values:
-                self.remarks.append(f"The recording has no {TITLES[name]}.")
+        self.remarks += [info("doctor.no_sensor", sensor=name) for name in TRIADS if name not in self.values]
         if "gyr" in self.values:
             self._axes()
         for name in filter(self.values.__contains__, TRIADS):
             self._unit(name, *self._size(name))
         for sensor in self.sensors.values():
             self._delay(sensor)
-        order = {name: i for i, name in enumerate(TRIADS)}
-        findings = sorted(self.findings, key=lambda finding: order[finding.sensor])
-        lines = [line for name in TRIADS if name in self.lines for line in (f"[{name}]", *self.lines[name])]
-        return Diagnosis(self.name, tuple(findings), tuple(lines), tuple(self.remarks), self.numbers)
+
+    def _slower(self, times: float) -> None:
+        """Ask for the unit of the rates as if rows came at the usual step of a logger, instead of a counter of them.
+
+        Windows are as long as bodies need to turn; where rows were counted for time, none is.
+        """
+        unit = self.answers.get(("gyr", "unit"))
+        if unit is None or (unit.answer is Trust.SURE and not unit.wrong):
+            return
+        again = Examination(self.imu, self.name, self.declared, self.hemisphere)
+        again.t = again.t * times
+        again.values["gyr"] = again.values["gyr"] / times
+        again._ask()
+        answer = again.answers["gyr", "unit"]
+        if answer.wrong:
+            self.answers["gyr", "unit"] = answer
+            self.numbers["gyr"] = again.numbers["gyr"]
+
+    def _without_unusable(self) -> None:
+        """Held and clipped samples, and dead axes, imitate other conventions: what rests on them is open.
+
+        What the usable samples answer is believed; what they leave open stands only where it is not called wrong.
+        """
+        masks = {name: mask for name in self.imu.triads if (mask := unusable(self.imu, name)).any()}
+        if not masks:
+            return
+        usable: dict[str, Any] = {
+            name: np.where(mask[:, np.newaxis], np.nan, getattr(self.imu, name)) for name, mask in masks.items()
+        }
+        again = Examination(self.imu.corrected(meta=self.imu.meta, **usable), self.name, self.declared, self.hemisphere)
+        again._ask()
+        faults = [it for it in sample_findings(self.imu) if it.code.startswith("samples.stuck")]
+        faults += [
+            info("doctor.unusable", sensor=name, percent=100.0 * float(np.mean(mask)))
+            for name, mask in masks.items()
+            if name not in {fault.values["sensor"] for fault in faults}
+        ]
+        for at, answer in self.answers.items():
+            other = again.answers.get(at)
+            if other is not None and (answer.wrong or other.answer is not Trust.UNKNOWN):
+                mended = answer.wrong and not other.wrong
+                self.answers[at] = replace(other, reasons=(*other.reasons, *faults)) if mended else other
+                self.lines[at] = again.lines.get(at, [])
+        self.sensors, self.numbers = again.sensors, self.numbers | again.numbers
+        self.remarks += faults
 
     def _fit(self) -> None:
         gyr = self.values.get("gyr")
-        if gyr is None or len(self.t) < _FEWEST:
+        if gyr is None or len(self.t) < _FEWEST or float(np.median(np.diff(self.t))) > LONGEST_STEP:
             return
         if "mag" in self.values:
             self.sensors["mag"] = _Sensor("mag", fit(self.t, gyr, self.values["mag"], offset=0.5))
@@ -288,6 +354,15 @@ class Examination:
             else:
                 scales = self._scales(gyr, acc)
             self.sensors["acc"] = _Sensor("acc", fit_force(self.t, trials, acc, scales, signs))
+        for sensor in self.sensors.values():
+            self._doubt_two_faults(sensor)
+
+    def _doubt_two_faults(self, sensor: _Sensor) -> None:
+        """Axes and unit that are both not as declared are two faults at once: that takes odds of a sure answer."""
+        if sensor.answer is Trust.LIKELY and not sensor.usual and sensor.found is not None:
+            off, sd = math.log(sensor.found.scale), sensor.found.scale_sd / sensor.found.scale
+            if sensor.found.margin < CERTAIN and abs(off) > _GAIN + 3.0 * sd:
+                sensor.answer = Trust.UNKNOWN
 
     def _scales(self, gyr: Floats, acc: Floats) -> tuple[float, ...]:
         """Scales that the rates may have: of units with which a body turns as bodies do, and one by regression."""
@@ -296,13 +371,10 @@ class Examination:
         units = [float(to_si(1.0, unit)) / declared for unit in UNITS["gyr"]]
         scales = [scale for scale in units if _SLOWEST < scale * usual < _FASTEST]
         rough = fit(self.t, gyr, acc, offset=0.1)
-        if (
-            rough is not None
-            and rough.margin > CERTAIN
-            and rough.agrees
-            and all(abs(math.log(rough.scale / scale)) > 0.3 for scale in scales)
-        ):
-            scales.append(rough.scale)
+        if rough is not None and rough.scale > 0.0 and all(abs(math.log(rough.scale / it)) > 0.3 for it in scales):
+            declared_fits = rough.explained >= _MOST and float(rough.log_odds[_USUAL]) > -_HINT
+            if declared_fits or (rough.margin > CERTAIN and rough.agrees):
+                scales.append(rough.scale)
         return tuple(scales) or (1.0,)
 
     def _axes(self) -> None:
@@ -314,18 +386,14 @@ class Examination:
         if not trusted:
             return
         answer = Trust.LIKELY if any(sensor.answer is Trust.LIKELY for sensor in trusted.values()) else Trust.SURE
-        if len({sensor.mirrored for sensor in trusted.values()}) > 1:
-            for name in trusted:
-                why = "accelerometer and magnetometer contradict each other about the gyroscope's handedness"
-                self._find(name, "axes", Trust.UNKNOWN, "contradiction", 0.0, why=why)
-            return
+        of_two = len({sensor.mirrored for sensor in trusted.values()}) > 1
         turns = {name: sensor.axes for name, sensor in trusted.items()}
         apart = len(trusted) == 2 and not (turns["acc"] == turns["mag"]).all()
-        if apart and answer is Trust.LIKELY and not any(sensor.usual for sensor in trusted.values()):
+        if of_two or (apart and answer is Trust.LIKELY and not any(sensor.usual for sensor in trusted.values())):
+            finding = info("doctor.contradiction_of_two") if of_two else info("doctor.contradiction_of_three")
             for name, sensor in trusted.items():
-                why = "gyroscope, accelerometer and magnetometer all contradict each other, so no two can be believed"
-                self._find(name, "axes", Trust.UNKNOWN, "contradiction", 0.0, why=why)
-                sensor.answer = Trust.UNKNOWN
+                self._find(name, "axes", Trust.UNKNOWN, finding)
+                sensor.answer = sensor.answer if of_two else Trust.UNKNOWN
             return
         reference = np.eye(3)
         if len(trusted) == 2 and (turns["acc"] == turns["mag"]).all():
@@ -339,16 +407,13 @@ class Examination:
         self._sign(trusted, reference)
 
     def _gyr_axes(self, turn: Floats, trusted: Mapping[str, _Sensor], answer: Trust, log_odds: float) -> None:
-        by = " and ".join(TITLES[name] for name in trusted)
         if (turn == np.eye(3)).all():
-            self._find("gyr", "axes", answer, "right-handed, as declared", log_odds, why=f"by {by}")
+            self._find("gyr", "axes", answer, info("doctor.gyr_axes_right", by=tuple(trusted)), log_odds)
             return
-        both = len(trusted) == 2
-        kind = "mirrored" if np.linalg.det(turn) < 0.0 else "turned"
-        value = f"{kind}: axes = '{axes_letters(turn)}' in those of the {'others' if both else by}"
-        why = "both others agree" if both else "its sign is wrong or an axis is; the handedness is that of the rates"
-        self._find("gyr", "axes", answer, value, log_odds, wrong=True, why=why)
-        self.lines.setdefault("gyr", []).extend(self.declared.axes("gyr", turn))
+        code = "doctor.gyr_mirrored" if np.linalg.det(turn) < 0.0 else "doctor.gyr_turned"
+        finding = info(code, axes=axes_letters(turn), by=tuple(trusted))
+        why = info("doctor.both_agree") if len(trusted) == 2 else info("doctor.handedness")
+        self._find("gyr", "axes", answer, finding, log_odds, why, lines=self.declared.axes("gyr", turn))
 
     def _own_axes(self, triad: _Sensor, turn: Floats, *, alone: bool) -> None:
         """Axes of one vector sensor in those of the case; `turn` takes the case's to its own."""
@@ -357,15 +422,11 @@ class Examination:
             turn = -turn
         self.numbers.setdefault(triad.name, {})["axes"] = axes_letters(turn.T)
         if (turn == np.eye(3)).all():
-            self._find(triad.name, "axes", triad.answer, "as declared, but for a sign of all three", triad.found.margin)
+            self._find(triad.name, "axes", triad.answer, info("doctor.axes_right"), triad.found.margin)
             return
-        value = f"axes = '{axes_letters(turn.T)}' in those of the gyroscope"
-        why = ""
-        if alone:
-            other = axes_letters(turn)
-            why = f"or the gyroscope's are '{other}': two sensors do not show which of them it is"
-        self._find(triad.name, "axes", triad.answer, value, triad.found.margin, wrong=True, why=why)
-        self.lines.setdefault(triad.name, []).extend(self.declared.axes(triad.name, turn.T))
+        why = [info("doctor.or_gyr_axes", axes=axes_letters(turn))] if alone else []
+        self._find(triad.name, "axes", triad.answer, info("doctor.axes", axes=axes_letters(turn.T)), triad.found.margin,
+                   *why, lines=self.declared.axes(triad.name, turn.T))  # fmt: skip
 
     def _upside_down(self, turn: Floats) -> bool:
         """Whether the accelerometer, so turned, shows the body upside down on the whole: negated, it is upright."""
@@ -375,50 +436,39 @@ class Examination:
     def _unknown_axes(self, name: str, sensor: _Sensor) -> None:
         odds = sensor.declared_odds()
         wrong = bool(odds) and odds[0] < -CERTAIN and max(odds) < -_HINT
-        value = "not as declared, or the gyroscope's are not; which others" if wrong else ""
-        value = f"{value} cannot be known from this motion".lstrip()
-        self._find(name, "axes", Trust.UNKNOWN, value, 0.0, wrong=wrong, why=self._would_tell(sensor))
+        finding = info("doctor.axes_wrong") if wrong else info("doctor.axes_open")
+        self._find(name, "axes", Trust.UNKNOWN, finding, 0.0, self._would_tell(sensor), lines=[] if wrong else None)
 
-    def _would_tell(self, sensor: _Sensor) -> str:
+    def _would_tell(self, sensor: _Sensor) -> Finding:
         """Which motion would tell what this one does not."""
-        advice = "turn it by hand about each of its axes in turn, by 90° to and fro, for half a minute"
         if sensor.found is None:
-            return f"nothing turns; {advice}"
+            return info("doctor.nothing_turns")
         tied = ARRANGEMENTS[sensor.found.log_odds > -CERTAIN]
-        if sensor.found.explained < _EXPLAINED or len(tied) > 8:
-            return advice
-        open_ = [letter for j, letter in enumerate("xyz") if np.ptp(tied[:, :, j], axis=0).any()]
-        return f"turn it about the gyroscope's {' and '.join(open_)}, too" if open_ else advice
+        explains = sensor.found.explained >= _EXPLAINED and len(tied) <= 8
+        axes = tuple(axis for j, axis in enumerate("xyz") if explains and np.ptp(tied[:, :, j], axis=0).any())
+        return info("doctor.turn_about", axes=axes) if axes else info("doctor.turn_by_hand")
 
     def _sign(self, trusted: Mapping[str, _Sensor], reference: Floats) -> None:
         """Sign of the field along the vertical; that of the specific force is assumed."""
-        self.remarks.append(_ASSUMED)
+        self.remarks.append(info("doctor.assumed"))
         if len(trusted) < 2:
             return
         down = self._downward(trusted, reference)
         if down is None:
-            self._find("mag", "sign", Trust.UNKNOWN, "the field is level, or changes", 0.0)
+            self._find("mag", "sign", Trust.UNKNOWN, info("doctor.sign_open"))
             return
-        pointing = "down" if down > 0.0 else "up"
         if self.hemisphere is None:
-            there = "north" if down > 0.0 else "south"
-            value = f"right {there} of the magnetic equator, where the field points {pointing}"
-            why = "elsewhere all its axes have to be negated; --hemisphere says where"
-            self._find("mag", "sign", Trust.UNKNOWN, value, 0.0, why=why)
+            finding = info("doctor.sign_north") if down > 0.0 else info("doctor.sign_south")
+            self._find("mag", "sign", Trust.UNKNOWN, finding, 0.0, info("doctor.say_hemisphere"))
             return
         right = (down > 0.0) == (self.hemisphere == "north")
         certain = all(sensor.answer is Trust.SURE for sensor in trusted.values()) and abs(down) > 2.0 * _LEAST_DIP
-        answer = Trust.SURE if certain else Trust.LIKELY
-        value = f"the field points {pointing}" + (
-            "" if right else f", {self.hemisphere} of the magnetic equator: negated"
-        )
+        finding = info("doctor.sign_right") if right else info("doctor.sign_negated")
         log_odds = min(sensor.found.margin for sensor in trusted.values() if sensor.found is not None)
-        why = "if acc is specific force" + ("" if right else "; if it shows gravity, write its sign instead")
-        self._find("mag", "sign", answer, value, log_odds, wrong=not right, why=why)
-        if not right:
-            lines = [line for line in self.lines.get("mag", []) if not line.startswith(("axes", "mirrored"))]
-            turn = (trusted["mag"].axes @ reference.T).T
-            self.lines["mag"] = [*lines, *self.declared.axes("mag", -turn)]
+        turn = (trusted["mag"].axes @ reference.T).T
+        lines = None if right else self.declared.axes("mag", -turn)
+        why = info("doctor.if_force") if right else info("doctor.if_gravity")
+        self._find("mag", "sign", Trust.SURE if certain else Trust.LIKELY, finding, log_odds, why, lines=lines)
 
     def _downward(self, trusted: Mapping[str, _Sensor], reference: Floats) -> float | None:
         """Part of the field that points down, by the mean of its product with the specific force; None near zero."""
@@ -431,7 +481,7 @@ class Examination:
         middle = float(np.nanmedian(down)) if np.isfinite(down).any() else 0.0
         return middle if abs(middle) > _LEAST_DIP else None
 
-    def _size(self, name: str) -> tuple[float, float, Trust, str]:
+    def _size(self, name: str) -> tuple[float, float, Trust, tuple[Finding, ...]]:
         """Size by which the unit of a triad is known, the deviation of its logarithm, how sure, and by what."""
         if name == "gyr":
             return self._turning()
@@ -441,116 +491,110 @@ class Examination:
         norm = np.sqrt(np.sum(vector * vector, axis=1))
         norm = norm[np.isfinite(norm)]
         if norm.size < _FEWEST or not np.median(norm) > 0.0:
-            return 0.0, 0.0, Trust.UNKNOWN, "nothing is measured"
+            return 0.0, 0.0, Trust.UNKNOWN, (info("doctor.nothing_measured"),)
         middle = float(np.median(norm))
         low, high = np.quantile(norm, (0.16, 0.84))
         sd = 0.5 * math.log(float(high) / max(float(low), 1e-3 * middle))
-        by = "the size of gravity" if name == "acc" else "the size of the Earth's field"
-        return middle, 0.3 * sd, Trust.SURE, by
+        by = info("doctor.by_gravity") if name == "acc" else info("doctor.by_field")
+        return middle, 0.3 * sd, Trust.SURE, (by,)
 
-    def _turning(self) -> tuple[float, float, Trust, str]:
+    def _turning(self) -> tuple[float, float, Trust, tuple[Finding, ...]]:
         """By both vector sensors; where they differ, by half of the difference the answer is uncertain."""
         trusted = [sensor for sensor in self.sensors.values() if sensor.known] or [
             sensor for sensor in self.sensors.values() if max(sensor.declared_odds(), default=-math.inf) > -_HINT
         ]
         fits = {s.name: s.found for s in trusted if s.found is not None and s.found.scale_sd < _VAGUE * s.found.scale}
         if not fits:
-            why = self._would_tell(next(iter(self.sensors.values()))) if self.sensors else "acc and mag do not turn"
-            return 0.0, 0.0, Trust.UNKNOWN, why
+            sensors = list(self.sensors.values())
+            why = self._would_tell(sensors[0]) if sensors else info("doctor.nothing_turns")
+            return 0.0, 0.0, Trust.UNKNOWN, (why,)
+        if len(fits) == 2 and min(fitted.explained for fitted in fits.values()) < _MOST:
+            best = max(fits, key=lambda name: fits[name].explained)  # a straight line through noise is too flat
+            fits = {best: fits[best]} if fits[best].explained >= _MOST else fits
         logs = np.log([fitted.scale for fitted in fits.values()])
         weights = np.array([(fitted.scale / fitted.scale_sd) ** 2 for fitted in fits.values()])
         scale, sd = float(np.exp(logs @ weights / weights.sum())), math.hypot(weights.sum() ** -0.5, 0.5 * np.ptp(logs))
         self.numbers.setdefault("gyr", {}).update(scale=scale, scale_sd=scale * sd, by=" and ".join(fits))
-        for other in self._better_explained(fits):
-            if abs(math.log(other.scale / scale)) > _GAIN + 3.0 * math.hypot(sd, other.scale_sd / other.scale):
-                why = f"a sensor that turns with it says × {scale:.3g}, one that the rates explain better "
-                return 0.0, 0.0, Trust.UNKNOWN, f"{why}× {other.scale:.3g}; {self._would_tell(trusted[0])}"
-        by = " and ".join(TITLES[name] for name in fits) + (" say" if len(fits) > 1 else " says")
-        by = f"it turns {1.0 / scale:.4g} times as fast as the {by}"
-        if not trusted[0].known:
-            return 1.0 / scale, sd, Trust.LIKELY, f"{by}, if the axes are as declared"
-        sure = any(sensor.answer is Trust.SURE for sensor in trusted)
-        return 1.0 / scale, sd, Trust.SURE if sure else Trust.LIKELY, by
-
-    def _better_explained(self, fits: Mapping[str, VectorFit]) -> list[VectorFit]:
-        """Fits of other sensors whose change the rates explain mostly, and more of it than of those in `fits`."""
         least = max(_MOST, *(fitted.explained for fitted in fits.values()))
-        others = [sensor.found for name, sensor in self.sensors.items() if name not in fits]
-        return [other for other in others if other is not None and other.explained > least]
+        others = (sensor.found for name, sensor in self.sensors.items() if name not in fits)
+        for other in (it for it in others if it is not None and it.explained > least):
+            if abs(math.log(other.scale / scale)) > _GAIN + 3.0 * math.hypot(sd, other.scale_sd / other.scale):
+                why = info("doctor.turns_along", scale=scale, other=other.scale)
+                return 0.0, 0.0, Trust.UNKNOWN, (why, self._would_tell(trusted[0]))
+        sure = any(sensor.answer is Trust.SURE for sensor in trusted)
+        assumed = "" if trusted[0].known else "yes"
+        by = info("doctor.by_turning", times=1.0 / scale, by=tuple(fits), assumed=assumed)
+        return 1.0 / scale, sd, Trust.SURE if sure and not assumed else Trust.LIKELY, (by,)
 
-    def _unit(self, name: str, size: float, sd: float, sure: Trust, by: str) -> None:
+    def _unit(self, name: str, size: float, sd: float, sure: Trust, by: tuple[Finding, ...]) -> None:
         declared = self.declared.unit(name)
         if sure is Trust.UNKNOWN:
-            self._find(name, "unit", Trust.UNKNOWN, "cannot be known from this recording", 0.0, why=by)
+            self._find(name, "unit", Trust.UNKNOWN, info("doctor.unit_open"), 0.0, *by)
             return
         odds = unit_odds(name, size, sd, declared)
-        if name == "gyr" and abs(rest := rate_error(size, odds.unit or declared, declared)) > _GAIN + 3.0 * sd:
+        rest = rate_error(size, odds.unit or declared, declared) if name == "gyr" else 0.0
+        if abs(rest) > _GAIN + 3.0 * sd:
             self._factor(size, sd, sure, rest, by)
             return
         if odds.unit is None:
-            self._find(
-                name, "unit", Trust.UNKNOWN, f"no unit in use; multiply by {odds.factor:.4g}", 0.0, wrong=True, why=by
-            )
+            finding = info("doctor.no_unit", factor=odds.factor)
+            self._find(name, "unit", Trust.UNKNOWN, finding, 0.0, *by, lines=[])
             return
         answer = sure if odds.log_odds >= CERTAIN else Trust.LIKELY if odds.log_odds >= _HINT else Trust.UNKNOWN
-        wrong = odds.unit != declared and (answer is not Trust.UNKNOWN or odds.declared_odds < -CERTAIN)
-        value = f"unit = '{odds.unit}'" if answer is not Trust.UNKNOWN else f"'{odds.unit}' or '{odds.next}'"
         self.numbers.setdefault(name, {})["unit"] = odds.unit
-        self._find(name, "unit", answer, value, odds.log_odds, wrong=wrong, why=by)
-        if answer is Trust.UNKNOWN:
-            return  # that it is wrong is certain, which of two is right is not
-        counts = self.declared.counts(name)
-        if wrong and counts is not None:
-            self.lines.setdefault(name, []).append(f"unit_per_count = {counts * odds.factor:.6g}")
-        elif wrong:
-            self.lines.setdefault(name, []).append(f'unit = "{odds.unit}"')
-
-    def _factor(self, size: float, sd: float, sure: Trust, rest: float, by: str) -> None:
-        """Rates that are wrong by a factor that no unit explains: units are exact, and gains are not so far off."""
-        what = (
-            "the full scale, the sampling rate or the unit of time (time.unit; or a counter of samples taken for time)"
-        )
-        if sure is not Trust.SURE and any(sensor.known for sensor in self.sensors.values()):
-            self._find("gyr", "unit", Trust.UNKNOWN, f"perhaps × {size:.3g} ± {size * sd:.2g}", 0.0, why=by)
+        wrong = odds.unit != declared and (answer is not Trust.UNKNOWN or odds.declared_odds < -CERTAIN)
+        if answer is Trust.UNKNOWN:  # that it is wrong is certain, which of two is right is not
+            finding = info("doctor.unit_of_two", unit=odds.unit, next=odds.next)
+            self._find(name, "unit", answer, finding, odds.log_odds, *by, lines=[] if wrong else None)
             return
-        value = f"no unit, but × {size:.3g} ± {size * sd:.2g}: {what} is wrong"
-        self._find("gyr", "unit", sure, value, 0.5 * (rest / max(sd, _GAIN)) ** 2, wrong=True, why=by)
+        counts = self.declared.counts(name)
+        line = f'unit = "{odds.unit}"' if counts is None else f"unit_per_count = {counts * odds.factor:.6g}"
+        factor = math.exp(rest) if abs(rest) > 3.0 * sd else None
+        finding = info("doctor.unit", unit=odds.unit, factor=factor, sd=sd)
+        self._find(name, "unit", answer, finding, odds.log_odds, *by, lines=[line] if wrong else None)
+
+    def _factor(self, size: float, sd: float, sure: Trust, rest: float, by: tuple[Finding, ...]) -> None:
+        """Rates that are wrong by a factor that no unit explains: units are exact, and gains are not so far off."""
+        if sure is not Trust.SURE and any(sensor.known for sensor in self.sensors.values()):
+            finding = info("doctor.factor_perhaps", factor=size, sd=size * sd)
+            self._find("gyr", "unit", Trust.UNKNOWN, finding, 0.0, *by)
+            return
+        odds = 0.5 * (rest / max(sd, _GAIN)) ** 2
+        self._find("gyr", "unit", sure, info("doctor.factor", factor=size, sd=size * sd), odds, *by, lines=[])
 
     def _delay(self, sensor: _Sensor) -> None:
         fitted = sensor.found
         sd = math.inf if fitted is None else math.hypot(fitted.delay_sd, fitted.in_step)
         if fitted is None or not sensor.known or not sd <= _VAGUE_DELAY:
-            why = "turn it faster, to and fro"
-            self._find(sensor.name, "delay", Trust.UNKNOWN, "cannot be known from this motion", 0.0, why=why)
+            self._find(sensor.name, "delay", Trust.UNKNOWN, info("doctor.delay_open"), 0.0, info("doctor.turn_faster"))
             return
         apart = abs(fitted.delay_halves[0] - fitted.delay_halves[1])
         agree = apart <= max(2.0 * _EXACT, 6.0 * fitted.delay_sd)
         sure = sensor.answer is Trust.SURE and sd <= _EXACT and agree
         answer = Trust.SURE if sure else Trust.LIKELY if agree else Trust.UNKNOWN
-        angle = abs(fitted.delay) * _steady_rate(self.t, self.values["gyr"] * fitted.scale)
+        rate = self.values["gyr"] * fitted.scale
+        # stamps follow what they stamp, so where a vector comes early the rates are late, and the attitude with them
+        usual = float(np.sqrt(np.nanmean(np.sum(rate * rate, axis=1))))
+        angle = abs(fitted.delay) * (usual if fitted.delay < 0.0 else _steady_rate(self.t, rate))
         clear = abs(fitted.delay) > max(5.0 * fitted.delay_sd, _EXACT, fitted.in_step)
         wrong = sensor.answer is Trust.SURE and agree and clear and angle > _MATTERS
-        side = "late" if fitted.delay > 0.0 else "early"
-        value = f"stamps {1e3 * abs(fitted.delay):.1f} ± {1e3 * sd:.1f} ms {side} against the gyroscope's"
+        code = "doctor.late" if fitted.delay > 0.0 else "doctor.early"
+        finding = info(code, delay_ms=1e3 * abs(fitted.delay), sd_ms=1e3 * sd)
         odds = 0.5 * min((fitted.delay / sd) ** 2, 1e3) if answer is not Trust.UNKNOWN else 0.0
         self.numbers.setdefault(sensor.name, {}).update(delay_s=fitted.delay, delay_sd_s=sd)
-        why = f"{to_deg(angle):.1g}° of attitude in this motion" if clear and agree and not wrong else ""
-        self._find(sensor.name, "delay", answer, value, odds, wrong=wrong, why=why)
-        if wrong:
-            self.lines.setdefault(sensor.name, []).append(f'delay = "{1e3 * fitted.delay:.1f} ms"')
+        why = [info("doctor.turned_meanwhile", angle_deg=to_deg(angle))] if clear and agree and not wrong else []
+        lines = [f'delay = "{1e3 * fitted.delay:.1f} ms"'] if wrong else None
+        self._find(sensor.name, "delay", answer, finding, odds, *why, lines=lines)
 
     def _find(
-        self,
-        sensor: str,
-        question: str,
-        answer: Trust,
-        value: str,
-        log_odds: float,
-        *,
-        wrong: bool = False,
-        why: str = "",
-    ) -> None:
-        self.findings.append(Convention(sensor, question, answer, value, log_odds, wrong, why))
+        self, sensor: str, question: str, answer: Trust, finding: Finding, log_odds: float = 0.0, *reasons: Finding,
+        lines: Sequence[str] | None = None,
+    ) -> None:  # fmt: skip
+        """Answer a question; with lines, which may be none, what the recording is read as is wrong."""
+        wrong = lines is not None
+        self.answers[sensor, question] = Convention(sensor, question, answer, finding, log_odds, wrong, reasons)
+        if lines:
+            self.lines[sensor, question] = list(lines)
 
 
 def _resting(t: Floats, gyr: Floats) -> Floats:
@@ -572,8 +616,38 @@ def _steady_rate(t: Floats, gyr: Floats) -> float:
     return float(np.sqrt(np.nanmean(np.sum(means(t, quat_rotate(q, rate), edges) ** 2, axis=1))))
 
 
-def _finite(values: Floats) -> Floats:
-    """Rows with a value on all axes; others are NaN, as are those too large to be squared."""
+def _finite(imu: ImuData, name: str) -> Floats:
+    """Rows that can be squared and are not clipped, unless most are, as those in another unit; others are NaN."""
+    values, clipped = getattr(imu, name), imu.flags & np.uint32(TRIAD_FLAGS[name][1]) != 0
     with np.errstate(invalid="ignore"):
-        finite = np.asarray((np.abs(values) < 1e12).all(axis=1))
-    return np.where(finite[:, np.newaxis], values, np.nan)
+        usable = (np.abs(values) < 1e12).all(axis=1) & ~(clipped & (np.mean(clipped) < 0.5))
+    return np.where(usable[:, np.newaxis], values, np.nan)
+
+
+def unusable(imu: ImuData, name: str) -> NDArray[np.bool_]:
+    """Samples (N,) of a triad that say nothing of its turning: held on an axis or on all.
+
+    An axis that repeats to the bit while the others change is at the end of its range, or dead. A coarse step repeats,
+    too: runs count that chance makes once in a hundred recordings, and after which the axis moves by more than its
+    smallest step; and then all samples of that value.
+    """
+    out = np.zeros(len(imu), dtype=np.bool_)
+    repeats = statistics(imu, name).repeats
+    rows = np.flatnonzero(repeats != NOT_KNOWN)
+    repeats = repeats[rows]
+    moving = np.flatnonzero(repeats != ALL_AXES)
+    if moving.size < 2:  # it never changes: a simulation without noise, at rest
+        return out
+    for start, stop in check.runs(repeats == ALL_AXES):
+        if stop - start >= STUCK_SAMPLES:
+            out[rows[max(start - 1, 0)] : rows[stop - 1] + 1] = True
+    values = np.asarray(getattr(imu, name))
+    for axis, column in enumerate(values[rows[moving]].T):
+        again = repeats[moving] >> axis & 1 != 0
+        share = float(np.mean(again[(column > column.min()) & (column < column.max())])) if np.ptp(column) else 0.0
+        by_chance = math.log(0.01 / again.size) / math.log(share) if 0.0 < share < 1.0 else 0.0
+        moves = np.abs(np.diff(column, append=math.inf))
+        least = 1.5 * float(np.min(moves, where=moves > 0.0, initial=math.inf))
+        long = [(a, b) for a, b in check.runs(again) if b - a >= max(by_chance, _SHORTEST_RUN)]
+        out |= np.isin(values[:, axis], [column[a] for a, b in long if moves[b - 1] > least or b == again.size])
+    return out

@@ -3,14 +3,14 @@
 The grade is 100 less the points that each criterion loses, and never below 0. A criterion loses nothing up to its first
 limit, all its points from its second limit on, and between them in proportion to the logarithm of what was measured:
 a fault that grows never raises the grade. Limits are those of `plumbob.quality.quality` [CDIPWaves] where that has
-them; the others are this project's, and each criterion says so. Criteria are cut such that one fault costs one of them.
+them; the others are this project's, and each rule says so. Criteria are cut such that one fault costs one of them.
 
 Everything is found block by block, so that a recording that stays in its file is not read into memory.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -19,23 +19,19 @@ from numpy.typing import NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.findings import Finding
-from plumbob.core.text import counted
+from plumbob.core.findings import Finding, as_findings, as_json, info
 from plumbob.core.time import GAP_FACTOR, is_gap, to_ns
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.imu import BLOCK, TITLES, TRIAD_FLAGS, median, norms
-from plumbob.data.plausibility import ALL_AXES, DOUBTS, NOT_KNOWN, bursts, doubts, statistics
-from plumbob.data.recording import EARTH_FIELD, STUCK_FOR, STUCK_SAMPLES, Recording
+from plumbob.data.imu import BLOCK, median, norms
+from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, bursts, doubts, statistics
+from plumbob.data.recording import EARTH_FIELD, STUCK_FOR, Recording
 from plumbob.quality import quality
 from plumbob.quality.diagnosis import Declared, Examination
 from plumbob.rotations import North, quat_angle
 
 WORDS: Final = (("GOOD", 80.0), ("FAIR", 60.0), ("POOR", 0.0))
 """The words of calibration certificates, and the least grade of each."""
-
-OURS: Final = "a rule of this project"
-QARTOD: Final = "QARTOD, as CDIP applies it"
 
 RATE: Final = (50.0, 5.0)
 """Samples a second: hands, vehicles and waves move below 20 Hz, and nothing is followed with a few samples a second."""
@@ -60,6 +56,11 @@ BEGIN: Final = 5.0
 """A rest that begins later than this is not one at the start, s."""
 EXAMINED: Final = 20_000
 """Samples in which conventions are looked at: some minutes, those of a recording that turn most."""
+GAIN: Final = (0.01, 0.1)
+"""Departure of the rates from the turning of gravity and field, relative, less three deviations: one in a hundred turns
+a quarter turn into one that is off by a degree."""
+CONVERGED: Final = (0.05, 0.9)
+"""Share of the attitudes before the filter had converged."""
 TINY: Final = 0.02
 """A step shorter than this many usual ones repeats a time stamp."""
 FASTEST: Final = float(dps(4000.0))
@@ -78,14 +79,10 @@ class Criterion:
         What it can cost at most.
     lost : float
         What it costs here.
-    measured : str
-        What was measured, with its unit.
-    rule : str
-        When it costs nothing, and when everything.
-    source : str
-        Where the rule comes from.
-    advice : str
-        What to do; empty where nothing is lost.
+    findings : tuple of Finding
+        What was measured.
+    limits : mapping
+        Numbers of its rule: when it costs nothing, and when everything.
     value : float or None
         The number that the rule judges; None where it is not one number.
     """
@@ -93,11 +90,29 @@ class Criterion:
     name: str
     points: float
     lost: float
-    measured: str
-    rule: str
-    source: str = OURS
-    advice: str = ""
+    findings: tuple[Finding, ...]
+    limits: Mapping[str, Any] = field(default_factory=dict)
     value: float | None = None
+
+    @property
+    def measured(self) -> str:
+        """What was measured, in words."""
+        return "; ".join(map(str, self.findings))
+
+    @property
+    def rule(self) -> str:
+        """When it costs nothing, and when everything, in words, and where that comes from."""
+        return str(Finding(f"criterion.rule_{self.name}", "info", self.limits))
+
+    @property
+    def advice(self) -> str:
+        """What to do, in words; empty where nothing is lost."""
+        return str(Finding(f"criterion.advice_{self.name}", "info", self.limits)) if self.lost else ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it, as JSON can hold it."""
+        names = ("name", "points", "lost", "measured", "rule", "advice", "value")
+        return {name: getattr(self, name) for name in names} | {"findings": as_json(self.findings)}
 
 
 @dataclass(frozen=True)
@@ -132,7 +147,7 @@ class Grade:
     def summary(self) -> dict[str, Any]:
         """All of it, as JSON can hold it."""
         fields: dict[str, Any] = {"points": self.points, "word": self.word}
-        fields["criteria"] = [asdict(criterion) for criterion in self.criteria]
+        fields["criteria"] = [criterion.to_dict() for criterion in self.criteria]
         return fields | ({"units": {name: unit.summary() for name, unit in self.units.items()}} if self.units else {})
 
 
@@ -141,18 +156,18 @@ def grade_word(points: float) -> str:
     return next(word for word, least in WORDS if points >= least)
 
 
-def grade_of(recording: Recording, *, judged: bool = False, examined: bool = False) -> Grade:
-    """Grade of what a recording holds: of its samples, or of its attitude where it has none; options of `grade`."""
+def grade_of(recording: Recording) -> Grade:
+    """Grade of what a recording holds: of its samples, or of its attitude where it has none."""
     if recording.array is not None:
-        return grade_units(recording.array.units, recording.notes, examined=examined)
+        return grade_units(recording.array.units, recording.notes)
     if recording.imu is not None:
-        return grade(recording.imu, recording.notes, judged=judged, examined=examined)
+        return grade(recording.imu, recording.notes)
     assert recording.track is not None
     return grade_track(recording.track)
 
 
-def grade(imu: ImuData, notes: Sequence[Finding] = (), *, judged: bool = False, examined: bool = False) -> Grade:
-    """Grade the samples of one unit.
+def grade(imu: ImuData, notes: Sequence[Finding] = ()) -> Grade:
+    """Grade the samples of one unit; axes, units, signs and delays are examined as `plumbob.doctor` does.
 
     Parameters
     ----------
@@ -160,10 +175,6 @@ def grade(imu: ImuData, notes: Sequence[Finding] = (), *, judged: bool = False, 
         The samples.
     notes : sequence of Finding
         What the reading of the file found; those about gaps that only the host's clock shows count.
-    judged : bool
-        Whether the notes hold the doubts about units and signs already, as those of a file that has been read do.
-    examined : bool
-        Whether axes, units, signs and delays are examined as `plumbob.doctor` does, which takes a second.
     """
     steps = _Steps.measure(bursts(imu.t), np.diff(imu.t_ns))
     repeated = {name: statistics(imu, name).repeats for name in imu.triads}
@@ -176,7 +187,7 @@ def grade(imu: ImuData, notes: Sequence[Finding] = (), *, judged: bool = False, 
         _clipping(imu),
         _stuck(imu, repeated),
         _resolution(imu, repeated),
-        _plausible(imu, still := _rest(imu), _doubts(imu, notes if judged else None), examined),
+        _plausible(imu, still := _rest(imu)),
         _calibration(imu.meta.calibration),
         _static(imu, still),
         _clock(imu, steps, notes),
@@ -184,9 +195,9 @@ def grade(imu: ImuData, notes: Sequence[Finding] = (), *, judged: bool = False, 
     return Grade(tuple(criterion for criterion in made if criterion is not None))
 
 
-def grade_units(units: Mapping[str, ImuData], notes: Sequence[Finding] = (), *, examined: bool = False) -> Grade:
+def grade_units(units: Mapping[str, ImuData], notes: Sequence[Finding] = ()) -> Grade:
     """Grade of several units: that of the worst."""
-    each = {name: grade(imu, notes, examined=examined) for name, imu in units.items()}
+    each = {name: grade(imu, notes) for name, imu in units.items()}
     worst = min(each.values(), key=lambda unit: 100.0 - sum(reason.lost for reason in unit.criteria))
     return Grade(worst.criteria, each)
 
@@ -199,39 +210,25 @@ def grade_track(track: AttitudeTrack) -> Grade:
     turn = quat_angle(track.q_nb[:-1], track.q_nb[1:]) / np.maximum(np.diff(track.t), 1e-9)
     jumps = float(np.mean(turn[np.isfinite(turn)] > FASTEST)) if np.isfinite(turn).any() else 0.0
     unsettled = float(np.mean(open_))
-    free = track.north is North.FREE
+    free, bare = track.north is North.FREE, track.cov_b is None
     return Grade((
         _rate(steps), _jitter(steps), _gaps(steps),
-        _judged("loss", 25.0, unknown, LOST, f"{_percent(unknown)} of the attitudes are not known",
-                "share of attitudes that are not known", QARTOD, "leave those times out of a comparison",
-                show=_percent),
-        _judged("converged", 20.0, unsettled, (0.05, 0.9),
-                f"{_percent(unsettled)} of the attitudes come before the filter had converged",
-                "share of attitudes that are flagged not-converged", OURS,
-                "start from a known attitude (--init) or from a rest", show=_percent),
-        _judged("jumps", 25.0, jumps, quality.SHARE, f"{_percent(jumps)} of the steps turn faster than 4000 °/s",
-                "share of steps that turn faster than any gyroscope measures", QARTOD,
-                "check the order and the signs of the quaternion", show=_percent),
-        Criterion("heading", 10.0, 10.0 if free else 0.0, f"heading from {track.north}",
-                  "no points where the heading counts from a free zero", OURS,
-                  "use a magnetometer, or align the heading before comparing" if free else ""),
-        Criterion("uncertainty", 5.0, 0.0 if track.cov_b is not None else 5.0,
-                  "a covariance" if track.cov_b is not None else "no covariance",
-                  "no points where the attitude says nothing about its uncertainty", OURS,
-                  "" if track.cov_b is not None else "estimate with mekf or the smoother, which state one"),
+        _judged("loss", 25.0, unknown, LOST, info("criterion.known", percent=100.0 * unknown), attitudes="yes"),
+        _judged("converged", 20.0, unsettled, CONVERGED, info("criterion.converged", percent=100.0 * unsettled)),
+        _judged("jumps", 25.0, jumps, quality.SHARE, info("criterion.jumps", percent=100.0 * jumps)),
+        Criterion("heading", 10.0, 10.0 * free, (info("criterion.heading", north=track.north),)),
+        Criterion("uncertainty", 5.0, 5.0 * bare,
+                  (info("criterion.no_covariance") if bare else info("criterion.covariance"),)),
     ))  # fmt: skip
 
 
 def _judged(
-    name: str, points: float, value: float, limits: tuple[float, float], measured: str, what: str, source: str,
-    advice: str, show: Callable[[float], str] = "{:g}".format,
-) -> Criterion:  # fmt: skip
+    name: str, points: float, value: float, limits: tuple[float, float], *findings: Finding, **more: object
+) -> Criterion:
     """Criterion that loses in proportion to the logarithm of a value between two limits, rising or falling."""
-    lost = round(points * _share(value, limits), 2)
-    over = limits[1] > limits[0]
-    rule = f"{what}: all points {'up to' if over else 'from'} {show(limits[0])}"
-    rule += f"{'' if over else ' on'}, none {'from' if over else 'down to'} {show(limits[1])}{' on' if over else ''}"
-    return Criterion(name, points, lost, measured, rule, source, advice if lost else "", value)
+    good, bad = limits
+    numbers = {"good": good, "bad": bad, "good_percent": 100.0 * good, "bad_percent": 100.0 * bad}
+    return Criterion(name, points, round(points * _share(value, limits), 2), findings, numbers | more, value)
 
 
 def _share(value: float, limits: tuple[float, float]) -> float:
@@ -242,10 +239,6 @@ def _share(value: float, limits: tuple[float, float]) -> float:
     if value <= 0.0:
         return 1.0 if bad < good else 0.0
     return min(1.0, max(0.0, math.log(value / good) / math.log(bad / good)))
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.3g} %"
 
 
 @dataclass(frozen=True)
@@ -302,31 +295,22 @@ def _uneven(dt: Floats, usual: float, gaps: NDArray[np.bool_], tiny: NDArray[np.
 
 def _sensors(triads: Sequence[str]) -> Criterion:
     costs = {"gyr": 20.0, "acc": 15.0, "mag": 5.0}
-    absent = [name for name in costs if name not in triads]
-    lost = min(20.0, sum(costs[name] for name in absent))
-    missing = ", ".join(TITLES[name] for name in absent)
-    return Criterion(
-        "sensors", 20.0, lost, f"no {missing}" if absent else "gyroscope, accelerometer, magnetometer",
-        "a missing gyroscope costs 20 points, accelerometer 15, magnetometer 5, all together 20", OURS,
-        "without a magnetometer the heading counts from a free zero" if absent == ["mag"]
-        else "attitude needs a gyroscope and an accelerometer" if absent else "",
-    )  # fmt: skip
+    absent = tuple(name for name in costs if name not in triads)
+    finding = info("criterion.sensors_absent", names=absent) if absent else info("criterion.sensors")
+    only_mag = {"only_mag" if absent == ("mag",) else "others": "yes"}
+    return Criterion("sensors", 20.0, min(20.0, sum(costs[name] for name in absent)), (finding,), costs | only_mag)
 
 
 def _rate(steps: _Steps) -> Criterion:
     rate = 1.0 / steps.usual if steps.count else math.nan
-    return _judged("rate", 10.0, rate, RATE, f"{rate:.5g} Hz" if steps.count else "one sample", "samples a second",
-                   OURS, "sample faster where the body moves faster than a wave", "{:g} Hz".format)  # fmt: skip
+    finding = info("criterion.rate", rate=rate) if steps.count else info("criterion.one_sample")
+    return _judged("rate", 10.0, rate, RATE, finding)
 
 
 def _jitter(steps: _Steps) -> Criterion:
-    jitter = steps.jitter
-    return _judged(
-        "jitter", 10.0, jitter, JITTER, f"{_percent(jitter)} of a step"
-        + (f", {1e6 * jitter * steps.usual:.3g} µs" if steps.count else ""),
-        "standard deviation of the steps between gaps, over the usual step", OURS,
-        "stamp on the device, by its own clock or a counter (docs/time.md)", _percent,
-    )  # fmt: skip
+    jitter_us = 1e6 * steps.jitter * steps.usual if steps.count else None
+    finding = info("criterion.jitter", percent=100.0 * steps.jitter, jitter_us=jitter_us)
+    return _judged("jitter", 10.0, steps.jitter, JITTER, finding)
 
 
 def _gaps(steps: _Steps) -> Criterion:
@@ -334,28 +318,25 @@ def _gaps(steps: _Steps) -> Criterion:
     longest = float(holes.max(initial=0.0))
     share = float(holes.sum() / steps.total) if holes.size else 0.0
     lost = 10.0 * (_share(longest, quality.HOLE) + _share(share, IN_GAPS))
-    measured = (
-        f"{counted(holes.size, 'gap')}, longest {longest:.3g} s, {_percent(share)} of the time"
-        if holes.size
-        else "no gap"
-    )
-    return Criterion(
-        "gaps", 20.0, round(lost, 2), measured,
-        f"10 points by the longest, from {quality.HOLE[0]:g} s to {quality.HOLE[1]:g} s, and 10 by the share of the "
-        f"time, from {_percent(IN_GAPS[0])} to {_percent(IN_GAPS[1])}", QARTOD,
-        "look at the line: power, cable, buffer; estimate each part by itself" if lost else "", longest,
-    )  # fmt: skip
+    gaps = info("criterion.gaps", count=holes.size, longest=longest, percent=100.0 * share)
+    limits = {
+        "good": quality.HOLE[0], "bad": quality.HOLE[1],
+        "good_percent": 100.0 * IN_GAPS[0], "bad_percent": 100.0 * IN_GAPS[1],
+    }  # fmt: skip
+    finding = gaps if holes.size else info("criterion.no_gap")
+    return Criterion("gaps", 20.0, round(lost, 2), (finding,), limits, longest)
 
 
 def _loss(repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Sequence[Finding]) -> Criterion:
     shares = {"rows": steps.lost, "bytes": _junk(notes)}
     shares |= {name: _absent(axes != NOT_KNOWN, each=name != "mag") for name, axes in repeated.items()}
-    worst = max(shares, key=lambda name: shares[name])
-    measured = ", ".join(f"{_percent(share)} of {name}" for name, share in shares.items() if share)
-    return _judged(
-        "loss", 20.0, shares[worst], LOST, measured or "none", "largest share of rows or values that are missing",
-        QARTOD + " (90 % of good samples)", "send a counter, and check line, buffer and sensor bus", _percent,
-    )  # fmt: skip
+    return _judged("loss", 20.0, max(shares.values()), LOST, *_shares(shares), samples="yes")
+
+
+def _shares(shares: Mapping[str, float]) -> Iterator[Finding]:
+    """What has which share, where it has any."""
+    some = [info("criterion.share", of=of, percent=100.0 * share) for of, share in shares.items() if share]
+    yield from some or [info("criterion.no_share")]
 
 
 def _junk(notes: Sequence[Finding]) -> float:
@@ -382,17 +363,13 @@ def _clipping(imu: ImuData) -> Criterion:
     words = imu.flags
     bits = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
     shares = {name: float(np.count_nonzero(words & np.uint32(bits[name]))) / len(imu) for name in imu.triads}
-    open_ = [name for name in imu.triads if imu.meta.full_scale(name) is None and not shares[name]]
-    measured = ", ".join(f"{_percent(share)} of {name}" for name, share in shares.items() if share) or "none seen"
-    return _judged(
-        "clipping", 20.0, max(shares.values()), quality.SHARE,
-        measured + (f"; range of {', '.join(open_)} not declared" if open_ else ""),
-        "share of samples at the end of the range", QARTOD, "choose a larger range, or damp shocks", _percent,
-    )  # fmt: skip
+    names = tuple(name for name in imu.triads if imu.meta.full_scale(name) is None and not shares[name])
+    open_ = [info("criterion.no_range", names=names)] if names else []
+    return _judged("clipping", 20.0, max(shares.values()), quality.SHARE, *_shares(shares), *open_)
 
 
 def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion:
-    longest, where = 0.0, "none"
+    longest, where = 0.0, info("criterion.not_stuck")
     for name, bits in repeated.items():
         repeats = bits[bits != NOT_KNOWN]
         if np.count_nonzero(repeats != ALL_AXES) < 2:  # it never changes: a simulation without noise, at rest
@@ -407,16 +384,10 @@ def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion
         for axes, start, stop in held:
             lasting = float(t[stop - 1] - t[max(start - 1, 0)])
             if lasting > longest and _others(repeats, axes, start, stop):
-                longest, where = (
-                    lasting,
-                    f"{name} {axes or 'all axes'} for {lasting:.4g} s from t = {t[start]:.4g} s",
-                )
-    return _judged(
-        "stuck", 30.0, longest, (STUCK_FOR, quality.FLAT[1]), where,
-        f"longest time in which a sensor, or an axis while the others move, repeats to the last bit in {STUCK_SAMPLES} "
-        "samples or more", QARTOD + " (flat line)", "replace the sensor or check its bus; leave that time out",
-        "{:g} s".format,
-    )  # fmt: skip
+                longest = lasting
+                where = info("criterion.stuck", sensor=name, axis=axes, seconds=lasting, start=float(t[start]))
+    limits = (STUCK_FOR, quality.FLAT[1])
+    return _judged("stuck", 30.0, longest, limits, where, samples=STUCK_SAMPLES)
 
 
 def _repeating(repeats: NDArray[np.uint8]) -> Iterable[tuple[str, NDArray[np.bool_]]]:
@@ -446,11 +417,8 @@ def _resolution(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Crit
     if not shares:
         return None
     worst = max(shares, key=lambda name: shares[name])
-    return _judged(
-        "resolution", 10.0, shares[worst], COARSE, f"{_percent(shares[worst])} of {worst} repeat the sample before",
-        "share of samples of gyroscope or accelerometer that repeat the one before to the last bit", OURS,
-        "values are held or coarse: store each sample once, with all bits of the part", _percent,
-    )  # fmt: skip
+    finding = info("criterion.resolution", percent=100.0 * shares[worst], sensor=worst)
+    return _judged("resolution", 10.0, shares[worst], COARSE, finding)
 
 
 @dataclass(frozen=True)
@@ -494,108 +462,91 @@ def _rest(imu: ImuData) -> _Still | None:
 def _static(imu: ImuData, still: _Still | None) -> Criterion | None:
     if still is None:
         return None
-    return _judged(
-        "rest", 5.0, still.first, REST, f"at rest for {_percent(still.share)} of the time, "
-        f"{still.first:.3g} s at the start",
-        f"rest that begins in the first {BEGIN:g} s, for the bias of the gyroscope",
-        OURS, "let the unit lie still for a few seconds before it moves", "{:g} s".format,
-    )  # fmt: skip
+    finding = info("criterion.rest", percent=100.0 * still.share, first=still.first)
+    return _judged("rest", 5.0, still.first, REST, finding, begin=BEGIN)
 
 
-def _plausible(imu: ImuData, still: _Still | None, doubted: Sequence[str], examined: bool) -> Criterion:
-    """The worst of what contradicts the declared units: it costs once."""
-    tests = [*_gravity(imu, still), *_field(imu), *_temperature(imu)]
-    tests += [(1.0, doubt) for doubt in (*doubted, *(_contradicted(imu) if examined else ()))]
-    lost, worst = max(tests, key=lambda test: test[0], default=(0.0, ""))
-    others = "; ".join(dict.fromkeys(text for share, text in tests if share <= 0.0))
-    low, high = EARTH_FIELD
-    return Criterion(
-        "plausibility", 40.0, round(40.0 * lost, 2), worst if lost else others or "nothing to judge",
-        f"the worst of: |acc| at rest within {_percent(GRAVITY[0])} of 9.81 m/s², nothing from {_percent(GRAVITY[1])} "
-        f"on, without a rest in a factor of {MOVING[0]:g}, nothing from {MOVING[1]:g} on; median |mag| in "
-        f"{low:g} to {high:g} µT, half of the points lost at a factor of {OFF_FIELD[1]:g} outside; "
-        f"temperature in {quality.CELSIUS[0]:g} to {quality.CELSIUS[1]:g} °C; no doubt about units and signs"
-        f"{', axes and delays' if examined else ''}",
-        "QARTOD (range); Alken 2021 (field); the rest " + OURS,
-        "check units, axes and signs of the file ('plumbob doctor' says which), and calibrate" if lost else "",
-    )  # fmt: skip
-
-
-def _doubts(imu: ImuData, notes: Sequence[Finding] | None) -> list[str]:
-    """Doubts about units and signs; without that about bursts, which is the clock's."""
+def _plausible(imu: ImuData, still: _Still | None) -> Criterion:
+    """What contradicts the declared units, the worst first, which alone costs."""
     sizes = () if imu.meta.unit_check else imu.unit_doubts()  # else the reading has refused it
-    others = doubts(imu) if notes is None else [note for note in notes if note.code in DOUBTS]
-    return [*sizes, *(str(doubt) for doubt in others if doubt.code != "samples.bursts")]
+    doubted = [*as_findings("doubts", sizes), *(it for it in doubts(imu) if it.code != "samples.bursts")]
+    tests = [*_gravity(imu, still), *_field(imu), *_temperature(imu), *((1.0, doubt) for doubt in doubted)]
+    tests += _contradicted(imu)
+    lost = max((share for share, _ in tests), default=0.0)
+    worst_first = sorted(tests, key=lambda test: -test[0])
+    findings = tuple(dict.fromkeys(it for share, it in worst_first if share > 0.0 or not lost))
+    limits = {
+        "rest_good_percent": 100.0 * GRAVITY[0], "rest_bad_percent": 100.0 * GRAVITY[1], "moving_good": MOVING[0],
+        "moving_bad": MOVING[1], "low": EARTH_FIELD[0], "high": EARTH_FIELD[1], "field_bad": OFF_FIELD[1],
+        "coldest": quality.CELSIUS[0], "warmest": quality.CELSIUS[1],
+        "gain_good_percent": 100.0 * GAIN[0], "gain_bad_percent": 100.0 * GAIN[1],
+    }  # fmt: skip
+    findings = findings or (info("criterion.nothing_to_judge"),)
+    return Criterion("plausibility", 40.0, round(40.0 * lost, 2), findings, limits)
 
 
-def _contradicted(imu: ImuData) -> list[str]:
+def _contradicted(imu: ImuData) -> Iterator[tuple[float, Finding]]:
     """What is wrong by how gravity and field turn beside the rates, in the stretch that turns most."""
     if "gyr" not in imu.triads or len(imu.triads) < 2:
-        return []
+        return
     most = max(imu.chunks(EXAMINED), key=lambda part: float(np.nansum(np.asarray(part.gyr) ** 2)))
-    clipped = {name: (most.flags & np.uint32(TRIAD_FLAGS[name][1]) != 0)[:, np.newaxis] for name in most.triads}
-    values: dict[str, Floats] = {name: np.where(at, np.nan, getattr(most, name)) for name, at in clipped.items()}
-    unclipped = most.corrected(meta=most.meta, **values)
-    findings = Examination(unclipped, "", Declared(None), None).diagnosis().findings
-    return [f"{TITLES[it.sensor]}, {it.question}: {it.value} ({it.answer})" for it in findings if it.wrong]
+    for it in Examination(most, "", Declared(None), None).diagnosis().findings:
+        off = it.finding.values.get("factor")
+        share = 0.0
+        if it.finding.code in ("doctor.unit", "doctor.factor_perhaps") and isinstance(off, float):
+            share = _share(abs(math.log(off)) - 3.0 * float(str(it.finding.values["sd"])), GAIN)
+        if it.wrong or share > 0.0:
+            yield 1.0 if it.wrong else share, it.finding.on(f"{it.sensor} {it.question}")
 
 
-def _gravity(imu: ImuData, still: _Still | None) -> Iterable[tuple[float, str]]:
+def _gravity(imu: ImuData, still: _Still | None) -> Iterator[tuple[float, Finding]]:
     if "acc" not in imu.triads:
         return
     at_rest = still is not None and math.isfinite(still.force)
     typical = still.force if at_rest and still is not None else statistics(imu, "acc").norm
-    text = f"|acc| {'at rest' if at_rest else 'in motion'} {typical:.4g} m/s²"
     if at_rest:
-        yield _share(abs(typical / G0 - 1.0), GRAVITY), text
+        yield _share(abs(typical / G0 - 1.0), GRAVITY), info("criterion.force_at_rest", force=typical)
     else:
-        yield _share(max(typical / G0, G0 / typical) if typical > 0.0 else math.inf, MOVING), text
+        off = max(typical / G0, G0 / typical) if typical > 0.0 else math.inf
+        yield _share(off, MOVING), info("criterion.force_in_motion", force=typical)
 
 
-def _field(imu: ImuData) -> Iterable[tuple[float, str]]:
+def _field(imu: ImuData) -> Iterator[tuple[float, Finding]]:
     if "mag" not in imu.triads:
         return
     typical = statistics(imu, "mag").norm
     low, high = EARTH_FIELD
     off = max(low / typical if typical > 0.0 else math.inf, typical / high)
-    yield 0.5 * _share(off, OFF_FIELD), f"|mag| {typical:.4g} µT"
+    yield 0.5 * _share(off, OFF_FIELD), info("criterion.field", field=typical)
 
 
-def _temperature(imu: ImuData) -> Iterable[tuple[float, str]]:
+def _temperature(imu: ImuData) -> Iterator[tuple[float, Finding]]:
     temp = imu.temp_c
     if temp is None or not np.isfinite(temp).any():
         return
     low, high = float(np.nanmin(temp)), float(np.nanmax(temp))
     beyond = low < quality.CELSIUS[0] or high > quality.CELSIUS[1]
-    yield 0.25 * beyond, f"{low:.3g} to {high:.3g} °C"
+    yield 0.25 * beyond, info("criterion.temperature", low=low, high=high)
 
 
 def _calibration(card: str | None) -> Criterion:
-    return Criterion(
-        "calibration", 10.0, 0.0 if card else 10.0, card or "none",
-        "no points without a calibration card", OURS,
-        "" if card else "plumbob calibrate hand, and apply the card",
-    )  # fmt: skip
+    finding = info("criterion.card", card=card) if card else info("criterion.no_card")
+    return Criterion("calibration", 10.0, 0.0 if card else 10.0, (finding,))
 
 
 def _clock(imu: ImuData, steps: _Steps, notes: Sequence[Finding]) -> Criterion:
     faults = int(np.count_nonzero(imu.flags & np.uint32(flags.TIME_FAULT))) + steps.tiny
     share = 0.0 if steps.bursts else faults / len(imu)
-    said = [f"{_percent(share)} of the stamps repeat or go back"] if share else []
+    said = [info("criterion.time_faults", percent=100.0 * share)] if share else []
     lost = 15.0 * _share(share, quality.SHARE)
     if steps.bursts:
-        said.append(str(steps.bursts))
-        lost = 15.0
-    for code, what in (
-        ("reading.inferred", "gaps that only the host's delays show"),
-        ("reading.clock", "a fitted clock"),
-    ):
+        said, lost = [steps.bursts], 15.0
+    for code, finding in (
+        ("reading.inferred", info("criterion.gaps_by_host")), ("reading.clock", info("criterion.clock_fitted")),
+    ):  # fmt: skip
         if any(note.code.startswith(code) for note in notes):
-            said.append(what)
+            said.append(finding)
             lost += 5.0
-    return Criterion(
-        "clock", 15.0, round(min(15.0, lost), 2), "; ".join(said) or "stamps increase evenly",
-        f"share of stamps that repeat, from {_percent(quality.SHARE[0])} to {_percent(quality.SHARE[1])}; no points "
-        "where they come in bursts; 5 less where gaps rest on the host's delays alone, or the clock is fitted", OURS,
-        "send the device's clock or a counter, or declare the rate (docs/time.md)" if lost else "", share,
-    )  # fmt: skip
+    limits = {"good_percent": 100.0 * quality.SHARE[0], "bad_percent": 100.0 * quality.SHARE[1]}
+    findings = tuple(said) or (info("criterion.even"),)
+    return Criterion("clock", 15.0, round(min(15.0, lost), 2), findings, limits, share)

@@ -15,7 +15,8 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.time import GAP_FACTOR
-from plumbob.data.recording import EARTH_FIELD, STUCK_FOR, STUCK_SAMPLES
+from plumbob.data.plausibility import STUCK_SAMPLES
+from plumbob.data.recording import EARTH_FIELD, STUCK_FOR
 
 PASS, NOT_EVALUATED, SUSPECT, FAIL, MISSING = 1, 2, 3, 4, 9
 MEANING: Final = {
@@ -113,13 +114,9 @@ def thresholds() -> tuple[tuple[str, str, str, str], ...]:
 
 
 def verdict(
-    channel: str,
-    t: Floats,
-    values: Floats,
-    words: NDArray[np.uint32],
-    span: tuple[float, float],
+    channel: str, t: Floats, values: Floats, words: NDArray[np.uint32], span: tuple[float, float],
     vertical: Floats | None = None,
-) -> BurstVerdict:
+) -> BurstVerdict:  # fmt: skip
     """Judge a channel in a burst.
 
     Parameters

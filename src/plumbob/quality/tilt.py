@@ -24,13 +24,10 @@ from plumbob.quality.spectra import Spectra, peak_period, welch
 
 DEAD: Final = 0.05
 """Band about the mean within which nothing crosses it, in standard deviations."""
-
 THIRD: Final = 1.0 / 3.0
 """Share of the waves, the highest ones, of which the significant double amplitude is the mean."""
-
 LIMIT: Final = float(deg(15.0))
 """Inclination that counts as large unless another is given, rad."""
-
 _BINS = 288
 """Of the histogram of headings, 1.25° each, so that sectors of 10° and of 22.5° can stand about North."""
 
@@ -110,7 +107,7 @@ class TiltMotion:
             return cls(0, math.nan, math.nan, math.nan, math.nan, np.empty(0), np.empty(0))
         at, theta = t[finite], angle[finite]
         mean, sd = float(np.mean(theta)), float(np.std(theta))
-        step = _usual_step(t)
+        step = float(np.median(np.diff(t))) if t.size > 1 else math.inf
         wrapped = bool(np.any((np.abs(np.diff(theta)) > np.pi) & (np.diff(at) <= GAP_FACTOR * step)))
         if wrapped:
             none = np.empty(0)
@@ -129,18 +126,10 @@ class TiltMotion:
         usable = [part for part in parts if part.samples]
         if not usable:
             return cls.of(np.zeros(1), np.full(1, np.nan))
-        samples, mean, sd = _pooled(usable)
-        return cls(
-            samples=samples,
-            mean=mean,
-            sd=sd,
-            least=min(part.least for part in usable),
-            greatest=max(part.greatest for part in usable),
-            heights=np.concatenate([part.heights for part in usable]),
-            periods=np.concatenate([part.periods for part in usable]),
-            tp=math.nan if any(part.wrapped for part in usable) else tp,
-            wrapped=any(part.wrapped for part in usable),
-        )
+        heights, periods = (np.concatenate([getattr(part, name) for part in usable]) for name in ("heights", "periods"))
+        least, greatest = min(part.least for part in usable), max(part.greatest for part in usable)
+        wrapped = any(part.wrapped for part in usable)
+        return cls(*_pooled(usable), least, greatest, heights, periods, math.nan if wrapped else tp, wrapped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,15 +176,8 @@ class Inclination:
             return cls(0, math.nan, math.nan, math.nan, math.nan, limit, 0)
         theta = angle[finite]
         top = int(np.argmax(theta))
-        return cls(
-            samples=theta.size,
-            mean=float(np.mean(theta)),
-            sd=float(np.std(theta)),
-            greatest=float(theta[top]),
-            greatest_at=float(t[finite][top]),
-            limit=limit,
-            beyond=int(np.count_nonzero(theta > limit)),
-        )
+        mean, sd, beyond = float(np.mean(theta)), float(np.std(theta)), int(np.count_nonzero(theta > limit))
+        return cls(theta.size, mean, sd, float(theta[top]), float(t[finite][top]), limit, beyond)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -345,14 +327,11 @@ def waves(t: Floats, x: Floats, *, gap: float, dead: float = 0.0) -> tuple[Float
     dead : float
         What `x` must go below and above zero on the two sides of a crossing.
     """
-    none = np.empty(0), np.empty(0)
     side = np.where(x > dead, 1, np.where(x < -dead, -1, 0))
     clear = np.flatnonzero(side)
-    if clear.size < 2:
-        return none
     rises = np.flatnonzero(np.diff(side[clear]) > 0)
     if rises.size < 2:
-        return none
+        return np.empty(0), np.empty(0)
     low = np.flatnonzero(x <= 0.0)
     last = low[np.searchsorted(low, clear[rises + 1]) - 1]  # the last sample at or below zero before each rise
     stretch = np.concatenate(([0], np.cumsum(np.diff(t) > gap)))
@@ -364,7 +343,3 @@ def waves(t: Floats, x: Floats, *, gap: float, dead: float = 0.0) -> tuple[Float
     high = np.maximum.reduceat(x, begins)[:-1]
     deep = np.minimum.reduceat(x, begins)[:-1]
     return (high - deep)[same], np.diff(crossing)[same]
-
-
-def _usual_step(t: Floats) -> float:
-    return float(np.median(np.diff(t))) if t.size > 1 else math.inf
