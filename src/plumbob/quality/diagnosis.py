@@ -19,7 +19,7 @@ from plumbob.data.plausibility import ALL_AXES, LONGEST_STEP, NOT_KNOWN, STUCK_S
 from plumbob.data.recording import findings as sample_findings
 from plumbob.quality.arrangement import ARRANGEMENTS, FLOOR, VectorFit, fit, means
 from plumbob.quality.derotated import fit_force
-from plumbob.quality.units import UNITS, rate_error, unit_odds
+from plumbob.quality.units import UNITS, unit_odds
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report, Reported
 from plumbob.rotations import Frame, axes_letters, quat_chained, quat_rotate, signed_axes
@@ -171,12 +171,8 @@ class Diagnosis(Reported):
         ]  # fmt: skip
         lines = [(line,) for line in self.lines]
         profile = [Table("Lines of the profile", ("",), lines, words=(0,))] if lines else []
-        return Report(
-            title="Conventions",
-            facts=tuple(self.facts().items()),
-            tables=(Table("Answers", ("question", "answer", "odds", "found"), rows, words=(1, 3)), *profile),
-            remarks=self.remarks,
-        )
+        tables = (Table("Answers", ("question", "answer", "odds", "found"), rows, words=(1, 3)), *profile)
+        return Report("Conventions", facts=tuple(self.facts().items()), tables=tables, remarks=self.remarks)
 
 
 @dataclass
@@ -213,6 +209,11 @@ class _Sensor:
         if fitted is None or fitted.torn or fitted.explained < _MOST:
             return ()
         return tuple(float(log[_USUAL]) for log in (fitted.log_odds, *fitted.halves))
+
+    @property
+    def fits_declared(self) -> bool:
+        """Whether it turns as the rates do in the declared axes, though others may fit as well."""
+        return max(self.declared_odds(), default=-math.inf) > -_HINT
 
     @property
     def usual(self) -> bool:
@@ -303,10 +304,9 @@ class Examination:
         again.t = again.t * times
         again.values["gyr"] = again.values["gyr"] / times
         again._ask()
-        answer = again.answers["gyr", "unit"]
-        if answer.wrong:
-            self.answers["gyr", "unit"] = answer
-            self.numbers["gyr"] = again.numbers["gyr"]
+        if again.answers["gyr", "unit"].wrong:
+            self.answers |= {at: answer for at, answer in again.answers.items() if at[1] != "delay"}
+            self.lines, self.numbers = again.lines, again.numbers
 
     def _without_unusable(self) -> None:
         """Held and clipped samples, and dead axes, imitate other conventions: what rests on them is open.
@@ -314,6 +314,8 @@ class Examination:
         What the usable samples answer is believed; what they leave open stands only where it is not called wrong.
         """
         masks = {name: mask for name in self.imu.triads if (mask := unusable(self.imu, name)).any()}
+        if all(sensor.fits_declared for sensor in self._trusted()):  # no axis is dead: nothing turns about it
+            masks = {name: mask for name, mask in masks.items() if not mask.all()}
         if not masks:
             return
         usable: dict[str, Any] = {
@@ -500,9 +502,7 @@ class Examination:
 
     def _turning(self) -> tuple[float, float, Trust, tuple[Finding, ...]]:
         """By both vector sensors; where they differ, by half of the difference the answer is uncertain."""
-        trusted = [sensor for sensor in self.sensors.values() if sensor.known] or [
-            sensor for sensor in self.sensors.values() if max(sensor.declared_odds(), default=-math.inf) > -_HINT
-        ]
+        trusted = self._trusted()
         fits = {s.name: s.found for s in trusted if s.found is not None and s.found.scale_sd < _VAGUE * s.found.scale}
         if not fits:
             sensors = list(self.sensors.values())
@@ -526,13 +526,18 @@ class Examination:
         by = info("doctor.by_turning", times=1.0 / scale, by=tuple(fits), assumed=assumed)
         return 1.0 / scale, sd, Trust.SURE if sure and not assumed else Trust.LIKELY, (by,)
 
+    def _trusted(self) -> list[_Sensor]:
+        """Sensors whose axes are known, or else those that turn as declared."""
+        sensors = self.sensors.values()
+        return [it for it in sensors if it.known] or [it for it in sensors if it.fits_declared]
+
     def _unit(self, name: str, size: float, sd: float, sure: Trust, by: tuple[Finding, ...]) -> None:
         declared = self.declared.unit(name)
         if sure is Trust.UNKNOWN:
             self._find(name, "unit", Trust.UNKNOWN, info("doctor.unit_open"), 0.0, *by)
             return
         odds = unit_odds(name, size, sd, declared)
-        rest = rate_error(size, odds.unit or declared, declared) if name == "gyr" else 0.0
+        rest = math.log(size * (odds.factor if odds.unit else 1.0)) if name == "gyr" else 0.0  # that no unit explains
         if abs(rest) > _GAIN + 3.0 * sd:
             self._factor(size, sd, sure, rest, by)
             return
@@ -555,7 +560,7 @@ class Examination:
 
     def _factor(self, size: float, sd: float, sure: Trust, rest: float, by: tuple[Finding, ...]) -> None:
         """Rates that are wrong by a factor that no unit explains: units are exact, and gains are not so far off."""
-        if sure is not Trust.SURE and any(sensor.known for sensor in self.sensors.values()):
+        if sure is not Trust.SURE and not all(sensor.fits_declared for sensor in self._trusted()):
             finding = info("doctor.factor_perhaps", factor=size, sd=size * sd)
             self._find("gyr", "unit", Trust.UNKNOWN, finding, 0.0, *by)
             return

@@ -144,7 +144,7 @@ def verdict(
     share = min(1.0, float(np.count_nonzero(usable)) * mean / max(span[1] - span[0], mean))
     if at.size < FEWEST:
         return BurstVerdict(NOT_EVALUATED, good=share)
-    tests = {"gap": _above(_hole(at[usable], span, step), HOLE), "percent good": _below(share, GOOD)}
+    tests = {"gap": _above(_hole(at[usable], span, step), HOLE), "percent good": _above(-share, (-GOOD[0], -GOOD[1]))}
     tests |= _values(channel, samples, marks)
     if channel in _BEYOND:
         tests["flat line"] = _above(_flat(at, samples), FLAT, equal=True)
@@ -188,10 +188,6 @@ def _values(channel: str, samples: Floats, marks: NDArray[np.uint32]) -> dict[st
 def _above(value: float, limits: tuple[float, float], *, equal: bool = False) -> int:
     suspect, fail = ((value >= limit if equal else value > limit) for limit in limits)
     return FAIL if fail else SUSPECT if suspect else PASS
-
-
-def _below(value: float, limits: tuple[float, float]) -> int:
-    return FAIL if value < limits[1] else SUSPECT if value < limits[0] else PASS
 
 
 def _hole(at: Floats, span: tuple[float, float], step: float) -> float:

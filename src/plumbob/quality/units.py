@@ -70,9 +70,3 @@ def unit_odds(name: str, size: float, sd: float, declared: str) -> UnitOdds:
     if abs(away[best]) > _NONE_FITS:
         return UnitOdds(None, _USUAL[name] / size, 0.0, best, against)
     return UnitOdds(best, float(to_si(1.0, best, kind)) / scale, odds, second, against)
-
-
-def rate_error(size: float, unit: str, declared: str) -> float:
-    """Logarithm of the factor that is left of rates that turn `size` times too fast, if they are in a unit."""
-    kind = QUANTITY_BY_TRIAD["gyr"]
-    return math.log(size * float(to_si(1.0, unit, kind)) / float(to_si(1.0, declared, kind)))
