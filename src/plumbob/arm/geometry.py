@@ -10,7 +10,6 @@ from plumbob.arm.smoother import Attitudes
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
-from plumbob.filters.smoother.keyframes import filled
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply, skew
 
 CUT_OFF: Final = 3.0
@@ -88,7 +87,12 @@ def lever_matrices(t: Floats, gyr: Floats) -> Floats:
 
 def interpolated(values: Floats, t: Floats) -> Floats:
     """Values (U, N, 3) whose missing ones are filled in on straight lines."""
-    return np.stack([filled(t, signal) for signal in values])
+    filled = np.array(values)
+    for signal in filled:
+        finite = ~np.isnan(signal[:, 0])
+        for axis in signal.T:
+            axis[:] = np.interp(t, t[finite], axis[finite]) if finite.any() else 0.0
+    return filled
 
 
 def force_terms(samples: UnitSamples, motion: Attitudes, *, mean_rate: bool) -> Terms:

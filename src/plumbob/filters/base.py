@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 _UNIT = 1e-6  # a step renormalises to rounding
 _LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
-STATE_VERSION = 5
+STATE_VERSION = 6
 SEEN_TAU = 30.0
 """The field is taken for its mean over this, s, when errors of its calibration are weighed."""
 _LOOKED_AT = 10_000

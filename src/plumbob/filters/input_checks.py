@@ -12,6 +12,9 @@ in one step is held back for one sample, and made up for if the next sample conf
 known (absent, clipped, stuck, or skipped by a gap), the angle that may have been missed is counted, so that a filter
 can open its gains or begin again instead of trusting a wrong attitude.
 
+Only what says new values while nothing moves can be judged so: a part whose last digit is larger than its noise says
+the same for as long as it rests, and a smooth turn of it stays at its peak for many samples.
+
 A single axis is judged by what the two others of its triad do meanwhile. Where all three repeat themselves, a slow
 sensor is held, and its time since says when that lasts too long.
 
@@ -32,13 +35,23 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
-from plumbob.filters.layout import AXES, BLIND, COUNT, HELD, LAST, MAX_GAP, RATE, SAME, STAGE
+from plumbob.filters.layout import AXES, BLIND, COUNT, DIGITS, HELD, LAST, MAX_GAP, RATE, SAME, STAGE
 from plumbob.rotations.kernels import Vec
 
 LONG: Final = 0.25
 """What repeats itself for longer than this, s, and for `MANY` samples, is stuck."""
 MANY: Final = 25.0
 """Three axes of noise that is small against the last digit repeat some times; 25 times at a stretch they do not."""
+
+DIGIT: Final = (dps(0.125), 0.02, 0.3)
+"""A larger last digit than this, rad/s, m/s², µT, may hide all noise: quiet parts have 0.03 °/s, 5 mm/s² and 0.1 µT at
+100 Hz, and ±4000 °/s in 16 bits are 0.122 °/s."""
+ROUNDING: Final = 1e-3
+"""A change that is a smaller share of that comes from arithmetic."""
+NO_DIGIT: Final = 1e9
+"""Last digit of what has said one value alone."""
+ABRUPT: Final = 2.0
+"""An end of range is reached in steps of more digits than this; a peak is not."""
 
 MOTION_TAU: Final = 1.0
 """Time over which an axis's mean and its deviation from that are taken, s."""
@@ -65,7 +78,7 @@ CLIPPED: Final = 1
 STUCK: Final = 2
 WRAPPED: Final = 4
 
-WIDTH: Final = 12  # places of an axis
+WIDTH: Final = 13  # places of an axis
 _LAST: Final = 0  # its last value, and the one other that it has had meanwhile
 _OTHER: Final = 1
 _TWO: Final = 2  # for how long these two, s
@@ -78,6 +91,7 @@ _PEAK: Final = 8  # largest value lately
 _END: Final = 9  # end of its range; 0 while that is not known
 _STEP: Final = 10  # to the value before
 _WRAPPED: Final = 11  # largest value when it wrapped around; 0 where it has not
+_REACHED: Final = 12  # by what step it came to its value
 
 
 @kernel
@@ -89,19 +103,35 @@ def axis_flags(x: Floats, triad: int, dt: float, vx: float, vy: float, vz: float
         return 0
     if vx == x[i] and vy == x[j] and vz == x[k]:  # an old one, said again
         return STUCK if x[i + _STUCK] + x[j + _STUCK] + x[k + _STUCK] > 0.0 else 0
+    digit = _digit(x, triad, vx - x[i], vy - x[j], vz - x[k])
     share = dt / (dt + MOTION_TAU)
     moves_x = _moves(x, i, share, vx, MOVES[triad])
     moves_y = _moves(x, j, share, vy, MOVES[triad])
     moves_z = _moves(x, k, share, vz, MOVES[triad])
     word = 0
     if triad == 0:
-        word |= _range(x, i, dt, vx, moves_y or moves_z)
-        word |= _range(x, j, dt, vy, moves_x or moves_z)
-        word |= _range(x, k, dt, vz, moves_x or moves_y)
-    stuck_x = _stuck(x, i, dt, vx, moves_y and moves_z)
-    stuck_y = _stuck(x, j, dt, vy, moves_x and moves_z)
-    stuck_z = _stuck(x, k, dt, vz, moves_x and moves_y)
+        word |= _range(x, i, dt, vx, digit, moves_y or moves_z)
+        word |= _range(x, j, dt, vy, digit, moves_x or moves_z)
+        word |= _range(x, k, dt, vz, digit, moves_x or moves_y)
+    fine = digit < DIGIT[triad]
+    stuck_x = _stuck(x, i, dt, vx, fine and moves_y and moves_z)
+    stuck_y = _stuck(x, j, dt, vy, fine and moves_x and moves_z)
+    stuck_z = _stuck(x, k, dt, vz, fine and moves_x and moves_y)
     return word | (STUCK if (stuck_x or stuck_y or stuck_z) and not word & CLIPPED else 0)
+
+
+@kernel
+def _digit(x: Floats, triad: int, cx: float, cy: float, cz: float) -> float:
+    """Smallest change of an axis of a triad so far: its last digit; `NO_DIGIT` before."""
+    if x[DIGITS + triad] == 0.0:
+        x[DIGITS + triad] = NO_DIGIT
+        return NO_DIGIT
+    least: float = x[DIGITS + triad]
+    for change in (abs(cx), abs(cy), abs(cz)):
+        if ROUNDING * DIGIT[triad] < change < least:
+            least = change
+    x[DIGITS + triad] = least
+    return least
 
 
 @kernel
@@ -131,13 +161,14 @@ def _stuck(x: Floats, at: int, dt: float, v: float, others_move: bool) -> bool:
 
 
 @kernel
-def _range(x: Floats, at: int, dt: float, v: float, another_moves: bool) -> int:
+def _range(x: Floats, at: int, dt: float, v: float, digit: float, another_moves: bool) -> int:
     """Whether an axis is at the end of its range, or beyond, by its values so far."""
     size, step = abs(v), abs(v - x[at + _LAST])
     x[at + _PEAK] = max(size, x[at + _PEAK] * (1.0 - dt / (dt + LATELY)))
     x[at + _SAME] = x[at + _SAME] + 1.0 if step == 0.0 else 0.0
+    x[at + _REACHED] = step if step > 0.0 else x[at + _REACHED]
     lived = x[at + _CHANGES] > MANY
-    moves = another_moves and x[at + _DEVIATION] > MOVES[0]
+    moves = another_moves and x[at + _DEVIATION] > MOVES[0] and x[at + _REACHED] > ABRUPT * digit
     if lived and moves and x[at + _SAME] >= EQUAL and size >= max(LEAST_RANGE, (1.0 - NEAR) * x[at + _PEAK]):
         x[at + _END] = size
     elif size > (1.0 + NEAR) * x[at + _END]:
@@ -177,7 +208,8 @@ def _repeats(x: Floats, triad: int, dt: float, vx: float, vy: float, vz: float) 
             x[LAST + triad], x[SAME + triad] = said, 0.0
         return False
     x[SAME + triad] += dt
-    return bool(x[SAME + triad] > LONG and x[SAME + triad] > MANY * dt)
+    coarse = DIGIT[triad] <= x[DIGITS + triad] < NO_DIGIT
+    return bool(x[SAME + triad] > LONG and x[SAME + triad] > MANY * dt and not coarse)
 
 
 @kernel

@@ -47,8 +47,9 @@ SAME: Final = 16  # for how long it has said the same, s, 3
 CLOCK: Final = 19  # see `tick`, 5
 SEEN: Final = 24  # mean level and vertical part of the field, µT, and of how many; of filters with a covariance, 3
 TRIAL: Final = 27  # see settling.py, 15
-AXES: Final = 42  # see input_checks.py, 12 for each of 9
-TAKEN: Final = AXES + 108  # how many samples were remembered; then their times, ns from the anchor, and what they said
+DIGITS: Final = 42  # smallest change of each triad so far, 3; zero before its first value
+AXES: Final = 45  # see input_checks.py, 13 for each of 9
+TAKEN: Final = AXES + 117  # how many samples were remembered; then their times, ns from the anchor, and what they said
 OWN: Final = TAKEN + 1 + 2 * REMEMBERED
 
 # Stages

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as nps
 
 from plumbob import ImuData, flags
-from plumbob.core.units import deg
 from plumbob.filters.smoother import Smoother, keyframes, samples
-from plumbob.filters.smoother.keyframes import Keyframes, between, longest_step
+from plumbob.filters.smoother.keyframes import Keyframes, between, bridge
 from plumbob.filters.smoother.samples import MARGIN, stretches
 from plumbob.rotations import quat_angle, quat_chained, quat_from_rotvec, quat_multiply
 from tests.helpers import examples, slow_as_python
@@ -46,16 +45,6 @@ def damaged(draw):
     return ImuData(t=t, **triads), has
 
 
-def bow(t, known):
-    """Share of a sine of the stated frequency that a straight line over each hole misses, at most, (N,)."""
-    missed = np.zeros(t.size)
-    for i in np.flatnonzero(~known):
-        before, after = np.flatnonzero(known[:i]), i + np.flatnonzero(known[i:])
-        ends = [*before[-1:], *after[:1]]
-        missed[i] = (2.0 * np.pi * keyframes.SWING * (t[ends[-1]] - t[ends[0]])) ** 2 / 8.0 if ends else np.inf
-    return missed
-
-
 @given(damaged(), st.sampled_from([0.001, 0.049, 0.3]))
 @examples(0.6)
 def test_every_sample_with_a_rate_is_in_exactly_one_step(given_, spacing):
@@ -71,45 +60,72 @@ def test_every_sample_with_a_rate_is_in_exactly_one_step(given_, spacing):
     assert (frames.t == t[frames.rows]).all()
     assert (frames.rows[0], frames.rows[-1]) == (known[0], known[-1])
     left_out = np.setdiff1d(np.arange(t.size), frames.rows)
-    longest = longest_step(t)
-    for row in left_out[(left_out > known[0]) & (left_out < known[-1])]:
-        assert t[known[known > row][0]] - t[known[known < row][-1]] > longest
+    ends = np.searchsorted(frames.rows, [known[known > row][0] for row in left_out[left_out < known[-1]]])
+    assert set(ends[ends > 0]) <= set(frames.first[1:][frames.gap])
     assert (frames.first[0], frames.first[-1]) == (0, frames.t.size - 1)
     count = np.diff(frames.first)
     assert (count > 0).all()
     assert (count[frames.gap] == 1).all()  # no sample is within a gap
     step = np.diff(frames.t)
-    assert (frames.gap == (count == 1) & (step[frames.first[:-1]] > longest)).all()
+    assert (frames.missed[frames.gap] > keyframes.LOST**2).all()
     beside_gap = np.append(frames.gap[1:], True) | np.insert(frames.gap[:-1], 0, False)
     assert (frames.step[~frames.gap & ~beside_gap] > spacing - 2e-6).all()
-    at_least = np.maximum(spacing, step.max(initial=0.0, where=step <= longest))
+    at_least = np.maximum(spacing, np.delete(step, frames.first[:-1][frames.gap]).max(initial=0.0))
     assert (frames.step[~frames.gap] <= spacing + at_least + 1e-9).all()
 
 
 @given(damaged())
 @examples(0.6)
-def test_missing_values_are_interpolated_and_counted(given_):
+def test_missing_values_are_bridged_and_counted(given_):
     imu, has = given_
     frames = Keyframes.from_imu(imu, 0.049)
     if frames is None:
         return
     assert np.isfinite(frames.gyr).all() and np.isfinite(frames.acc).all()
-    for name, values in (("gyr", frames.gyr), ("acc", frames.acc)):
-        kept = has[name][frames.rows]
-        assert (values[kept] == getattr(imu, name)[frames.rows][kept]).all()
-    assert (np.isfinite(frames.mag[:, 0]) == has["mag"][frames.rows]).all()
-    dt = np.diff(frames.t, prepend=frames.t[0])
-    lost = [np.where(has[name][frames.rows], 0.0, dt) for name in ("gyr", "acc")]
-    # by their definitions: standard deviations that add up over a spell; a straight line over a hole of length h is off
-    # by at most (2 π f h)²/8 of a sine of frequency f: the remainder of linear interpolation, h² max |f''| / 8
-    bows = {name: bow(frames.t, has[name][frames.rows]) for name in ("gyr", "acc")}
-    for k, (i, j) in enumerate(itertools.pairwise(frames.first)):
-        own = slice(i + 1, j + 1)
-        force = keyframes.UNKNOWN_FORCE * np.sum(np.minimum(1.0, bows["acc"][own]) * lost[1][own])
-        rate = deg(2.0) * np.sum(np.minimum(keyframes.UNKNOWN_RATE, bows["gyr"][own]) * lost[0][own])
-        assert frames.pushed[k] == pytest.approx(force**2, abs=1e-9)
-        assert frames.missed[k] >= rate**2 * (1 - 1e-6) - 1e-12
-        assert (frames.missed[k] == 0.0) == (lost[0][own].sum() == 0.0)
+    # a value is kept but where its step lacks samples
+    step, usual = np.diff(frames.t, prepend=-np.inf), np.median(np.diff(imu.t[has["gyr"]]))
+    whole = step <= 1.5 * usual
+    kept = has["gyr"][frames.rows] & whole & np.insert(has["gyr"][frames.rows][:-1], 0, True)
+    assert (frames.gyr[kept] == imu.gyr[frames.rows][kept]).all()
+    assert not (np.isfinite(frames.mag[:, 0]) & ~has["mag"][frames.rows]).any()
+    assert (frames.missed >= 0.0).all() and (frames.pushed >= 0.0).all()
+
+
+@pytest.mark.parametrize("missing", [0.05, 0.3, 1.0, 4.0])
+@pytest.mark.parametrize("rows", [False, True], ids=["no rows", "rows without values"])
+def test_a_bridge_is_the_conditional_mean_of_a_gauss_markov_process(missing, rows):
+    """By dense algebra on a fine grid: the integral of such a process between two ends that are known."""
+    dt = 0.01
+    t = np.arange(4000) * dt
+    rng = np.random.default_rng(1)
+    values = rng.normal(0.3, 1.0, (t.size, 3))
+    gone = (t > 20.0 + 1e-9) & (t < 20.0 + missing + dt - 1e-9)
+    begin, end = 2000, 2000 + round(missing / dt) + 1
+    near = (t >= 20.0 - max(3.0, missing + dt) - 1e-9) & (t <= t[end] + max(3.0, missing + dt) + 1e-9) & ~gone
+    mean = values[near].mean(axis=0)
+    spread = (np.mean((of - mean) ** 2) for of in (values[near], values[[begin, end]]))
+    variance = max(spread)  # the ends are part of what is known
+    fine = np.linspace(0.0, missing, 2001)
+    weight = np.full(fine.size, missing / 2000.0)
+    weight[[0, -1]] *= 0.5
+
+    def covariance(a, b):
+        return np.exp(-np.abs(np.subtract.outer(a, b)) / keyframes.CORRELATED)
+
+    ends = np.array([0.0, missing])
+    gain = np.linalg.solve(covariance(ends, ends), covariance(ends, fine) @ weight)
+    integral = mean * missing + gain @ (values[[begin, end]] - mean)
+    left = weight @ covariance(fine, fine) @ weight - gain @ (covariance(ends, fine) @ weight)
+    given = np.where(gone[:, np.newaxis], np.nan, values) if rows else values[~gone]
+    found = bridge(t if rows else t[~gone], given * (0.1 if missing > 1.0 else 1.0) * 0.02)
+    scale = (0.1 if missing > 1.0 else 1.0) * 0.02
+    time = t if rows else t[~gone]
+    behind = (time > 20.0 + 1e-9) & (time < t[end] + 1e-9)
+    step = np.diff(time, prepend=0.0)[behind]
+    over = (step[:, np.newaxis] * found.values[behind]).sum(axis=0) - dt * scale * values[end]
+    assert over == pytest.approx(scale * integral, rel=2e-3, abs=2e-5)
+    assert found.variance[behind].sum() == pytest.approx(scale**2 * variance * left, rel=2e-3)
+    assert not found.lost.any() and (found.blind[behind] == (missing > 2.0 * keyframes.CORRELATED)).all()
 
 
 def test_the_mean_over_a_step_is_that_of_its_samples():
@@ -127,28 +143,27 @@ def test_the_mean_over_a_step_is_that_of_its_samples():
 
 
 @pytest.mark.parametrize("rate", [5.0, 20.0, 100.0, 400.0])
-def test_a_usual_step_is_no_gap_at_any_rate(rate):
-    """0.1 s, or three usual steps where those are longer; the package's words in `LONGEST`."""
+def test_the_tilt_starts_again_behind_a_gap_that_no_bridge_reaches_over(rate):
+    """A usual step is none at any rate, nor a lost sample; a minute in motion is one, and the heading is bridged."""
     h = by_hand(20.0, rate)
     frames = Keyframes.from_imu(h.imu(), 0.049)
-    assert not frames.gap.any()
+    assert not frames.gap.any() and frames.missed.max() < 1e-6
     assert np.median(frames.step) == pytest.approx(max(math.ceil(0.049 * rate) / rate, 1.0 / rate))
-    longest = max(keyframes.LONGEST, 3.0 / rate)
-    for step, gap in ((longest * 0.99, False), (longest * 1.01, True)):
+    for missing, gap in ((1.0 / rate, False), (60.0, True)):
         t = h.t.copy()
-        t[30:] += step - 1.0 / rate
-        assert Keyframes.from_imu(h.imu(t=t), 0.049).gap.any() == gap
+        t[30:] += missing
+        frames = Keyframes.from_imu(h.imu(t=t), 0.049)
+        assert frames.gap.any() == gap
+        assert frames.missed.max() > (keyframes.LOST**2 if gap else 1e-9)
 
 
-@pytest.mark.parametrize(("hole", "gap"), [(8, False), (20, True)])
-def test_a_hole_of_the_gyroscope_is_a_gap_where_it_is_as_long_as_one(hole, gap):
-    h = by_hand(5.0)
-    gyr = h.gyr.copy()
-    gyr[200 : 200 + hole] = np.nan
+@pytest.mark.parametrize(("seconds", "gap"), [(0.08, False), (0.2, False), (2.0, True)])
+def test_a_hole_of_the_gyroscope_is_a_gap_where_no_bridge_reaches_over_it(seconds, gap):
+    h = by_hand(10.0)
+    gyr = np.where(((h.t > 4.995) & (h.t < 4.995 + seconds))[:, np.newaxis], np.nan, h.gyr)
     frames = Keyframes.from_imu(h.imu(gyr=gyr), 0.049)
     assert frames.gap.any() == gap
-    assert frames.t.size == h.t.size - (hole if gap else 0)
-    assert (frames.missed > 0.0).any() != gap
+    assert frames.t.size == h.t.size - (round(100 * seconds) if gap else 0)
 
 
 def test_clipped_and_stuck_values_are_not_used():
@@ -157,10 +172,9 @@ def test_clipped_and_stuck_values_are_not_used():
     word[100], word[150], word[200] = flags.GYR_CLIPPED, flags.ACC_STUCK, flags.MAG_CLIPPED
     imu = ImuData(t=h.t, gyr=h.gyr, acc=h.acc, mag=h.mag, flags=word)
     frames = Keyframes.from_imu(imu, 0.049)
-    assert (np.flatnonzero(frames.missed), np.flatnonzero(frames.pushed)) == (
-        np.searchsorted(frames.first, 100) - 1,
-        np.searchsorted(frames.first, 150) - 1,
-    )
+    for added, row in ((frames.missed, 100), (frames.pushed, 150)):  # beside what the last digit hides
+        step = np.searchsorted(frames.first, row) - 1
+        assert np.delete(added, step).max() < 1e-6 * added[step]
     assert np.flatnonzero(np.isnan(frames.mag[:, 0])) == 200
 
 

@@ -210,7 +210,8 @@ def wrong_at_first(h, until):
 
 
 @pytest.mark.parametrize("size", [1, 1000])
-def test_missing_values_are_held_and_made_up_for_by_the_next_ones(size):
+def test_missing_values_are_foreseen_and_made_up_for_by_the_next_ones(size):
+    """Mean and spread are those of what came before, and of both sides where all is known: a thousandth of a turn."""
     h = by_hand(12.0, seed=4)
     lost = np.random.default_rng(0).random(h.t.size) < 0.05
     gyr, acc = (np.where(lost[:, np.newaxis], np.nan, of) for of in (h.gyr, h.acc))
@@ -224,7 +225,7 @@ def test_missing_values_are_held_and_made_up_for_by_the_next_ones(size):
         dt = np.diff(held.t)[:, np.newaxis]
         line, steps = (np.cumsum(getattr(of, name)[1:n] * dt, axis=0) for of in (ahead, held))
         assert np.abs(line - steps)[gone[1:]].max() > 1e-4  # behind where the lines go
-        np.testing.assert_allclose(line[~gone[1:]], steps[~gone[1:]], rtol=0, atol=1e-12)  # caught up by the next one
+        np.testing.assert_allclose(line[~gone[1:]], steps[~gone[1:]], rtol=0, atol=2e-3)  # caught up by the next one
     np.testing.assert_array_equal(held.time, ahead.time[: stream.steps + 1])
     assert (held.missed > 0.0).sum() > 30
     if size == 1000:
@@ -233,19 +234,19 @@ def test_missing_values_are_held_and_made_up_for_by_the_next_ones(size):
 
 
 def test_a_hole_of_the_gyroscope_is_a_gap_and_what_lies_in_it_is_not_kept():
-    """Held for as long as a step may last, 0.1 s; then the attitude stays, and may be any."""
+    """Foreseen for as long as the tilt is known better so than from gravity; then the attitude may be any."""
     h = by_hand(20.0, rest=((0.0, 4.0),), seed=5)
-    gyr = np.where(((h.t > 9.995) & (h.t < 10.495))[:, np.newaxis], np.nan, h.gyr)
+    gyr = np.where(((h.t > 9.995) & (h.t < 12.995))[:, np.newaxis], np.nan, h.gyr)
     stream, kept = arrived(h.imu(gyr=gyr))
     gone = h.t[~kept]
-    assert (gone[0], gone[-1]) == (pytest.approx(10.1), pytest.approx(10.49))
+    assert 10.1 < gone[0] < 11.0 and gone[-1] == pytest.approx(12.99)
     gaps = np.flatnonzero(stream.gaps(slice(0, stream.steps)))
-    assert [stream.time(int(k) + 1) for k in gaps] == [pytest.approx(10.5)]
+    assert [stream.time(int(k) + 1) for k in gaps] == [pytest.approx(13.0)]
     track, told = followed(h.imu(gyr=gyr))
     word = track.flags[~kept]
     assert (word & np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED) == flags.GYR_HELD | flags.NOT_CONVERGED).all()
     assert (track.q_nb[~kept] == track.q_nb[~kept][0]).all() and np.trace(track.cov_b[~kept][0]) > math.pi**2
-    assert "1 gap in the samples (until 10.5 s)" in told
+    assert "1 gap in the samples (until 13.0 s)" in told
 
 
 def test_what_is_not_needed_is_let_go(monkeypatch):

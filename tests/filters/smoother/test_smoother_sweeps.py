@@ -246,9 +246,9 @@ def test_what_goes_back_stays_symmetric_and_positive(seed):
 
 @pytest.fixture(scope="module")
 def recorded():
-    """Six seconds: moving, at rest from 2 to 4 s, a gap of a second at 5 s, no field in every third sample."""
+    """Six seconds: moving, at rest from 2 to 4 s, a gap of a minute at 5 s, no field in every third sample."""
     h = by_hand(6.0, rest=((2.0, 4.0),), seed=3)
-    t = np.where(h.t < 5.0, h.t, h.t + 1.0)
+    t = np.where(h.t < 5.0, h.t, h.t + 60.0)
     mag = np.where(np.arange(t.size)[:, np.newaxis] % 3 == 0, np.nan, h.mag)
     frames, params = Keyframes.from_imu(ImuData(t=t, gyr=h.gyr, acc=h.acc, mag=mag), 0.049), Params()
     at_rest = np.interp(frames.middle, [2.4, 2.5, 3.5, 3.6], [0, 1, 1, 0]) == 1.0
@@ -284,12 +284,14 @@ def test_forward_is_the_textbook_s_filter(recorded):
     p, used = p0, 0
     for k in range(frames.gap.size):
         f, dt, u = transition(step[k]), step[k, TIME], mean[k]
+        before = p[TH + 2, TH + 2]
         p = f @ p @ f.T
         grown = np.zeros(SIZE)
         grown[B : B + 3], grown[BEND] = noise.walk * dt, noise.bend * (1.0 - step[k, FADE] ** 2)
         if kind[k] == AGAIN:
             for i in (0, 1, 2, V, V + 1):
                 p[i, i] = p0[i, i]
+            assert before + frames.missed[k] > p0[TH + 2, TH + 2]  # no better known by the bridge
         else:
             turned = noise.gyr * dt + noise.nonlinearity * u[sweeps.ROUGH] + frames.missed[k]
             grown[:3] = turned if kind[k] == MOVING else sweeps.REST_JITTER * dt

@@ -40,7 +40,6 @@ from plumbob.filters.smoother.samples import (
 )
 from plumbob.filters.smoother.stationary import CLEAR, HOLDS, JUMPED, STOOD, UNTIL, means, stands, take_bias
 from plumbob.filters.smoother.sweeps import (
-    AGAIN,
     COUNT,
     FADE,
     FIELD,
@@ -192,20 +191,18 @@ def onward(
     f, mean, vectors, rate = np.zeros(STEP), np.zeros(MEANS), np.empty(9), np.empty(3)
     keep(0, attitude, now, p, q, x, cov)
     for k in range(first.size - 1):
-        kind = AGAIN if gap[k] else step_kind(quiet[k], around[k], now, rest_band)
+        kind = MOVING if gap[k] else step_kind(quiet[k], around[k], now, rest_band)
         spread2 = integrate(first[k], first[k + 1], t, gyr, acc, mag, kind, attitude, now, f, mean)
         dt = f[TIME]
         f[FADE] = math.exp(-dt / noise.bend_time)
         weight[k] = 0.0
-        if kind == AGAIN:
-            for i in (TH, TH + 1, TH + 2, V, V + 1):
-                p[i, i] += ANY_ATTITUDE
-        else:
-            predict(p, now, f, mean, spread2, missed[k], pushed[k], noise)
+        predict(p, now, f, mean, spread2, missed[k], pushed[k], noise)
         for i in range(3):
             p[B + i, B + i] += noise.walk * dt
         fade(p, now, f[FADE], noise.bend)
-        if kind != AGAIN:
+        if gap[k]:
+            forget_velocity(p, now)
+        else:
             weight[k] = measure(
                 p, now, gain, term, column, mean, dt, kind, learned, least_speed, untold[k], noise, field
             )  # fmt: skip
@@ -223,7 +220,7 @@ def onward(
         if doubt2 > CLEAR * CLEAR and quiet[k]:
             take_bias(standing, end, attitude, now, p, rest_band, rest_time)
             learned[:] = 0.0
-        if not proven and contradicted(other, mean, dt, turning, field, weight[k], kind == AGAIN):
+        if not proven and contradicted(other, mean, dt, turning, field, weight[k], gap[k]):
             turn_heading_by(other[DOUBT], attitude, now, p, learned)
             p[TH + 2, TH + 2] += TAKEN_SD**2
             field = taken(other, field)

@@ -12,7 +12,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
-from plumbob.filters.smoother.keyframes import Bools, Keyframes, path, sum_between
+from plumbob.filters.smoother.keyframes import LOST, Bools, Keyframes, path, sum_between
 from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, TH, ModelVariances, Params, start_covariance
 from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
 
@@ -30,7 +30,7 @@ REST_SPEED: Final = 0.02
 """Level speed at rest, m/s."""
 FIRST_TILT: Final = 4.0
 """The first tilt is that of the mean specific force over this, s;"""
-WIDE: Final = deg(15.0)
+WIDE: Final = LOST
 """its standard deviation, rad,"""
 NARROW: Final = deg(5.0)
 """and that of a smoothed one that is taken for a start."""
@@ -140,7 +140,8 @@ def calm(frames: Keyframes, p: Params) -> Calm:
     turning, still, moved = _turned_field(frames, p, quiet)
     along = (mean * up).sum(axis=1) / np.maximum(np.linalg.norm(up, axis=1), 1e-9)
     turn = np.where(moved, np.linalg.norm(mean, axis=1), np.where(still, 0.0, along))
-    return Calm(quiet & ~turning, mean, turn)
+    sharp = 0.5 * frames.digit < p.rest_band  # else a slow turn hides in a digit
+    return Calm(quiet & ~turning & sharp, mean, turn)
 
 
 def _quiet(frames: Keyframes, p: Params) -> tuple[Bools, Floats, Floats]:
@@ -395,15 +396,20 @@ def _level(
     frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, tilt_sd: float,
     tilt_var: float, sd: float, *, unit: Floats | None, sure: bool,
 ) -> Inertial:  # fmt: skip
-    """Three passes, each from the smoothed start of the one before; the first ones without scale and misalignment."""
+    """Passes, each from the smoothed start of the one before; the first ones without scale and misalignment."""
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
     noise, start = ModelVariances.from_params(p, 0.0), tilt.copy()
-    for wide, matrix in ((WIDE, FIXED_MATRIX), (NARROW, FIXED_MATRIX), (NARROW, 1.0)):
+    free = p.gyr_scale > Params().gyr_scale
+    again = ((NARROW, 1.0),) if free else ()  # what a scale explains was taken for speed before
+    for wide, matrix in ((WIDE, FIXED_MATRIX), (NARROW, FIXED_MATRIX), *again, (NARROW, 1.0)):
         bias_sd = sd if wide == WIDE else min(sd, AGAIN_BIAS)
-        p0 = start_covariance(p, tilt=wide, heading=FREE_HEADING, bias=bias_sd, rigid=True, matrix=matrix, unit=unit)
-        density, last = speed.density(p, resting), matrix == 1.0
+        p0 = start_covariance(
+            p, tilt=wide, heading=FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit
+        )
+        density = speed.density(p, resting)
         first = narrowed(p0, tilt_sd)
-        estimate = sweep(frames, kind, density, unused, start, bias, p0, noise, first=first, covariance=last)
+        p0[TH + 2, TH + 2] = math.pi**2  # behind a gap the heading may be any, but for what bridges it
+        estimate = sweep(frames, kind, density, unused, start, bias, p0, noise, first=first, covariance=matrix == 1.0)
         speed = level_speed(frames, estimate.force[:, :2])
         start[frames.starts], bias = estimate.q[frames.starts], estimate.bias[0]
         if tilt_sd < NARROW:

@@ -205,7 +205,7 @@ class Between(NamedTuple):
     """What a next sample goes on from where it ends no step: see `per_sample`.
 
     Attitude (4,), body to ENU, and state (21,), what is watched for stuck sensors, the flags of the step, the time at
-    which the step began and its usual length, s.
+    which the step began, its usual length, and the longest time between two samples of which none is missing, s.
     """
 
     q: Floats
@@ -214,6 +214,7 @@ class Between(NamedTuple):
     word: int
     key: float
     spacing: float
+    longest: float
 
 
 class Look(NamedTuple):
@@ -288,13 +289,14 @@ class Live:
 
     def between(self) -> Between | None:
         """What a next sample goes on from where it ends no step; None where it must be taken."""
-        running, watched = self._running, self._arriving.watched()
+        running, arriving = self._running, self._arriving
+        watched = arriving.watched()
         if running is None or watched is None or self.p.latency:
             return None
         said = self._flags(running.smoothed, np.array([running.weight]), running.cov[np.newaxis])
-        q, key = self._last.q[0].copy(), self._arriving.key
+        q, key = self._last.q[0].copy(), arriving.key
         word = running.word | running.unknown | int(said[0])
-        return Between(q, running.last.state.copy(), watched, word, key, self.p.keyframe)
+        return Between(q, running.last.state.copy(), watched, word, key, self.p.keyframe, arriving.longest)
 
     def close(self) -> None:
         """End the thread."""

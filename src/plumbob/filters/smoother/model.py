@@ -20,6 +20,7 @@ keyframe, so that λ refers to the corrected attitude; the heading is a consider
 second pass starts from the smoothed attitude, with a wide covariance of its own.
 """
 
+import math
 from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import numpy as np
@@ -125,6 +126,24 @@ def from_noise(card: "NoiseCard") -> dict[str, float]:
     return {name: value for name, value in params.items() if value > getattr(usual, name)}
 
 
+COARSE_SCALE: Final = 0.05
+"""Standard deviation of the scale of a part that is so coarse that its digit hides rest,"""
+COARSE_AXES: Final = deg(1.0)
+"""and of the angles between its axes, rad: data sheets allow as much, and nobody calibrates such a part."""
+
+
+def for_digit(p: Params, digit: float, lasts: float) -> Params:
+    """Parameters for a unit without a card whose last digit, rad/s, may hide a slow turn.
+
+    What the digit cuts off is as good as noise that lasts for so long, s.
+    """
+    if not 0.5 * digit >= p.rest_band or not math.isfinite(digit):
+        return p
+    noise = math.hypot(p.gyr_noise, digit * math.sqrt(lasts / 12.0))
+    scale, axes = max(p.gyr_scale, COARSE_SCALE), max(p.gyr_misalignment, COARSE_AXES)
+    return p._replace(gyr_noise=noise, gyr_scale=scale, gyr_misalignment=axes)
+
+
 CARD_FLOOR: Final = 5e-4
 """A scale or an angle that a card has may have changed by so much since."""
 BIAS_REPEATS: Final = dps(0.5)
@@ -147,7 +166,7 @@ def start_covariance(
     bias : float
         Of the gyroscope's bias, rad/s.
     rigid : bool
-        Nothing shows the heading, so that the scale is only known as the misalignment is.
+        Nothing shows the heading, so that the scale may move no more than the misalignment.
     matrix : float
         Share of the prior of scale and misalignment, as a standard deviation.
     unit : ndarray (12, 12), optional

@@ -31,8 +31,17 @@ from plumbob.filters.smoother.inertial import (
     narrowed,
     without_gravity,
 )
-from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
-from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, B, M, ModelVariances, Params, start_covariance
+from plumbob.filters.smoother.keyframes import CORRELATED, Bools, Keyframes, between
+from plumbob.filters.smoother.model import (
+    BIAS_REPEATS,
+    FREE_HEADING,
+    B,
+    M,
+    ModelVariances,
+    Params,
+    for_digit,
+    start_covariance,
+)
 from plumbob.filters.smoother.sensor_fixed_field import Attached, attached_field
 from plumbob.filters.smoother.sweeps import Sweep, sweep
 from plumbob.rotations import Frame, dcm_from_quat, quat_slerp
@@ -181,6 +190,8 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
     if prior.unit is not None:
         sd = math.sqrt(float(np.trace(prior.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
         p = p._replace(bias_start=min(p.bias_start, sd))
+    else:
+        p = for_digit(p, frames.digit, CORRELATED)
     frames = frames.drifting()
     inertial = level(frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias)
     if np.isfinite(frames.mag[:, 0]).any():

@@ -19,7 +19,7 @@ from plumbob.data.imu import TRIADS
 from plumbob.data.sample import ImuSample
 from plumbob.filters.input_checks import watch
 from plumbob.filters.layout import RISING
-from plumbob.filters.smoother.keyframes import LONGEST, WRONG, turned_by
+from plumbob.filters.smoother.keyframes import WRONG, turned_by
 from plumbob.filters.smoother.model import B
 from plumbob.filters.smoother.sweeps import corrected_rate
 from plumbob.rotations.kernels import quat_mul
@@ -35,15 +35,15 @@ _LIMITS: Final = {"gyr": IMPOSSIBLE_RATE, "acc": IMPOSSIBLE_ACCELERATION, "mag":
 
 @kernel
 def go_on(
-    q: Floats, x: Floats, watched: Floats, since: float, key: float, spacing: float, t: float, values: Floats,
-    limits: Floats, mag: bool, turns: Floats, out: Floats,
+    q: Floats, x: Floats, watched: Floats, since: float, key: float, spacing: float, longest: float, t: float,
+    values: Floats, limits: Floats, mag: bool, turns: Floats, out: Floats,
 ) -> int:  # fmt: skip
     """Turn on by one sample behind time `since`, and write its attitude in the frame that was asked for.
 
     Returns its flags; or `MORE`, and nothing counts, where it ends the step that began at `key` or is not as usual.
     """
     dt = t - since
-    if not 0.0 < dt <= LONGEST or t - key >= spacing - 1e-6:  # as `arrive` has it
+    if not 0.0 < dt <= longest or t - key >= spacing - 1e-6:  # as `arrive` has it
         return MORE
     absent = 0
     for i in range(9):
@@ -134,8 +134,8 @@ class Single:
         state, word = self._known, MORE
         if state is not None and not sample.flags:
             word = self._go_on(
-                state.q, state.x, state.watched, self._t, state.key, state.spacing, t, sample.values, self._limits,
-                self._mag, self._turns, self._q,
+                state.q, state.x, state.watched, self._t, state.key, state.spacing, state.longest, t, sample.values,
+                self._limits, self._mag, self._turns, self._q,
             )  # fmt: skip
         self._t = t
         if state is None or word == MORE:

@@ -1,9 +1,10 @@
-"""Samples as they arrive: missing values held, steps cut, calm found, by nothing that comes later.
+"""Samples as they arrive: missing values bridged, steps cut, calm found, by nothing that comes later.
 
 However a stream is cut into parts, its steps are the same to the bit, since samples are taken one after the other.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -12,20 +13,20 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 from plumbob.data import ImuData
-from plumbob.filters.input_checks import watch
+from plumbob.filters.input_checks import NO_DIGIT, watch
+from plumbob.filters.layout import DIGITS, OWN
 from plumbob.filters.layout import LAST as WATCHED
-from plumbob.filters.layout import OWN
 from plumbob.filters.smoother.inertial import farthest
 from plumbob.filters.smoother.keyframes import (
-    LEAST_RATE,
-    LONGEST,
-    SWING,
+    ABSENT,
+    AROUND,
+    CORRELATED,
+    LOST,
     UNKNOWN_FORCE,
-    UNKNOWN_RATE,
-    USUAL,
     WRONG,
     Bools,
     Keyframes,
+    last_digit,
     trusted,
     unless,
 )
@@ -33,22 +34,26 @@ from plumbob.filters.smoother.model import Params
 
 RECENT: Final = 31
 """Steps of whose lengths the median is the usual one."""
-MEAN_OF: Final = 15.0
-"""Samples over which the size of the rates is averaged."""
 
 LAST: Final = 0  # time of the last sample that was kept, s; NaN before the first
 KEY: Final = 1  # and of the last keyframe
 ARRIVED: Final = 2  # and of the last sample that arrived
-RATES: Final = 3  # mean size of the rates, rad/s
-MISSED: Final = 4  # what interpolated rates and forces add to the step, rad and m/s
-PUSHED: Final = 5
-COUNT: Final = 6  # lengths of steps that are known
-GYR: Final = 7  # of each triad: its last value, 3, its time, and what is owed of it, s²; then the other
-ACC: Final = 12
-TIME, OWED = 3, 4
-KNOWN: Final = 17  # samples with a rate
-PLACES: Final = 18
-_SWINGS: Final = (2.0 * math.pi * SWING) ** 2 / 8.0
+MISSED: Final = 3  # variances that bridged rates and forces add to the step, rad² and (m/s)²
+PUSHED: Final = 4
+COUNT: Final = 5  # lengths of steps that are known
+STEP: Final = 6  # usual one where the keyframe began, s; infinity before
+KNOWN: Final = 7  # samples with a rate
+BLIND: Final = 8  # for how long no force says anything in the step, s
+GYR: Final = 9  # of each triad, what follows; then of the other
+ACC: Final = 26
+TIME: Final = 3  # behind its last value, 3: its time,
+GIVEN: Final = 4  # and what has been assumed since then, as an integral, 3, with its variance
+ADDED: Final = 7
+NUMBER: Final = 8  # values so far, their mean, 3, and mean square: of all, and lately
+ALL: Final = 9
+LATELY: Final = 13
+SQUARE: Final = 3
+PLACES: Final = 43
 
 
 @kernel
@@ -68,83 +73,146 @@ def usual_step(state: Floats, recent: Floats) -> float:
 
 
 @kernel
-def hold(state: Floats, at: int, t: float, dt: float, values: Floats, broken: bool, out: Floats) -> float:
-    """Value of a triad, or that of the last sample that has one; returns for how long none was known, s.
-
-    The next one that is known makes up for it, so that the integral is that of straight lines; not behind a gap.
-    """
-    since = t - state[at + TIME] if not math.isnan(state[at + TIME]) else math.inf
-    if math.isnan(values[0]):
-        for i in range(3):
-            out[i] = state[at + i]
-        state[at + OWED] += since * dt if since < math.inf else 0.0
-        return since
-    owed = state[at + OWED] / (since * dt) if since < math.inf and dt > 0.0 and not broken else 0.0
-    for i in range(3):
-        out[i] = values[i] + owed * (values[i] - state[at + i])
-        state[at + i] = values[i]
-    state[at + TIME], state[at + OWED] = t, 0.0
-    return 0.0
+def learn(state: Floats, at: int, dt: float, values: Floats) -> None:
+    """Take a value into mean and mean square."""
+    state[at + NUMBER] += 1.0
+    share = 1.0 / state[at + NUMBER]
+    take(state, at + ALL, share, values)
+    take(state, at + LATELY, max(share, min(dt / AROUND, 1.0)), values)
 
 
 @kernel
-def close(state: Floats, end: int, gap: bool, k: int, last: NDArray[np.int64], gaps: Bools, variance: Floats) -> int:
+def take(state: Floats, place: int, share: float, values: Floats) -> None:
+    """Take a value into a mean and a mean square with this share."""
+    square = 0.0
+    for i in range(3):
+        state[place + i] += share * (values[i] - state[place + i])
+        square += values[i] ** 2
+    state[place + SQUARE] += share * (square - state[place + SQUARE])
+
+
+@kernel
+def spread2(state: Floats, at: int, missing: float) -> float:
+    """Variance of an axis about its mean: lately, or of all that came where nothing came for longer than that."""
+    place = at + (LATELY if missing <= AROUND else ALL)
+    square = state[place + SQUARE]
+    for i in range(3):
+        square -= state[place + i] ** 2
+    return max(square, 0.0) / 3.0  # type: ignore[no-any-return]
+
+
+@kernel
+def foresee(state: Floats, at: int, since: float, dt: float, out: Floats) -> float:
+    """Value of a triad, for so long after its last one, s; returns the variance of its integral since then."""
+    place = at + (LATELY if since <= AROUND else ALL)
+    before, now = math.exp(-(since - dt) / CORRELATED), math.exp(-since / CORRELATED)
+    for i in range(3):
+        mean = state[place + i]
+        out[i] = mean + (state[at + i] - mean) * CORRELATED * (before - now) / dt
+        state[at + GIVEN + i] += out[i] * dt
+    share = 2.0 * since / CORRELATED - 3.0 + 4.0 * now - now * now
+    return spread2(state, at, since) * CORRELATED * CORRELATED * share
+
+
+@kernel
+def bridge_to(state: Floats, at: int, since: float, dt: float, usual: float, values: Floats, out: Floats) -> float:
+    """Value that makes the integral since the last one that of `keyframes.bridge`; returns its variance."""
+    covered = min(usual, dt)
+    missing = max(since - covered, 0.0)
+    x, ends, place = missing / (2.0 * CORRELATED), 0.0, at + (LATELY if missing <= AROUND else ALL)
+    decay = math.exp(-2.0 * x)
+    share = (1.0 - decay) / ((1.0 + decay) * x) if x > 0.0 else 1.0
+    for i in range(3):
+        mean, last = state[place + i], state[at + i]
+        ends += 0.5 * ((last - mean) ** 2 + (values[i] - mean) ** 2) / 3.0
+        line = mean + share * (0.5 * (last + values[i]) - mean)
+        out[i] = (missing * line - state[at + GIVEN + i] + covered * values[i]) / dt
+    return max(spread2(state, at, missing), ends) * 2.0 * CORRELATED * missing * (1.0 - share)
+
+
+@kernel
+def hold(state: Floats, at: int, t: float, dt: float, values: Floats, out: Floats) -> float:
+    """Value of a triad, or what may be in its place where there is none; returns the variance that this adds.
+
+    Infinite where nothing says anything any more.
+    """
+    since = t - state[at + TIME] if not math.isnan(state[at + TIME]) else math.inf
+    if math.isnan(values[0]):
+        if since == math.inf:
+            for i in range(3):
+                out[i] = 0.0
+            return math.inf
+        variance = foresee(state, at, since, dt, out)
+        more = max(variance - state[at + ADDED], 0.0)
+        state[at + ADDED] += more
+        return math.inf if since > 2.0 * CORRELATED else more
+    more = 0.0
+    for i in range(3):
+        out[i] = values[i]
+    if since < math.inf and dt > 0.0 and (since > dt or dt > ABSENT * state[STEP]):
+        variance = bridge_to(state, at, since, dt, state[STEP], values, out)
+        more = max(variance - state[at + ADDED], 0.0)
+        if since - min(state[STEP], dt) > 2.0 * CORRELATED:
+            more = math.inf if at == ACC else more
+    learn(state, at, since if since < math.inf else 0.0, values)
+    for i in range(3):
+        state[at + i], state[at + GIVEN + i] = values[i], 0.0
+    state[at + TIME], state[at + ADDED] = t, 0.0
+    return more  # type: ignore[no-any-return]
+
+
+@kernel
+def close(
+    state: Floats, recent: Floats, end: int, gap: bool, k: int, last: NDArray[np.int64], gaps: Bools, variance: Floats
+) -> int:
     """End the step at a sample."""
     last[k], gaps[k] = end, gap
-    variance[k, 0], variance[k, 1] = state[MISSED] ** 2, state[PUSHED] ** 2
-    state[MISSED], state[PUSHED] = 0.0, 0.0
+    variance[k, 0], variance[k, 1] = state[MISSED], state[PUSHED] + (UNKNOWN_FORCE * state[BLIND]) ** 2
+    state[MISSED], state[PUSHED], state[BLIND] = 0.0, 0.0, 0.0
+    state[STEP] = usual_step(state, recent)
     return k + 1
 
 
 @kernel
 def arrive(
     state: Floats, recent: Floats, t: Floats, gyr: Floats, acc: Floats, spacing: float, begin: int, mask: Bools,
-    gyr_out: Floats, acc_out: Floats, last: NDArray[np.int64], gaps: Bools, variance: Floats,
+    gyr_out: Floats, acc_out: Floats, long: Bools, last: NDArray[np.int64], gaps: Bools, variance: Floats,
 ) -> int:  # fmt: skip
     """Take samples one after the other; returns how many steps they end.
 
-    Samples are counted from `begin`, those that are kept. What ends each step, whether it is a gap, and the variances
-    that missing values add, are written from the front of the last three.
+    Samples are counted from `begin`, those that are kept; `long` says which of them end a step that lacks samples.
+    What ends each step, whether it is a gap, and the variances that bridged values add, are written from the front of
+    the last three.
     """
     n, steps = begin, 0
     for i in range(t.size):
-        longest = LONGEST
-        if t[i] - state[LAST] > LONGEST or t[i] - state[GYR + TIME] > LONGEST:  # else no usual step makes it a gap
-            longest = max(LONGEST, USUAL * usual_step(state, recent))
         if not math.isnan(state[ARRIVED]):
             recent[int(state[COUNT]) % RECENT] = t[i] - state[ARRIVED]
             state[COUNT] += 1.0
         state[ARRIVED] = t[i]
-        state[KNOWN] += 0.0 if math.isnan(gyr[i, 0]) else 1.0
         has_rate, first = not math.isnan(gyr[i, 0]), math.isnan(state[LAST])
-        hole = not first and t[i] - state[GYR + TIME] > longest
-        mask[i] = has_rate or not (first or hole)
+        state[KNOWN] += 1.0 if has_rate else 0.0
+        dt = 0.0 if first else t[i] - state[LAST]
+        # a hole that cannot be bridged has ended for the samples that are left out when a rate comes again
+        mask[i] = has_rate or not (first or state[GYR + ADDED] > LOST * LOST)
         if not mask[i]:
             continue
-        dt = 0.0 if first else t[i] - state[LAST]
-        gap = not first and (dt > longest or (has_rate and hole))
+        missed = hold(state, GYR, t[i], dt, gyr[i], gyr_out[n - begin])
+        pushed = hold(state, ACC, t[i], dt, acc[i], acc_out[n - begin])
+        long[n - begin] = not first and dt > ABSENT * state[STEP]
+        gap = has_rate and not first and missed > LOST * LOST
         if gap and state[LAST] > state[KEY]:
-            steps = close(state, n - 1, False, steps, last, gaps, variance)
-        without_rate = hold(state, GYR, t[i], dt, gyr[i], gap, gyr_out[n - begin])
-        without_force = hold(state, ACC, t[i], dt, acc[i], gap, acc_out[n - begin])
-        size = 0.0
-        for axis in range(3):
-            size = max(size, abs(gyr_out[n - begin, axis]))
-        state[RATES] = size if first else state[RATES] + (size - state[RATES]) / MEAN_OF
-        if gap:
-            state[MISSED], state[PUSHED] = 0.0, 0.0
-            steps = close(state, n, True, steps, last, gaps, variance)
-        elif not first:
-            if without_rate > 0.0:
-                share = min(UNKNOWN_RATE, _SWINGS * (without_rate + dt) ** 2)
-                state[MISSED] += share * max(state[RATES], LEAST_RATE) * dt
-            if without_force > 0.0:
-                state[PUSHED] += min(1.0, _SWINGS * (without_force + dt) ** 2) * UNKNOWN_FORCE * dt
-            if t[i] - state[KEY] >= spacing - 1e-6:
-                steps = close(state, n, False, steps, last, gaps, variance)
-                state[KEY] = t[i]
-        if first or gap:
+            steps = close(state, recent, n - 1, False, steps, last, gaps, variance)
+        state[MISSED] += min(missed, math.pi**2)
+        if pushed == math.inf:
+            state[BLIND] += dt
+        else:
+            state[PUSHED] += pushed
+        if not first and (gap or t[i] - state[KEY] >= spacing - 1e-6):
+            steps = close(state, recent, n, gap, steps, last, gaps, variance)
             state[KEY] = t[i]
+        if first:
+            state[KEY], state[MISSED], state[PUSHED], state[BLIND] = t[i], 0.0, 0.0, 0.0
         state[LAST] = t[i]
         n += 1
     return steps
@@ -163,12 +231,17 @@ def watch_on(
 
 
 class SampleWatch:
-    """Flags what is stuck or beyond its range, from sample to sample; `state` is that of `watch`."""
+    """Flags what is stuck or beyond its range, from sample to sample; `state` is that of `watch`.
 
-    def __init__(self) -> None:
+    `digits` are the last digits of the triads where they are known before.
+    """
+
+    def __init__(self, digits: Sequence[float] | None = None) -> None:
         self.state = np.zeros(OWN)
         self._before: float | None = None
         self.state[WATCHED : WATCHED + 3] = np.nan
+        if digits is not None:
+            self.state[DIGITS : DIGITS + 3] = digits
 
     def words(self, t: Floats, gyr: Floats, acc: Floats, mag: Floats) -> NDArray[np.uint32]:
         """Flags of the next samples, (N,)."""
@@ -181,7 +254,9 @@ class SampleWatch:
 
 def watched(imu: ImuData) -> ImuData:
     """The same samples with the flags of what is stuck or beyond its range."""
-    return imu.flagged(SampleWatch().words(np.ascontiguousarray(imu.t), *trusted(imu, mag=True)))
+    triads = trusted(imu, mag=True)
+    digits = [min(last_digit(values, i), NO_DIGIT) for i, values in enumerate(triads)]
+    return imu.flagged(SampleWatch(digits).words(np.ascontiguousarray(imu.t), *triads))
 
 
 @kernel
@@ -259,6 +334,7 @@ class Arriving:
         self._p, self._mag = p, mag
         self._state, self._recent = np.zeros(PLACES), np.zeros(RECENT)
         self._state[[LAST, KEY, ARRIVED, GYR + TIME, ACC + TIME]] = np.nan
+        self._state[STEP] = math.inf
         self._watch, self.word = SampleWatch(), np.zeros(0, dtype=np.uint32)
         none, flag, place = np.zeros((0, 3)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64)
         self._t, self._gyr, self._acc, self._field = Rolling(none[:, 0]), *(Rolling(none) for _ in range(3))
@@ -282,6 +358,17 @@ class Arriving:
         return self._gap.end
 
     @property
+    def digit(self) -> float:
+        """Last digit of the rates so far, rad/s."""
+        digit = float(self._watch.state[DIGITS])
+        return digit if digit < NO_DIGIT else math.inf
+
+    @property
+    def longest(self) -> float:
+        """Longest step that lacks no sample, s."""
+        return ABSENT * float(self._state[STEP])
+
+    @property
     def key(self) -> float:
         """Time at which the step began that is not complete, s."""
         return float(self._state[KEY])
@@ -297,17 +384,17 @@ class Arriving:
         self.word = self._watch.words(t, gyr, acc, field)
         if self.word.any():
             gyr, acc, field = (unless(*args) for args in zip((gyr, acc, field), (self.word,) * 3, WRONG, strict=True))
-        mask, filled = np.empty(n, dtype=bool), np.empty((2, n, 3))
+        mask, filled, long = np.empty(n, dtype=bool), np.empty((2, n, 3)), np.empty(n, dtype=bool)
         last, gap, variance = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=bool), np.empty((2 * n, 2))
         steps = arrive(
-            self._state, self._recent, t, gyr, acc, self._p.keyframe, begin, mask, filled[0], filled[1], last, gap,
-            variance,
+            self._state, self._recent, t, gyr, acc, self._p.keyframe, begin, mask, filled[0], filled[1], long, last,
+            gap, variance,
         )  # fmt: skip
         count = int(np.count_nonzero(mask))
         self._t.add(t[mask])
         self._gyr.add(filled[0, :count])
         self._acc.add(filled[1, :count])
-        self._field.add(field[mask])
+        self._field.add(np.where(long[:count, np.newaxis], np.nan, field[mask]))
         if not begin and count:
             self._last.add(np.zeros(1, dtype=np.int64))
             self._time.add(t[mask][:1])
@@ -390,5 +477,5 @@ class Arriving:
         return Keyframes(
             self._t[rows], self._gyr[rows], self._acc[rows], self._field[rows], first - first[0], self._gap[steps],
             np.ascontiguousarray(variance[:, 0]), np.ascontiguousarray(variance[:, 1]),
-            np.arange(rows.start, rows.stop),
+            np.arange(rows.start, rows.stop), self.digit,
         )  # fmt: skip

@@ -104,7 +104,7 @@ def integrate(
         dt = t[s] - t[s - 1]
         gx, gy, gz = gyr[s, 0], gyr[s, 1], gyr[s, 2]
         wx, wy, wz = corrected_rate(x, gx, gy, gz)
-        half = 0.5 * dt if kind == MOVING else 0.0
+        half = 0.5 * dt if kind != RESTING else 0.0
         turned_by(q, half * wx, half * wy, half * wz)
         r00, r01, r02, r10, r11, r12, r20, r21, r22 = rows(q[0], q[1], q[2], q[3])
         gyr_row(f, 0, dt, r00, r01, r02, gx, gy, gz)
@@ -183,12 +183,31 @@ def propagate_attitude(p: Floats, f: Floats) -> None:
 
 
 @kernel
-def start_again(p: Floats, p0: Floats, x: Floats) -> None:
-    """Forget attitude and velocity, and nothing else."""
+def heading_from(q: Floats, other: Floats) -> float:
+    """Turn about the vertical, rad, that brings the heading of an attitude to that of another one."""
+    w = other[0] * q[0] + other[1] * q[1] + other[2] * q[2] + other[3] * q[3]
+    z = other[3] * q[0] - other[0] * q[3] + other[2] * q[1] - other[1] * q[2]
+    return 2.0 * math.atan2(z, w)
+
+
+@kernel
+def start_again(attitude: Floats, start: Floats, p: Floats, p0: Floats, x: Floats, missed: float) -> None:
+    """Behind a gap: the tilt of a start, and of its heading and the one that was bridged the one that is known better.
+
+    Nothing else is forgotten.
+    """
+    heading2, by = p[TH + 2, TH + 2] + missed, 0.0
+    if heading2 < p0[TH + 2, TH + 2]:
+        by = heading_from(start, attitude)
+    else:
+        heading2 = p0[TH + 2, TH + 2]
+    for i in range(4):
+        attitude[i] = start[i]
+    corrected_by(attitude, 0.0, 0.0, by)
     for i in (TH, TH + 1, TH + 2, V, V + 1):
         for j in range(SIZE):
             p[i, j], p[j, i] = 0.0, 0.0
-        p[i, i] = p0[i, i]
+        p[i, i] = heading2 if i == TH + 2 else p0[i, i]
     x[V], x[V + 1] = 0.0, 0.0
 
 
@@ -305,10 +324,8 @@ def forward(
         dt = f[TIME]
         f[FADE] = math.exp(-dt / noise.bend_time)
         if kind[k] == AGAIN:
-            for i in range(4):
-                attitude[i] = q_start[k + 1, i]
             u[COUNT] = 0.0
-            start_again(p, p0, now)
+            start_again(attitude, q_start[k + 1], p, p0, now, missed[k])
         else:
             predict(p, now, f, u, spread2, missed[k], pushed[k], noise)
         for i in range(3):
