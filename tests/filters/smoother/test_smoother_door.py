@@ -117,7 +117,7 @@ def test_run_says_how_it_smoothed(file, hand, tmp_path):
     last = quat_rotate(quat_conjugate(track.q_nb[-1]), [0.0, 0.0, 1.0])
     assert np.sin(np.radians(-found["last_attitude_deg"]["pitch"])) == pytest.approx(last[0], abs=1e-9)
     gap = files.write(tmp_path / "gap.parquet", hand.imu(t=hand.t + np.where(hand.t > 3.0, 2.0, 0.0)))
-    assert "note: 1 gap in the samples (until 5.0 s): the attitude starts again" in ok("run", gap).stderr
+    assert "note: 1 gap in the samples (until 5.0 s): the tilt starts again" in ok("run", gap).stderr
     assert "smoother" in json.loads(ok("list", "filters", "--json").stdout)["filters"]
 
 

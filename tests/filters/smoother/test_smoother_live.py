@@ -249,6 +249,15 @@ def test_a_hole_of_the_gyroscope_is_a_gap_and_what_lies_in_it_is_not_kept():
     assert "1 gap in the samples (until 13.0 s)" in told
 
 
+def test_a_bias_that_a_rest_has_shown_is_not_forgotten_when_no_look_sees_it_any_more(monkeypatch):
+    """In a window of 20 s without rest or field the bias may be any; its walk in 60 s allows 0.05 °/s."""
+    monkeypatch.setattr(live, "MARGIN", 20.0)
+    h = by_hand(80.0, 50.0, rest=((0.0, 10.0),), seed=2)
+    bias = deg(np.array([0.8, -0.5, 0.6]))
+    track, _ = followed(h.imu(gyr=h.gyr + bias, mag=None))
+    assert np.degrees(np.abs(track.bias_b[h.t > 40.0] - bias)).max() < 0.006 * math.sqrt(60.0)
+
+
 def test_what_is_not_needed_is_let_go(monkeypatch):
     """All arrays that it holds together, once the first samples lie behind what is looked at, and half a minute later.
 

@@ -347,17 +347,22 @@ def narrowed(p0: Floats, tilt: float) -> Floats:
 
 def level(
     frames: Keyframes, p: Params, prior: tuple[Floats, float] | None = None, unit: Floats | None = None,
-    given: Given | None = None, *, any_bias: bool = False,
+    given: Given | None = None, *, any_bias: bool = False, before: tuple[Floats, Floats] | None = None,
 ) -> Inertial:  # fmt: skip
     """Attitude whose heading counts from nothing or from a given one, by the first bias that leaves the least velocity.
 
     `prior` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what the
-    unit's card leaves (12, 12). With `any_bias`, large ones are as likely as small ones.
+    unit's card leaves (12, 12). With `any_bias`, large ones are as likely as small ones. `before` is the bias, and its
+    covariance, that what came before has shown: it counts where nothing rests.
     """
     from plumbob.rotations import dcm_from_quat
 
     windows = calm(frames, p)
     resting, bias = first_rest(windows, p, frames.step) if prior is None else (windows.at_bias(p, prior[0]), prior[0])
+    remembers = prior is None and before is not None and not resting.any()
+    if before is not None and remembers:
+        bias = before[0]
+        resting = windows.at_bias(p, bias)
     tilt = np.zeros((frames.first.size, 4))
     for start in frames.starts:
         tilt[start] = first_tilt(frames, start, bias)
@@ -369,6 +374,9 @@ def level(
     first = first_speed(frames, bias)
     sure = bool(resting.any()) or prior is not None
     of = partial(_level, frames, p, resting, tilt, bias, first, tilt_sd, tilt_var, unit=unit, sure=sure)
+    if before is not None and remembers:
+        sd = math.sqrt(float(np.trace(before[1])) / 3.0)
+        return replace(of(sd), bias_sd=0.0, drift_sd=sd)
     if sure:
         return replace(of(REST_BIAS), bias_sd=0.0 if prior is None or resting.any() else prior[1])
     wide, *narrower = FIRST_BIASES[0] * p.bias_start, *FIRST_BIASES[1:]

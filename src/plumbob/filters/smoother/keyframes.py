@@ -220,7 +220,7 @@ def bridge(t: Floats, values: Floats) -> Bridge:
     out = values.copy()
     out[: valid[0]], out[valid[-1] + 1 :] = values[valid[0]], values[valid[-1]]
     out[rows] = line + (covered / step)[:, np.newaxis] * (values[end] - line)
-    variance[rows] = np.where(missing[hole] > 0.0, total[hole] * (step - covered) / np.maximum(missing[hole], 1e-300), 0.0)
+    variance[rows] = total[hole] * (step - covered) / np.where(missing[hole] > 0.0, missing[hole], np.inf)
     blind, long = outside.copy(), no.copy()
     blind[rows] = x[hole] > 1.0
     long[rows] = (rows == end) & (step > ABSENT * usual)

@@ -9,6 +9,7 @@ unit merely lay is proven by nothing. What cannot be decided is doubted: the cov
 """
 
 import math
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -275,6 +276,7 @@ class Live:
         self._jumped, self._any_bias = -math.inf, False  # since when the bias is another one
         self._believed = math.inf  # when a field was last believed
         self._base, self._out, self._rate, self._bias_sd = 0, self._last, np.zeros((1, 3)), np.zeros(1)
+        self._biases = deque[tuple[float, Floats, Floats]]()  # when, bias and its covariance, by what came before
         self.gaps: list[float] = []
 
     @property
@@ -402,7 +404,8 @@ class Live:
         begin = arriving.time(past.start)
         turned = float(turning_time(frames, 0.0, arriving.quiet(past)[0]).sum())
         prior = self._proven.prior(self._unit, turned, begin)
-        prior = replace(prior, start=None if past.start else self._start, any_bias=self._any_bias)
+        before = self._before(begin) if past.start and begin > self._jumped else None
+        prior = replace(prior, start=None if past.start else self._start, any_bias=self._any_bias, before=before)
         look, anchor, since = partial(smooth, frames, self.p, prior), self._anchor, max(self._believed, now - LATELY)
         if begin + SURELY < since < now - SURELY:
             late = arriving.frames(slice(arriving.from_(since), k))
@@ -412,6 +415,15 @@ class Live:
         if now - begin < SHORT:
             return Look(k, begin, now, look, anchor)
         return Look(k, begin, now + LATE, look if self._thread is None else self._thread.submit(look).result, anchor)
+
+    def _before(self, begin: float) -> tuple[Floats, Floats] | None:
+        """Bias at a time, and its covariance, by nothing but what came before it."""
+        while len(self._biases) > 1 and self._biases[1][0] <= begin:
+            self._biases.popleft()
+        if not self._biases or self._biases[0][0] > begin:
+            return None
+        time, bias, cov = self._biases[0]
+        return bias, cov + self.p.gyr_walk**2 * (begin - time) * np.eye(3)
 
     def _hand_over(self, k: int) -> bool:
         """Go on from what the look has found, over the steps that came since it began."""
@@ -489,12 +501,17 @@ class Live:
             self._believed = float(frames.time[-1])
         elif (near := np.flatnonzero(room.weight > GATED)).size:
             self._believed = float(frames.time[near[-1] + 1])
+        now, place = float(frames.time[-1]), slice(B, B + 3)
+        if not self._biases or now > self._biases[-1][0] + BLOCK:
+            unseen = running.smoothed.bias_sd**2 * np.eye(3)
+            self._biases.append((now, running.last.state[place].copy(), running.last.cov[place, place] + unseen))
         running.cov, running.word, running.weight = room.cov[-1], int(room.word[-1]), float(room.weight[-1])
         return frames, room
 
     def _behind_jump(self, jumped: float, now: float) -> None:
         """Forget what the past said of the bias, and look at what comes."""
         self._jumped, self._any_bias, self._pause, self._due = jumped, True, BEHIND, now + BEHIND
+        self._biases.clear()
         if self._look is not None and self._arriving.time(self._look.step) < jumped:
             self._look = None
 

@@ -81,6 +81,8 @@ class Known:
         The first attitude.
     any_bias : bool
         Whether the bias has jumped: large ones are then as likely as small ones.
+    before : (ndarray (3,), ndarray (3, 3)) or None
+        Bias where the stretch begins, rad/s, and its covariance, by nothing but what came before.
     """
 
     unit: Floats | None = None
@@ -89,6 +91,7 @@ class Known:
     weight: float = 0.0
     start: Given | None = None
     any_bias: bool = False
+    before: tuple[Floats, Floats] | None = None
 
     @property
     def field(self) -> tuple[Reference, float] | None:
@@ -193,7 +196,7 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
     else:
         p = for_digit(p, frames.digit, CORRELATED)
     frames = frames.drifting()
-    inertial = level(frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias)
+    inertial = level(frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before)
     if np.isfinite(frames.mag[:, 0]).any():
         field = inertial.sweep.field
         headed = _headed(frames, p, inertial, field, np.zeros(frames.gap.size, dtype=bool), prior)

@@ -3,7 +3,7 @@
 Forward it is an error-state Kalman filter whose measurements are scalars. Backward it is the smoother of Bryson and
 Frazier in Bierman's form, [Bierman1973]: it carries what the later measurements say of the state, λ with its covariance
 Λ, and inverts nothing; the smoothed estimate is x − P λ with the covariance P − P Λ P. A state without noise needs no
-care, nor does a keyframe at which the attitude starts again: nothing passes it backward.
+care, nor does a keyframe at which the tilt starts again: nothing passes it backward.
 
 Sums are written out because a product of small matrices is slower than its arithmetic.
 """
