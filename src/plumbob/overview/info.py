@@ -124,7 +124,8 @@ def info(
     elif (file := check.path("what", what)).suffix.lower() == ".json" and profile is None:
         return _card(file)
     else:
-        name, recording = str(file), read(file, profile=profile, unit=unit, whole=False)
+        small = not file.is_file() or file.stat().st_size < 1 << 26  # parts that are read again and again take longer
+        name, recording = str(file), read(file, profile=profile, unit=unit, whole=small)
     said = () if note is None else warnings(recording.notes)
     for line in said:
         note(f"{Path(name).name}: {line}")  # type: ignore[misc]

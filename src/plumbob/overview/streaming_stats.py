@@ -453,15 +453,11 @@ class Gatherer:
         columns |= {"attitude": ("roll", "pitch")} if self._attitude else {}
         verdicts = {
             name: quality.verdict(
-                name,
-                part.t,
-                part.traced[:, [TRACED.index(channel) for channel in names]],
-                part.words,
-                (begin, end),
+                name, part.t, part.traced[:, [TRACED.index(channel) for channel in names]], part.words, (begin, end),
                 part.vertical if name == "acc" else None,
             )
             for name, names in columns.items()
-        }
+        }  # fmt: skip
         g.bursts.append(Burst(begin, end, part.t.size, stats, Headings.of(heading), verdicts))
 
 

@@ -423,8 +423,10 @@ class _Scored:
     def __init__(self, moments: Floats, counts: Floats, ridge: Floats) -> None:
         self.counts = counts
         self.change = change = moments[..., -1, -1]  # (A, blocks)
-        some = change > 0.0
-        usual = np.array([np.median(row[of]) if of.any() else 1.0 for row, of in zip(change, some, strict=True)])
+        ordered, some = np.sort(np.where(change > 0.0, change, np.inf), axis=1), np.sum(change > 0.0, axis=1)
+        ordered = np.pad(ordered, ((0, 0), (0, 1)), constant_values=1.0)  # there may be none
+        middle = np.stack(((some - 1).clip(0) // 2, some // 2), axis=1)
+        usual = np.where(some > 0, np.take_along_axis(ordered, middle, axis=1).mean(axis=1), 1.0)
         self.floor = floor = FLOOR**2 * (change + 0.01 * usual[:, np.newaxis]) + 1e-12
         many = np.maximum(counts, 1e-3)
         variance = (change + floor) / (2.0 * many)

@@ -50,8 +50,7 @@ _SHORT_STEP, _USUAL_STEP = 2e-3, 1e-2
 _SLOWEST, _FASTEST = 0.003, 30.0  # usual rates of bodies that turn at all, rad/s
 _GAIN: Final = math.log(1.03)
 """What the gain of a gyroscope may be off by, of parts as they leave the line (MPU-6000: ±3 %, PS-MPU-6000A, 6.1)."""
-_VAGUE: Final = 0.3
-_VAGUE_DELAY: Final = 0.05  # s
+_VAGUE, _VAGUE_DELAY = 0.3, 0.05  # of a scale, and of a delay, s
 _LEAST_DIP: Final = 0.17
 """Part of the field along the vertical below which its sign says nothing."""
 _SHORTEST_RUN: Final = 5
@@ -373,9 +372,10 @@ class Examination:
         units = [float(to_si(1.0, unit)) / declared for unit in UNITS["gyr"]]
         scales = [scale for scale in units if _SLOWEST < scale * usual < _FASTEST]
         rough = fit(self.t, gyr, acc, offset=0.1)
-        if rough is not None and rough.scale > 0.0 and all(abs(math.log(rough.scale / it)) > 0.3 for it in scales):
-            declared_fits = rough.explained >= _MOST and float(rough.log_odds[_USUAL]) > -_HINT
-            if declared_fits or (rough.margin > CERTAIN and rough.agrees):
+        if rough is not None and rough.scale > 0.0:
+            apart = min([abs(math.log(rough.scale / scale)) for scale in scales], default=math.inf)
+            fits_declared = rough.explained >= _MOST and float(rough.log_odds[_USUAL]) > -_HINT
+            if (apart > _GAIN and fits_declared) or (apart > 0.3 and rough.margin > CERTAIN and rough.agrees):
                 scales.append(rough.scale)
         return tuple(scales) or (1.0,)
 
@@ -467,8 +467,7 @@ class Examination:
         certain = all(sensor.answer is Trust.SURE for sensor in trusted.values()) and abs(down) > 2.0 * _LEAST_DIP
         finding = info("doctor.sign_right") if right else info("doctor.sign_negated")
         log_odds = min(sensor.found.margin for sensor in trusted.values() if sensor.found is not None)
-        turn = (trusted["mag"].axes @ reference.T).T
-        lines = None if right else self.declared.axes("mag", -turn)
+        lines = None if right else self.declared.axes("mag", -(trusted["mag"].axes @ reference.T).T)
         why = info("doctor.if_force") if right else info("doctor.if_gravity")
         self._find("mag", "sign", Trust.SURE if certain else Trust.LIKELY, finding, log_odds, why, lines=lines)
 

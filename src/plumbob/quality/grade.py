@@ -59,8 +59,6 @@ EXAMINED: Final = 20_000
 GAIN: Final = (0.01, 0.1)
 """Departure of the rates from the turning of gravity and field, relative, less three deviations: one in a hundred turns
 a quarter turn into one that is off by a degree."""
-CONVERGED: Final = (0.05, 0.9)
-"""Share of the attitudes before the filter had converged."""
 TINY: Final = 0.02
 """A step shorter than this many usual ones repeats a time stamp."""
 FASTEST: Final = float(dps(4000.0))
@@ -140,6 +138,13 @@ class Grade:
         """Word of `WORDS`."""
         return grade_word(self.points)
 
+    @property
+    def line(self) -> str:
+        """Points, word, and what costs points, the dearest first."""
+        costs = sorted((it for it in self.criteria if it.lost), key=lambda it: -it.lost)
+        reasons = ", ".join(f"{it.name} −{it.lost:.3g}" for it in costs)
+        return f"{self.points:g} of 100, {self.word}{reasons and ': '}{reasons}"
+
     def __getitem__(self, name: str) -> Criterion:
         """Criterion of a name."""
         return next(criterion for criterion in self.criteria if criterion.name == name)
@@ -157,9 +162,11 @@ def grade_word(points: float) -> str:
 
 
 def grade_of(recording: Recording) -> Grade:
-    """Grade of what a recording holds: of its samples, or of its attitude where it has none."""
+    """Grade of what a recording holds: of its samples, of several units the worst, or of its attitude alone."""
     if recording.array is not None:
-        return grade_units(recording.array.units, recording.notes)
+        each = {name: grade(imu, recording.notes) for name, imu in recording.array.units.items()}
+        worst = min(each.values(), key=lambda unit: 100.0 - sum(reason.lost for reason in unit.criteria))
+        return Grade(worst.criteria, each)
     if recording.imu is not None:
         return grade(recording.imu, recording.notes)
     assert recording.track is not None
@@ -195,13 +202,6 @@ def grade(imu: ImuData, notes: Sequence[Finding] = ()) -> Grade:
     return Grade(tuple(criterion for criterion in made if criterion is not None))
 
 
-def grade_units(units: Mapping[str, ImuData], notes: Sequence[Finding] = ()) -> Grade:
-    """Grade of several units: that of the worst."""
-    each = {name: grade(imu, notes) for name, imu in units.items()}
-    worst = min(each.values(), key=lambda unit: 100.0 - sum(reason.lost for reason in unit.criteria))
-    return Grade(worst.criteria, each)
-
-
 def grade_track(track: AttitudeTrack) -> Grade:
     """Grade an attitude without samples by its times, and by how much of it is known and can be."""
     steps = _Steps.measure(bursts(track.t), np.diff(to_ns(track.t)))
@@ -214,7 +214,7 @@ def grade_track(track: AttitudeTrack) -> Grade:
     return Grade((
         _rate(steps), _jitter(steps), _gaps(steps),
         _judged("loss", 25.0, unknown, LOST, info("criterion.known", percent=100.0 * unknown), attitudes="yes"),
-        _judged("converged", 20.0, unsettled, CONVERGED, info("criterion.converged", percent=100.0 * unsettled)),
+        _judged("converged", 20.0, unsettled, (0.05, 0.9), info("criterion.converged", percent=100.0 * unsettled)),
         _judged("jumps", 25.0, jumps, quality.SHARE, info("criterion.jumps", percent=100.0 * jumps)),
         Criterion("heading", 10.0, 10.0 * free, (info("criterion.heading", north=track.north),)),
         Criterion("uncertainty", 5.0, 5.0 * bare,
