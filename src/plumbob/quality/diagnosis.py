@@ -330,7 +330,8 @@ class Examination:
         ]
         for at, answer in self.answers.items():
             other = again.answers.get(at)
-            if other is not None and (answer.wrong or other.answer is not Trust.UNKNOWN):
+            taken_back = answer.wrong and answer.finding.code != "doctor.unit"  # no held sample imitates another unit
+            if other is not None and (taken_back or other.answer is not Trust.UNKNOWN):
                 mended = answer.wrong and not other.wrong
                 self.answers[at] = replace(other, reasons=(*other.reasons, *faults)) if mended else other
                 self.lines[at] = again.lines.get(at, [])
