@@ -70,10 +70,8 @@ from plumbob.filters.smoother.samples import (
     widened,
 )
 from plumbob.filters.smoother.stationary import HOLDS, JUMPED, UNTIL, fresh
-from plumbob.filters.smoother.sweeps import (
-    Last,
-)
-from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply
+from plumbob.filters.smoother.sweeps import Last, heading_from
+from plumbob.rotations import quat_from_rotvec, quat_multiply
 
 SOONEST: Final = 0.25
 """The past is smoothed for the first time after this, s, then each time later by"""
@@ -453,7 +451,7 @@ class Live:
         learned = np.array([level_speed(frames, force).speed[-1] ** 2, force2, *velocity])
         if smoothed.reference is None and look.anchor is not None:
             place, attitude = look.anchor
-            by = _heading_between(smoothed.sweep.q[max(place - (look.step - frames.gap.size), 0)], attitude)
+            by = heading_from(smoothed.sweep.q[max(place - (look.step - frames.gap.size), 0)], attitude)
             turn_heading_by(by, *last, learned)
         iron = np.zeros(3) if smoothed.attached is None else smoothed.attached.field[-1]
         bend = 0.0 if smoothed.reference is None else smoothed.reference.bend(p)
@@ -607,9 +605,3 @@ class Live:
             word |= np.where(weight < GATED, flags.MAG_GATED, 0)
             lost |= cov[:, 2, 2] + smoothed.heading_var > UNCERTAIN_HEADING**2
         return (word | np.where(lost, flags.NOT_CONVERGED, 0)).astype(np.uint32)
-
-
-def _heading_between(q: Floats, other: Floats) -> float:
-    """Turn about the vertical, rad, that brings the heading of an attitude (4,) to that of another one."""
-    turn = quat_multiply(other, quat_conjugate(q))
-    return 2.0 * math.atan2(float(turn[3]), float(turn[0]))
