@@ -13,7 +13,15 @@ from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother.keyframes import LOST, Bools, Keyframes, path, sum_between
-from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, TH, ModelVariances, Params, start_covariance
+from plumbob.filters.smoother.model import (
+    BIAS_REPEATS,
+    FREE_HEADING,
+    TH,
+    ModelVariances,
+    Params,
+    hides_rest,
+    start_covariance,
+)
 from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
 
 WINDOW: Final = 3.0
@@ -140,8 +148,7 @@ def calm(frames: Keyframes, p: Params) -> Calm:
     turning, still, moved = _turned_field(frames, p, quiet)
     along = (mean * up).sum(axis=1) / np.maximum(np.linalg.norm(up, axis=1), 1e-9)
     turn = np.where(moved, np.linalg.norm(mean, axis=1), np.where(still, 0.0, along))
-    sharp = 0.5 * frames.digit < p.rest_band  # else a slow turn hides in a digit
-    return Calm(quiet & ~turning & sharp, mean, turn)
+    return Calm(quiet & ~turning & ~hides_rest(p, frames.digit), mean, turn)
 
 
 def _quiet(frames: Keyframes, p: Params) -> tuple[Bools, Floats, Floats]:

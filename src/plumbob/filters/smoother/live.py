@@ -384,6 +384,9 @@ class Live:
         if now >= self._check - 1e-9:
             self._check = now + BLOCK
             against = running is not None and running.against[0] > AGAINST and now - running.since > LEAST_PAUSE
+            if running is not None:  # at times that do not depend on how the stream comes in parts
+                place, unseen = slice(B, B + 3), running.smoothed.bias_sd**2 * np.eye(3)
+                self._biases.append((now, running.last.state[place].copy(), running.last.cov[place, place] + unseen))
         if self._look is None and (now >= self._due - 1e-9 or against):
             self._pause = min(self._pause * GROWS, EVERY)
             self._due = now + self._pause
@@ -499,10 +502,6 @@ class Live:
             self._believed = float(frames.time[-1])
         elif (near := np.flatnonzero(room.weight > GATED)).size:
             self._believed = float(frames.time[near[-1] + 1])
-        now, place = float(frames.time[-1]), slice(B, B + 3)
-        if not self._biases or now > self._biases[-1][0] + BLOCK:
-            unseen = running.smoothed.bias_sd**2 * np.eye(3)
-            self._biases.append((now, running.last.state[place].copy(), running.last.cov[place, place] + unseen))
         running.cov, running.word, running.weight = room.cov[-1], int(room.word[-1]), float(room.weight[-1])
         return frames, room
 

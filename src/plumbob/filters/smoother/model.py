@@ -24,6 +24,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.params import Spec
@@ -132,12 +133,17 @@ COARSE_AXES: Final = deg(1.0)
 """and of the angles between its axes, rad: data sheets allow as much, and nobody calibrates such a part."""
 
 
+def hides_rest(p: Params, digit: Floats | float) -> NDArray[np.bool_]:
+    """Whether a slow turn beyond the band of rest may hide in the last digit of the rates, rad/s."""
+    return np.asarray((0.5 * np.asarray(digit) >= p.rest_band) & np.isfinite(digit))
+
+
 def for_digit(p: Params, digit: float, lasts: float) -> Params:
     """Parameters for a unit without a card whose last digit, rad/s, may hide a slow turn.
 
     What the digit cuts off is as good as noise that lasts for so long, s.
     """
-    if not 0.5 * digit >= p.rest_band or not math.isfinite(digit):
+    if not hides_rest(p, digit):
         return p
     noise = math.hypot(p.gyr_noise, digit * math.sqrt(lasts / 12.0))
     scale, axes = max(p.gyr_scale, COARSE_SCALE), max(p.gyr_misalignment, COARSE_AXES)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 from plumbob.data import ImuData
-from plumbob.filters.input_checks import NO_DIGIT, watch
+from plumbob.filters.input_checks import DIGIT, NO_DIGIT, ROUNDING, watch
 from plumbob.filters.layout import DIGITS, OWN
 from plumbob.filters.layout import LAST as WATCHED
 from plumbob.filters.smoother.inertial import farthest
@@ -30,7 +30,7 @@ from plumbob.filters.smoother.keyframes import (
     trusted,
     unless,
 )
-from plumbob.filters.smoother.model import Params
+from plumbob.filters.smoother.model import Params, hides_rest
 
 RECENT: Final = 31
 """Steps of whose lengths the median is the usual one."""
@@ -44,8 +44,9 @@ COUNT: Final = 5  # lengths of steps that are known
 STEP: Final = 6  # usual one where the keyframe began, s; infinity before
 KNOWN: Final = 7  # samples with a rate
 BLIND: Final = 8  # for how long no force says anything in the step, s
-GYR: Final = 9  # of each triad, what follows; then of the other
-ACC: Final = 26
+LEAST: Final = 9  # smallest change of a rate, rad/s
+GYR: Final = 10  # of each triad, what follows; then of the other
+ACC: Final = 27
 TIME: Final = 3  # behind its last value, 3: its time,
 GIVEN: Final = 4  # and what has been assumed since then, as an integral, 3, with its variance
 ADDED: Final = 7
@@ -53,7 +54,7 @@ NUMBER: Final = 8  # values so far, their mean, 3, and mean square: of all, and 
 ALL: Final = 9
 LATELY: Final = 13
 SQUARE: Final = 3
-PLACES: Final = 43
+PLACES: Final = 44
 
 
 @kernel
@@ -168,6 +169,7 @@ def close(
     """End the step at a sample."""
     last[k], gaps[k] = end, gap
     variance[k, 0], variance[k, 1] = state[MISSED], state[PUSHED] + (UNKNOWN_FORCE * state[BLIND]) ** 2
+    variance[k, 2] = state[LEAST]
     state[MISSED], state[PUSHED], state[BLIND] = 0.0, 0.0, 0.0
     state[STEP] = usual_step(state, recent)
     return k + 1
@@ -181,8 +183,8 @@ def arrive(
     """Take samples one after the other; returns how many steps they end.
 
     Samples are counted from `begin`, those that are kept; `long` says which of them end a step that lacks samples.
-    What ends each step, whether it is a gap, and the variances that bridged values add, are written from the front of
-    the last three.
+    What ends each step, whether it is a gap, and the variances that bridged values add with the last digit of the rates
+    so far, are written from the front of the last three.
     """
     n, steps = begin, 0
     for i in range(t.size):
@@ -197,6 +199,10 @@ def arrive(
         mask[i] = has_rate or not (first or state[GYR + ADDED] > LOST * LOST)
         if not mask[i]:
             continue
+        for axis in range(3):
+            change = abs(gyr[i, axis] - state[GYR + axis])
+            if ROUNDING * DIGIT[0] < change < state[LEAST] and state[GYR + NUMBER] > 0.0:
+                state[LEAST] = change
         missed = hold(state, GYR, t[i], dt, gyr[i], gyr_out[n - begin])
         pushed = hold(state, ACC, t[i], dt, acc[i], acc_out[n - begin])
         long[n - begin] = not first and dt > ABSENT * state[STEP]
@@ -334,11 +340,11 @@ class Arriving:
         self._p, self._mag = p, mag
         self._state, self._recent = np.zeros(PLACES), np.zeros(RECENT)
         self._state[[LAST, KEY, ARRIVED, GYR + TIME, ACC + TIME]] = np.nan
-        self._state[STEP] = math.inf
+        self._state[[STEP, LEAST]] = math.inf
         self._watch, self.word = SampleWatch(), np.zeros(0, dtype=np.uint32)
         none, flag, place = np.zeros((0, 3)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64)
         self._t, self._gyr, self._acc, self._field = Rolling(none[:, 0]), *(Rolling(none) for _ in range(3))
-        self._last, self._gap, self._variance = Rolling(place), Rolling(flag), Rolling(none[:, :2])
+        self._last, self._gap, self._variance = Rolling(place), Rolling(flag), Rolling(none)
         self._time, self._rate, self._force = Rolling(none[:, 0]), Rolling(none), Rolling(none)
         self._quiet, self._around = Rolling(flag), Rolling(none)
 
@@ -356,12 +362,6 @@ class Arriving:
     def steps(self) -> int:
         """Steps that are complete."""
         return self._gap.end
-
-    @property
-    def digit(self) -> float:
-        """Last digit of the rates so far, rad/s."""
-        digit = float(self._watch.state[DIGITS])
-        return digit if digit < NO_DIGIT else math.inf
 
     @property
     def longest(self) -> float:
@@ -385,7 +385,7 @@ class Arriving:
         if self.word.any():
             gyr, acc, field = (unless(*args) for args in zip((gyr, acc, field), (self.word,) * 3, WRONG, strict=True))
         mask, filled, long = np.empty(n, dtype=bool), np.empty((2, n, 3)), np.empty(n, dtype=bool)
-        last, gap, variance = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=bool), np.empty((2 * n, 2))
+        last, gap, variance = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=bool), np.empty((2 * n, 3))
         steps = arrive(
             self._state, self._recent, t, gyr, acc, self._p.keyframe, begin, mask, filled[0], filled[1], long, last,
             gap, variance,
@@ -421,7 +421,7 @@ class Arriving:
             old - begin, self._time[begin : self.steps + 1], self._gap[steps], self._rate[steps], self._force[steps],
             p.rest_time, p.rest_rate, p.rest_force, self._around[steps], quiet,
         )  # fmt: skip
-        self._quiet.add(quiet)
+        self._quiet.add(quiet & ~hides_rest(p, variance[:, 2]))
 
     def before(self, step: int) -> None:
         """Let go what lies before a step, once that is half of what is held."""
@@ -477,5 +477,5 @@ class Arriving:
         return Keyframes(
             self._t[rows], self._gyr[rows], self._acc[rows], self._field[rows], first - first[0], self._gap[steps],
             np.ascontiguousarray(variance[:, 0]), np.ascontiguousarray(variance[:, 1]),
-            np.arange(rows.start, rows.stop), self.digit,
+            np.arange(rows.start, rows.stop), float(variance[-1, 2]),
         )  # fmt: skip
