@@ -6,6 +6,7 @@ The samples are made up in SI; each file is what a kind of logger would make of 
 import json
 from functools import reduce
 from operator import xor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ import pytest
 import plumbob
 from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, DecodeError, ParameterError
+from plumbob.files.column_names import taken_apart
 from plumbob.files.draft import answer
+from plumbob.files.sniff import read_sample
 from plumbob.rotations import (
     euler_zyx_from_quat,
     quat_conjugate,
@@ -387,3 +390,63 @@ def test_a_toml_of_another_kind_is_not_taken_for_a_profile(tmp_path):
     refused(plumbob.read, path, match="plumbob profile")
     (tmp_path / "arm.toml").write_text('separator = ","\nseperator = 1\n')
     refused(plumbob.read, path, match="has no key 'seperator'")
+
+
+ROW = "{:.3f},{},{:.3f},0.1,9.8,{:.4f},0.02,-0.01\n"
+
+
+def test_rows_of_two_devices_are_read_one_by_one(tmp_path: Path) -> None:
+    file = tmp_path / "two.csv"
+    rows = [ROW.format(0.01 * i, unit, 1.0 + unit, 0.1 * unit) for i in range(60) for unit in (1, 2)]
+    file.write_text("t_s,id,ax,ay,az,gx [rad/s],gy [rad/s],gz [rad/s]\n" + "".join(rows))
+    with pytest.raises(DecodeError, match="2 devices, told apart by column 'id': 1, 2"):
+        plumbob.profile(file, accept=True)
+    made = plumbob.profile(file, accept=True, answers={"header.where": ["id", "2"], "acc.sign": "specific-force"})
+    (tmp_path / "two.toml").write_text(made.text)
+    imu = plumbob.read(file, profile=tmp_path / "two.toml").imu
+    assert imu is not None
+    assert len(imu) == 60  # of 120 rows
+    assert np.unique(imu.acc[:, 0]) == pytest.approx([3.0])  # 1 + the number of the device
+
+
+@pytest.mark.parametrize(
+    ("name", "encoding"),
+    [("加速度", "shift_jis"), ("加速度", "gbk"), ("Ускорение ", "cp1251"), ("Beschleunigung ", "utf-16-le")],
+)
+def test_an_encoding_is_known_by_the_names_that_it_makes(tmp_path: Path, name: str, encoding: str) -> None:
+    file = tmp_path / "names.csv"
+    head = ";".join(f"{name}{axis} [g]" for axis in "XYZ")
+    file.write_bytes(
+        (f"t [s];{head}\n" + "".join(f"{0.01 * i:.2f};0;0;{1 + i % 3 / 1e3}\n" for i in range(99))).encode(encoding)
+    )
+    sample = read_sample(file)
+    assert sample.layout.encoding == encoding
+    assert taken_apart(sample.names[1]).sensor == "acc"
+
+
+def test_what_a_log_writes_before_the_first_label_is_of_no_number(tmp_path: Path) -> None:
+    file = tmp_path / "log.txt"
+    file.write_text(
+        "".join(f"2024-05-13 12:30:45,{i:03d} - imu - DEBUG - ax=0.{i} ay=0.2 az=9.8\n" for i in range(100, 200))
+    )
+    assert read_sample(file).names[1:4] == ("ax", "ay", "az")
+
+
+@pytest.mark.parametrize(("sign", "cell"), [("\u202f", "1\u202f234,5"), ("'", "1'234.5"), (",", "1,234.5")])
+def test_thousands_are_told_by_the_numbers_themselves(tmp_path: Path, sign: str, cell: str) -> None:
+    file = tmp_path / "counts.csv"
+    file.write_text("t_s;ax_counts\n" + "".join(f"{i};{cell}\n{i};12\n" for i in range(50)))
+    layout = read_sample(file).layout
+    assert layout.thousands == sign.replace("\u202f", " ")
+    assert layout.decimal == ("," if cell.endswith(",5") else ".")
+
+
+def test_accelerometer_and_gyroscope_are_those_of_one_unit(tmp_path: Path) -> None:
+    """The foot's acceleration stands first, but only the hand has rates."""
+    file = tmp_path / "units.csv"
+    names = [f"foot_a{a} [m/s^2]" for a in "xyz"] + [f"hand_a{a} [m/s^2]" for a in "xyz"]
+    names += [f"hand_g{a} [rad/s]" for a in "xyz"]
+    rows = [f"{0.01 * i:.2f},0.1,0.2,9.7,0.3,0.1,9.{i % 10},0.0{i % 7},0.01,0.02\n" for i in range(200)]
+    file.write_text("t_s," + ",".join(names) + "\n" + "".join(rows))
+    made = plumbob.profile(file, accept=True)
+    assert 'columns = ["hand_ax [m/s^2]", "hand_ay [m/s^2]", "hand_az [m/s^2]"]' in made.text

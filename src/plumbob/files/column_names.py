@@ -67,14 +67,8 @@ _SUFFIXES: Final = {
     "nt": "nT", "micros": "us", "millis": "ms", "usec": "us", "msec": "ms",
 }  # fmt: skip
 _NAMED_UNITS: Final = {
-    "micros": "us",
-    "millis": "ms",
-    "usec": "us",
-    "msec": "ms",
-    "nanos": "ns",
-    "ms": "ms",
-    "us": "us",
-}
+    "micros": "us", "millis": "ms", "usec": "us", "msec": "ms", "nanos": "ns", "ms": "ms", "us": "us",
+}  # fmt: skip
 _ALL: Final = (*QUANTITY_BY_TRIAD.values(), Quantity.TIME, Quantity.TEMPERATURE, Quantity.ANGLE)
 
 

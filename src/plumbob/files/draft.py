@@ -9,6 +9,7 @@ import json
 import os
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -34,7 +35,7 @@ from plumbob.files.columns import FORM, StampError, has_zone, is_stamp, is_time_
 from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, Profile, TextLayout
 from plumbob.files.profile_toml import GUIDE, parse_profile
-from plumbob.files.sniff import Sample, read_sample
+from plumbob.files.sniff import FEWEST, Sample, read_sample
 from plumbob.files.stamps import CENTURY, falls
 from plumbob.files.text_table import LEFT_OUT_MOST, read_table
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
@@ -183,6 +184,8 @@ def known_profile(file: Path) -> Profile | None:
         return parsed if parsed is not None and ("frame" in parsed.meta or not parsed.triads) else None
 
 
+_DEVICE: Final = re.compile(r"\b(id|device|addr(ess)?|mac|node|serial|sensor|imu|unit|tag|name|station)\b")
+"""Words of the name of a column that says of which device a row is."""
 _NINE: Final = {"acc": 0, "gyr": 3, "mag": 6}
 """Where the triads begin in lines of nine, as MotionCal has them."""
 
@@ -245,6 +248,17 @@ def _joined(streams: "Sequence[_DraftWriter]", accept: bool) -> Draft:
 def _writers(name: str, sample: Sample, answers: Mapping[str, Any], *, is_alone: bool) -> "list[_DraftWriter]":
     """What drafts the profile of a file: one for each sensor, where the rows of a file that is alone name them."""
     stream, parts = ("", _by_sensor(sample)) if is_alone else (name, [])
+    if not parts and (device := _device(sample)):
+        column, words = device
+        ref = sample.names[column] if sample.by_name else column + 1
+        where = tuple(answers.get("header.where", ()))
+        if where not in {(ref, word) for word in words}:
+            raise DecodeError(
+                f"its rows are of {len(words)} devices, told apart by column {ref!r}: {', '.join(words)}. Name one, as "
+                f"with --set 'header.where={json.dumps([ref, words[0]])}'."
+            )
+        rows = [row for row in sample.rows if row[column].strip() == where[1]]
+        return [_DraftWriter(name, replace(sample, rows=rows), where, stream=stream, answers=answers)]
     return [_DraftWriter(name, *part, stream=stream or "*", answers=answers) for part in parts] or [
         _DraftWriter(name, sample, stream=stream, answers=answers)
     ]
@@ -539,11 +553,15 @@ class _DraftWriter:
 
     def _named_triads(self) -> dict[str, tuple[int, ...]]:
         triads: dict[str, tuple[int, ...]] = {}
-        for name in TRIADS:
-            complete = self._threes(partial(_may_be, name))
-            complete = [self._right_handed(columns) for columns in complete if self._is_measured(name, columns)]
-            complete.sort(key=lambda columns: self._rank(name, columns))
-            triads |= {name: complete[0]} if complete else {}
+        sets = {
+            name: [s for s in self._threes(partial(_may_be, name)) if self._is_measured(name, s)] for name in TRIADS
+        }
+        of_units = [(min(three), self._unit_of(three), name) for name, threes in sets.items() for three in threes]
+        sensors = Counter(unit for unit, _ in dict.fromkeys((unit, name) for _, unit, name in sorted(of_units)))
+        unit = sensors.most_common(1)[0][0] if sensors else ""  # the first one of those that have most of them
+        for name, complete in sets.items():
+            ranked = sorted(map(self._right_handed, complete), key=lambda columns: self._rank(name, columns, unit))
+            triads |= {name: ranked[0]} if ranked else {}
         if "acc" not in triads and (without := self._threes(lambda part: part.sensor == "linear")):
             gravity = self._threes(lambda part: re.search(r"\bgrav(ity)?\b", part.base) is not None)
             if (
@@ -589,13 +607,18 @@ class _DraftWriter:
         against = sum(bare != self._names[i] and not taken_apart(bare).axis for i, bare in bares.items())
         return (columns[1], columns[0], columns[2]) if against % 2 else columns
 
-    def _rank(self, name: str, columns: Sequence[int]) -> tuple[bool, bool, bool, bool]:
-        """Which of several sets is the sensor's: with gravity, in its unit, no rates that are wanted or derived."""
+    def _unit_of(self, columns: Sequence[int]) -> str:
+        """Words of a name that say no sensor, as of the unit that it is of."""
+        words = self._parts[columns[0]].base.split()
+        return " ".join(word for word in words if not taken_apart(f"{word} x").sensor)
+
+    def _rank(self, name: str, columns: Sequence[int], unit: str) -> tuple[bool, ...]:
+        """Which of several sets is the sensor's: with gravity, of the unit of the others, in its unit, not derived."""
         part = self._parts[columns[0]]
         lacks_gravity = name == "acc" and not self._has_gravity(columns)
         has_no_unit = not part.unit_as(QUANTITY_BY_TRIAD[name])
         derived = re.search(r"\b(rate|filt\w*|smooth\w*|lp|lpf|mean|avg|average)\b", part.base) is not None
-        return lacks_gravity, part.sensor == "linear", has_no_unit, derived
+        return lacks_gravity, part.sensor == "linear", self._unit_of(columns) != unit, has_no_unit, derived
 
     def _sized_triads(self) -> dict[str, tuple[int, ...]]:
         """Threes of neighbouring columns without names, by their size: gravity is steady, the field is nearly so."""
@@ -755,7 +778,7 @@ class _DraftWriter:
         part, numbers = self._parts[self._time[0]], self._numbers[self._time[0]]
         steps = np.diff(numbers[np.isfinite(numbers)])
         usual = float(np.median(steps)) if steps.size else 0.0
-        even = bool(np.mean(np.abs(steps - usual) < _EVEN * usual) > 1.0 - LEFT_OUT_MOST and (steps != 1.0).any())
+        even = bool(np.mean(np.abs(steps - usual) < _EVEN * usual) > 1.0 - LEFT_OUT_MOST and usual != 1.0)
         self._set("column", refs[0], "it increases like time", ask=True, sure=part.is_time or even or len(refs) == 2)
         unit, why, sure = _time_unit(numbers, part)
         if len(refs) == 2:
@@ -1028,6 +1051,19 @@ def _clock(sample: Sample, column: int) -> Floats:
 def _may_be(sensor: str, part: ColumnName) -> bool:
     """Whether a column may be one of a sensor's, or has acceleration without gravity."""
     return sensor in {part.sensor, part.by_unit} or (sensor, part.sensor) == ("acc", "linear")
+
+
+def _device(sample: Sample) -> tuple[int, tuple[str, ...]] | None:
+    """Column that says of which of several devices a row is, and their words, where their rows stand in turns."""
+    for i, name in enumerate(sample.for_cells(sample.names)):
+        cells = sample.cells(i)
+        words = tuple(dict.fromkeys(cells))
+        places = [[k for k, cell in enumerate(cells) if cell == word] for word in words[: _MOST_SENSORS + 1]]
+        in_turns = max(p[0] for p in places) < min(p[-1] for p in places)
+        enough = 1 < len(words) <= _MOST_SENSORS and all(len(p) >= FEWEST for p in places)
+        if enough and in_turns and _DEVICE.search(" ".join(re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)).lower()):
+            return i, words
+    return None
 
 
 def _dates(cells: Sequence[str]) -> bool:

@@ -244,16 +244,9 @@ def _number(cell: bytes, line: int, place: int) -> float:
 
 
 RAW: Final[dict[str, str]] = {
-    "f32": "<f4",
-    "f64": "<f8",
-    "i8": "<i1",
-    "i16": "<i2",
-    "i32": "<i4",
-    "i64": "<i8",
-    "u8": "<u1",
-    "u16": "<u2",
+    "f32": "<f4", "f64": "<f8", "i8": "<i1", "i16": "<i2", "i32": "<i4", "i64": "<i8", "u8": "<u1", "u16": "<u2",
     "u32": "<u4",
-}
+}  # fmt: skip
 """Types of raw values by their names, which are also suffixes."""
 
 _BLOCK_VALUES: Final = 1 << 16

@@ -8,6 +8,7 @@ import codecs
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from pathlib import Path
@@ -33,6 +34,7 @@ from plumbob.files.text_table import (
     grouped,
     label,
     names_apart,
+    normal,
     number_and_unit,
     objects_as_rows,
     split_vectors,
@@ -43,17 +45,21 @@ READ: Final = 1 << 20
 """Bytes that are looked at."""
 TRIED: Final = 1000
 """Lines with which every layout is tried."""
+_NAMES_WITHIN: Final = 1 << 14
+"""Characters in which names are sought to tell an encoding."""
 _MOST_KINDS: Final = 6
 """Kinds of rows in a file."""
 FEWEST: Final = 3
 """Rows that make a table."""
 ROWS: Final = 4000
 """Rows of arrays that are looked at."""
-MISSING: Final = ("", "NaN", "nan", "--", "null", "NULL", "N/A", "#N/A", "NA", "None", "none", "-", ".nan", "1.#QNAN")
+MISSING: Final = (
+    "", "NaN", "nan", "--", "null", "NULL", "N/A", "#N/A", "NA", "None", "none", "-", ".nan", "1.#QNAN", "#DIV/0!",
+)  # fmt: skip
 _COMMENTS: Final = ("#", "%", "//")
 _GROUPED: Final = {
-    ".": re.compile(r"[-+]?\d{1,3}(,\d{3}){2,}|[-+]?\d{1,3}(,\d{3})+\.\d+"),
-    ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+"),
+    ".": re.compile(r"[-+]?\d{1,3}((,\d{3}){2,}|(,\d{3})+\.\d+|([' ]\d{3})+(\.\d*)?)"),
+    ",": re.compile(r"[-+]?\d{1,3}(\.\d{3}|[' ]\d{3})+,\d+"),
 }
 """Numbers that surely stand in groups of three digits; between commas, a cell with one was quoted."""
 _LAYOUTS: Final = (*product(";\t", ".,"), *product(",|", "."), *product(" ", ".,"), (QUOTED, ","))
@@ -147,7 +153,7 @@ def read_sample(path: Path) -> Sample:
         sample := _of_objects(text if complete else decode(text_bytes(path), encoding), encoding)
     ):
         return sample
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = text.split("\n")
     lines = lines if complete else lines[:-1]
     tried = lines[:TRIED]
     tables = [table for sep, decimal in _LAYOUTS if (table := _table(tried, sep, decimal)).rows]
@@ -295,6 +301,9 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
                 units[k] = unit[1]
         words.append(label(gap[unit.end() :] if unit is not None and behind else gap))
     names: list[str] = []
+    first, others = next(filter(str.split, words), "").split(), [len(word.split()) for word in words[:-1] if word][1:]
+    if others and len(first) > max(others) and taken_apart(bare := " ".join(first[-max(others) :])).sensor:
+        words[words.index(next(filter(None, words)))] = bare  # what a log writes before it is of no number
     for word in words[:-1]:
         axis = 0 if word else axis + 1
         names.append(word or ("xyz"[axis] if any(names) and axis < 3 else ""))
@@ -303,13 +312,25 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 def _decoded(raw: bytes) -> tuple[str, str]:
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return raw.decode("utf-16", "ignore"), "utf-16"
-    for encoding in ("utf-8", "gbk"):
-        try:
-            return codecs.getincrementaldecoder(encoding)().decode(raw).removeprefix("\ufeff"), encoding
-        except UnicodeDecodeError:
-            continue
-    return raw.decode("latin-1"), "latin-1"
+        return normal(raw.decode("utf-16", "ignore")), "utf-16"
+    for encoding, zeros in (("utf-16-le", raw[1::2]), ("utf-16-be", raw[::2])):
+        if 2 * zeros.count(0) > len(zeros) > 0:
+            return normal(raw.decode(encoding, "ignore")), encoding
+    texts: dict[str, str] = {}
+    for encoding in ("utf-8", "gbk", "shift_jis", "cp1251", "latin-1"):
+        with suppress(UnicodeDecodeError):
+            texts[encoding] = normal(codecs.getincrementaldecoder(encoding)().decode(raw))
+            if encoding == "utf-8":
+                return texts[encoding], encoding
+    encoding = max(texts, key=lambda name: _understood(texts[name]))
+    return texts[encoding], encoding
+
+
+def _understood(text: str) -> int:
+    """Words of the lines with other letters than English ones that name a sensor, time or a unit."""
+    lines = [line for line in text[:_NAMES_WITHIN].split("\n") if not line.isascii()]
+    parts = [taken_apart(word) for line in lines for word in re.split("[,;\t]", line) if re.search(r"[^\W\d]", word)]
+    return sum(bool(part.sensor) + part.is_time + is_unit(part.unit) for part in parts)
 
 
 def _table(lines: Sequence[str], separator: str, decimal: str) -> _SniffedTable:
@@ -348,14 +369,15 @@ def _is_number(cell: str) -> bool:
 
 def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
     """What stands between groups of three digits, where one number proves it and none tells against it."""
-    sign = {".": ",", ",": "."}[decimal]
-    said = [cell.strip() for row in rows for cell in row]
-    groups = [cell for cell in said if sign in cell]
-    if not groups or not all(map(grouped(sign, decimal).fullmatch, groups)):
-        return ""
-    others = [cell for cell in said if sign not in cell and NUMBER[decimal].fullmatch(cell)]
-    proven = any(cell.count(sign) > 1 or decimal in cell for cell in groups) or any(map(str.isdigit, others))
-    return sign if proven and not any(re.match(r"[-+]?\d{4}", cell) for cell in others) else ""
+    said = [cell.strip() for row in rows for cell in row if re.search(r"\d", cell) and not is_clocklike(cell)]
+    for sign in {",", ".", "'", " "} - {decimal}:
+        groups = [cell for cell in said if sign in cell]
+        others = [cell for cell in said if sign not in cell and NUMBER[decimal].fullmatch(cell)]
+        proven = any(cell.count(sign) > 1 or decimal in cell for cell in groups) or any(map(str.isdigit, others))
+        proven = proven and not any(re.match(r"[-+]?\d{4}", cell) for cell in others)
+        if groups and proven and all(map(grouped(sign, decimal).fullmatch, groups)):
+            return sign
+    return ""
 
 
 def _known_cells(cells: Sequence[str], separator: str, decimal: str) -> int:

@@ -28,7 +28,7 @@ from plumbob.files.profile import BLANK, JSON, QUOTED, ColumnRef, TextLayout
 
 TOKEN: Final = re.compile(
     r"^\s*\d+(?=: )|"
-    r"(?<![\w.^:-])(?:\d{4}[-/]\d{1,2}[-/]\d{1,2}[T ])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?(?:Z\b)?|"
+    r"(?<![\w.^:-])(?:\d{4}[-/]\d{1,2}[-/]\d{1,2}[T ])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?(?:Z\b|[-+]\d\d:?\d\d\b)?|"
     r"(?<![\w.^+-])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\d.:x^])|\b(?:nan|NaN|null)\b"
 )
 """A number or a clock time among words; not a digit of a name, an exponent or a code."""
@@ -218,8 +218,18 @@ def decode(raw: bytes, encoding: str) -> str:
         raise DecodeError(
             f"byte {at + 1} (line {line}) is not {encoding}; declare the file's own encoding, such as encoding = 'gbk'."
         ) from error
-    text = text.removeprefix("\ufeff")
-    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+    return normal(text)
+
+
+_SIGNS: Final = {"\r\n": "\n", "\r": "\n", "\u00a0": " ", "\u202f": " ", "\u2009": " ", "\u2019": "'", "\u2212": "-"}
+"""Line ends, blanks, apostrophes and minus signs of other kinds, and what they mean."""
+
+
+def normal(text: str) -> str:
+    """Text without a byte order mark, with signs of one kind only."""
+    for sign, plain in list(_SIGNS.items())[: 2 if text.isascii() else None]:
+        text = text.replace(sign, plain) if sign in text else text
+    return text.removeprefix("\ufeff")
 
 
 def find_head(text: str, layout: TextLayout) -> Head:

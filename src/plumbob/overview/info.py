@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
@@ -86,6 +86,10 @@ class Info(FactsText):
         return "\n".join((*self.lines, *lines))
 
 
+READ_WHOLE: Final = 1 << 26
+"""A smaller file, bytes, is read as a whole: parts that several passes read again take longer than they spare."""
+
+
 def info(
     what: "Recording | str | Path | Sequence[str | Path]",
     *,
@@ -124,7 +128,7 @@ def info(
     elif (file := check.path("what", what)).suffix.lower() == ".json" and profile is None:
         return _card(file)
     else:
-        small = not file.is_file() or file.stat().st_size < 1 << 26  # parts that are read again and again take longer
+        small = not file.is_file() or file.stat().st_size < READ_WHOLE
         name, recording = str(file), read(file, profile=profile, unit=unit, whole=small)
     said = () if note is None else warnings(recording.notes)
     for line in said:
