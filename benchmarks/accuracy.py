@@ -502,7 +502,7 @@ mean total {values.mean():.2f}, 5 to 95 %: {low:.2f} to {high:.2f}, worst {value
 
 def draw_picture(rows: Mapping[str, Any]) -> None:
     """Total errors, a row for each set and a mark for each estimator."""
-    from plumbob.reporting.style import INK, SERIES
+    from plumbob.reporting.content import INK, SERIES
 
     names = estimators(rows)
     colours = dict(zip(names, (*SERIES, INK), strict=True))

@@ -79,7 +79,7 @@ if TYPE_CHECKING:
     from plumbob.door.rates import filter_rates
     from plumbob.door.reading import read, read_array
     from plumbob.door.send import send
-    from plumbob.evaluation.report import Evaluation
+    from plumbob.evaluation.evaluation import Evaluation
     from plumbob.files import write
     from plumbob.files.draft import profile
     from plumbob.files.mcap import repair, verify
@@ -115,7 +115,7 @@ _HOME = {
     "BatchRun": "fleet.batch",
     "CalibrationCard": "data.cards",
     "Decoder": "protocols.decode",
-    "Evaluation": "evaluation.report",
+    "Evaluation": "evaluation.evaluation",
     "Filter": "filters",
     "FixedLag": "filters.smoother",
     "Format": "protocols.format",

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from plumbob.calibration import report
+from plumbob.calibration import fit as fitting
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason
 from plumbob.calibration.predicted import NAMES, REGIONS, region_index
 from plumbob.core.units import deg, dps, from_si, g, to_si
 from plumbob.data.cards import CalibrationCard, Mount, Quality, TriadCalibration
+from plumbob.reporting import calibration as report
 from plumbob.reporting.drawing import svg
 from plumbob.rotations import quat_from_euler_zyx
 from tests.helpers.page_battery import HOSTILE, Outline, PageBattery
@@ -101,15 +102,15 @@ def rows(text, label):
 
 
 def test_planted_axes_are_found_and_a_turn_is_no_skew():
-    axes = report.sensing_axes(mag_calibration())
+    axes = fitting.sensing_axes(mag_calibration())
     assert axes.scale == pytest.approx([0.02, 0.0, 0.0], abs=8 * EPS)
     assert axes.misalignment == pytest.approx([0.0, deg(1.0), 0.0], abs=1e-12)  # √(1 − cos²) of 1° keeps 12 digits
     assert axes.skew == pytest.approx([-deg(1.0), 0.0, 0.0], abs=16 * EPS)  # y leans towards x: less than 90°
-    perfect = report.sensing_axes(acc_calibration())
+    perfect = fitting.sensing_axes(acc_calibration())
     assert not np.concatenate([perfect.scale, perfect.misalignment, perfect.skew]).any() and perfect.scale_sd is None
     # A turn by 2° about z moves x and y, keeps z and all angles between axes
     c, s = np.cos(deg(2.0)), np.sin(deg(2.0))
-    axes = report.sensing_axes(acc_calibration(matrix=[[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
+    axes = fitting.sensing_axes(acc_calibration(matrix=[[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
     assert axes.misalignment == pytest.approx([deg(2.0), deg(2.0), 0.0], abs=1e-12)
     assert np.array_equal((axes.scale, axes.skew), np.zeros((2, 3)))
 
@@ -128,8 +129,8 @@ def test_standard_deviations_of_the_gains_follow_the_matrix():
         slopes[:, k] = (up - down) / (2.0 * h)
     expected = np.sqrt(np.diag(slopes @ model.covariance[3:, 3:] @ slopes.T))
     # rounding eps/h and curvature h² of numbers near 1
-    assert report.sensing_axes(model).scale_sd == pytest.approx(expected, rel=10 * EPS / h)
-    axes = report.sensing_axes(acc_calibration(matrix=np.diag([0.5, 1.0, 2.0]), covariance=covariance(0.0, 1e-3)))
+    assert fitting.sensing_axes(model).scale_sd == pytest.approx(expected, rel=10 * EPS / h)
+    axes = fitting.sensing_axes(acc_calibration(matrix=np.diag([0.5, 1.0, 2.0]), covariance=covariance(0.0, 1e-3)))
     assert axes.scale == pytest.approx([1.0, 0.0, -0.5], abs=4 * EPS)
     assert axes.scale_sd == pytest.approx([4e-3, 1e-3, 2.5e-4], rel=8 * EPS)
 
@@ -179,7 +180,7 @@ def test_terms_that_a_card_has_not_are_left_out():
     assert len(rows(many, "bias per K")) == 11 and "bias per K¹¹ [°/s/K¹¹]" in many
     mounted = replace(CARD, mount=replace(MOUNT, remarks=("nothing shows the heading.",)))
     assert text_of(mounted).endswith("\n- nothing shows the heading.")
-    assert report.numbers(mounted, {})["remarks"]["mount"][0]["text"] == "nothing shows the heading."
+    assert fitting.numbers(mounted, {})["remarks"]["mount"][0]["text"] == "nothing shows the heading."
 
 
 def test_a_matrix_that_was_not_fitted_is_not_shown_as_a_result():
@@ -190,7 +191,7 @@ def test_a_matrix_that_was_not_fitted_is_not_shown_as_a_result():
         text = text_of(card)
         assert rows(text, "matrix, scale, axes") == [["not found"] * 3]
         assert not re.search("row x|scale error|axis misalignment|non-orthogonality|residual", text)
-        figures = report.numbers(card, {})["figures"]["acc"]
+        figures = fitting.numbers(card, {})["figures"]["acc"]
         assert [figures[name] for name in ("matrix_sd", "scale", "scale_sd", "misalignment")] == [None] * 4
     assert rows(text, "bias [mg]") == [["30.0 ± 1.2", "0.0 ± 1.2", "-12.0 ± 1.2"]]
     assert rows(text, "bias [m/s²]") == [["0.294 ± 0.012", "0.000 ± 0.012", "-0.118 ± 0.012"]]
@@ -207,17 +208,17 @@ def test_sizes_before_and_after():
         model = mag_calibration(matrix=np.eye(3), bias=np.array([10.0, 0.0, 0.0]), reference=reference)
         fit = Fitted(model, measured, np.array([0.0, 0, 0, 450]), np.array([True, True, True, False]))
         card = alone("mag", model)
-        figures = report.numbers(card, {"mag": fit})["figures"]["mag"]
+        figures = fitting.numbers(card, {"mag": fit})["figures"]["mag"]
         assert figures["size_rms_before"] == pytest.approx(np.sqrt(np.mean(miss**2)), rel=1e-15)
         assert (figures["size_expected"], figures["size_rms_after"]) == (50.0, 0.0)
         # √((100 + 100 + 0.9805)/3) = 8.18496
         assert "8.18 µT rms before calibration, 0 µT after" in " ".join(text_of(card, {"mag": fit}).split())
-    figures = report.numbers(CARD, FITS)["figures"]["gyr"]  # a gyroscope has no size
+    figures = fitting.numbers(CARD, FITS)["figures"]["gyr"]  # a gyroscope has no size
     assert figures["size_expected"] is None and figures["size_rms_before"] is None
 
 
 def test_json_holds_the_card_and_figures():
-    said = json.loads(json.dumps(report.numbers(CARD, FITS), allow_nan=False))
+    said = json.loads(json.dumps(fitting.numbers(CARD, FITS), allow_nan=False))
     assert said["card"] == json.loads(CARD.text())
     assert said["refused"] == []
     texts = {name: [remark["text"] for remark in remarks] for name, remarks in said["remarks"].items()}
@@ -227,7 +228,7 @@ def test_json_holds_the_card_and_figures():
     assert said["figures"]["mag"]["scale"] == pytest.approx([0.02, 0.0, 0.0], abs=1e-14)
     assert said["figures"]["mag"]["bias_sd"] == pytest.approx([0.12] * 3, rel=1e-15)
     assert said["figures"]["mount"]["yaw_pitch_roll"] == pytest.approx(np.radians([90.0, 2.0, -1.0]), abs=1e-15)
-    assert report.numbers(CARD, {})["figures"]["mag"]["size_rms_after"] is None
+    assert fitting.numbers(CARD, {})["figures"]["mag"]["size_rms_after"] is None
 
 
 def test_refusals():
@@ -240,9 +241,9 @@ def test_refusals():
         "  Turn the unit about its other two axes too.", "- outliers: 12 % of 240 samples do not fit.",
         "  Go outside.",
     ]  # fmt: skip
-    said = report.refusal_numbers(refused)
+    said = refused.summary()
     assert [reason["kind"] for reason in said["refused"]] == ["cone", "outliers"]
-    assert said["card"] is None and set(said) == set(report.numbers(CARD, {}))
+    assert said["card"] is None and set(said) == set(fitting.numbers(CARD, {}))
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,6 @@ import pytest
 from plumbob import AttitudeTrack, ImuData, Recording, convert, find_format, load_session
 from plumbob import files as formats
 from plumbob.calibration.calibrate_gyro import read_plan
-from plumbob.calibration.report import certificate
 from plumbob.cli import common
 from plumbob.cli.main import main
 from plumbob.core.errors import DecodeError, ParameterError
@@ -26,6 +25,7 @@ from plumbob.files.mcap.layout import pack
 from plumbob.files.profile_toml import load_profile
 from plumbob.files.text import read_spans
 from plumbob.live.sources import CaptureSource
+from plumbob.reporting.calibration import certificate
 from plumbob.reporting.content import Figure
 from plumbob.reporting.drawing import picture
 from plumbob.rotations import IDENTITY, Frame, North

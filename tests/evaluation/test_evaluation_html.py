@@ -7,7 +7,7 @@ import pytest
 
 from plumbob import evaluate, flags
 from plumbob.core.errors import MissingExtraError, ShapeError
-from plumbob.evaluation.report import comparison
+from plumbob.reporting.evaluation import side_by_side
 from plumbob.rotations import North, quat_conjugate, quat_from_rotvec, quat_multiply
 from tests.helpers.page_battery import HOSTILE, PageBattery
 
@@ -26,7 +26,7 @@ def judged(track, motion):
 @pytest.fixture(scope="module")
 def text(judged):
     facts = [("device", HOSTILE), (HOSTILE, "x")]
-    return comparison({"first": judged, HOSTILE: judged}, title=HOSTILE, facts=facts).page()
+    return side_by_side({"first": judged, HOSTILE: judged}, title=HOSTILE, facts=facts).page()
 
 
 class TestPage(PageBattery):
@@ -52,15 +52,15 @@ def test_a_share_that_rounds_to_nothing_is_not_nothing(judged, track):
 def test_rows_that_cannot_be_compared_are_called_so(judged, track, monkeypatch):
     other = evaluate(judged.estimate, judged.reference, settle=4.0)
     free = evaluate(track(judged.t, judged.estimate.q_nb, north=North.FREE), judged.reference)
-    assert comparison({"a": judged, "b": judged}).remarks == []
-    assert "the rows differ in the samples scored" in str(comparison({"a": judged, "b": other}).remarks[0])
-    both = comparison({"free": free, "magnetic": judged}).page()  # with figures of the tilt alone
+    assert side_by_side({"a": judged, "b": judged}).remarks == []
+    assert "the rows differ in the samples scored" in str(side_by_side({"a": judged, "b": other}).remarks[0])
+    both = side_by_side({"free": free, "magnetic": judged}).page()  # with figures of the tilt alone
     assert both.count("not scored: the heading of the estimate counts from an arbitrary zero") == 1
     with pytest.raises(ShapeError, match="at least one evaluation"):
-        comparison({})
+        side_by_side({})
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(MissingExtraError, match=r'pip install "plumbob\[plot\]"'):
-        comparison({"x": judged}).page()
+        side_by_side({"x": judged}).page()
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])
@@ -68,7 +68,7 @@ def test_numbers_of_tiny_tracks(track, judged, size):
     """Their errors by hand: of e = q_est q_ref⁻¹ = (w, x, y, z) the angle 2 acos |w|, and 2 acos √(w² + z²) of it."""
     few = slice(1000, 1000 + size)
     tiny = evaluate(track(judged.t[few], judged.estimate.q_nb[few]), judged.reference)
-    errors, samples = comparison({"tiny": tiny}).parts[0].tables
+    errors, samples = side_by_side({"tiny": tiny}).parts[0].tables
     w, _, _, z = quat_multiply(judged.estimate.q_nb[few], quat_conjugate(judged.reference.q_nb[few])).T
     for name, cosine in (("total", np.abs(w)), ("inclination", np.hypot(w, z))):
         error = np.degrees(2.0 * np.arccos(cosine))

@@ -5,7 +5,7 @@ from dataclasses import fields, is_dataclass
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from plumbob.reporting.style import Both
+from plumbob.reporting.content import Both
 
 SILENT = {"dash", "links", "lines", "trail", "unit", "points", "shadow"}
 """Fields of a report's parts that no reader sees as words."""

@@ -2,7 +2,7 @@
 
 import re
 
-from plumbob.reporting.style import Both, said
+from plumbob.reporting.content import Both, said
 from tests.helpers.labels import labels, texts
 
 

@@ -11,8 +11,9 @@ from plumbob import Filter, Frame, NoiseCard
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.units import Quantity, to_si
 from plumbob.filters import mekf
-from plumbob.noise.card import card_report, kalibr_yaml, noise_card
+from plumbob.noise.card import kalibr_yaml, noise_card
 from plumbob.noise.findings import Coefficient, Estimates, Mask
+from plumbob.reporting.noise import card_report
 from plumbob.simulation.errors import TriadErrors
 
 

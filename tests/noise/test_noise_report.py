@@ -15,10 +15,11 @@ from scipy.signal import lfilter
 from plumbob.core.errors import MissingExtraError, ShapeError
 from plumbob.core.text import measured, number
 from plumbob.core.units import Quantity, dps, from_si, to_si
-from plumbob.noise import ChannelComparison, Curve, compare, report
+from plumbob.noise import ChannelComparison, Curve, compare, findings
 from plumbob.noise.findings import Candidate, Coefficient, Estimates, Mask, Sinusoid
 from plumbob.noise.terms import DATASHEET, variance
 from plumbob.papers.fin.datasheet import fin_report
+from plumbob.reporting import noise as report
 from tests.helpers.page_battery import HOSTILE, Outline, PageBattery
 
 PER_HOUR = math.degrees(1.0) * 3600.0  # °/h in a rad/s
@@ -49,13 +50,13 @@ def test_bare_numbers_lengths_of_time_and_coefficients():
     bare = [(0.0, 3), (123456.0, 3), (0.000123, 3), (0.05, 2), (1.5e-7, 2), (math.nan, 3)]
     assert [number(*args) for args in bare] == ["0", "123000", "0.000123", "0.050", "1.5e-7", "-"]
     seconds = (0.0, 3.0, 119.0, 200.0, 7200.0, 4.4e6)
-    assert list(map(report.length, seconds)) == ["0 s", "3.0 s", "120 s", "3.3 min", "2.0 h", "1200 h"]
+    assert list(map(findings.length, seconds)) == ["0 s", "3.0 s", "120 s", "3.3 min", "2.0 h", "1200 h"]
     names = [report.noise_name(alpha) for alpha in (2.0, 0.0, -1.0, -2.0, -7.0)]
     assert names == ["quantization", "white", "flicker", "random walk", "f^-7"]
     white = Coefficient(*(to_si(v, "deg/rth") for v in (0.3, 0.299, 0.301)))
     hidden = Coefficient(0.0, upper=to_si(3.2, "deg/h"), observable=False, hours=12.3)
     nothing = Coefficient(0.0, observable=False)
-    assert [report.coefficient(c, "deg/h") for c in (hidden, nothing)] == ["< 3.2", "not observable"]
+    assert [findings.coefficient(c, "deg/h") for c in (hidden, nothing)] == ["< 3.2", "not observable"]
     assert report.verdict(white, "deg/rth") == "0.3000 ± 0.0010 °/√h"
     longer = "to show half of it takes a record of"
     assert report.verdict(hidden, "deg/h") == f"not observable; < 3.2 °/h (95 %); {longer} 12 h"
@@ -75,7 +76,7 @@ def test_the_floor_of_a_curve(plain):
     """A scattered last point is no minimum; the mask does not matter, and points without an interval do."""
 
     def lowest(c, **changes):
-        return report.lowest(replace(plain[0], curve=c, **changes))
+        return findings.lowest(replace(plain[0], curve=c, **changes))
 
     assert (*lowest(DIP)[:4], lowest(DIP).risen) == (2.0, 3.0, 2.8, 3.2, True)
     assert not lowest(curve([8, 4, 2, 1], [0.1] * 4)).risen
@@ -86,14 +87,14 @@ def test_the_floor_of_a_curve(plain):
 def test_coefficients_are_read_at_the_places_of_the_standard(plain):
     terms = {k: Coefficient(2.0) for k in "QNBKR"} | {"Q": Coefficient(2.0, observable=False)}
     a = replace(plain[0], curve=DIP, likelihood=Estimates("likelihood", terms))
-    assert list(report.shown(a)) == ["N", "B", "K", "R"]
+    assert list(findings.shown(a)) == ["N", "B", "K", "R"]
     # at its place, a line is as high as its coefficient; the flat of B is √(2 ln 2 / π) = 0.664 of it [Riley2008]
     flat = 2.0 * math.sqrt(2.0 * math.log(2.0) / math.pi)
-    assert [p.letter for p in report.points(a)] == ["N", "B", "K", "R"]
-    assert [p.tau for p in report.points(a)] == [1.0, 2.0, 3.0, math.sqrt(2.0)]
-    assert [p.dev for p in report.points(a)] == pytest.approx([2.0, flat, 2.0, 2.0])
+    assert [p.letter for p in findings.points(a)] == ["N", "B", "K", "R"]
+    assert [p.tau for p in findings.points(a)] == [1.0, 2.0, 3.0, math.sqrt(2.0)]
+    assert [p.dev for p in findings.points(a)] == pytest.approx([2.0, flat, 2.0, 2.0])
     without = replace(plain[0], curve=curve([4, 3], [np.inf, np.inf]))
-    assert [p.letter for p in report.points(without)] == ["N", "K"]  # without a least deviation B has no place
+    assert [p.letter for p in findings.points(without)] == ["N", "K"]  # without a least deviation B has no place
 
 
 def test_long_curves_are_cut_to_some_rows_spread_over_all():
@@ -105,7 +106,7 @@ def test_long_curves_are_cut_to_some_rows_spread_over_all():
 
 
 def test_axes_of_one_name_are_a_triad(analyses, bare):
-    parts = report.triads([*analyses, bare])
+    parts = findings.triads([*analyses, bare])
     assert [(t.name, "".join(t.channels)) for t in parts] == [("gyr", "xyz"), ("acc", "xyz"), ("column", "")]
     titles = [part.title for part in report.datasheet([*analyses, bare]).parts]
     assert titles == ["Gyroscope", "Accelerometer", "column"]
@@ -131,11 +132,11 @@ def with_term(a, letter, term):
 def test_axes_stand_side_by_side_with_intervals_in_the_units_beside_them(analyses, bare):
     table = report.datasheet(analyses).text()
     for label, letter in (("N white noise [°/√h]", "N"), ("B bias instability [°/h]", "B")):
-        cells = [report.coefficient(a.terms[letter], DATASHEET[a.quantity][letter]) for a in analyses[:3]]
+        cells = [findings.coefficient(a.terms[letter], DATASHEET[a.quantity][letter]) for a in analyses[:3]]
         assert row(table, label).split("]")[1].split() == " ".join(cells).split()
     assert "300.0 ± 1.2" in row(table, "N white noise [µg/√Hz]")  # planted in the fixture
     assert "< 0.045" in row(table, "Q quantization [arcsec]")
-    floor = measured(*(from_si(v, "deg/h") for v in report.lowest(analyses[0])[1:4]))
+    floor = measured(*(from_si(v, "deg/h") for v in findings.lowest(analyses[0])[1:4]))
     assert floor in row(table, "floor of the curve [°/h]")
     assert number(from_si(analyses[5].sd, "ug"), 4) in table.split("Accelerometer")[1]
     flat = " ".join(table.split())
@@ -181,7 +182,7 @@ def test_methods_models_and_the_curve_on_demand(analyses, bare):
 
 
 def test_the_dictionary_is_strict_json_with_both_units_of_every_number(analyses, bare):
-    said = report.numbers([*analyses, bare])
+    said = findings.numbers([*analyses, bare])
     assert json.loads(json.dumps(said, allow_nan=False)) == said
     assert list(said) == [a.name for a in [*analyses, bare]]
     assert said["column"]["mean"] == {"1": bare.mean}
@@ -293,7 +294,7 @@ def test_coefficients_stand_at_their_places_with_their_values_and_letters(analys
     ax = drawing(report.channel_figure, a)
     dots = [(line.get_xdata()[0], line.get_ydata()[0]) for line in lines(ax, "o")]
     n, b, k = (from_si(a.terms[letter].value, "deg/h") for letter in "NBK")
-    assert [tau for tau, _ in dots] == [1.0, report.lowest(a).tau, 3.0]
+    assert [tau for tau, _ in dots] == [1.0, findings.lowest(a).tau, 3.0]
     assert [dev for _, dev in dots] == pytest.approx([n, math.sqrt(2 * math.log(2) / math.pi) * b, k])
     places = {text.get_text(): text.xy for text in ax.texts}
     assert [places.pop(name) for name in ("N = 0.330 °/√h", "B = 13.2 °/h", "K = 22.0 °/h/√h")] == dots
@@ -323,7 +324,7 @@ def test_curve_model_terms_and_mask_are_in_the_unit_of_the_axis(analyses):
 
 
 def test_a_triad_has_the_curves_of_its_axes_and_the_longest_mask(analyses):
-    gyr, _ = report.triads(analyses)
+    gyr, _ = findings.triads(analyses)
     ax = drawing(report.triad_figure, gyr)
     first = [line for line in ax.get_lines() if line.get_alpha() == 1.0]
     assert len({line.get_color() for line in first}) == 3
@@ -343,7 +344,7 @@ def compared():
 
 @pytest.fixture(scope="module")
 def page_of_comparison(compared):
-    return report.comparison([compared[0]._replace(name=HOSTILE)], facts=[(HOSTILE, HOSTILE)]).page()
+    return report.before_and_after([compared[0]._replace(name=HOSTILE)], facts=[(HOSTILE, HOSTILE)]).page()
 
 
 class TestComparisonPage(PageBattery):
@@ -353,15 +354,15 @@ class TestComparisonPage(PageBattery):
 
 
 def test_a_comparison_has_both_deviations_and_their_ratio(compared, tmp_path):
-    table = report.comparison(compared).text().splitlines()
+    table = report.before_and_after(compared).text().splitlines()
     cells = next(line.split() for line in table if line.startswith("0.100"))
     before, after, ratio = map(float, cells[1:4])
     assert before == pytest.approx(360.0, rel=0.02)
     assert ratio == pytest.approx(after / before, rel=0.01)
     assert max(map(len, table)) <= 80
-    said = report.comparison_numbers(compared)["gyr x"]
+    said = {pair.name: pair.summary() for pair in compared}["gyr x"]
     assert json.loads(json.dumps(said, allow_nan=False)) == said
     assert said["time_constant_s"] == pytest.approx(1.0, rel=0.05)
     assert said["bent_below_s"] == pytest.approx(10.0 * said["time_constant_s"])
     assert len(said["ratio"]) == len(said["before"]["n"]) == len(said["after"]["n"])
-    assert report.comparison(compared).plot(tmp_path / "x.png").read_bytes()[:4] == b"\x89PNG"
+    assert report.before_and_after(compared).plot(tmp_path / "x.png").read_bytes()[:4] == b"\x89PNG"

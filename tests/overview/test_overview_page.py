@@ -15,7 +15,7 @@ from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.core.resources import asset
 from plumbob.core.units import to_deg
 from plumbob.overview import streaming_stats
-from plumbob.reporting.style import said
+from plumbob.reporting.content import said
 from tests.helpers.browser import CHROMIUM, browser
 from tests.helpers.labels import labels
 

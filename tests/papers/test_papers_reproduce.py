@@ -17,8 +17,8 @@ from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import Outcome, at_most, restored, table
 from plumbob.papers.reproduce import DEFINITIONS, NAMES, items, reproduce
 from plumbob.papers.workspace import Work
+from plumbob.reporting.content import Both, said
 from plumbob.reporting.report import Report
-from plumbob.reporting.style import Both, said
 from website.papers import README, items_lines, keys_of, readme
 
 ROOT = Path(__file__).parents[2]

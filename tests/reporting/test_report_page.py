@@ -7,11 +7,11 @@ import pytest
 
 from plumbob.core.errors import MissingExtraError, ParameterError, ShapeError
 from plumbob.core.resources import asset
-from plumbob.reporting.content import Figure, Table
+from plumbob.core.result import plain
+from plumbob.reporting.content import PALETTE, SERIES, Figure, Table
 from plumbob.reporting.drawing import CHINESE, svg, variable
 from plumbob.reporting.page import CSS
-from plumbob.reporting.report import Report, plain
-from plumbob.reporting.style import PALETTE, SERIES
+from plumbob.reporting.report import Report
 from tests.helpers.page_battery import HOSTILE, PageBattery
 
 

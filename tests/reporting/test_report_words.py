@@ -8,18 +8,17 @@ import pytest
 from scipy.signal import lfilter
 
 import plumbob
-from plumbob.calibration.report import certificate
 from plumbob.core import flags
 from plumbob.core.units import Quantity
 from plumbob.data.cards import CalibrationCard, Mount
-from plumbob.evaluation.report import comparison
 from plumbob.filters import CommonParams, load
 from plumbob.noise import ChannelComparison, compare
-from plumbob.noise.report import NOISE
-from plumbob.noise.report import comparison as before_and_after
 from plumbob.papers.buoy.static_test import static_test
 from plumbob.papers.fin.datasheet import fin_report
-from plumbob.reporting.style import chinese_labels, said
+from plumbob.reporting.calibration import certificate
+from plumbob.reporting.content import chinese_labels, said
+from plumbob.reporting.evaluation import side_by_side
+from plumbob.reporting.noise import NOISE, before_and_after
 from tests.helpers.labels import labels
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "random", "seed": 1}
@@ -39,7 +38,7 @@ def evaluations(_):
     track = plumbob.estimate(sea.imu, "mekf").track
     both = [plumbob.evaluate(track, sea.truth, align=align, settle=5.0) for align in ((), ("time", "heading"))]
     facts = [("files", ""), ("scenario", ""), ("sensors", ""), ("calibration", "")]
-    return comparison(dict(zip("ab", both, strict=True)), facts=facts), both[0].report()
+    return side_by_side(dict(zip("ab", both, strict=True)), facts=facts), both[0].report()
 
 
 def certificates(hand):

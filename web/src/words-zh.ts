@@ -1,4 +1,4 @@
-// Labels in Chinese, in the words of src/plumbob/reporting/style.py.
+// Labels in Chinese, in the words of src/plumbob/reporting/content.py.
 
 export const ZH: Record<string, string> = {
   // Head

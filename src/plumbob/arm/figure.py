@@ -13,10 +13,9 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import to_deg
 from plumbob.data.chain import Chain, Posture
-from plumbob.reporting.content import Figure, Scene, Table
-from plumbob.reporting.plot import PlotLine, PlotPanel, draw_panels
+from plumbob.reporting.content import SERIES, SOFT, Figure, Scene, Table
+from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
 from plumbob.reporting.report import Report
-from plumbob.reporting.style import SERIES, SOFT
 from plumbob.rotations import wrap
 
 _HAND: Final = "hand"

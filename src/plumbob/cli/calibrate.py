@@ -37,10 +37,10 @@ def calibrate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     try:
         return _find(args, verb, about)
     except CaptureRefusedError as why:
-        from plumbob.calibration.report import refusal_numbers, refusal_text
+        from plumbob.reporting.calibration import refusal_text
 
         if args.json:
-            common.print_json(about | {"out": None, "html": None} | refusal_numbers(why))
+            common.print_json(about | {"out": None, "html": None} | why.summary())
         else:
             reasons = visible(refusal_text(why), keep="\n")
             print(f"plumbob calibrate {args.kind}: {reasons}", file=sys.stderr)

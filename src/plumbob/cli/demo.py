@@ -148,8 +148,8 @@ def _tour(args: argparse.Namespace) -> int:
     from plumbob.cli.special import has_display
     from plumbob.data import calibration_told
     from plumbob.door.evaluate import evaluate
-    from plumbob.evaluation.report import comparison
     from plumbob.live.emulated import running_rig
+    from plumbob.reporting.evaluation import side_by_side
 
     def say(line: str) -> None:
         if not args.json:
@@ -176,7 +176,7 @@ def _tour(args: argparse.Namespace) -> int:
     calibration = calibration_told(card.name)
     facts = {"scenario": sent.track.source, "sensors": sent.imu.meta.device, "calibration": calibration}
     title = "A buoy in waves, five ways to its attitude, and one without calibration"
-    report = comparison(results, title=title, facts=list(facts.items()))
+    report = side_by_side(results, title=title, facts=list(facts.items()))
     say(f"5 evaluated   after {settle:.3g} s of settling, in {time.perf_counter() - started:.1f} s\n")
     say(replace(report, facts=(), remarks=(), parts=()).text())
     page, certificate = report.write_html(out / PAGE, overwrite=True), out / CERTIFICATE

@@ -356,28 +356,28 @@ def _deviation(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.door.allan import open_static
     from plumbob.noise import KINDS
     from plumbob.noise.allan import deviations
-    from plumbob.noise.report import curve_numbers, curves_report
+    from plumbob.reporting.noise import curves_report
 
     kind = check.one_of("--deviation", args.deviation, KINDS)
     record, report, card = call(open_static)
     curves = deviations(record, report, kind, taus=args.given.get("taus"))
     about = {"file": str(record.path), "calibration": card, "deviation": kind}
-    shown = common.Listed(curves_report(curves).text(), about | curve_numbers(curves))
+    shown = common.Listed(curves_report(curves).text(), about | {curve.name: curve.summary() for curve in curves})
     return show(args, verb._replace(pages=None), None, shown=shown)
 
 
 def _compare(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.door.allan import open_static
     from plumbob.noise.allan import comparisons
-    from plumbob.noise.report import comparison, comparison_numbers
+    from plumbob.reporting.noise import before_and_after
 
     record, checked, _ = call(open_static, calibration=None)
     after, judged, card = call(open_static, record=args.after)
     pairs = comparisons((record, checked), (after, judged), taus=args.given.get("taus"))
     name = after.path.name if card is None else f"{after.path.name}, calibrated with {card}"
-    report = comparison(
+    report = before_and_after(
         pairs, facts=[("before", record.path.name), ("after", name), ("made by", f"plumbob {__version__}")]
     )
     about = {"before": str(record.path), "after": str(after.path), "calibration": card}
-    shown = common.Listed(report.text(), about | comparison_numbers(pairs))
+    shown = common.Listed(report.text(), about | {pair.name: pair.summary() for pair in pairs})
     return show(args, verb._replace(pages=lambda *_: report), None, shown=shown)

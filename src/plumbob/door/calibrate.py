@@ -11,13 +11,14 @@ from plumbob.core import check
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError
 from plumbob.core.findings import warnings
+from plumbob.core.result import Reported
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.data.recording import Recording
 from plumbob.door.reading import read
-from plumbob.reporting.report import Report, Reported
+from plumbob.reporting.report import Report
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
@@ -61,13 +62,13 @@ class Calibrated(Reported):
 
     def report(self, *, recording: str = "") -> Report:
         """Certificate, which names the recording where one is given."""
-        from plumbob.calibration.report import certificate
+        from plumbob.reporting.calibration import certificate
 
         return certificate(self.card, self.fits, recording=recording)
 
     def summary(self) -> dict[str, Any]:
         """All figures, as JSON can hold them."""
-        from plumbob.calibration.report import numbers
+        from plumbob.calibration.fit import numbers
 
         return numbers(self.card, self.fits)
 

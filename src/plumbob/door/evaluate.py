@@ -17,8 +17,7 @@ from plumbob.data.recording import Recording
 from plumbob.door.reading import read
 from plumbob.evaluation.align import ALIGNMENTS
 from plumbob.evaluation.compare import LONGEST_OFFSET, Comparison, compare_attitudes, compare_recordings
-from plumbob.evaluation.evaluation import judge
-from plumbob.evaluation.report import Evaluation, EvaluationSettings
+from plumbob.evaluation.evaluation import Evaluation, EvaluationSettings, judge
 from plumbob.files.formats import kind_of
 
 

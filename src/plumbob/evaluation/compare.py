@@ -17,14 +17,12 @@ from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError
 from plumbob.core.findings import Note, as_json, warning
+from plumbob.core.result import Reported, plain
 from plumbob.core.time import GAP_FACTOR, timing
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.sample import UNITS
 from plumbob.evaluation.align import FINEST_STEP, MIN_CORRELATION, MIN_RATE_SD, masked_correlation
-from plumbob.evaluation.report import Evaluation
-from plumbob.reporting.content import Table
-from plumbob.reporting.report import Report, Reported, plain
+from plumbob.evaluation.evaluation import Evaluation
 from plumbob.rotations import IDENTITY, dcm_from_quat, euler_zyx_from_quat, quat_from_dcm, skew
 
 if TYPE_CHECKING:
@@ -193,57 +191,13 @@ class Comparison(Reported):
         if self.evaluation is not None:
             return dict(plain(numbers | {"attitude": self.evaluation.summary()}))
         m = self.mounting
-        mount = None if m is None else {"q_ab": m.q_ab, "euler_zyx_deg": self._angles(), "sd_deg": to_deg(m.sd)}
+        mount = None if m is None else {"q_ab": m.q_ab, "euler_zyx_deg": self.angles(), "sd_deg": to_deg(m.sd)}
         return dict(plain(numbers | {"clock": self.clock, "mounting": mount, "triads": dict(self.triads)}))
 
-    def _angles(self) -> list[float]:
+    def angles(self) -> list[float]:
+        """Yaw, pitch and roll of the mounting, degrees."""
         assert self.mounting is not None
         return [float(to_deg(angle)) for angle in euler_zyx_from_quat(self.mounting.q_ab)]
-
-    def report(self) -> Report:
-        """What was found, as text and page."""
-        facts = [*self.facts().items()]
-        if self.within is not None:
-            facts.append(("tolerance", "kept" if self.within else "exceeded"))
-        tables = [Table("Counts", ("", "a", "b"), self.counts)] if self.counts else []
-        if self.evaluation is not None:
-            parts = (self.evaluation.report(),)
-            return Report("Comparison of attitudes", facts=facts, tables=tables, remarks=self.remarks, parts=parts)
-        if self.clock is not None:
-            c = self.clock
-            facts.append(("time offset", f"{1e3 * c.offset:+.4g} ± {1e3 * c.offset_sd:.2g} ms added to b's stamps"))
-            facts.append(("drift", f"{1e6 * c.drift:+.4g} ± {1e6 * c.drift_sd:.2g} ppm"))
-        if self.mounting is not None:
-            angles, sd = ", ".join(f"{angle:+.3f}°" for angle in self._angles()), float(to_deg(self.mounting.sd.max()))
-            facts.append(("mounting", f"yaw, pitch, roll of b's axes in a's: {angles}; ± {sd:.2g}°"))
-        if self.triads:
-            tables.append(_triad_table(self.triads))
-        return Report("Comparison of recordings", facts=facts, tables=tables, remarks=self.remarks)
-
-
-def _triad_table(triads: Mapping[str, TriadDifference]) -> Table:
-    head = (
-        "",
-        "Unit",
-        "Bias b − a",
-        "Scale b / a",
-        "RMS",
-        "RMS, relative",
-        "Residual",
-        "Coherent to",
-        "Spectrum b / a",
-    )
-    rows = []
-    for name, triad in triads.items():
-        band = "-" if triad.bandwidth is None else f"{triad.bandwidth:.3g} Hz"
-        ratio = "-" if triad.ratio_db is None else f"{triad.ratio_db:+.2f} dB"
-        rows.append((name, UNITS[name], _three(triad.bias), _three(triad.scale, 6), f"{triad.rms:.4g}",
-                     f"{100.0 * triad.relative:.3g} %", f"{triad.residual:.4g}", band, ratio))  # fmt: skip
-    return Table("Difference of each triad, after alignment", head, rows, words=(1, 2, 3))
-
-
-def _three(values: Floats, digits: int = 3) -> str:
-    return " ".join("-" if not np.isfinite(value) else f"{value:.{digits}g}" for value in values)
 
 
 def compare_attitudes(a: "Recording", b: "Recording", evaluation: Evaluation, limit: float | None) -> Comparison:

@@ -4,18 +4,22 @@ One rule holds throughout: the estimate is judged as it was delivered. Whatever 
 declination, time, mounting or heading, is done to the reference, and the result says so.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.findings import Note, info, warning
+from plumbob.core.findings import Note, as_json, info, warning
+from plumbob.core.result import Reported, plain
+from plumbob.core.series import data_frame
 from plumbob.core.text import counted
-from plumbob.core.units import deg, to_deg
+from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.data import UNCALIBRATED, AttitudeTrack
 from plumbob.evaluation.align import (
     Alignment,
@@ -33,17 +37,144 @@ from plumbob.evaluation.metrics import (
     GIMBAL_GUARD,
     NEEDS_HEADING,
     QUANTITIES,
+    Consistency,
     Stats,
     attitude_errors,
     consistency,
     total_rmse,
 )
-from plumbob.evaluation.report import Evaluation, EvaluationSettings
 from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle, quat_conjugate
 from plumbob.rotations.headings import HeadingPolicy, heading_policy, turn_heading
 
 RATE_BASELINE = 0.1
 """Time over which the reference's turning is measured, s; shorter ones would measure its noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluationSettings:
+    """What was asked for; times in s, angles in rad, None where left to the default."""
+
+    align: tuple[str, ...] = ()
+    max_gap: float | None = None
+    max_offset: float = 1.0
+    declination: float | None = None
+    settle: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluation(Reported):
+    """An estimate judged by a reference.
+
+    Attributes
+    ----------
+    estimate, reference : AttitudeTrack
+        As they were given.
+    settings : EvaluationSettings
+        As they were asked for.
+    match : Match
+        Which samples met, and why others did not; `match.q_ref` is the reference in the estimate's frame, brought to
+        its times and aligned.
+    alignment : Alignment
+        What was found.
+    errors : mapping of str to ndarray (N,)
+        Error of each quantity that may be scored, rad, at the estimate's times, wherever both are known; NaN before the
+        estimate had converged. The statistics take only the rows where `match.scored`.
+    stats : mapping of str to Stats
+        Of each quantity that is scored.
+    not_scored : mapping of str to str
+        Why the others are not.
+    near_gimbal : int
+        Scored samples without yaw and roll, because a pitch is within `GIMBAL_GUARD` of ±90°.
+    consistency : Consistency or None
+        Where the estimate claims a covariance.
+    reference_rate : float or None
+        Rms angular rate of the reference over the scored samples, rad/s; None where it cannot be determined.
+    notes : tuple of str
+        What a reader should know.
+    """
+
+    estimate: AttitudeTrack
+    reference: AttitudeTrack
+    settings: EvaluationSettings
+    match: Match
+    alignment: Alignment
+    errors: Mapping[str, Floats]
+    stats: Mapping[str, Stats]
+    not_scored: Mapping[str, str]
+    near_gimbal: int
+    consistency: Consistency | None
+    reference_rate: float | None
+    notes: tuple[Note, ...]
+
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: scored samples and the root mean square of each error, degrees."""
+        facts = {"scored": f"{int(np.count_nonzero(self.match.scored))} of {len(self.estimate)} samples"}
+        facts |= {f"{name} rmse": f"{to_deg(stats.rmse):.3g}°" for name, stats in self.stats.items()}
+        return facts | {"source": self.estimate.source.partition("(")[0].strip() or "not named"}
+
+    def columns(self) -> Mapping[str, Floats]:
+        """Time, and the error of each quantity that is scored, degrees, by name."""
+        return {"t [s]": self.t} | {f"{name} [deg]": to_deg(error) for name, error in self.errors.items()}
+
+    def to_frame(self) -> Any:
+        """Errors as a table for pandas, a column each; MissingExtraError where pandas is not installed."""
+        return data_frame(self.columns())
+
+    def summary(self) -> dict[str, Any]:
+        """Everything but the series, strictly valid for JSON: degrees, seconds, never NaN.
+
+        Returns
+        -------
+        dict
+            ``total_rmse_deg``, ``heading_rmse_deg``, ``inclination_rmse_deg``; one dictionary for each quantity with
+            ``rmse_deg``, ``mean_deg``, ``std_deg``, ``max_abs_deg``, ``max_at_s``, ``p50_deg``, ``p95_deg``,
+            ``p99_deg`` and ``count``. A quantity that is not scored is None, and ``not_scored`` says why.
+        """
+        a, s = self.alignment, self.settings
+        time, mounting = a.time, a.mounting
+        return dict(plain({
+            **{f"{name}_rmse_deg": _deg(getattr(self.stats.get(name), "rmse", None)) for name in QUANTITIES[:3]},
+            **{name: _stats(self.stats.get(name)) for name in QUANTITIES},
+            "not_scored": self.not_scored,
+            "samples": sample_counts(self),
+            "alignment": {
+                "time": time and {
+                    "offset_s": time.offset, "correlation": time.correlation,
+                    "rival_correlation": time.rival, "rival_offset_s": time.rival_at,
+                },
+                "mounting": None if mounting is None else {
+                    "q_re_wxyz": mounting, "angle_deg": _deg(float(quat_angle(IDENTITY, mounting)))
+                },
+                "heading_deg": _deg(a.heading), "tilt_spread_deg": _deg(a.tilt_spread),
+            },
+            "settings": {
+                "align": s.align, "max_gap_s": self.match.max_gap, "max_offset_s": s.max_offset,
+                "declination_deg": _deg(s.declination), "settle_s": s.settle,
+            },
+            "estimate": _track(self.estimate),
+            "reference": _track(self.reference),
+            "flags": self.flag_counts(),
+            "consistency": self.consistency,
+            "reference_rate_rms_dps": None if self.reference_rate is None else to_dps(self.reference_rate),
+            "notes": as_json(self.notes),
+        }))  # fmt: skip
+
+    @property
+    def t(self) -> Floats:
+        """Times of the estimate, s, (N,)."""
+        return self.estimate.t
+
+    @property
+    def not_converged_until(self) -> float | None:
+        """Time of the last sample that is left out because the estimate had not converged, s; None without one."""
+        times = self.t[self.match.fate == Fate.NOT_CONVERGED]
+        return float(times[-1]) if times.size else None
+
+    def flag_counts(self) -> dict[str, int]:
+        """Scored samples that carry each flag of the estimate that occurs."""
+        if self.estimate.flags is None:
+            return {}
+        return flags.counts(self.estimate.flags[self.match.scored])
 
 
 def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: EvaluationSettings) -> Evaluation:
@@ -235,3 +366,34 @@ def _describe(alignment: Alignment) -> str:
         return f"a constant heading of {to_deg(alignment.heading):+.1f}°"
     angle = to_deg(float(quat_angle(IDENTITY, alignment.mounting if alignment.mounting is not None else IDENTITY)))
     return f"a constant turn of {angle:.1f}° between the two bodies"
+
+
+def _deg(angle: float | None) -> float | None:
+    return None if angle is None else to_deg(angle)
+
+
+def _stats(s: Stats | None) -> dict[str, Any] | None:
+    if s is None:
+        return None
+    angles = {f"{k}_deg": to_deg(getattr(s, k)) for k in ("rmse", "mean", "std", "max_abs", "p50", "p95", "p99")}
+    return {**angles, "max_at_s": s.max_at, "count": s.count}
+
+
+def sample_counts(e: Evaluation) -> dict[str, Any]:
+    """How many samples met how, and between which times, as JSON can hold them."""
+    times = e.t[e.match.scored]
+    exact = int(e.match.exact.sum())
+    return {
+        "estimate": int(e.t.size), "scored": int(times.size), "exact": exact, "interpolated": int(times.size) - exact,
+        "near_gimbal": e.near_gimbal, "first_s": float(times[0]), "last_s": float(times[-1]),
+        "not_converged_until_s": e.not_converged_until,
+        "left_out": {fate.name.lower(): n for fate, n in e.match.counts().items() if fate is not Fate.SCORED},
+    }  # fmt: skip
+
+
+def _track(track: AttitudeTrack) -> dict[str, Any]:
+    rate = (len(track) - 1) / float(track.t[-1] - track.t[0]) if len(track) > 1 else math.nan
+    return {
+        "source": track.source, "frame": str(track.frame), "north": str(track.north), "samples": len(track),
+        "mean_rate_hz": rate, "first_s": float(track.t[0]), "last_s": float(track.t[-1]),
+    }  # fmt: skip

@@ -26,6 +26,7 @@ from plumbob.core.errors import (
     one_line,
 )
 from plumbob.core.files import existing_file, file_sha256, write_text
+from plumbob.core.result import plain
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate
@@ -38,7 +39,6 @@ from plumbob.overview.streaming_stats import BURST
 from plumbob.overview.tables import summary
 from plumbob.quality import quality
 from plumbob.quality.tilt import LIMIT
-from plumbob.reporting.report import plain
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:

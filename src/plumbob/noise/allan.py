@@ -13,6 +13,7 @@ import numpy as np
 from plumbob.core import __version__
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.result import Reported
 from plumbob.data.cards import NoiseCard
 from plumbob.noise import (
     AllanStream,
@@ -35,7 +36,6 @@ from plumbob.noise import (
 from plumbob.noise.factors import Factors, kind_named
 from plumbob.noise.static import StaticReport, bridged
 from plumbob.noise.static_record import Channels, StaticRecord
-from plumbob.reporting.report import Report, Reported
 
 IN_MEMORY: Final = 1 << 24
 """Bytes of a file of bare numbers up to which it is read whole."""
@@ -265,22 +265,15 @@ class Noise(Reported):
     @property
     def source(self) -> str:
         """Where the figures come from."""
-        return f"Allan analysis of {self._named}, plumbob {__version__}"
+        return f"Allan analysis of {self.named}, plumbob {__version__}"
 
     @property
-    def _named(self) -> str:
+    def named(self) -> str:
         """Name of the record, and the card that was applied."""
         return self.record.path.name + ("" if self.calibration is None else f", calibrated with {self.calibration}")
 
-    def report(self, *, device: str | None = None) -> Report:
-        """Data sheet; further tables of its text are "methods" and "curve"."""
-        from plumbob.noise.report import datasheet
-
-        named = {"device": device or self.record.path.stem, "record": self._named, "made by": f"plumbob {__version__}"}
-        return datasheet(self.analyses, facts=list(named.items()))
-
     def summary(self) -> dict[str, Any]:
         """All figures with their units, as JSON can hold them."""
-        from plumbob.noise.report import numbers
+        from plumbob.noise.findings import numbers
 
         return {"file": str(self.record.path), "calibration": self.calibration, **numbers(self.analyses)}

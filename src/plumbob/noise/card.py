@@ -16,15 +16,11 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.findings import Note, info, warning
-from plumbob.core.text import number, visible
-from plumbob.core.units import Quantity, from_si, written
-from plumbob.data import TITLES
+from plumbob.core.text import visible
+from plumbob.core.units import Quantity, written
 from plumbob.data.cards import UNITS, NoiseCard, TriadNoise
-from plumbob.noise.findings import Analysis, Coefficient
-from plumbob.noise.report import AXES, Triad, coefficient, length_and_rate, triads
-from plumbob.noise.terms import DATASHEET, TERMS
-from plumbob.reporting.content import Table
-from plumbob.reporting.report import Report
+from plumbob.noise.findings import AXES, Analysis, Coefficient, Triad, coefficient, length_and_rate, triads
+from plumbob.noise.terms import DATASHEET
 
 
 def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> NoiseCard:
@@ -64,36 +60,6 @@ def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> Noi
     said += [f"left out, no triad of three axes: {_names(others)}"] if others else []
     noises = {name: _noise(triad) for name, triad in complete.items()}
     return NoiseCard(device, "; ".join(said), **noises)
-
-
-def card_report(card: NoiseCard) -> Report:
-    """What a noise card holds, in the units of data sheets."""
-    parts = [
-        Report(TITLES[name].capitalize(), tables=[Table("", ["", *AXES], _rows(name, triad))])
-        for name in UNITS
-        if (triad := getattr(card, name)) is not None
-    ]
-    return Report("Noise card", facts=[("device", card.device)], remarks=[card.source], parts=parts)
-
-
-def _rows(name: str, triad: TriadNoise) -> list[list[str]]:
-    units = DATASHEET[Quantity(UNITS[name])]
-    terms = {
-        "N": (triad.n_rpsd, triad.n_interval),
-        "B": (triad.b, triad.b_interval),
-        "K": (triad.k_rpsd, triad.k_interval),
-    }
-    rows = []
-    for k, (values, ends) in terms.items():
-        rows.append([f"{k} {TERMS[k].name} [{written(units[k])}]", *_numbers(values, units[k])])
-        if ends is not None:
-            cells = (f"{lo} to {hi}" for lo, hi in zip(*(_numbers(end, units[k]) for end in ends), strict=True))
-            rows.append(["  68.3 %", *cells])
-    return rows
-
-
-def _numbers(values: Floats, unit: str) -> list[str]:
-    return [number(v) for v in from_si(values, unit).tolist()]
 
 
 def _noise(triad: Triad) -> TriadNoise:

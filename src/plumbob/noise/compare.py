@@ -8,7 +8,7 @@ each at the same τ and with its interval, and the filter's time constant: far b
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,11 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
-from plumbob.core.findings import Note, info, warning
+from plumbob.core.findings import Note, as_json, info, warning
+from plumbob.core.result import plain
 from plumbob.core.units import Quantity
 from plumbob.noise.curve import Curve, curve
+from plumbob.noise.findings import numbers_of_curve
 from plumbob.noise.spectrum import Spectrum, spectrum
-from plumbob.noise.terms import FAR
+from plumbob.noise.terms import DEVIATION, FAR
 
 _SAME = 0.05  # of the power: what is no filter
 _LOWEST = 64  # coefficients whose power no filter that can be recognised has changed
@@ -70,6 +72,17 @@ class ChannelComparison(NamedTuple):
     name: str
     quantity: Quantity
     comparison: DeviationComparison
+
+    def summary(self) -> dict[str, Any]:
+        """Both curves, ratio, time constant and notes, strictly valid for JSON."""
+        c, unit = self.comparison, DEVIATION[self.quantity]
+        return dict(plain({
+            "quantity": self.quantity.name.lower(),
+            "before": numbers_of_curve(c.before, unit), "after": numbers_of_curve(c.after, unit),
+            "ratio": c.ratio, "ratio_lo": c.lo, "ratio_hi": c.hi,
+            "time_constant_s": c.time_constant, "corner_hz": c.corner, "bent_below_s": c.bent_below,
+            "notes": as_json(c.notes),
+        }))  # fmt: skip
 
 
 def compare(

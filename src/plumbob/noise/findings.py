@@ -1,18 +1,26 @@
-"""What an analysis finds: coefficients with intervals and verdicts, further terms, the mask, and all of it together."""
+"""What an analysis finds: coefficients with intervals, further terms, the mask; and all of it as numbers for JSON."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.findings import Note
-from plumbob.core.units import Quantity
+from plumbob.core.errors import ShapeError
+from plumbob.core.findings import Note, as_json
+from plumbob.core.result import plain
+from plumbob.core.text import measured, number, places, rounded
+from plumbob.core.units import Quantity, from_si, unit
 from plumbob.noise.curve import Curve
-from plumbob.noise.terms import allan_transfer, variance
+from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, allan_transfer, variance
+
+AXES: Final = ("x", "y", "z")
+
+TRUSTED = 2.0
+"""Degrees of freedom below which a deviation scatters by more than half of itself: pictures fade it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +189,10 @@ class Deviation(NamedTuple):
     quantity: Quantity
     curve: Curve
 
+    def summary(self) -> dict[str, Any]:
+        """The curve, as `numbers` has it."""
+        return {"quantity": self.quantity.name.lower(), **numbers_of_curve(self.curve, DEVIATION[self.quantity])}
+
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
@@ -256,3 +268,211 @@ class Analysis:
         if self.markov is not None:
             total = total + self.markov.variance(tau)
         return np.asarray(np.sqrt(total))
+
+
+class Lowest(NamedTuple):
+    """Least deviation with its interval, at the averaging time tau, s; `risen` shows whether a later one is higher."""
+
+    tau: float
+    dev: float
+    lo: float
+    hi: float
+    risen: bool
+
+
+class Point(NamedTuple):
+    """Where a coefficient is read off: averaging time, s, and deviation there."""
+
+    letter: str
+    tau: float
+    dev: float
+
+
+def trusted(curve: Curve) -> NDArray[np.bool_]:
+    """Points (m,) with enough degrees of freedom to be believed."""
+    return np.asarray(curve.edf >= TRUSTED)
+
+
+def lowest(analysis: Analysis) -> Lowest | None:
+    """Deviation whose interval ends lowest, so that scatter at the end of a record is not taken for a minimum.
+
+    Of the whole curve, masked or not: it is what was measured. None where no point has a finite interval.
+    """
+    curve = analysis.curve
+    use = np.flatnonzero(np.isfinite(curve.hi))
+    if not use.size:
+        return None
+    i = int(use[np.argmin(curve.hi[use])])
+    tau, dev, lo, hi = (float(a[i]) for a in (curve.tau, curve.dev, curve.lo, curve.hi))
+    return Lowest(tau, dev, lo, hi, risen=bool(np.any(curve.lo[i:] > hi)))
+
+
+def points(analysis: Analysis) -> list[Point]:
+    """Where the observable coefficients are read off their lines; B at the least deviation, where there is one."""
+    least = lowest(analysis)
+    readings = []
+    for letter, c in shown(analysis).items():
+        tau = TERMS[letter].read_at or (least and least.tau)
+        if tau is not None:
+            readings.append(Point(letter, tau, math.sqrt(float(variance(letter, c.value, tau)))))
+    return readings
+
+
+def shown(analysis: Analysis) -> dict[str, Coefficient]:
+    """Coefficients that this record shows, by letter."""
+    return {letter: c for letter, c in analysis.terms.items() if c.observable and c.value > 0.0}
+
+
+class Triad(NamedTuple):
+    """Channels of one sensor.
+
+    Attributes
+    ----------
+    name : str
+        What their names share, such as "gyr"; the whole name of a channel that stands alone.
+    channels : mapping of str to Analysis
+        By axis; the axis is empty for a channel that stands alone.
+    """
+
+    name: str
+    channels: Mapping[str, Analysis]
+
+    @property
+    def quantity(self) -> Quantity:
+        """What its samples measure."""
+        return self.first.quantity
+
+    @property
+    def first(self) -> Analysis:
+        """The first of its channels."""
+        return next(iter(self.channels.values()))
+
+
+def triads(analyses: Sequence[Analysis]) -> list[Triad]:
+    """Sort channels into triads by their names: "gyr x", "gyr y" and "gyr z" are axes of "gyr".
+
+    Raises
+    ------
+    ShapeError
+        If there is no analysis, two share a name, or the axes of a triad measure different quantities.
+    """
+    if not analyses:
+        raise ShapeError("a report needs at least one analysis, but analyses is empty.")
+    by_name: dict[str, dict[str, Analysis]] = {}
+    for analysis in analyses:
+        head, _, last = analysis.name.rpartition(" ")
+        name, axis = (head, last) if head and last in AXES else (analysis.name, "")
+        channels = by_name.setdefault(name, {})
+        if axis in channels:
+            raise ShapeError(f"two analyses are named '{analysis.name}'; give each channel a name of its own.")
+        channels[axis] = analysis
+    for name, channels in by_name.items():
+        measured = {analysis.quantity for analysis in channels.values()}
+        if len(measured) > 1:
+            raise ShapeError(
+                f"the axes of '{name}' measure {', '.join(sorted(measured))}; a triad measures one quantity."
+            )
+    return [Triad(name, channels) for name, channels in by_name.items()]
+
+
+def coefficient(c: Coefficient | None, unit: str) -> str:
+    """Cell of a table: the value with its uncertainty, or the limit below which it lies; a dash where there is none."""
+    if c is None:
+        return "-"
+    value, lo, hi, upper = (from_si(v, unit) for v in (c.value, c.lo, c.hi, c.upper))
+    if c.observable:
+        return measured(value, lo, hi)
+    return f"< {number(upper, 2)}" if math.isfinite(upper) else "not observable"
+
+
+def length(seconds: float) -> str:
+    """Length of time with two digits."""
+    unit, size = next(pair for pair in (("h", 3600.0), ("min", 60.0), ("s", 0.0)) if seconds >= 2.0 * pair[1])
+    value = seconds / (size or 1.0)
+    return f"{rounded(value, places(value))} {unit}" if value > 0.0 else "0 s"
+
+
+def numbers(analyses: Sequence[Analysis]) -> dict[str, Any]:
+    """Everything that was found, strictly valid for JSON.
+
+    Returns
+    -------
+    dict
+        By name of the channel. A number with a unit is a dictionary of unit and value: the unit inside first, then that
+        of a data sheet, as in ``{"rad/s/rtHz": 8.7e-5, "deg/rth": 0.3}``. What is not known is None.
+
+    Raises
+    ------
+    ShapeError
+        If there is no analysis, or two share a name.
+    """
+    return dict(plain({a.name: _channel_numbers(a) for triad in triads(analyses) for a in triad.channels.values()}))
+
+
+def _channel_numbers(a: Analysis) -> dict[str, Any]:
+    sample = DEVIATION[a.quantity]
+    return {
+        "quantity": a.quantity.name.lower(),
+        "duration_s": a.duration,
+        "samples": a.curve.count,
+        "dt_s": a.curve.dt,
+        **_with_units(a, sample, "mean", "sd", "step"),
+        "coefficients": _estimates(a.likelihood, a.quantity),
+        "methods": {e.method: _estimates(e, a.quantity) for e in (a.lines, a.least_squares, a.likelihood)},
+        "minimum": _minimum(a),
+        "sinusoids": [
+            {
+                **_with_units(s, sample, "amplitude", "amplitude_sd"),
+                "frequency_hz": s.frequency,
+                "frequency_sd_hz": s.frequency_sd,
+            }
+            for s in a.sinusoids
+        ],
+        "bands": [
+            {**_with_units(b, sample, "sd"), "low_hz": b.low, "high_hz": b.high, "middle_hz": b.middle} for b in a.bands
+        ],
+        "gauss_markov": a.markov
+        and {"sd": _coefficient(a.markov.sd, sample), "time": _coefficient(a.markov.time, "s")},
+        "mask": {"n": a.mask.n, "frequency_hz": a.mask.frequency, "reason": a.mask.reason},
+        "candidates": [{"terms": c.terms, "bic": c.bic, "chosen": c.chosen} for c in a.candidates],
+        "notes": as_json(a.notes),
+        "curve": numbers_of_curve(a.curve, sample),
+    }
+
+
+def _estimates(estimates: Estimates, quantity: Quantity) -> dict[str, Any]:
+    return {
+        letter: {"name": TERMS[letter].name, **_coefficient(c, DATASHEET[quantity][letter])}
+        for letter, c in estimates.terms.items()
+    }
+
+
+def _coefficient(c: Coefficient, name: str) -> dict[str, Any]:
+    return {**_with_units(c, name, "value", "lo", "hi", "upper"), "observable": c.observable, "hours": c.hours}
+
+
+def _minimum(a: Analysis) -> dict[str, Any] | None:
+    least = lowest(a)
+    if least is None:
+        return None
+    return {"tau_s": least.tau, **_with_units(least, DEVIATION[a.quantity], "dev", "lo", "hi"), "risen": least.risen}
+
+
+def numbers_of_curve(curve: Curve, sample: str) -> dict[str, Any]:
+    """A curve, its deviations in the unit inside and in `sample`."""
+    return dict(plain({
+        "kind": curve.kind, "confidence": curve.confidence, "n": curve.n, "tau_s": curve.tau,
+        **_with_units(curve, sample, "dev", "lo", "hi"),
+        "alpha": curve.alpha, "edf": curve.edf, "ieee952_relative_error": curve.ieee,
+    }))  # fmt: skip
+
+
+def _with_units(source: Any, name: str, *keys: str) -> dict[str, dict[str, Any]]:
+    """Numbers in the unit inside and in that of a data sheet."""
+    return {key: {u: from_si(getattr(source, key), u) for u in (unit(name).quantity.value, name)} for key in keys}
+
+
+def length_and_rate(triad: Triad) -> str:
+    """Length and rate of the record."""
+    first = triad.first
+    return f"{length(first.duration)} at {1.0 / first.curve.dt:.6g} Hz, {first.curve.count} samples"

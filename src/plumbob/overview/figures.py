@@ -15,9 +15,8 @@ from plumbob.overview.report_entry import Subject
 from plumbob.overview.streaming_stats import SPECTRAL, Gathered
 from plumbob.overview.tables import SPECTRAL_UNITS, heading_circle, shown_scale
 from plumbob.quality.tilt import Headings
-from plumbob.reporting.content import Figure
-from plumbob.reporting.plot import PlotLine, PlotPanel, draw_panels
-from plumbob.reporting.style import COLOURS, SERIES
+from plumbob.reporting.content import COLOURS, SERIES, Figure
+from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase

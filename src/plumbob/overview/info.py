@@ -167,8 +167,9 @@ def _card(file: Path) -> Info:
 
     card, points = open_card(file), None
     if isinstance(card, CalibrationCard):
-        from plumbob.calibration.report import certificate, numbers
+        from plumbob.calibration.fit import numbers
         from plumbob.quality.grade import WORDS
+        from plumbob.reporting.calibration import certificate
 
         content, report = numbers(card, {}), certificate(card, {})
         least = {word.lower(): points for word, points in WORDS}
@@ -176,7 +177,7 @@ def _card(file: Path) -> Info:
         graded = [triad.quality.grade for triad in triads if triad.quality is not None]
         points = min((least[word] for word in graded), default=None)
     else:
-        from plumbob.noise.card import card_report
+        from plumbob.reporting.noise import card_report
 
         content, report = {"card": json.loads(card.text())}, card_report(card)
     return Info({"file": str(file)} | content, [report.text()], points=points)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check, units
 from plumbob.core.errors import ParameterError
+from plumbob.core.result import Reported
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data import ImuData
 from plumbob.data.recording import Recording
@@ -17,7 +18,7 @@ from plumbob.overview.report_entry import Progress, Subject, duration, read_subj
 from plumbob.overview.streaming_stats import WHOLE, Gatherer
 from plumbob.overview.tables import comparison_table, definitions, remarks, summary, tables
 from plumbob.quality.grade import Grade
-from plumbob.reporting.report import Report, Reported
+from plumbob.reporting.report import Report
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ class Overview(Reported):
         return {"recordings": [summary(subject) for subject in self.subjects]}
 
     def page(self, *, lang: str = "en") -> str:
-        """HTML of the page, self-contained, its labels in a language of `plumbob.reporting.style.LANGUAGES`.
+        """HTML of the page, self-contained, its labels in a language of `plumbob.reporting.content.LANGUAGES`.
 
         Raises
         ------

@@ -43,8 +43,8 @@ from plumbob.overview.tables import (
 )
 from plumbob.quality import quality
 from plumbob.quality.tilt import Headings
+from plumbob.reporting.content import said
 from plumbob.reporting.page import CSS, asset_text, render
-from plumbob.reporting.style import said
 
 _NONE: Final = -32768
 _CODES: Final = 65534

@@ -10,6 +10,7 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.findings import as_json
+from plumbob.core.result import plain
 from plumbob.core.text import number
 from plumbob.core.units import to_deg
 from plumbob.data import UNCALIBRATED
@@ -19,7 +20,6 @@ from plumbob.quality import quality
 from plumbob.quality.grade import Grade
 from plumbob.quality.tilt import DEAD, Headings, Inclination, TiltMotion, TiltStatistics
 from plumbob.reporting.content import Table
-from plumbob.reporting.report import plain
 from plumbob.rotations import North
 
 UNITS: Final = {"gyr": "°/s", "acc": "m/s²", "mag": "µT", "temp": "°C"}

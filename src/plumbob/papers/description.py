@@ -25,9 +25,8 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.papers.outcome import Outcome, PaperItem
-from plumbob.reporting.content import Figure, Table
+from plumbob.reporting.content import COLOURS, Both, Figure, Table
 from plumbob.reporting.report import Report
-from plumbob.reporting.style import COLOURS, Both
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase

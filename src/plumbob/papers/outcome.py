@@ -6,9 +6,8 @@ from dataclasses import dataclass, fields
 from typing import Any, Final, NamedTuple
 
 from plumbob.core.errors import ParameterError
-from plumbob.reporting.content import Table
+from plumbob.reporting.content import Both, Table
 from plumbob.reporting.report import Report
-from plumbob.reporting.style import Both
 
 Bar = tuple[float, float]
 """Least and greatest value that meet it."""

@@ -21,10 +21,9 @@ from plumbob.core.text import counted
 from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import CANNOT, HEAD, MISSED, PASS, SHOWN, Outcome, Paper, PaperItem, restored, table
 from plumbob.papers.workspace import Work
-from plumbob.reporting.content import Table
+from plumbob.reporting.content import LANGUAGES, Both, Table
 from plumbob.reporting.page import part_links
 from plumbob.reporting.report import Report
-from plumbob.reporting.style import LANGUAGES, Both
 
 NAMES: Final = tuple(PAPERS)
 """Papers by the names of their rigs."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.findings import Finding, as_json, info
+from plumbob.core.result import Reported
 from plumbob.core.units import deg, to_deg, to_si
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.imu import TRIAD_FLAGS
@@ -20,8 +21,6 @@ from plumbob.data.recording import findings as sample_findings
 from plumbob.quality.arrangement import ARRANGEMENTS, FLOOR, VectorFit, fit, means
 from plumbob.quality.derotated import fit_force
 from plumbob.quality.units import UNITS, unit_odds
-from plumbob.reporting.content import Table
-from plumbob.reporting.report import Report, Reported
 from plumbob.rotations import Frame, axes_letters, quat_chained, quat_rotate, signed_axes
 
 if TYPE_CHECKING:
@@ -160,18 +159,6 @@ class Diagnosis(Reported):
         ]  # fmt: skip
         return {"recording": self.name, "wrong": self.wrong, "findings": rows, "profile": list(self.lines),
                 "remarks": as_json(self.remarks), "values": dict(self.values)}  # fmt: skip
-
-    def report(self) -> Report:
-        """Verdicts, lines of the profile, and remarks."""
-        rows = [
-            (f"{it.sensor} {it.question}", str(it.answer), it.odds,
-             f"{'WRONG: ' if it.wrong else ''}{it.value}{it.why and f' ({it.why})'}")
-            for it in self.findings
-        ]  # fmt: skip
-        lines = [(line,) for line in self.lines]
-        profile = [Table("Lines of the profile", ("",), lines, words=(0,))] if lines else []
-        tables = (Table("Answers", ("question", "answer", "odds", "found"), rows, words=(1, 3)), *profile)
-        return Report("Conventions", facts=tuple(self.facts().items()), tables=tables, remarks=self.remarks)
 
 
 @dataclass

@@ -15,9 +15,8 @@ from typing import Any, Final
 
 from plumbob.core import check
 from plumbob.core.text import visible
-from plumbob.reporting.content import scene_data
+from plumbob.reporting.content import LANGUAGES, said, scene_data
 from plumbob.reporting.drawing import svg, variable
-from plumbob.reporting.style import LANGUAGES, said
 
 _SHORT_CELL, _LONG_CELL = 16, 60  # letters of a cell of words
 _MINUS = re.compile(r"-(?=[\d.∞]|$)")  # of a number, or alone

@@ -1,62 +1,20 @@
-"""What a report is, and how it is written as text and as JSON; pages and pictures are written by the files beside."""
+"""What a report is, and how it is written as text; pages and pictures are written by the files beside."""
 
-import math
 import textwrap
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from plumbob.core.findings import Note
-from plumbob.core.text import WIDTH, FactsText, listed
-from plumbob.reporting.content import Figure, Table
-
-if TYPE_CHECKING:
-    from plumbob.reporting.content import Scene
+from plumbob.core.text import WIDTH, listed
+from plumbob.reporting.content import Figure, Scene, Table
 
 _NAME = 11  # letters of the name of a fact, at least
 
 
-class Writable:
-    """Mixin of what can be written as text, as a page and as a picture: of what makes a `Report`, which is one too."""
-
-    __slots__ = ()
-
-    def report(self) -> "Report":
-        """What is to be said about it."""
-        raise NotImplementedError
-
-    def text(self, *details: str) -> str:
-        """Text for a terminal, with the tables that are always shown and those of the given details."""
-        return "\n".join(_text(self.report(), details, top=True))
-
-    def page(self, *, lang: str = "en") -> str:
-        """HTML of a page, self-contained, its labels in a language of `LANGUAGES`; needs matplotlib for figures."""
-        from plumbob.reporting.page import page
-
-        return page(self.report(), lang=lang)
-
-    def write_html(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
-        """Write the page, a single file that opens offline; errors as of `page` and of an output that exists."""
-        from plumbob.core.files import write_text
-
-        return write_text(path, self.page(lang=lang), overwrite=overwrite)
-
-    def plot(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
-        """Write its own figures, or those of its parts where it has none, as SVG, PNG or PDF by the name's ending."""
-        from plumbob.reporting.drawing import picture
-
-        return picture(path, first_figures(self.report()), lang=lang, overwrite=overwrite)
-
-
-class Reported(Writable, FactsText):
-    """Mixin of a result that fills a `Report`."""
-
-    __slots__ = ()
-
-
 @dataclass(frozen=True)
-class Report(Writable):
+class Report:
     """What is to be said about something, in the order in which it is read.
 
     Attributes
@@ -88,12 +46,30 @@ class Report(Writable):
     figures: Sequence[Figure] = ()
     parts: "Sequence[Report]" = ()
     definitions: Sequence[str] = ()
-    scenes: "Sequence[Scene]" = ()
+    scenes: Sequence[Scene] = ()
     links: Sequence[tuple[str, str]] = ()
 
-    def report(self) -> "Report":
-        """Itself."""
-        return self
+    def text(self, *details: str) -> str:
+        """Text for a terminal, with the tables that are always shown and those of the given details."""
+        return "\n".join(_text(self, details, top=True))
+
+    def page(self, *, lang: str = "en") -> str:
+        """HTML of a page, self-contained, its labels in a language of `LANGUAGES`; needs matplotlib for figures."""
+        from plumbob.reporting.page import page
+
+        return page(self, lang=lang)
+
+    def write_html(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
+        """Write the page, a single file that opens offline; errors as of `page` and of an output that exists."""
+        from plumbob.core.files import write_text
+
+        return write_text(path, self.page(lang=lang), overwrite=overwrite)
+
+    def plot(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
+        """Write its own figures, or those of its parts where it has none, as SVG, PNG or PDF by the name's ending."""
+        from plumbob.reporting.drawing import picture
+
+        return picture(path, first_figures(self), lang=lang, overwrite=overwrite)
 
     @property
     def moves(self) -> bool:
@@ -118,40 +94,18 @@ def _text(report: Report, details: Collection[str], *, top: bool) -> Iterator[st
     parts = [text for part in report.parts if (text := list(_text(part, details, top=False)))]
     if not (top or tables or more or report.facts or report.remarks or parts):
         return
+    width = 1 + max([_NAME, *(len(name) for name, _ in report.facts)])
+    wrap = partial(textwrap.fill, width=WIDTH, subsequent_indent=" " * width)
+    facts = [wrap(value, initial_indent=f"{name:<{width}}") for name, value in report.facts]
     yield from textwrap.wrap(report.title, WIDTH)
     if top:
-        yield from _facts(report)
+        yield from facts
     for table in tables:
-        yield from ["", *_titled(table)] if table.title or top else table.text()
+        yield from ["", *table.text()] if table.title or top else table.text()
     if not top:
-        yield from _facts(report)
+        yield from facts
     elif tables and report.remarks:
         yield ""
     yield from listed(map(str, report.remarks))
-    for block in (*map(_titled, more), *parts):
+    for block in (*(table.text() for table in more), *parts):
         yield from ("", *block)
-
-
-def _titled(table: Table) -> list[str]:
-    return [*textwrap.wrap(table.title, WIDTH), *table.text()]
-
-
-def _facts(report: Report) -> Iterator[str]:
-    width = 1 + max([_NAME, *(len(name) for name, _ in report.facts)])
-    for name, value in report.facts:
-        yield textwrap.fill(value, WIDTH, initial_indent=f"{name:<{width}}", subsequent_indent=" " * width)
-
-
-def plain(value: Any) -> Any:
-    """Numbers as JSON can hold them: None where one is not finite, lists for arrays, dictionaries for dataclasses."""
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if value is None or isinstance(value, str | bool | int):
-        return value
-    if isinstance(value, Mapping):
-        return {key: plain(entry) for key, entry in value.items()}
-    if is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    return [plain(entry) for entry in value]

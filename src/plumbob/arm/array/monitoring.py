@@ -168,7 +168,7 @@ class Monitored(Series):
 
     def summary(self) -> dict[str, Any]:
         """All findings, as JSON can hold them."""
-        from plumbob.reporting.report import plain
+        from plumbob.core.result import plain
 
         findings: dict[str, Any] = plain(
             {

@@ -15,12 +15,13 @@ from plumbob.arm.array.monitoring import Monitored
 from plumbob.arm.array.virtual_unit import Combined, combined
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.result import Reported, plain
 from plumbob.core.text import measured
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.array import ImuArray
 from plumbob.reporting.content import Table
-from plumbob.reporting.report import Report, Reported, plain
+from plumbob.reporting.report import Report
 from plumbob.rotations import quat_from_rotvec, quat_multiply, skew
 
 if TYPE_CHECKING:

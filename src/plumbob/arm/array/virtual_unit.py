@@ -87,7 +87,7 @@ class Combined(Series):
 
     def summary(self) -> dict[str, Any]:
         """What each sensor axis measures beyond the virtual unit, as JSON can hold it; SI and µT."""
-        from plumbob.reporting.report import plain
+        from plumbob.core.result import plain
 
         parts = {triad: getattr(self.noise, triad, None) for triad in TRIADS}
         noise = {triad: part.n_rpsd for triad, part in parts.items() if part is not None}

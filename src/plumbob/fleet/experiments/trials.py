@@ -16,8 +16,8 @@ from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.recording import Recording
 from plumbob.door.evaluate import evaluate
 from plumbob.evaluation.align import Fate
+from plumbob.evaluation.evaluation import Evaluation
 from plumbob.evaluation.metrics import inside_claim
-from plumbob.evaluation.report import Evaluation
 from plumbob.files.formats import suffixes
 from plumbob.filters.offline import Stage, navigation_frame, run_stage
 from plumbob.fleet.experiments.accuracy import KEYS, Accuracy, Errors

@@ -26,19 +26,20 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
 from plumbob.core.files import file_sha256, write_text
 from plumbob.core.params import Parameter, allowed, checked, describe, shown
+from plumbob.core.result import Reported, plain
 from plumbob.core.text import counted, visible
 from plumbob.core.units import Quantity, given, to_deg
 from plumbob.data import AttitudeTrack
 from plumbob.data.recording import Recording
 from plumbob.door.evaluate import evaluate
 from plumbob.evaluation.align import not_converged
+from plumbob.evaluation.evaluation import Evaluation
 from plumbob.evaluation.metrics import error_quat
-from plumbob.evaluation.report import Evaluation
 from plumbob.filters.known import load
 from plumbob.filters.offline import Stage, navigation_frame, run_stage
 from plumbob.fleet.experiments.trials import read_trial, trials_in, unused_name
 from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.report import Report, Reported, plain
+from plumbob.reporting.report import Report
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from plumbob.papers.arm.simulated import ALL, MOUNTS, REST, card, felt, time_axi
 from plumbob.papers.description import ARM
 from plumbob.papers.outcome import Part
 from plumbob.papers.workspace import Work
-from plumbob.reporting.style import SERIES, SHADE, SOFT, Both
+from plumbob.reporting.content import SERIES, SHADE, SOFT, Both
 from plumbob.rotations.quaternions import quat_chained
 
 if TYPE_CHECKING:

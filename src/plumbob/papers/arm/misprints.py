@@ -13,7 +13,7 @@ from plumbob.papers.arm.simulated import AXES, RATE, REST, STATED, TURN, Over, U
 from plumbob.papers.arm.tables import PAPER, measured, recovery
 from plumbob.papers.description import ARM
 from plumbob.papers.outcome import Outcome, Part, PrintedForm
-from plumbob.reporting.style import SERIES
+from plumbob.reporting.content import SERIES
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase

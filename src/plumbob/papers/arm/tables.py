@@ -37,7 +37,7 @@ from plumbob.papers.arm.simulated import (
 from plumbob.papers.description import ARM
 from plumbob.papers.outcome import Outcome, Part
 from plumbob.papers.workspace import Work
-from plumbob.reporting.style import MUTED, SERIES, SHADE, Both
+from plumbob.reporting.content import MUTED, SERIES, SHADE, Both
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx, quat_multiply
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from plumbob.papers.arm.simulated import ALL
 from plumbob.papers.description import ARM
 from plumbob.papers.outcome import Part
 from plumbob.papers.workspace import Work
-from plumbob.reporting.style import INK, SERIES, SOFT
+from plumbob.reporting.content import INK, SERIES, SOFT
 from plumbob.rotations import quat_conjugate, quat_multiply, rotvec_from_quat, wrap
 
 if TYPE_CHECKING:

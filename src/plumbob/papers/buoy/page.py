@@ -21,8 +21,7 @@ from plumbob.papers.description import BUOY
 from plumbob.papers.outcome import Outcome, Paper, Part
 from plumbob.quality.quality import FAIL, MEANING
 from plumbob.quality.tilt import tilt_statistics
-from plumbob.reporting.content import Figure, Scene, Table
-from plumbob.reporting.style import INK, MUTED, SERIES, SOFT, Both
+from plumbob.reporting.content import INK, MUTED, SERIES, SOFT, Both, Figure, Scene, Table
 from plumbob.rotations import euler_zyx_from_quat, quat_rotate
 
 if TYPE_CHECKING:

@@ -9,17 +9,17 @@ import numpy as np
 
 from plumbob.calibration.fit import CaptureRefusedError, Reason, mean_of_whole
 from plumbob.core.check import Floats
+from plumbob.core.result import Reported
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
 from plumbob.door.evaluate import evaluate
-from plumbob.evaluation.report import Evaluation
+from plumbob.evaluation.evaluation import Evaluation
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.quality.static_periods import stills
-from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.report import Report, Reported
-from plumbob.reporting.style import SERIES, SOFT
+from plumbob.reporting.content import SERIES, SOFT, Figure, Table
+from plumbob.reporting.report import Report
 from plumbob.rotations import euler_zyx_from_quat, quat_mean
 
 if TYPE_CHECKING:

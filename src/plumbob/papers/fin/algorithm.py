@@ -11,14 +11,13 @@ from numpy.typing import ArrayLike
 from plumbob.core.check import Floats
 from plumbob.core.units import dps
 from plumbob.noise import curves, deviation, edf, every_adev
-from plumbob.noise.report import log_ticks
 from plumbob.papers.description import FIN
 from plumbob.papers.fin.datasheet import TABLE, percent_error
 from plumbob.papers.fin.records import COUNT, LENGTH, RATE, TABLE_1, drawn, printed
 from plumbob.papers.outcome import Outcome, Part
 from plumbob.papers.workspace import Work
-from plumbob.reporting.content import Figure
-from plumbob.reporting.style import MUTED, SERIES
+from plumbob.reporting.content import MUTED, SERIES, Figure
+from plumbob.reporting.noise import log_ticks
 from plumbob.simulation import errors
 
 if TYPE_CHECKING:

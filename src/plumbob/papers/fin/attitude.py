@@ -23,14 +23,14 @@ from plumbob.filters import Filter
 from plumbob.live.replay import replay
 from plumbob.live.rigs.rig import fitted
 from plumbob.noise import deviation
-from plumbob.noise.report import log_ticks
 from plumbob.papers.description import FIN
 from plumbob.papers.fin.algorithm import slope
 from plumbob.papers.fin.records import LENGTH, RATE, gyr_rates
 from plumbob.papers.outcome import Part, at_most
 from plumbob.papers.workspace import Work, recorded_samples
 from plumbob.protocols.format_toml import find_format
-from plumbob.reporting.style import MUTED, SERIES
+from plumbob.reporting.content import MUTED, SERIES
+from plumbob.reporting.noise import log_ticks
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_multiply, quat_normalize
 from plumbob.simulation import EulerMotion, Module, Motion, Scenario, Simulation, draw_module, simulate
 from plumbob.simulation.signals import Moves, Stack, constant

@@ -12,8 +12,7 @@ from typing import NamedTuple
 from plumbob.core import text
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import Quantity, from_si
-from plumbob.noise.findings import Analysis
-from plumbob.noise.report import Triad, coefficient, lowest, triads
+from plumbob.noise.findings import Analysis, Triad, coefficient, lowest, triads
 from plumbob.noise.terms import TERMS
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report

@@ -9,14 +9,13 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.units import to_si
 from plumbob.noise import TERMS, Analysis, Coefficient, Curve, analyse
-from plumbob.noise.report import log_ticks
 from plumbob.papers.description import FIN
 from plumbob.papers.fin.datasheet import percent_error
 from plumbob.papers.fin.records import COUNT, RATE, SIGMA, THREE, drawn, truth
 from plumbob.papers.outcome import Part
 from plumbob.papers.workspace import Work
-from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.style import SERIES
+from plumbob.reporting.content import SERIES, Figure, Table
+from plumbob.reporting.noise import log_ticks
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase

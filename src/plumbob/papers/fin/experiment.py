@@ -10,7 +10,7 @@ from plumbob.core import text
 from plumbob.core.check import Floats
 from plumbob.core.units import from_si, to_deg
 from plumbob.noise import Analysis, Coefficient
-from plumbob.noise.report import coefficient, log_ticks, lowest
+from plumbob.noise.findings import coefficient, lowest
 from plumbob.papers.description import FIN
 from plumbob.papers.fin.attitude import AT_REST
 from plumbob.papers.fin.datasheet import TABLE
@@ -29,8 +29,8 @@ from plumbob.papers.fin.records import (
 )
 from plumbob.papers.outcome import Part
 from plumbob.papers.workspace import Taken, Work
-from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.style import MUTED, SERIES, Both
+from plumbob.reporting.content import MUTED, SERIES, Both, Figure, Table
+from plumbob.reporting.noise import log_ticks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

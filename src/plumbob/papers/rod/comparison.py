@@ -26,8 +26,7 @@ from plumbob.papers.outcome import Part, at_most
 from plumbob.papers.rod.methods import LIMIT, SETTLE, SHAKEN, tilt_errors
 from plumbob.papers.workspace import Taken, Work
 from plumbob.protocols.format_toml import find_format
-from plumbob.reporting.content import Figure
-from plumbob.reporting.style import INK, MUTED, SERIES, SHADE, SOFT, Both
+from plumbob.reporting.content import INK, MUTED, SERIES, SHADE, SOFT, Both, Figure
 from plumbob.rotations import (
     euler_zyx_from_quat,
     quat_conjugate,

@@ -24,7 +24,7 @@ from plumbob.papers.rod.as_printed import (
     transition,
 )
 from plumbob.papers.rod.comparison import mapped, permutation_error, permuted
-from plumbob.reporting.style import SERIES, Both
+from plumbob.reporting.content import SERIES, Both
 from plumbob.rotations import (
     dcm_from_quat,
     euler_zyx_from_quat,

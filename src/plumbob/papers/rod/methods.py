@@ -22,8 +22,8 @@ from plumbob.papers.description import ROD
 from plumbob.papers.outcome import Part
 from plumbob.papers.rod import as_printed as literal
 from plumbob.papers.rod.as_printed import Form
+from plumbob.reporting.content import MUTED, SERIES, Both
 from plumbob.reporting.report import Report
-from plumbob.reporting.style import MUTED, SERIES, Both
 from plumbob.rotations import Frame, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.simulation import simulate
 from plumbob.simulation.errors import stream

@@ -30,9 +30,8 @@ from plumbob.papers.trackball.seeds import (
     operations,
     theory,
 )
-from plumbob.reporting.content import Scene, Table
+from plumbob.reporting.content import GRID, INK, MUTED, SERIES, SOFT, Both, Scene, Table
 from plumbob.reporting.report import Report
-from plumbob.reporting.style import GRID, INK, MUTED, SERIES, SOFT, Both
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

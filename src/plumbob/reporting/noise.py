@@ -1,27 +1,41 @@
-"""Data sheet of a sensor's noise: what is said, as a report and as numbers, and what is drawn."""
+"""Descriptions of noise: data sheet, deviations alone, before and after, and the noise card."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.core import __version__
 from plumbob.core.check import Floats
-from plumbob.core.errors import ShapeError
-from plumbob.core.findings import as_json
-from plumbob.core.text import measured, number, places, rounded
-from plumbob.core.units import Quantity, from_si, unit, written
+from plumbob.core.text import measured, number
+from plumbob.core.units import Quantity, from_si, written
 from plumbob.data import TITLES
+from plumbob.data.cards import UNITS, NoiseCard, TriadNoise
+from plumbob.noise.allan import Noise
 from plumbob.noise.compare import ChannelComparison
 from plumbob.noise.curve import Curve
-from plumbob.noise.findings import Analysis, Coefficient, Deviation, Estimates
+from plumbob.noise.findings import (
+    AXES,
+    Analysis,
+    Coefficient,
+    Deviation,
+    Triad,
+    coefficient,
+    length,
+    length_and_rate,
+    lowest,
+    points,
+    shown,
+    triads,
+    trusted,
+)
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
-from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.report import Report, plain
-from plumbob.reporting.style import INK, SERIES, SHADE
+from plumbob.reporting.content import INK, SERIES, SHADE, Figure, Table
+from plumbob.reporting.report import Report
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,69 +64,13 @@ _COMPARED = (
 )
 _ROWS = 40  # of a curve's table
 _COARSE = 0.05  # of N² from the rounding of the values: more is told
-AXES: Final = ("x", "y", "z")
 
-TRUSTED = 2.0
-"""Degrees of freedom below which a deviation scatters by more than half of itself: pictures fade it."""
 
 NOISE: Final = {
     2: "quantization", 1: "flicker of the integral", 0: "white", -1: "flicker", -2: "random walk", -3: "flicker walk",
     -4: "random run",
 }  # fmt: skip
 """Kinds of noise by the exponent of their spectrum."""
-
-
-class Lowest(NamedTuple):
-    """Least deviation with its interval, at the averaging time tau, s; `risen` shows whether a later one is higher."""
-
-    tau: float
-    dev: float
-    lo: float
-    hi: float
-    risen: bool
-
-
-class Point(NamedTuple):
-    """Where a coefficient is read off: averaging time, s, and deviation there."""
-
-    letter: str
-    tau: float
-    dev: float
-
-
-def trusted(curve: Curve) -> NDArray[np.bool_]:
-    """Points (m,) with enough degrees of freedom to be believed."""
-    return np.asarray(curve.edf >= TRUSTED)
-
-
-def lowest(analysis: Analysis) -> Lowest | None:
-    """Deviation whose interval ends lowest, so that scatter at the end of a record is not taken for a minimum.
-
-    Of the whole curve, masked or not: it is what was measured. None where no point has a finite interval.
-    """
-    curve = analysis.curve
-    use = np.flatnonzero(np.isfinite(curve.hi))
-    if not use.size:
-        return None
-    i = int(use[np.argmin(curve.hi[use])])
-    tau, dev, lo, hi = (float(a[i]) for a in (curve.tau, curve.dev, curve.lo, curve.hi))
-    return Lowest(tau, dev, lo, hi, risen=bool(np.any(curve.lo[i:] > hi)))
-
-
-def points(analysis: Analysis) -> list[Point]:
-    """Where the observable coefficients are read off their lines; B at the least deviation, where there is one."""
-    least = lowest(analysis)
-    readings = []
-    for letter, c in shown(analysis).items():
-        tau = TERMS[letter].read_at or (least and least.tau)
-        if tau is not None:
-            readings.append(Point(letter, tau, math.sqrt(float(variance(letter, c.value, tau)))))
-    return readings
-
-
-def shown(analysis: Analysis) -> dict[str, Coefficient]:
-    """Coefficients that this record shows, by letter."""
-    return {letter: c for letter, c in analysis.terms.items() if c.observable and c.value > 0.0}
 
 
 def thinned_rows(curve: Curve, limit: int) -> NDArray[np.intp]:
@@ -126,66 +84,6 @@ def thinned_rows(curve: Curve, limit: int) -> NDArray[np.intp]:
 def noise_name(alpha: float) -> str:
     """Kind of noise in words."""
     return NOISE.get(round(alpha), f"f^{alpha:.0f}")
-
-
-class Triad(NamedTuple):
-    """Channels of one sensor.
-
-    Attributes
-    ----------
-    name : str
-        What their names share, such as "gyr"; the whole name of a channel that stands alone.
-    channels : mapping of str to Analysis
-        By axis; the axis is empty for a channel that stands alone.
-    """
-
-    name: str
-    channels: Mapping[str, Analysis]
-
-    @property
-    def quantity(self) -> Quantity:
-        """What its samples measure."""
-        return self.first.quantity
-
-    @property
-    def first(self) -> Analysis:
-        """The first of its channels."""
-        return next(iter(self.channels.values()))
-
-
-def triads(analyses: Sequence[Analysis]) -> list[Triad]:
-    """Sort channels into triads by their names: "gyr x", "gyr y" and "gyr z" are axes of "gyr".
-
-    Raises
-    ------
-    ShapeError
-        If there is no analysis, two share a name, or the axes of a triad measure different quantities.
-    """
-    if not analyses:
-        raise ShapeError("a report needs at least one analysis, but analyses is empty.")
-    by_name: dict[str, dict[str, Analysis]] = {}
-    for analysis in analyses:
-        head, _, last = analysis.name.rpartition(" ")
-        name, axis = (head, last) if head and last in AXES else (analysis.name, "")
-        channels = by_name.setdefault(name, {})
-        if axis in channels:
-            raise ShapeError(f"two analyses are named '{analysis.name}'; give each channel a name of its own.")
-        channels[axis] = analysis
-    for name, channels in by_name.items():
-        measured = {analysis.quantity for analysis in channels.values()}
-        if len(measured) > 1:
-            raise ShapeError(
-                f"the axes of '{name}' measure {', '.join(sorted(measured))}; a triad measures one quantity."
-            )
-    return [Triad(name, channels) for name, channels in by_name.items()]
-
-
-def coefficient(c: Coefficient, unit: str) -> str:
-    """Cell of a table: the value with its uncertainty, or the limit below which it lies."""
-    value, lo, hi, upper = (from_si(v, unit) for v in (c.value, c.lo, c.hi, c.upper))
-    if c.observable:
-        return measured(value, lo, hi)
-    return f"< {number(upper, 2)}" if math.isfinite(upper) else "not observable"
 
 
 def with_unit(text: str, unit: str) -> str:
@@ -212,11 +110,10 @@ def longer(c: Coefficient) -> str:
     return "more than a year" if c.hours is None else length(3600.0 * c.hours)
 
 
-def length(seconds: float) -> str:
-    """Length of time with two digits."""
-    unit, size = next(pair for pair in (("h", 3600.0), ("min", 60.0), ("s", 0.0)) if seconds >= 2.0 * pair[1])
-    value = seconds / (size or 1.0)
-    return f"{rounded(value, places(value))} {unit}" if value > 0.0 else "0 s"
+def noise(result: Noise, *, device: str | None = None) -> Report:
+    """Data sheet; further tables of its text are "methods" and "curve"."""
+    facts = {"device": device or result.record.path.stem, "record": result.named, "made by": f"plumbob {__version__}"}
+    return datasheet(result.analyses, facts=list(facts.items()))
 
 
 def datasheet(analyses: Sequence[Analysis], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
@@ -244,113 +141,9 @@ def curves_report(deviations: Sequence[Deviation]) -> Report:
     return Report("Deviation over averaging time", parts=parts)
 
 
-def comparison(found: Sequence[ChannelComparison], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+def before_and_after(found: Sequence[ChannelComparison], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
     """Deviations before and after at equal averaging times, their ratio with its interval, and what to make of it."""
     return Report("Noise before and after", facts=facts, parts=[_compared(c) for c in found], definitions=_COMPARED)
-
-
-def numbers(analyses: Sequence[Analysis]) -> dict[str, Any]:
-    """Everything that was found, strictly valid for JSON.
-
-    Returns
-    -------
-    dict
-        By name of the channel. A number with a unit is a dictionary of unit and value: the unit inside first, then that
-        of a data sheet, as in ``{"rad/s/rtHz": 8.7e-5, "deg/rth": 0.3}``. What is not known is None.
-
-    Raises
-    ------
-    ShapeError
-        If there is no analysis, or two share a name.
-    """
-    return dict(plain({a.name: _channel_numbers(a) for triad in triads(analyses) for a in triad.channels.values()}))
-
-
-def curve_numbers(deviations: Sequence[Deviation]) -> dict[str, Any]:
-    """Deviations alone, as `numbers` has them."""
-    return {
-        d.name: {"quantity": d.quantity.name.lower(), **_curve_numbers(d.curve, DEVIATION[d.quantity])}
-        for d in deviations
-    }
-
-
-def comparison_numbers(found: Sequence[ChannelComparison]) -> dict[str, Any]:
-    """By name of the channel: both curves, ratio, time constant and notes, strictly valid for JSON."""
-    return {pair.name: _compared_numbers(pair) for pair in found}
-
-
-def _channel_numbers(a: Analysis) -> dict[str, Any]:
-    sample = DEVIATION[a.quantity]
-    return {
-        "quantity": a.quantity.name.lower(),
-        "duration_s": a.duration,
-        "samples": a.curve.count,
-        "dt_s": a.curve.dt,
-        **_with_units(a, sample, "mean", "sd", "step"),
-        "coefficients": _estimates(a.likelihood, a.quantity),
-        "methods": {e.method: _estimates(e, a.quantity) for e in (a.lines, a.least_squares, a.likelihood)},
-        "minimum": _minimum(a),
-        "sinusoids": [
-            {
-                **_with_units(s, sample, "amplitude", "amplitude_sd"),
-                "frequency_hz": s.frequency,
-                "frequency_sd_hz": s.frequency_sd,
-            }
-            for s in a.sinusoids
-        ],
-        "bands": [
-            {**_with_units(b, sample, "sd"), "low_hz": b.low, "high_hz": b.high, "middle_hz": b.middle} for b in a.bands
-        ],
-        "gauss_markov": a.markov
-        and {"sd": _coefficient(a.markov.sd, sample), "time": _coefficient(a.markov.time, "s")},
-        "mask": {"n": a.mask.n, "frequency_hz": a.mask.frequency, "reason": a.mask.reason},
-        "candidates": [{"terms": c.terms, "bic": c.bic, "chosen": c.chosen} for c in a.candidates],
-        "notes": as_json(a.notes),
-        "curve": _curve_numbers(a.curve, sample),
-    }
-
-
-def _estimates(estimates: Estimates, quantity: Quantity) -> dict[str, Any]:
-    return {
-        letter: {"name": TERMS[letter].name, **_coefficient(c, DATASHEET[quantity][letter])}
-        for letter, c in estimates.terms.items()
-    }
-
-
-def _coefficient(c: Coefficient, name: str) -> dict[str, Any]:
-    return {**_with_units(c, name, "value", "lo", "hi", "upper"), "observable": c.observable, "hours": c.hours}
-
-
-def _minimum(a: Analysis) -> dict[str, Any] | None:
-    least = lowest(a)
-    if least is None:
-        return None
-    return {"tau_s": least.tau, **_with_units(least, DEVIATION[a.quantity], "dev", "lo", "hi"), "risen": least.risen}
-
-
-def _curve_numbers(curve: Curve, sample: str) -> dict[str, Any]:
-    """A curve, its deviations in the unit inside and in `sample`."""
-    return dict(plain({
-        "kind": curve.kind, "confidence": curve.confidence, "n": curve.n, "tau_s": curve.tau,
-        **_with_units(curve, sample, "dev", "lo", "hi"),
-        "alpha": curve.alpha, "edf": curve.edf, "ieee952_relative_error": curve.ieee,
-    }))  # fmt: skip
-
-
-def _with_units(source: Any, name: str, *keys: str) -> dict[str, dict[str, Any]]:
-    """Numbers in the unit inside and in that of a data sheet."""
-    return {key: {u: from_si(getattr(source, key), u) for u in (unit(name).quantity.value, name)} for key in keys}
-
-
-def _compared_numbers(pair: ChannelComparison) -> dict[str, Any]:
-    c, unit = pair.comparison, DEVIATION[pair.quantity]
-    return dict(plain({
-        "quantity": pair.quantity.name.lower(),
-        "before": _curve_numbers(c.before, unit), "after": _curve_numbers(c.after, unit),
-        "ratio": c.ratio, "ratio_lo": c.lo, "ratio_hi": c.hi,
-        "time_constant_s": c.time_constant, "corner_hz": c.corner, "bent_below_s": c.bent_below,
-        "notes": as_json(c.notes),
-    }))  # fmt: skip
 
 
 def _triad(triad: Triad) -> Report:
@@ -371,7 +164,7 @@ def _details(a: Analysis) -> list[Table]:
     """Methods side by side, the models that were weighed, and the curve."""
     units, methods = DATASHEET[a.quantity], (a.lines, a.least_squares, a.likelihood)
     rows = [
-        [f"{letter} [{written(units[letter])}]", *(_cell(e.terms, letter, units[letter]) for e in methods)]
+        [f"{letter} [{written(units[letter])}]", *(coefficient(e.terms.get(letter), units[letter]) for e in methods)]
         for letter in TERMS
         if any(letter in e.terms for e in methods)
     ]
@@ -418,12 +211,6 @@ def _compared(pair: ChannelComparison) -> Report:
     return Report(pair.name, tables=[Table(title, head, rows)], remarks=c.notes, figures=[_compared_figure(pair)])
 
 
-def length_and_rate(triad: Triad) -> str:
-    """Length and rate of the record."""
-    first = triad.first
-    return f"{length(first.duration)} at {1.0 / first.curve.dt:.6g} Hz, {first.curve.count} samples"
-
-
 def _remarks(triad: Triad) -> list[str]:
     """What a reader must know beside the coefficients, each remark once with the axes that it holds for."""
     axes_by_remark: dict[str, list[str]] = {}
@@ -448,7 +235,7 @@ def _coefficient_rows(triad: Triad) -> list[list[str]]:
             times.append(f"{number(least.tau)} s" + ("" if least.risen else " or later"))
     return [
         *(
-            [f"{k} {term.name} [{written(units[k])}]", *(_cell(a.terms, k, units[k]) for a in channels)]
+            [f"{k} {term.name} [{written(units[k])}]", *(coefficient(a.terms.get(k), units[k]) for a in channels)]
             for k, term in TERMS.items()
         ),
         [f"floor of the curve [{written(sample)}]", *floors],
@@ -456,10 +243,6 @@ def _coefficient_rows(triad: Triad) -> list[list[str]]:
         [f"mean [{written(sample)}]", *(number(from_si(a.mean, sample), 4) for a in channels)],
         [f"standard deviation [{written(sample)}]", *(number(from_si(a.sd, sample), 4) for a in channels)],
     ]
-
-
-def _cell(terms: Mapping[str, Coefficient], letter: str, unit: str) -> str:
-    return coefficient(terms[letter], unit) if letter in terms else "-"
 
 
 def _verdicts(triad: Triad) -> Iterator[str]:
@@ -660,3 +443,33 @@ def _name(ax: "Axes", letter: str, tau: Floats, line: Floats) -> None:
         f"{letter} {_SLOPES[power]}", (tau[i], line[i]), xytext=(-4 if rises else 4, 2), textcoords="offset points",
         color=TERM, fontsize=9, fontweight="bold", ha="right" if rises else "left", va="bottom",
     )  # fmt: skip
+
+
+def card_report(card: NoiseCard) -> Report:
+    """What a noise card holds, in the units of data sheets."""
+    parts = [
+        Report(TITLES[name].capitalize(), tables=[Table("", ["", *AXES], _card_rows(name, triad))])
+        for name in UNITS
+        if (triad := getattr(card, name)) is not None
+    ]
+    return Report("Noise card", facts=[("device", card.device)], remarks=[card.source], parts=parts)
+
+
+def _card_rows(name: str, triad: TriadNoise) -> list[list[str]]:
+    units = DATASHEET[Quantity(UNITS[name])]
+    terms = {
+        "N": (triad.n_rpsd, triad.n_interval),
+        "B": (triad.b, triad.b_interval),
+        "K": (triad.k_rpsd, triad.k_interval),
+    }
+    rows = []
+    for k, (values, ends) in terms.items():
+        rows.append([f"{k} {TERMS[k].name} [{written(units[k])}]", *_card_cells(values, units[k])])
+        if ends is not None:
+            cells = (f"{lo} to {hi}" for lo, hi in zip(*(_card_cells(end, units[k]) for end in ends), strict=True))
+            rows.append(["  68.3 %", *cells])
+    return rows
+
+
+def _card_cells(values: Floats, unit: str) -> list[str]:
+    return [number(v) for v in from_si(values, unit).tolist()]

@@ -1,26 +1,22 @@
 """Certificate of a calibration: what is said, as a report and as numbers, and what is drawn; or why it was refused."""
 
-import json
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import CaptureRefusedError, Fitted
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Sizes, sensing_axes, sizes
 from plumbob.calibration.predicted import NAMES, REGIONS, filled, region_names
 from plumbob.core.check import Floats
-from plumbob.core.findings import as_json
 from plumbob.core.text import WIDTH, counted, listed, measured, number
 from plumbob.core.units import from_si, g, to_deg, written
-from plumbob.data import TITLES, TRIADS
-from plumbob.data.cards import UNITS, CalibrationCard, Mount, TriadCalibration
-from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.report import Report, plain
-from plumbob.reporting.style import INK, MUTED, SERIES
+from plumbob.data import TITLES
+from plumbob.data.cards import CalibrationCard, Mount, TriadCalibration
+from plumbob.reporting.content import INK, MUTED, SERIES, Figure, Table
+from plumbob.reporting.report import Report
 from plumbob.rotations import euler_zyx_from_quat
 
 if TYPE_CHECKING:
@@ -32,12 +28,10 @@ AXES: Final = ("x", "y", "z")
 SHOWN: Final = {"gyr": ("deg/s",), "acc": ("mg", "m/s2"), "mag": ("uT",)}
 """Units in which a triad is shown; the first one also where only one is."""
 
-_ROUNDING = 8.0 * np.finfo(float).eps  # of the inverse of a matrix near 1
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PPM = 0.01
 _NOTHING = 1e-12  # rounding of what is left, in units of SI and µT
 _REFERENCE = {"gyr": "rate", "acc": "gravity", "mag": "field"}
-_UNITS: Final = {**UNITS, "angles": "rad"}
 _DEFINITIONS = (
     "Scale, direction and angles are those of the sensing axes: the rows of the inverse matrix. The maps are Lambert's "
     "equal-area projections of the directions of what was measured, seen from the centre of the fit: +z on the left, "
@@ -45,88 +39,6 @@ _DEFINITIONS = (
     "of a cube. Predicted errors follow from the covariance of the parameters; those of inclination and heading are "
     "root mean squares over attitudes.",
 )
-
-
-class SensingAxes(NamedTuple):
-    """Axes of a triad as its inverse matrix has them: row i of ``inv(matrix)`` is what axis i answers to.
-
-    Attributes
-    ----------
-    scale : ndarray (3,)
-        Gain of each axis minus 1: 0.01 reads 1 % too much.
-    scale_sd : ndarray (3,) or None
-        Standard deviations to first order, where the covariance is known.
-    misalignment : ndarray (3,)
-        Angle between each sensing axis and the axis of the case that it is called after, rad.
-    skew : ndarray (3,)
-        Angles between the sensing axes x and y, x and z, y and z, less a right angle, rad.
-    """
-
-    scale: Floats
-    scale_sd: Floats | None
-    misalignment: Floats
-    skew: Floats
-
-
-def sensing_axes(calibration: TriadCalibration) -> SensingAxes:
-    """Gains and directions of a triad's axes."""
-    response = np.asarray(np.linalg.inv(calibration.matrix), dtype=np.float64)
-    gain = np.linalg.norm(response, axis=1)
-    unit = np.asarray(response / gain[:, np.newaxis], dtype=np.float64)
-    across = np.sqrt(np.maximum(0.0, 1.0 - np.diag(unit) ** 2))
-    exact = np.concatenate((gain - 1.0, -np.arcsin((unit @ unit.T)[[0, 0, 1], [1, 2, 2]])))
-    cleaned = np.where(np.abs(exact) > _ROUNDING, exact, 0.0)
-    return SensingAxes(
-        scale=cleaned[:3],
-        scale_sd=_gain_sd(calibration, response, unit),
-        misalignment=np.arctan2(np.where(across > np.sqrt(_ROUNDING), across, 0.0), np.diag(unit)),
-        skew=cleaned[3:],
-    )
-
-
-def _gain_sd(calibration: TriadCalibration, response: Floats, unit: Floats) -> Floats | None:
-    """From dR = −R dM R: the gain of axis i changes by −R_ik dM_kl (R_l · u_i)."""
-    if calibration.covariance is None:
-        return None
-    slopes = np.einsum("ik,lj,ij->ikl", response, response, unit).reshape(3, 9)
-    variance = np.einsum("ia,ab,ib->i", slopes, calibration.covariance[3:, 3:], slopes)
-    return np.asarray(np.sqrt(np.maximum(0.0, variance)))
-
-
-class Sizes(NamedTuple):
-    """Sizes of what was measured, and of what became of it.
-
-    Attributes
-    ----------
-    before, after : ndarray (N,)
-        Of each sample, unit of the triad.
-    expected : float
-        What they should be: the reference, or the mean of those after where none is known.
-    used : ndarray (N,) of bool
-        Those that were fitted.
-    """
-
-    before: Floats
-    after: Floats
-    expected: float
-    used: NDArray[np.bool_]
-
-    def rms(self) -> tuple[float, float]:
-        """Root mean square by which used samples miss what they should be, before and after."""
-        before, after = (
-            float(np.sqrt(np.mean((v[self.used] - self.expected) ** 2))) for v in (self.before, self.after)
-        )
-        return before, after
-
-
-def sizes(name: str, fit: Fitted) -> Sizes | None:
-    """Sizes of what a fit was made of; None for a gyroscope, whose rates have no size that is known."""
-    if name == "gyr" or not fit.used.any():
-        return None
-    model = fit.calibration
-    after = np.linalg.norm((fit.measured - model.bias) @ model.matrix.T, axis=1)
-    expected = float(after[fit.used].mean()) if model.reference is None else model.reference
-    return Sizes(np.linalg.norm(fit.measured, axis=1), after, expected, fit.used)
 
 
 def certificate(card: CalibrationCard, fits: Mapping[str, Fitted], *, recording: str = "") -> Report:
@@ -152,27 +64,6 @@ def certificate(card: CalibrationCard, fits: Mapping[str, Fitted], *, recording:
         parts=parts if card.mount is None else [*parts, _mount(card.mount)],
         definitions=_DEFINITIONS,
     )
-
-
-def numbers(card: CalibrationCard, fits: Mapping[str, Fitted]) -> dict[str, Any]:
-    """Card, figures made of it and remarks, ready for JSON.
-
-    Keys are `refused` (empty), `units`, `card`, `figures` and `remarks`, the last two by part of the card. Numbers of a
-    triad are in the unit that `units` gives it, angles in that of `angles`; matrices and scales are relative. A figure
-    that was not found is null.
-    """
-    figures = {name: _figures(name, getattr(card, name), fits.get(name)) for name in TRIADS if name in card.parts}
-    if card.mount is not None:
-        figures["mount"] = {"yaw_pitch_roll": euler_zyx_from_quat(card.mount.q_bs)}
-    remarks = {name: as_json(part.remarks) for name, part in card.parts.items()}
-    content = {"units": _UNITS, "card": json.loads(card.text()), "figures": plain(figures), "remarks": remarks}
-    return {"refused": [], **content}
-
-
-def refusal_numbers(refused: CaptureRefusedError) -> dict[str, Any]:
-    """Reasons of a refusal, ready for JSON, with the keys of `numbers`."""
-    reasons = [asdict(reason) for reason in refused.reasons]
-    return {"refused": reasons, "units": _UNITS, "card": None, "figures": {}, "remarks": {}}
 
 
 def refusal_text(refused: CaptureRefusedError) -> str:
@@ -308,23 +199,6 @@ def _temperature(c: TriadCalibration) -> str:
     beyond = "; beyond, the bias is extrapolated along its tangent" if c.bias_per_k.any() else ""
     span = f"from {low:.1f} to {high:.1f} °C" if high > low else f"at {low:.1f} °C"
     return f"{at}, calibrated {span}{beyond}"
-
-
-def _figures(name: str, model: TriadCalibration, fit: Fitted | None) -> dict[str, Any]:
-    axes = sensing_axes(model) if model.matrix_found else None
-    lengths = None if fit is None else sizes(name, fit)
-    before, after = (None, None) if lengths is None else lengths.rms()
-    return {
-        "bias_sd": model.bias_sd,
-        "matrix_sd": model.matrix_sd if model.matrix_found else None,
-        "scale": getattr(axes, "scale", None),
-        "scale_sd": getattr(axes, "scale_sd", None),
-        "misalignment": getattr(axes, "misalignment", None),
-        "skew_xy_xz_yz": getattr(axes, "skew", None),
-        "size_expected": None if lengths is None else lengths.expected,
-        "size_rms_before": before,
-        "size_rms_after": after,
-    }
 
 
 SEEN, MISSING = SERIES[0], SERIES[4]

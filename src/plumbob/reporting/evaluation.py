@@ -1,9 +1,7 @@
-"""An evaluation: what it holds, and the same as numbers and as a report; degrees and seconds, units in every name."""
+"""Descriptions of evaluations and comparisons; degrees and seconds, units in every name."""
 
-import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
@@ -12,18 +10,18 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
-from plumbob.core.findings import Note, as_json
-from plumbob.core.series import data_frame
 from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack
-from plumbob.evaluation.align import Alignment, Fate, Match
-from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Consistency, Stats
-from plumbob.reporting.content import Figure, Table
-from plumbob.reporting.plot import PlotLine, PlotPanel, draw_panels
-from plumbob.reporting.report import Report, Reported, plain
-from plumbob.reporting.style import SERIES, SHADE, SOFT
+from plumbob.data.sample import UNITS
+from plumbob.evaluation.align import Fate
+from plumbob.evaluation.compare import Comparison, TriadDifference
+from plumbob.evaluation.evaluation import Evaluation, sample_counts
+from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Stats
+from plumbob.reporting.content import SERIES, SHADE, SOFT, Figure, Table
+from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
+from plumbob.reporting.report import Report
 from plumbob.rotations import IDENTITY, North, euler_zyx_from_quat, quat_angle
 
 ESTIMATE, REFERENCE = SERIES[0], SOFT
@@ -45,145 +43,64 @@ _DEFINITIONS = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class EvaluationSettings:
-    """What was asked for; times in s, angles in rad, None where left to the default."""
-
-    align: tuple[str, ...] = ()
-    max_gap: float | None = None
-    max_offset: float = 1.0
-    declination: float | None = None
-    settle: float = 0.0
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Evaluation(Reported):
-    """An estimate judged by a reference.
-
-    Attributes
-    ----------
-    estimate, reference : AttitudeTrack
-        As they were given.
-    settings : EvaluationSettings
-        As they were asked for.
-    match : Match
-        Which samples met, and why others did not; `match.q_ref` is the reference in the estimate's frame, brought to
-        its times and aligned.
-    alignment : Alignment
-        What was found.
-    errors : mapping of str to ndarray (N,)
-        Error of each quantity that may be scored, rad, at the estimate's times, wherever both are known; NaN before the
-        estimate had converged. The statistics take only the rows where `match.scored`.
-    stats : mapping of str to Stats
-        Of each quantity that is scored.
-    not_scored : mapping of str to str
-        Why the others are not.
-    near_gimbal : int
-        Scored samples without yaw and roll, because a pitch is within `GIMBAL_GUARD` of ±90°.
-    consistency : Consistency or None
-        Where the estimate claims a covariance.
-    reference_rate : float or None
-        Rms angular rate of the reference over the scored samples, rad/s; None where it cannot be determined.
-    notes : tuple of str
-        What a reader should know.
-    """
-
-    estimate: AttitudeTrack
-    reference: AttitudeTrack
-    settings: EvaluationSettings
-    match: Match
-    alignment: Alignment
-    errors: Mapping[str, Floats]
-    stats: Mapping[str, Stats]
-    not_scored: Mapping[str, str]
-    near_gimbal: int
-    consistency: Consistency | None
-    reference_rate: float | None
-    notes: tuple[Note, ...]
-
-    def facts(self) -> Mapping[str, str]:
-        """What it is, in words: scored samples and the root mean square of each error, degrees."""
-        facts = {"scored": f"{int(np.count_nonzero(self.match.scored))} of {len(self.estimate)} samples"}
-        facts |= {f"{name} rmse": f"{to_deg(stats.rmse):.3g}°" for name, stats in self.stats.items()}
-        return facts | {"source": self.estimate.source.partition("(")[0].strip() or "not named"}
-
-    def columns(self) -> Mapping[str, Floats]:
-        """Time, and the error of each quantity that is scored, degrees, by name."""
-        return {"t [s]": self.t} | {f"{name} [deg]": to_deg(error) for name, error in self.errors.items()}
-
-    def to_frame(self) -> Any:
-        """Errors as a table for pandas, a column each; MissingExtraError where pandas is not installed."""
-        return data_frame(self.columns())
-
-    def summary(self) -> dict[str, Any]:
-        """Everything but the series, strictly valid for JSON: degrees, seconds, never NaN.
-
-        Returns
-        -------
-        dict
-            ``total_rmse_deg``, ``heading_rmse_deg``, ``inclination_rmse_deg``; one dictionary for each quantity with
-            ``rmse_deg``, ``mean_deg``, ``std_deg``, ``max_abs_deg``, ``max_at_s``, ``p50_deg``, ``p95_deg``,
-            ``p99_deg`` and ``count``. A quantity that is not scored is None, and ``not_scored`` says why.
-        """
-        a, s = self.alignment, self.settings
-        time, mounting = a.time, a.mounting
-        return dict(plain({
-            **{f"{name}_rmse_deg": _deg(getattr(self.stats.get(name), "rmse", None)) for name in COLOUR},
-            **{name: _stats(self.stats.get(name)) for name in QUANTITIES},
-            "not_scored": self.not_scored,
-            "samples": _samples(self),
-            "alignment": {
-                "time": time and {
-                    "offset_s": time.offset, "correlation": time.correlation,
-                    "rival_correlation": time.rival, "rival_offset_s": time.rival_at,
-                },
-                "mounting": None if mounting is None else {
-                    "q_re_wxyz": mounting, "angle_deg": _deg(float(quat_angle(IDENTITY, mounting)))
-                },
-                "heading_deg": _deg(a.heading), "tilt_spread_deg": _deg(a.tilt_spread),
-            },
-            "settings": {
-                "align": s.align, "max_gap_s": self.match.max_gap, "max_offset_s": s.max_offset,
-                "declination_deg": _deg(s.declination), "settle_s": s.settle,
-            },
-            "estimate": _track(self.estimate),
-            "reference": _track(self.reference),
-            "flags": self.flag_counts(),
-            "consistency": self.consistency,
-            "reference_rate_rms_dps": None if self.reference_rate is None else to_dps(self.reference_rate),
-            "notes": as_json(self.notes),
-        }))  # fmt: skip
-
-    def report(self, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
-        """What was found, as text, page and picture; `facts` say more of where it comes from."""
-        return Report(
-            "Attitude error, estimate against reference",
-            facts=[*facts, *_facts(self)],
-            tables=_tables(self),
-            remarks=_remarks(self),
-            figures=_figures(self, _COLUMNS),
-            definitions=_DEFINITIONS,
-        )
-
-    @property
-    def t(self) -> Floats:
-        """Times of the estimate, s, (N,)."""
-        return self.estimate.t
-
-    @property
-    def not_converged_until(self) -> float | None:
-        """Time of the last sample that is left out because the estimate had not converged, s; None without one."""
-        times = self.t[self.match.fate == Fate.NOT_CONVERGED]
-        return float(times[-1]) if times.size else None
-
-    def flag_counts(self) -> dict[str, int]:
-        """Scored samples that carry each flag of the estimate that occurs."""
-        if self.estimate.flags is None:
-            return {}
-        return flags.counts(self.estimate.flags[self.match.scored])
+def evaluation(e: Evaluation, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+    """Error of an estimate; `facts` say more of where it comes from."""
+    return Report(
+        "Attitude error, estimate against reference",
+        facts=[*facts, *_facts(e)],
+        tables=_tables(e),
+        remarks=_remarks(e),
+        figures=_figures(e, _COLUMNS),
+        definitions=_DEFINITIONS,
+    )
 
 
-def comparison(
+def comparison(c: Comparison) -> Report:
+    """How two recordings, or two attitudes, differ."""
+    facts = [*c.facts().items()]
+    if c.within is not None:
+        facts.append(("tolerance", "kept" if c.within else "exceeded"))
+    tables = [Table("Counts", ("", "a", "b"), c.counts)] if c.counts else []
+    if c.evaluation is not None:
+        parts = (evaluation(c.evaluation),)
+        return Report("Comparison of attitudes", facts=facts, tables=tables, remarks=c.remarks, parts=parts)
+    if (clock := c.clock) is not None:
+        facts.append(("time offset", f"{1e3 * clock.offset:+.4g} ± {1e3 * clock.offset_sd:.2g} ms added to b's stamps"))
+        facts.append(("drift", f"{1e6 * clock.drift:+.4g} ± {1e6 * clock.drift_sd:.2g} ppm"))
+    if c.mounting is not None:
+        angles, sd = ", ".join(f"{angle:+.3f}°" for angle in c.angles()), float(to_deg(c.mounting.sd.max()))
+        facts.append(("mounting", f"yaw, pitch, roll of b's axes in a's: {angles}; ± {sd:.2g}°"))
+    if c.triads:
+        tables.append(_triad_table(c.triads))
+    return Report("Comparison of recordings", facts=facts, tables=tables, remarks=c.remarks)
+
+
+def _triad_table(triads: Mapping[str, TriadDifference]) -> Table:
+    head = (
+        "",
+        "Unit",
+        "Bias b − a",
+        "Scale b / a",
+        "RMS",
+        "RMS, relative",
+        "Residual",
+        "Coherent to",
+        "Spectrum b / a",
+    )
+    rows = []
+    for name, triad in triads.items():
+        band = "-" if triad.bandwidth is None else f"{triad.bandwidth:.3g} Hz"
+        ratio = "-" if triad.ratio_db is None else f"{triad.ratio_db:+.2f} dB"
+        rows.append((name, UNITS[name], _three(triad.bias), _three(triad.scale, 6), f"{triad.rms:.4g}",
+                     f"{100.0 * triad.relative:.3g} %", f"{triad.residual:.4g}", band, ratio))  # fmt: skip
+    return Table("Difference of each triad, after alignment", head, rows, words=(1, 2, 3))
+
+
+def _three(values: Floats, digits: int = 3) -> str:
+    return " ".join("-" if not np.isfinite(value) else f"{value:.{digits}g}" for value in values)
+
+
+def side_by_side(
     evaluations: Mapping[str, Evaluation], *, title: str = "Attitude errors", facts: Sequence[tuple[str, str]] = ()
 ) -> Report:
     """Evaluations beside each other, and a part for each.
@@ -223,7 +140,7 @@ def _facts(e: Evaluation) -> list[tuple[str, str]]:
     """What was compared, and how."""
     s = e.settings
     facts = [(name, _describe_track(track)) for name, track in (("estimate", e.estimate), ("reference", e.reference))]
-    samples = _samples(e)
+    samples = sample_counts(e)
     span = f"{samples['first_s']:.3f} to {samples['last_s']:.3f} s"
     scored = (
         f"{samples['scored']} of {samples['estimate']} samples, {span}; {samples['exact']} at stamps of the "
@@ -365,36 +282,6 @@ def degrees(angle: float) -> str:
     """Angle in degrees with three decimals, or with two digits where that would show nothing."""
     value = to_deg(angle)
     return f"{value:.3f}" if value == 0.0 or abs(value) >= 0.0005 else f"{value:.0e}"
-
-
-def _deg(angle: float | None) -> float | None:
-    return None if angle is None else to_deg(angle)
-
-
-def _stats(s: Stats | None) -> dict[str, Any] | None:
-    if s is None:
-        return None
-    angles = {f"{k}_deg": to_deg(getattr(s, k)) for k in ("rmse", "mean", "std", "max_abs", "p50", "p95", "p99")}
-    return {**angles, "max_at_s": s.max_at, "count": s.count}
-
-
-def _samples(e: Evaluation) -> dict[str, Any]:
-    times = e.t[e.match.scored]
-    exact = int(e.match.exact.sum())
-    return {
-        "estimate": int(e.t.size), "scored": int(times.size), "exact": exact, "interpolated": int(times.size) - exact,
-        "near_gimbal": e.near_gimbal, "first_s": float(times[0]), "last_s": float(times[-1]),
-        "not_converged_until_s": e.not_converged_until,
-        "left_out": {fate.name.lower(): n for fate, n in e.match.counts().items() if fate is not Fate.SCORED},
-    }  # fmt: skip
-
-
-def _track(track: AttitudeTrack) -> dict[str, Any]:
-    rate = (len(track) - 1) / float(track.t[-1] - track.t[0]) if len(track) > 1 else math.nan
-    return {
-        "source": track.source, "frame": str(track.frame), "north": str(track.north), "samples": len(track),
-        "mean_rate_hz": rate, "first_s": float(track.t[0]), "last_s": float(track.t[-1]),
-    }  # fmt: skip
 
 
 def _figures(e: Evaluation, columns: int) -> list[Figure]:
