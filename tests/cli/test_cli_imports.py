@@ -84,11 +84,11 @@ info sea.parquet | READ calibration kernels
 run sea.parquet --filter mekf | RUN
 run sea.parquet --filter mahony --out track.parquet | RUN
 run none.parquet --filter mekf | numpy filters
-report sea.parquet --filter mekf | RUN calibration scipy scipy.fft scipy.special
-batch none.parquet --out dataset | READ evaluation scipy
+report sea.parquet --filter mekf | RUN calibration reporting.drawing scipy scipy.fft scipy.special
+batch none.parquet --out dataset | READ evaluation reporting.drawing scipy
 report sea.parquet --filter none --figure rates --out rates.svg | READ DRAWN
-eval track.parquet sea.parquet | READ evaluation
-compare sea.parquet sea.parquet | RUN FITS scipy.ndimage scipy.signal scipy.stats
+eval track.parquet sea.parquet | READ evaluation reporting.drawing
+compare sea.parquet sea.parquet | RUN FITS reporting.drawing scipy.ndimage scipy.signal scipy.stats
 doctor sea.parquet | READ kernels scipy scipy.fft
 send track.parquet --as json --to file:sent.jsonl --speed max | READ VIEW
 sim static SENSORS random --duration 90s --rate 50Hz --out rest.parquet | SIMULATED
@@ -97,7 +97,7 @@ calibrate gyro rest.parquet --method rest | READ calibration data.cards.calibrat
 emulate buoy --duration 3s --write sea.bin | numpy data.cards.calibration simulation live.rigs.rig protocols
 decode sea.bin --format buoy --out sea-decoded.csv | kernels numpy protocols
 record --from sea.bin --format buoy --out sea.mcap | VIEW kernels
-view none.mcap --no-open | VIEW
+view none.mcap --no-open | VIEW reporting.drawing
 control http://127.0.0.1:1/?token=a stop |
 verify sea.mcap | mcap files.mcap zstandard
 verify sea.mcap --repair repaired.mcap | mcap files.mcap zstandard

@@ -399,7 +399,7 @@ def test_rows_of_two_devices_are_read_one_by_one(tmp_path: Path) -> None:
     file = tmp_path / "two.csv"
     rows = [ROW.format(0.01 * i, unit, 1.0 + unit, 0.1 * unit) for i in range(60) for unit in (1, 2)]
     file.write_text("t_s,id,ax,ay,az,gx [rad/s],gy [rad/s],gz [rad/s]\n" + "".join(rows))
-    with pytest.raises(DecodeError, match="2 devices, told apart by column 'id': 1, 2"):
+    with pytest.raises(DecodeError, match="2 devices, which column 'id' names: 1, 2"):
         plumbob.profile(file, accept=True)
     made = plumbob.profile(file, accept=True, answers={"header.where": ["id", "2"], "acc.sign": "specific-force"})
     (tmp_path / "two.toml").write_text(made.text)

@@ -254,7 +254,7 @@ def _writers(name: str, sample: Sample, answers: Mapping[str, Any], *, is_alone:
         where = tuple(answers.get("header.where", ()))
         if where not in {(ref, word) for word in words}:
             raise DecodeError(
-                f"its rows are of {len(words)} devices, told apart by column {ref!r}: {', '.join(words)}. Name one, as "
+                f"its rows are of {len(words)} devices, which column {ref!r} names: {', '.join(words)}. Choose one, as "
                 f"with --set 'header.where={json.dumps([ref, words[0]])}'."
             )
         rows = [row for row in sample.rows if row[column].strip() == where[1]]

@@ -141,7 +141,7 @@ def hides_rest(p: Params, digit: Floats | float) -> NDArray[np.bool_]:
 def for_digit(p: Params, digit: float, lasts: float) -> Params:
     """Parameters for a unit without a card whose last digit, rad/s, may hide a slow turn.
 
-    What the digit cuts off is as good as noise that lasts for so long, s.
+    What the digit cuts off is as good as noise that lasts this long, s.
     """
     if not hides_rest(p, digit):
         return p

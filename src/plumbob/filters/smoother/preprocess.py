@@ -104,7 +104,7 @@ def spread2(state: Floats, at: int, missing: float) -> float:
 
 @kernel
 def foresee(state: Floats, at: int, since: float, dt: float, out: Floats) -> float:
-    """Value of a triad, for so long after its last one, s; returns the variance of its integral since then."""
+    """Value of a triad at a time after its last one, s; returns the variance of its integral since then."""
     place = at + (LATELY if since <= AROUND else ALL)
     before, now = math.exp(-(since - dt) / CORRELATED), math.exp(-since / CORRELATED)
     for i in range(3):
