@@ -249,6 +249,15 @@ def test_a_hole_of_the_gyroscope_is_a_gap_and_what_lies_in_it_is_not_kept():
     assert "1 gap in the samples (until 13.0 s)" in told
 
 
+def test_a_gyroscope_that_is_silent_at_rest_leaves_the_attitude_as_it_is():
+    """What came before says that nothing moved; gravity shows no other tilt."""
+    h = by_hand(16.0, rest=((0.0, 14.0),), seed=5)
+    gyr = np.where(((h.t > 7.995) & (h.t < 9.495))[:, np.newaxis], np.nan, h.gyr)
+    track, _ = followed(h.imu(gyr=gyr))
+    before, within = (np.trace(track.cov_b[int(100 * at)]) for at in (7.9, 9.4))
+    assert within < before + deg(1.0) ** 2
+
+
 def test_a_bias_that_a_rest_has_shown_is_not_forgotten_when_no_look_sees_it_any_more(monkeypatch):
     """In a window of 20 s without rest or field the bias may be any; its walk in 60 s allows 0.05 °/s."""
     monkeypatch.setattr(live, "MARGIN", 20.0)

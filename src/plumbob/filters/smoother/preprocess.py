@@ -79,7 +79,7 @@ def learn(state: Floats, at: int, dt: float, values: Floats) -> None:
     state[at + NUMBER] += 1.0
     share = 1.0 / state[at + NUMBER]
     take(state, at + ALL, share, values)
-    take(state, at + LATELY, max(share, min(dt / AROUND, 1.0)), values)
+    take(state, at + LATELY, max(share, min(2.0 * dt / AROUND, 1.0)), values)  # as old as a window's, on average
 
 
 @kernel
@@ -135,7 +135,7 @@ def bridge_to(state: Floats, at: int, since: float, dt: float, usual: float, val
 def hold(state: Floats, at: int, t: float, dt: float, values: Floats, out: Floats) -> float:
     """Value of a triad, or what may be in its place where there is none; returns the variance that this adds.
 
-    Infinite where nothing says anything any more.
+    Infinite for a force where nothing says anything any more.
     """
     since = t - state[at + TIME] if not math.isnan(state[at + TIME]) else math.inf
     if math.isnan(values[0]):
@@ -146,7 +146,7 @@ def hold(state: Floats, at: int, t: float, dt: float, values: Floats, out: Float
         variance = foresee(state, at, since, dt, out)
         more = max(variance - state[at + ADDED], 0.0)
         state[at + ADDED] += more
-        return math.inf if since > 2.0 * CORRELATED else more
+        return math.inf if at == ACC and since > 2.0 * CORRELATED else more
     more = 0.0
     for i in range(3):
         out[i] = values[i]
