@@ -224,7 +224,6 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
     name, args.recording = getattr(args, "filter", SMOOTHER), args.recording[0]
     errors: dict[str, Any] = {}
-    worth = ""
     if name in RATE_FILTERS:
         result = _rates(args, call)
     else:
@@ -238,19 +237,16 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
             gatherer = Gatherer()
         result = call(filter=name, follow=gatherer)
-        from plumbob.quality.grade import grade
-
-        graded = grade(result.imu, result.inferred)
         if gatherer is not None:
             from plumbob.overview.overview import of_estimate
+            from plumbob.quality.grade import grade
 
-            made = of_estimate(result, gatherer, args.recording, graded)
+            made = of_estimate(result, gatherer, args.recording, grade(result.imu, result.inferred))
             made.write_html(Path(args.report), overwrite=args.force)
-        worth = f"grade        {graded.line} (plumbob info says why)"
         errors = {} if result.reference is None else _errors(result.track, result.reference)
     numbers = {"file": args.recording, "out": getattr(args, "out", None), **result.summary()}
     head = f"{args.recording}: {counted(numbers['samples'], 'sample')}, {numbers['duration_s']:.3f} s"
-    text = "\n".join(filter(None, [head, result.text(), worth, *_error_lines(errors)]))
+    text = "\n".join([head, result.text(), *_error_lines(errors)])
     return show(args, verb, result, shown=common.Listed(text, numbers | ({"errors": errors} if errors else {})))
 
 

@@ -601,11 +601,16 @@ def _resting(t: Floats, gyr: Floats) -> Floats:
 
 
 def _steady_rate(t: Floats, gyr: Floats) -> float:
-    """Rate in space, averaged as a filter averages a vector: what a delay turns it by for good, rad/s rms."""
+    """Rate in space, averaged as a filter averages a vector: what a delay turns it by for good, rad/s rms.
+
+    That of all samples where a pause is in each average.
+    """
     rate = np.nan_to_num(gyr)
     q = quat_chained(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, np.newaxis])
     edges = np.arange(t[0], t[-1], min(_AVERAGED, 0.5 * float(t[-1] - t[0])))
-    return float(np.sqrt(np.nanmean(np.sum(means(t, quat_rotate(q, rate), edges) ** 2, axis=1))))
+    averages = means(t, quat_rotate(q, rate), edges)
+    averages = averages[np.isfinite(averages[:, 0])]
+    return float(np.sqrt(np.mean(np.sum((averages if averages.size else rate) ** 2, axis=1))))
 
 
 def _finite(imu: ImuData, name: str) -> Floats:
