@@ -239,10 +239,8 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
         result = call(filter=name, follow=gatherer)
         if gatherer is not None:
             from plumbob.overview.overview import of_estimate
-            from plumbob.quality.grade import grade
 
-            made = of_estimate(result, gatherer, args.recording, grade(result.imu, result.inferred))
-            made.write_html(Path(args.report), overwrite=args.force)
+            of_estimate(result, gatherer, args.recording).write_html(Path(args.report), overwrite=args.force)
         errors = {} if result.reference is None else _errors(result.track, result.reference)
     numbers = {"file": args.recording, "out": getattr(args, "out", None), **result.summary()}
     head = f"{args.recording}: {counted(numbers['samples'], 'sample')}, {numbers['duration_s']:.3f} s"

@@ -1058,10 +1058,12 @@ def _device(sample: Sample) -> tuple[int, tuple[str, ...]] | None:
     for i, name in enumerate(sample.for_cells(sample.names)):
         cells = sample.cells(i)
         words = tuple(dict.fromkeys(cells))
-        places = [[k for k, cell in enumerate(cells) if cell == word] for word in words[: _MOST_SENSORS + 1]]
+        named = _DEVICE.search(" ".join(re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)).lower())
+        if named is None or not 1 < len(words) <= _MOST_SENSORS:
+            continue
+        places = [[k for k, cell in enumerate(cells) if cell == word] for word in words]
         in_turns = max(p[0] for p in places) < min(p[-1] for p in places)
-        enough = 1 < len(words) <= _MOST_SENSORS and all(len(p) >= FEWEST for p in places)
-        if enough and in_turns and _DEVICE.search(" ".join(re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)).lower()):
+        if in_turns and all(len(p) >= FEWEST for p in places):
             return i, words
     return None
 

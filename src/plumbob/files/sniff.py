@@ -370,7 +370,7 @@ def _is_number(cell: str) -> bool:
 def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
     """What stands between groups of three digits, where one number proves it and none tells against it."""
     said = [cell.strip() for row in rows for cell in row if re.search(r"\d", cell) and not is_clocklike(cell)]
-    for sign in {",", ".", "'", " "} - {decimal}:
+    for sign in (sign for sign in ",.' " if sign != decimal):
         groups = [cell for cell in said if sign in cell]
         others = [cell for cell in said if sign not in cell and NUMBER[decimal].fullmatch(cell)]
         proven = any(cell.count(sign) > 1 or decimal in cell for cell in groups) or any(map(str.isdigit, others))

@@ -126,11 +126,16 @@ def _digit(x: Floats, triad: int, cx: float, cy: float, cz: float) -> float:
     if x[DIGITS + triad] == 0.0:
         x[DIGITS + triad] = NO_DIGIT
         return NO_DIGIT
-    least: float = x[DIGITS + triad]
+    x[DIGITS + triad] = least_change(x[DIGITS + triad], triad, cx, cy, cz)
+    return x[DIGITS + triad]  # type: ignore[no-any-return]
+
+
+@kernel
+def least_change(least: float, triad: int, cx: float, cy: float, cz: float) -> float:
+    """The smaller of a change and those of the axes of a triad, beyond rounding."""
     for change in (abs(cx), abs(cy), abs(cz)):
         if ROUNDING * DIGIT[triad] < change < least:
             least = change
-    x[DIGITS + triad] = least
     return least
 
 

@@ -354,7 +354,7 @@ def triads(analyses: Sequence[Analysis]) -> list[Triad]:
     Raises
     ------
     ShapeError
-        If there is no analysis, two share a name, or the axes of a triad measure different quantities.
+        If no analysis is given, two have the same name, or the axes of a triad are of different quantities.
     """
     if not analyses:
         raise ShapeError("a report needs at least one analysis, but analyses is empty.")
@@ -404,7 +404,7 @@ def numbers(analyses: Sequence[Analysis]) -> dict[str, Any]:
     Raises
     ------
     ShapeError
-        If there is no analysis, or two share a name.
+        If no analysis is given, or two have the same name.
     """
     return dict(plain({a.name: _channel_numbers(a) for triad in triads(analyses) for a in triad.channels.values()}))
 

@@ -17,7 +17,7 @@ from plumbob.overview.figures import WHATS, figure, figures
 from plumbob.overview.report_entry import Progress, Subject, duration, read_subject, subject_from
 from plumbob.overview.streaming_stats import WHOLE, Gatherer
 from plumbob.overview.tables import comparison_table, definitions, remarks, summary, tables
-from plumbob.quality.grade import Grade
+from plumbob.quality.grade import grade
 from plumbob.reporting.report import Report
 from plumbob.rotations import Frame
 
@@ -211,8 +211,12 @@ def make_gatherer(
     return Gatherer(burst=length, limit=limit, most=most, **more)
 
 
-def of_estimate(result: "Estimated", gatherer: Gatherer, file: str | Path, graded: Grade) -> Overview:
-    """Overview of an estimate that a gatherer has followed, the file that it is of, and the grade of its samples."""
+def of_estimate(result: "Estimated", gatherer: Gatherer, file: str | Path) -> Overview:
+    """Overview of an estimate that a gatherer has followed, and the file that it is of.
+
+    The grade is that of the samples that the filter was given, calibrated where they were.
+    """
+    graded = grade(result.imu, result.inferred)
     return Overview((subject_from(result, gatherer, (Path(file),), graded=graded),))
 
 

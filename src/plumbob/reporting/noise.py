@@ -129,7 +129,7 @@ def datasheet(analyses: Sequence[Analysis], *, facts: Sequence[tuple[str, str]] 
     Raises
     ------
     ShapeError
-        If there is no analysis, or two share a name.
+        If no analysis is given, or two have the same name.
     """
     parts = [_triad(triad) for triad in triads(analyses)]
     return Report("Noise data sheet", facts=facts, remarks=[LEGEND], parts=parts, definitions=_DEFINITIONS)

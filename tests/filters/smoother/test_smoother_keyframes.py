@@ -117,9 +117,8 @@ def test_a_bridge_is_the_conditional_mean_of_a_gauss_markov_process(missing, row
     integral = mean * missing + gain @ (values[[begin, end]] - mean)
     left = weight @ covariance(fine, fine) @ weight - gain @ (covariance(ends, fine) @ weight)
     given = np.where(gone[:, np.newaxis], np.nan, values) if rows else values[~gone]
-    found = bridge(t if rows else t[~gone], given * (0.1 if missing > 1.0 else 1.0) * 0.02)
-    scale = (0.1 if missing > 1.0 else 1.0) * 0.02
-    time = t if rows else t[~gone]
+    scale, time = (0.002 if missing > 1.0 else 0.02), t if rows else t[~gone]  # so that each can be bridged
+    found = bridge(time, scale * given)
     behind = (time > 20.0 + 1e-9) & (time < t[end] + 1e-9)
     step = np.diff(time, prepend=0.0)[behind]
     over = (step[:, np.newaxis] * found.values[behind]).sum(axis=0) - dt * scale * values[end]

@@ -366,10 +366,9 @@ def level(
 
     windows = calm(frames, p)
     resting, bias = first_rest(windows, p, frames.step) if prior is None else (windows.at_bias(p, prior[0]), prior[0])
-    remembers = prior is None and before is not None and not resting.any()
-    if before is not None and remembers:
-        bias = before[0]
-        resting = windows.at_bias(p, bias)
+    before = before if prior is None and not resting.any() else None
+    if before is not None:
+        bias, resting = before[0], windows.at_bias(p, before[0])
     tilt = np.zeros((frames.first.size, 4))
     for start in frames.starts:
         tilt[start] = first_tilt(frames, start, bias)
@@ -381,7 +380,7 @@ def level(
     first = first_speed(frames, bias)
     sure = bool(resting.any()) or prior is not None
     of = partial(_level, frames, p, resting, tilt, bias, first, tilt_sd, tilt_var, unit=unit, sure=sure)
-    if before is not None and remembers:
+    if before is not None:
         sd = math.sqrt(float(np.trace(before[1])) / 3.0)
         return replace(of(sd), bias_sd=0.0, drift_sd=sd)
     if sure:

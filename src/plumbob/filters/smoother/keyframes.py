@@ -86,7 +86,7 @@ class Keyframes:
             return None
         rates = bridge(t, gyr)
         rows = np.flatnonzero(~rates.lost)
-        t, acc, field = t[rows], acc[rows], np.array(field[rows])
+        t, acc, field = t[rows], acc[rows], field[rows]
         forces, missed = bridge(t, acc), rates.variance[rows]
         digit, force_digit = last_digit(gyr, 0), last_digit(acc, 1)
         field[rates.long[rows]] = np.nan  # nobody knows at which attitude it was measured
@@ -194,7 +194,8 @@ def bridge(t: Floats, values: Floats) -> Bridge:
     span, outside = np.diff(t[valid]), (each < valid[0]) | (each > valid[-1])
     usual = float(np.median(span))
     short = span > ABSENT * usual
-    holes = np.flatnonzero(short | (np.diff(valid) > 1))
+    is_hole = short | (np.diff(valid) > 1)
+    holes = np.flatnonzero(is_hole)
     if not holes.size and not outside.any():
         return Bridge(np.ascontiguousarray(values), variance, no, no, no)
     spread, mean = _around(t[valid], values[valid], holes, np.maximum(span[holes], AROUND))
@@ -203,12 +204,10 @@ def bridge(t: Floats, values: Floats) -> Bridge:
     share = np.where(x > 0.0, np.tanh(x) / np.maximum(x, 1e-300), 1.0)
     total = spread**2 * 2.0 * CORRELATED * missing * (1.0 - share)
     # rows in a hole, and the one that ends it
-    place = np.searchsorted(valid, each)
-    place = np.searchsorted(holes, place - 1) * ~outside - outside
-    inside = (place >= 0) & (place < holes.size)
-    inside[inside] = (each[inside] > valid[holes[place[inside]]]) & (each[inside] <= valid[holes[place[inside]] + 1])
-    rows = np.flatnonzero(inside)
-    hole = place[rows]
+    after = np.searchsorted(valid, each)
+    rows = np.flatnonzero(~outside & (after > 0))
+    rows = rows[is_hole[after[rows] - 1]]
+    hole = np.searchsorted(holes, after[rows] - 1)
     begin, end, apart = valid[holes[hole]], valid[holes[hole] + 1], total[hole] > LOST**2
     lost = outside.copy()
     lost[rows] = apart & (rows < end)

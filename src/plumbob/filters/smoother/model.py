@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg, dps
+from plumbob.filters.smoother.keyframes import CORRELATED
 
 if TYPE_CHECKING:
     from plumbob.data.cards import NoiseCard
@@ -138,14 +139,14 @@ def hides_rest(p: Params, digit: Floats | float) -> NDArray[np.bool_]:
     return np.asarray((0.5 * np.asarray(digit) >= p.rest_band) & np.isfinite(digit))
 
 
-def for_digit(p: Params, digit: float, lasts: float) -> Params:
+def for_digit(p: Params, digit: float) -> Params:
     """Parameters for a unit without a card whose last digit, rad/s, may hide a slow turn.
 
-    What the digit cuts off is as good as noise that lasts this long, s.
+    What the digit cuts off is as good as noise that lasts as long as rates stay alike.
     """
     if not hides_rest(p, digit):
         return p
-    noise = math.hypot(p.gyr_noise, digit * math.sqrt(lasts / 12.0))
+    noise = math.hypot(p.gyr_noise, digit * math.sqrt(CORRELATED / 12.0))
     scale, axes = max(p.gyr_scale, COARSE_SCALE), max(p.gyr_misalignment, COARSE_AXES)
     return p._replace(gyr_noise=noise, gyr_scale=scale, gyr_misalignment=axes)
 

@@ -31,7 +31,7 @@ from plumbob.filters.smoother.inertial import (
     narrowed,
     without_gravity,
 )
-from plumbob.filters.smoother.keyframes import CORRELATED, Bools, Keyframes, between
+from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
 from plumbob.filters.smoother.model import (
     BIAS_REPEATS,
     FREE_HEADING,
@@ -194,7 +194,7 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
         sd = math.sqrt(float(np.trace(prior.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
         p = p._replace(bias_start=min(p.bias_start, sd))
     else:
-        p = for_digit(p, frames.digit, CORRELATED)
+        p = for_digit(p, frames.digit)
     frames = frames.drifting()
     inertial = level(frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before)
     if np.isfinite(frames.mag[:, 0]).any():

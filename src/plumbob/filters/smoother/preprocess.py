@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 from plumbob.data import ImuData
-from plumbob.filters.input_checks import DIGIT, NO_DIGIT, ROUNDING, watch
+from plumbob.filters.input_checks import NO_DIGIT, least_change, watch
 from plumbob.filters.layout import DIGITS, OWN
 from plumbob.filters.layout import LAST as WATCHED
 from plumbob.filters.smoother.inertial import farthest
@@ -93,9 +93,14 @@ def take(state: Floats, place: int, share: float, values: Floats) -> None:
 
 
 @kernel
-def spread2(state: Floats, at: int, missing: float) -> float:
-    """Variance of an axis about its mean: lately, or of all that came where nothing came for longer than that."""
-    place = at + (LATELY if missing <= AROUND else ALL)
+def mean_place(at: int, missing: float) -> int:
+    """Place of the mean of a triad: lately, or of all that came where nothing came for longer than that."""
+    return at + (LATELY if missing <= AROUND else ALL)
+
+
+@kernel
+def spread2(state: Floats, place: int) -> float:
+    """Variance of an axis about a mean."""
     square = state[place + SQUARE]
     for i in range(3):
         square -= state[place + i] ** 2
@@ -105,14 +110,14 @@ def spread2(state: Floats, at: int, missing: float) -> float:
 @kernel
 def foresee(state: Floats, at: int, since: float, dt: float, out: Floats) -> float:
     """Value of a triad at a time after its last one, s; returns the variance of its integral since then."""
-    place = at + (LATELY if since <= AROUND else ALL)
+    place = mean_place(at, since)
     before, now = math.exp(-(since - dt) / CORRELATED), math.exp(-since / CORRELATED)
     for i in range(3):
         mean = state[place + i]
         out[i] = mean + (state[at + i] - mean) * CORRELATED * (before - now) / dt
         state[at + GIVEN + i] += out[i] * dt
     share = 2.0 * since / CORRELATED - 3.0 + 4.0 * now - now * now
-    return spread2(state, at, since) * CORRELATED * CORRELATED * share
+    return spread2(state, place) * CORRELATED * CORRELATED * share
 
 
 @kernel
@@ -120,7 +125,7 @@ def bridge_to(state: Floats, at: int, since: float, dt: float, usual: float, val
     """Value that makes the integral since the last one that of `keyframes.bridge`; returns its variance."""
     covered = min(usual, dt)
     missing = max(since - covered, 0.0)
-    x, ends, place = missing / (2.0 * CORRELATED), 0.0, at + (LATELY if missing <= AROUND else ALL)
+    x, ends, place = missing / (2.0 * CORRELATED), 0.0, mean_place(at, missing)
     decay = math.exp(-2.0 * x)
     share = (1.0 - decay) / ((1.0 + decay) * x) if x > 0.0 else 1.0
     for i in range(3):
@@ -128,7 +133,7 @@ def bridge_to(state: Floats, at: int, since: float, dt: float, usual: float, val
         ends += 0.5 * ((last - mean) ** 2 + (values[i] - mean) ** 2) / 3.0
         line = mean + share * (0.5 * (last + values[i]) - mean)
         out[i] = (missing * line - state[at + GIVEN + i] + covered * values[i]) / dt
-    return max(spread2(state, at, missing), ends) * 2.0 * CORRELATED * missing * (1.0 - share)
+    return max(spread2(state, place), ends) * 2.0 * CORRELATED * missing * (1.0 - share)
 
 
 @kernel
@@ -153,8 +158,8 @@ def hold(state: Floats, at: int, t: float, dt: float, values: Floats, out: Float
     if since < math.inf and dt > 0.0 and (since > dt or dt > ABSENT * state[STEP]):
         variance = bridge_to(state, at, since, dt, state[STEP], values, out)
         more = max(variance - state[at + ADDED], 0.0)
-        if since - min(state[STEP], dt) > 2.0 * CORRELATED:
-            more = math.inf if at == ACC else more
+        if at == ACC and since - min(state[STEP], dt) > 2.0 * CORRELATED:
+            more = math.inf
     learn(state, at, since if since < math.inf else 0.0, values)
     for i in range(3):
         state[at + i], state[at + GIVEN + i] = values[i], 0.0
@@ -199,10 +204,10 @@ def arrive(
         mask[i] = has_rate or not (first or state[GYR + ADDED] > LOST * LOST)
         if not mask[i]:
             continue
-        for axis in range(3):
-            change = abs(gyr[i, axis] - state[GYR + axis])
-            if ROUNDING * DIGIT[0] < change < state[LEAST] and state[GYR + NUMBER] > 0.0:
-                state[LEAST] = change
+        if state[GYR + NUMBER] > 0.0:
+            state[LEAST] = least_change(
+                state[LEAST], 0, gyr[i, 0] - state[GYR], gyr[i, 1] - state[GYR + 1], gyr[i, 2] - state[GYR + 2]
+            )
         missed = hold(state, GYR, t[i], dt, gyr[i], gyr_out[n - begin])
         pushed = hold(state, ACC, t[i], dt, acc[i], acc_out[n - begin])
         long[n - begin] = not first and dt > ABSENT * state[STEP]
