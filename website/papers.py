@@ -37,11 +37,11 @@ found = pb.reproduce("buoy", out="buoy-paper")
 print(found.met, found.folder)
 ```
 
-In the tables, *paper* is what the paper prints, *faithful* what its method gives here once its misprints are
-corrected, and *best* what Plumbob recommends; a bar stands in brackets beside what must keep it. The verdict is
-*pass* or *missed* by the bars, *shown* where a figure has none, and *not reproducible* where the paper's method
-cannot give what is printed. What is simulated cannot prove what a paper's hardware did: where noise or motion is
-not stated, it is assumed, and the page of the paper says so. The papers' equations lead to the code through
+In the tables, *paper* is what the paper prints, *its method* what that gives here once its misprints are corrected, and
+*ours* what Plumbob recommends; a bar stands in brackets beside what must keep it. *Reached* says whether the paper's
+own method gives the printed figure (*not stated* where the paper prints none), *bar* whether our limits are kept, and
+*with* which units and runs a figure is of. What is simulated cannot prove what a paper's hardware did: where noise or
+motion is not stated, it is assumed, and the page of the paper says so. The papers' equations lead to the code through
 [Equations](equations.md), under `Ou2017`, `Yu2018`, `Chen2013`, `HuangJiang` and `Li2012`.
 
 `plumbob verify`, `info`, `run` and `report` take a recording of that folder (`.mcap`), `replay` those with a filter,
@@ -90,15 +90,16 @@ def page(outcomes: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
 
 
 def _counts(outcomes: Mapping[str, Sequence[Mapping[str, Any]]]) -> Iterator[str]:
-    yield "| paper | figures | bars missed | not reproducible | items | of them not done |"
-    yield "| --- | ---: | ---: | ---: | ---: | ---: |"
-    total = [0] * 5
+    yield "| paper | figures | reached | not reached | bars missed | items | of them not done |"
+    yield "| --- | ---: | ---: | ---: | ---: | ---: | ---: |"
+    total = [0] * 6
     for name in NAMES:
         own, listed = outcomes[name], items(name)
         numbers = [
             len(own),
+            sum(one["reached"] is True for one in own),
+            sum(one["reached"] is False for one in own),
             sum(not one["met"] for one in own),
-            sum(one["verdict"].startswith("not reproducible") for one in own),
             len(listed),
             sum(bool(one.reason) for one in listed),
         ]
@@ -113,8 +114,8 @@ def _paper(name: str, outcomes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     yield ""
     yield f"{PAPERS[name].title}"
     yield ""
-    yield "| key | where | figure | unit | paper | faithful | best | verdict |"
-    yield "| --- | --- | --- | --- | ---: | ---: | ---: | --- |"
+    yield "| key | where | figure | unit | paper | its method | ours | reached | bar | with |"
+    yield "| --- | --- | --- | --- | ---: | ---: | ---: | --- | --- | --- |"
     for one in outcomes:
         cells = [
             f"`{one['key']}`",
@@ -123,7 +124,7 @@ def _paper(name: str, outcomes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             one["unit"] or "–",
             shown(one["paper"], one["digits"]),
         ]
-        cells += [_ours(one, "faithful"), _ours(one, "best"), one["verdict"]]
+        cells += [_ours(one, "faithful"), _ours(one, "best"), *_verdict(one)]
         yield f"| {' | '.join(map(_escaped, cells))} |"
     yield ""
     yield from items_lines(name)
@@ -156,6 +157,13 @@ def _ours(one: Mapping[str, Any], which: str) -> str:
     low, high = one[f"{which}_bar"]
     bar = (-math.inf if low is None else low, math.inf if high is None else high)
     return cell(one[which], bar, one["digits"])
+
+
+def _verdict(one: Mapping[str, Any]) -> list[str]:
+    reached, kept = one["verdict"]
+    why = one["reason"] if one["reason"] and (one["reached"] is False or not one["met"]) else ""
+    return [f"{reached}: {why}" if why and one["reached"] is False else reached,
+            f"{kept}: {why}" if why and one["reached"] is not False else kept, one["with"] or "–"]  # fmt: skip
 
 
 def _escaped(text: str) -> str:

@@ -57,7 +57,7 @@ from plumbob.core import __version__
 from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
-    from plumbob import arm
+    from plumbob import arm, noise, rotations, simulation
     from plumbob.arm import array
     from plumbob.core import errors, flags, units
     from plumbob.core.errors import PlumbobError, PlumbobWarning
@@ -107,69 +107,25 @@ if TYPE_CHECKING:
     from plumbob.viewer.view import view
 
 _HOME = {
-    "AttitudeTrack": "data.imu",
-    "Chain": "data.chain",
-    "ImuArray": "data.array",
-    "load_chain": "data.chain_toml",
-    "read_array": "door.reading",
-    "BatchRun": "fleet.batch",
-    "CalibrationCard": "data.cards",
-    "Decoder": "protocols.decode",
-    "Evaluation": "evaluation.evaluation",
-    "Filter": "filters",
-    "FixedLag": "filters.smoother",
-    "Format": "protocols.format",
-    "Frame": "rotations",
-    "ImuData": "data.imu",
-    "ImuMeta": "data.imu",
-    "ImuSample": "data.sample",
-    "Stream": "live.stream",
-    "NoiseCard": "data.cards",
-    "North": "rotations",
-    "PlumbobError": "core.errors",
-    "PlumbobWarning": "core.errors",
-    "Recording": "data.recording",
-    "Session": "live.session",
-    "allan": "door.allan",
-    "apply_card": "data.calibrated",
-    "batch": "fleet.batch",
-    "calibrate": "door.calibrate",
-    "calibrate_counts": "door.calibrate",
-    "cite": "filters.known",
-    "compare": "door.evaluate",
-    "control": "viewer.commands",
-    "decode": "protocols.decode",
-    "docs": "core.resources",
-    "doctor": "door.doctor",
-    "earth_acceleration": "door.estimate",
-    "emulate": "live.emulated",
-    "estimate": "door.estimate",
-    "evaluate": "door.evaluate",
-    "convert": "live.recorded",
-    "filter_names": "filters",
-    "filter_rates": "door.rates",
-    "find_format": "protocols.format_toml",
-    "info": "overview.info",
-    "json_schema": "live.session_toml",
-    "load_session": "live.session_toml",
-    "open_card": "data.cards",
-    "plot": "overview.overview",
-    "profile": "files.draft",
-    "read": "door.reading",
-    "record": "live.record",
-    "register": "core.extensions",
-    "repair": "files.mcap",
-    "report": "overview.overview",
-    "reproduce": "papers.reproduce",
-    "replay": "live.replay",
-    "send": "door.send",
-    "simulate": "simulation",
-    "simulate_chain": "simulation",
-    "tune": "fleet.experiments.tuning",
-    "verify": "files.mcap",
-    "view": "viewer.view",
+    "AttitudeTrack": "data.imu", "Chain": "data.chain", "ImuArray": "data.array", "load_chain": "data.chain_toml",
+    "read_array": "door.reading", "BatchRun": "fleet.batch", "CalibrationCard": "data.cards",
+    "Decoder": "protocols.decode", "Evaluation": "evaluation.evaluation", "Filter": "filters",
+    "FixedLag": "filters.smoother", "Format": "protocols.format", "Frame": "rotations", "ImuData": "data.imu",
+    "ImuMeta": "data.imu", "ImuSample": "data.sample", "Stream": "live.stream", "NoiseCard": "data.cards",
+    "North": "rotations", "PlumbobError": "core.errors", "PlumbobWarning": "core.errors",
+    "Recording": "data.recording", "Session": "live.session", "allan": "door.allan", "apply_card": "data.calibrated",
+    "batch": "fleet.batch", "calibrate": "door.calibrate", "calibrate_counts": "door.calibrate",
+    "cite": "filters.known", "compare": "door.evaluate", "control": "viewer.commands", "decode": "protocols.decode",
+    "docs": "core.resources", "doctor": "door.doctor", "earth_acceleration": "door.estimate",
+    "emulate": "live.emulated", "estimate": "door.estimate", "evaluate": "door.evaluate", "convert": "live.recorded",
+    "filter_names": "filters", "filter_rates": "door.rates", "find_format": "protocols.format_toml",
+    "info": "overview.info", "json_schema": "live.session_toml", "load_session": "live.session_toml",
+    "open_card": "data.cards", "plot": "overview.overview", "profile": "files.draft", "read": "door.reading",
+    "record": "live.record", "register": "core.extensions", "repair": "files.mcap", "report": "overview.overview",
+    "reproduce": "papers.reproduce", "replay": "live.replay", "send": "door.send", "simulate": "simulation",
+    "simulate_chain": "simulation", "tune": "fleet.experiments.tuning", "verify": "files.mcap", "view": "viewer.view",
     "write": "files",
-}
+}  # fmt: skip
 
 __all__ = [
     "AttitudeTrack",
@@ -221,6 +177,7 @@ __all__ = [
     "json_schema",
     "load_chain",
     "load_session",
+    "noise",
     "open_card",
     "plot",
     "profile",
@@ -232,9 +189,11 @@ __all__ = [
     "replay",
     "report",
     "reproduce",
+    "rotations",
     "send",
     "simulate",
     "simulate_chain",
+    "simulation",
     "tune",
     "units",
     "verify",
@@ -243,7 +202,10 @@ __all__ = [
 ]
 
 
-_MODULES = {"arm": "arm", "array": "arm.array", "errors": "core.errors", "flags": "core.flags", "units": "core.units"}
+_MODULES = {
+    "arm": "arm", "array": "arm.array", "errors": "core.errors", "flags": "core.flags", "noise": "noise",
+    "rotations": "rotations", "simulation": "simulation", "units": "core.units",
+}  # fmt: skip
 """Modules that users take whole, by the names that they have here."""
 
 _name = lazily(__name__, _HOME)[0]

@@ -45,7 +45,7 @@ class _Typographic(string.Formatter):
 _format: Final = _Typographic().vformat
 
 
-def _filled(template: Any, values: Mapping[str, Any]) -> Any:
+def filled(template: Any, values: Mapping[str, Any]) -> Any:
     """A text with its values, in both languages where it is a pair."""
     if isinstance(template, str):
         alone = _VALUE_ALONE.fullmatch(template)
@@ -90,7 +90,7 @@ class Description:
 
     def text(self, key: str, **values: Any) -> Both:
         """A text of the table ``text``."""
-        text: Both = _filled(self.content["text"][key], values)
+        text: Both = filled(self.content["text"][key], values)
         return text
 
     def texts(self, key: str) -> dict[str, Both]:
@@ -109,7 +109,11 @@ class Description:
             if name.endswith("_bar"):
                 fields.setdefault(name, tuple(value))
             else:
-                fields.setdefault(name, _filled(value, given) if isinstance(value, str | list) else value)
+                fields.setdefault(name, filled(value, given) if isinstance(value, str | list) else value)
+        by = self.content.get("by", {})
+        group = max((prefix for prefix in by if key.startswith(prefix)), key=len, default=None)
+        if group is not None:
+            fields.setdefault("by", filled(by[group], given))
         return Outcome(**{"where": "", **fields, "key": key})
 
     def rows(self, figures: Mapping[str, float | tuple[float | None, float]], **given: Any) -> list[Outcome]:
@@ -123,10 +127,10 @@ class Description:
         fields = {name: given.pop(name) for name in tuple(given) if name in Report.__dataclass_fields__}
         for name, texts in part.items():
             if name == "facts":
-                filled: Any = [tuple(_filled(cell, given) for cell in fact) for fact in texts]
+                texts_of: Any = [tuple(filled(cell, given) for cell in fact) for fact in texts]
             else:
-                filled = _filled(texts, given) if name == "title" else [_filled(text, given) for text in texts]
-            fields.setdefault(name, filled)
+                texts_of = filled(texts, given) if name == "title" else [filled(text, given) for text in texts]
+            fields.setdefault(name, texts_of)
         return Report(**fields)
 
     def table(self, key: str, rows: Sequence[Sequence[str]] | None = None, **given: Any) -> Table:
@@ -134,9 +138,9 @@ class Description:
         table = self.content["table"][key]
         fields = {name: given.pop(name) for name in tuple(given) if name in Table.__dataclass_fields__}
         if rows is None:
-            rows = [[_filled(cell, given) for cell in row] for row in table["rows"]]
-        fields.setdefault("title", _filled(table.get("title", ""), given))
-        fields.setdefault("head", [_filled(cell, given) for cell in table.get("head", ())])
+            rows = [[filled(cell, given) for cell in row] for row in table["rows"]]
+        fields.setdefault("title", filled(table.get("title", ""), given))
+        fields.setdefault("head", [filled(cell, given) for cell in table.get("head", ())])
         return Table(rows=rows, **{"words": table.get("words", ()), **fields})
 
     def figure(
@@ -150,15 +154,16 @@ class Description:
         """A figure of the page, with its fixed lines where none are given."""
         figure = self.content["figure"][key]
         if lines is None:
-            lines = [(_filled(text, values), COLOURS[name], dash) for text, name, dash in figure.get("key", ())]
+            lines = [(filled(text, values), COLOURS[name], dash) for text, name, dash in figure.get("key", ())]
 
         def drawn(canvas: Any) -> None:  # the stubs have no axes of a part of a figure
             draw(canvas)
             for axes, settings in zip(canvas.axes, figure.get("axes", ()), strict=False):
-                axes.set(**{name: _filled(v, {}) if name.endswith("label") else v for name, v in settings.items()})
+                plain = {name: v for name, v in settings.items() if name not in ("h", "v", "xscale", "yscale")}
+                axes.set(**{n: filled(v, {}) if n.endswith("label") or n == "title" else v for n, v in plain.items()})
 
         height = values.pop("height", figure.get("height", Figure.height))
-        return Figure(_filled(figure["caption"], values), drawn, lines, height)
+        return Figure(filled(figure["caption"], values), drawn, lines, height)
 
 
 PAPERS: Final = {name: Description(name) for name in ("fin", "buoy", "trackball", "arm", "rod")}

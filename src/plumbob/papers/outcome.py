@@ -15,10 +15,9 @@ Bar = tuple[float, float]
 OPEN: Final[Bar] = (-math.inf, math.inf)
 """No bar."""
 
-PASS: Final = Both("pass", "通过")
-MISSED: Final = Both("missed", "未达标")
-SHOWN: Final = Both("shown", "仅列出")
-CANNOT: Final = Both("not reproducible", "无法复现")
+_UNSAID: Final = Both("", "")
+YES, NO, NOT_STATED = Both("yes", "是"), Both("no", "否"), Both("not stated", "未给出")
+KEPT, MISSED, NO_BAR = Both("kept", "满足"), Both("missed", "未达标"), Both("none", "无")
 
 
 def at_most(limit: float) -> Bar:
@@ -34,9 +33,9 @@ class Outcome:
     ``Table 1``, ``(7)``, ``§4.3``, empty for what goes beyond it; `what`: a noun; `unit`: of all values; `paper`: as
     printed, None where the paper prints nothing; `faithful`: by the paper's method, corrected, with the noise that is
     stated or assumed on the page; `best`: by the method that Plumbob recommends; `faithful_bar`, `best_bar`: least and
-    greatest value that are to be met, `OPEN` where there is none; `reason`: why the paper's figure cannot be
-    reproduced, or why a bar is missed, one sentence without a full stop; `reproducible`: whether what the paper prints
-    can be had by its method; `digits`: significant digits that are shown.
+    greatest value that are to be met, `OPEN` where there is none; `reach`: when `faithful` reaches a printed number:
+    "<=" or ">=" it, or a largest distance from it; `by`: with which units and runs; `reason`: why the paper's figure is
+    not reached, or why a bar is missed, one sentence without a full stop; `digits`: significant digits that are shown.
     """
 
     key: str
@@ -48,6 +47,8 @@ class Outcome:
     best: float | None = None
     faithful_bar: Bar = OPEN
     best_bar: Bar = OPEN
+    reach: float | str = "<="
+    by: Both = _UNSAID
     reason: Both | None = None
     reproducible: bool = True
     digits: int = 3
@@ -69,21 +70,22 @@ class Outcome:
         return all(value is None or bar == OPEN or bar[0] <= value <= bar[1] for value, bar in pairs)
 
     @property
-    def word(self) -> Both:
-        """Missed, if a bar is; else not reproducible, if it is; else shown, if it has no bar; else pass."""
-        if not self.met:
-            return MISSED
+    def reached(self) -> bool | None:
+        """Whether the paper's own method reaches what the paper prints; None where it prints no number for it."""
         if not self.reproducible:
-            return CANNOT
-        return SHOWN if self.faithful_bar == self.best_bar == OPEN else PASS
+            return False
+        if not isinstance(self.paper, int | float) or self.faithful is None:
+            return None
+        if isinstance(self.reach, str):
+            return self.faithful <= self.paper if self.reach == "<=" else self.faithful >= self.paper
+        return abs(self.faithful - self.paper) <= self.reach
 
     @property
-    def verdict(self) -> Both:
-        """Its word, with the reason where it is missed or not reproducible."""
-        word = self.word
-        if self.reason is None or word in (SHOWN, PASS):
-            return word
-        return Both(f"{word}: {self.reason}", f"{word.zh}：{self.reason.zh}")
+    def verdict(self) -> tuple[Both, Both, Both]:
+        """Whether the paper's figure is reached, whether our bars are kept, and with what."""
+        barred = (self.faithful_bar, self.best_bar) != (OPEN, OPEN)
+        kept = (KEPT if barred else NO_BAR) if self.met else MISSED
+        return NOT_STATED if self.reached is None else YES if self.reached else NO, kept, self.by
 
     def summary(self) -> dict[str, Any]:
         """What JSON has of it; an open end of a bar is null, and so is a value that is not finite."""
@@ -98,8 +100,11 @@ class Outcome:
             **{name: value if value is not None and math.isfinite(value) else None for name, value in values.items()},
             "digits": self.digits,
             **{name: [end if math.isfinite(end) else None for end in bar] for name, bar in bars.items()},
+            "reached": self.reached,
             "met": self.met,
-            "verdict": str(self.verdict),
+            "with": str(self.by),
+            "verdict": [str(word) for word in self.verdict[:2]],
+            "reason": None if self.reason is None else str(self.reason),
         }
 
     def stored(self) -> dict[str, Any]:
@@ -110,7 +115,7 @@ class Outcome:
     def row(self) -> list[str]:
         """Cells under `HEAD`."""
         values = (cell(self.faithful, self.faithful_bar, self.digits), cell(self.best, self.best_bar, self.digits))
-        return [self.where or "-", self.what, self.unit or "-", shown(self.paper, self.digits), *values, self.verdict]
+        return [self.where or "-", self.what, self.unit or "-", shown(self.paper, self.digits), *values, *self.verdict]
 
 
 def restored(stored: Mapping[str, Any]) -> Outcome:
@@ -132,13 +137,14 @@ class PrintedForm(NamedTuple):
 
 HEAD: Final = (
     Both("where", "出处"), Both("figure", "指标"), Both("unit", "单位"), Both("paper", "论文"),
-    Both("faithful", "按论文"), Both("best", "最佳"), Both("verdict", "结论"),
+    Both("its method", "按论文"), Both("ours", "本系统"), Both("reached", "达到论文值"), Both("bar", "限值"),
+    Both("with", "条件"),
 )  # fmt: skip
 
 
 def table(outcomes: Sequence[Outcome], title: str = "") -> Table:
     """Table of outcomes."""
-    return Table(title, HEAD, [outcome.row() for outcome in outcomes], words=(1, 2, 6))
+    return Table(title, HEAD, [outcome.row() for outcome in outcomes], words=(1, 2, 6, 7, 8))
 
 
 def shown(value: float | str | None, digits: int) -> str:

@@ -19,8 +19,8 @@ from plumbob.core.files import write_text
 from plumbob.core.series import needed
 from plumbob.core.text import counted
 from plumbob.papers.description import PAPERS
-from plumbob.papers.outcome import CANNOT, HEAD, MISSED, PASS, SHOWN, Outcome, Paper, PaperItem, restored, table
-from plumbob.papers.workspace import Work
+from plumbob.papers.outcome import HEAD, MISSED, NO, NOT_STATED, YES, Outcome, PaperItem, restored, table
+from plumbob.papers.studies import Study
 from plumbob.reporting.content import LANGUAGES, Both, Table
 from plumbob.reporting.page import part_links
 from plumbob.reporting.report import Report
@@ -36,12 +36,12 @@ _LONGEST: Final = ("arm", "buoy", "fin", "rod", "trackball")  # side by side, th
 
 _ABOUT: Final = Both("about", "内容")
 DEFINITIONS: Final = (
-    Both("Paper: as printed. Faithful: by the paper's method, its misprints corrected. Best: by the method that "
+    Both("Paper: as printed. Its method: by the paper's method, its misprints corrected. Ours: by the method that "
          "Plumbob recommends. In brackets: the bar that must be kept.",
-         "论文：原文数值。按论文：改正印刷错误后按论文方法所得。最佳：Plumbob 推荐方法所得。括号内为须满足的限值。"),
-    Both("Pass: every bar is kept. Shown: without a bar. Not reproducible: the paper's method cannot give what the "
-         "paper prints.",
-         "通过：满足全部限值。仅列出：无限值。无法复现：按论文方法不能得到原文数值。"),
+         "论文：原文数值。按论文：改正印刷错误后按论文方法所得。本系统：Plumbob 推荐方法所得。括号内为须满足的限值。"),
+    Both("Reached: whether the paper's own method gives the printed figure here; not stated where it prints none. "
+         "Bar: whether our own limits are kept. With: units and runs that the figure is of.",
+         "达到论文值：按论文方法能否得到原文数值；原文无数值者为未给出。限值：是否满足自设限值。条件：所用单元与次数。"),
 )  # fmt: skip
 """What the words of the tables of outcomes mean."""
 
@@ -74,7 +74,7 @@ class Reproduction:
 
     def index(self) -> Report:
         """What `index.html` has: counts, then the main figures of each paper, all of them folded away."""
-        names = Both("paper", "论文"), Both("figures", "指标"), PASS, SHOWN, CANNOT, MISSED
+        names = Both("paper", "论文"), Both("figures", "指标"), YES, NO, NOT_STATED, MISSED
         rows = [[PAPERS[name].title, *map(str, counts(outcomes))] for name, outcomes in self.outcomes.items()]
         parts = [
             Report(PAPERS[name].title, facts=[(_ABOUT, PAPERS[name].about)], tables=_first_tables(name, outcomes))
@@ -100,10 +100,10 @@ class Reproduction:
 
 
 def _counted(outcomes: Sequence[Outcome]) -> Both:
-    every, _, _, cannot, missed = counts(outcomes)
+    every, yes, no, _, missed = counts(outcomes)
     return Both(
-        f"{counted(every, 'figure')}: {missed} missed, {cannot} not reproducible by the paper's method",
-        f"共 {every} 项：{missed} 项未达标，{cannot} 项按论文方法无法复现",
+        f"{counted(every, 'figure')}: {yes} of the paper's reached by its method, {no} not; {missed} bars missed",
+        f"共 {every} 项：按论文方法达到 {yes} 项，未达到 {no} 项；{missed} 项限值未满足",
     )
 
 
@@ -205,7 +205,13 @@ def run_paper(name: str, folder: Path, seed: int, lang: str, progress: Progress 
         if progress is not None:
             progress(f"{name}: {what}", done, of)
 
-    paper: Paper = import_module(f"plumbob.papers.{name}").run(Work(subfolder, seed, on_step))
+    module = import_module(f"plumbob.papers.{name}")
+    study = Study(name, subfolder, seed, on_step)
+    if hasattr(module, "measure"):
+        module.measure(study)
+        paper = study.paper()
+    else:
+        paper = module.run(study)
     report = paper.report
     page = replace(
         report,
@@ -285,30 +291,29 @@ def _listen(name: str, process: subprocess.Popen[str], progress: Progress | None
 def main_figures(name: str, outcomes: Sequence[Outcome]) -> Table:
     """Table of a paper's main outcomes, with a word for each verdict."""
     by_key = {outcome.key: outcome for outcome in outcomes}
-    rows = [[*by_key[key].row()[:-1], by_key[key].word] for key in PAPERS[name].main if key in by_key]
-    return Table(Both("Main figures", "主要指标"), HEAD, rows, words=(1, 2, 6))
+    return table([by_key[key] for key in PAPERS[name].main if key in by_key], Both("Main figures", "主要指标"))
 
 
 def not_had(outcomes: Sequence[Outcome]) -> Table | None:
     """Table of what is missed or cannot be reproduced, a row for each reason; None where there is nothing."""
     why: dict[Both, list[Outcome]] = {}
     for outcome in outcomes:
-        if outcome.reason is not None and not (outcome.met and outcome.reproducible):
+        if outcome.reason is not None and not (outcome.met and outcome.reached is not False):
             why.setdefault(outcome.reason, []).append(outcome)
     rows = []
     for reason, group in why.items():
         first, more = group[0], len(group) - 1
         what = Both(f"{first.what}, and {more} more", f"{first.what.zh}，另 {more} 项") if more else first.what
-        rows.append([first.where or "-", what, first.word, reason])
-    head = (HEAD[0], HEAD[1], HEAD[6], Both("why", "原因"))
+        rows.append([first.where or "-", what, *first.verdict[:2], reason])
+    head = (HEAD[0], HEAD[1], *HEAD[6:8], Both("why", "原因"))
     title = Both("What cannot be had as the paper prints it, and why", "无法按论文原样复现的内容及原因")
-    return Table(title, head, rows, words=(1, 2, 3)) if rows else None
+    return Table(title, head, rows, words=(1, 2, 3, 4)) if rows else None
 
 
 def counts(outcomes: Sequence[Outcome]) -> Sequence[int]:
-    """Of all outcomes: how many pass, are shown without a bar, are not reproducible, and are missed."""
-    words = [outcome.word for outcome in outcomes]
-    return [len(words), *(words.count(word) for word in (PASS, SHOWN, CANNOT, MISSED))]
+    """Of all outcomes: how many reach the paper's figure, do not, have none to reach, and miss a bar."""
+    reached = [outcome.reached for outcome in outcomes]
+    return [len(outcomes), *map(reached.count, (True, False, None)), sum(not outcome.met for outcome in outcomes)]
 
 
 def main(name: str, folder: str, seed: str, lang: str) -> int:

@@ -54,7 +54,7 @@ def recorded_samples(file: Path) -> ImuData:
     return opened_samples(file, None, None, whole=True)[2]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass
 class Work:
     """What a paper's run works with.
 

@@ -1,0 +1,208 @@
+"""What a study of a paper works with: its rig's bytes, seeds and errors; its rows, texts and drawings are data.
+
+``<name>.toml`` beside the study says what each figure is, where it stands in the paper and which bar it has, and what
+the page shows; the study measures. `Study.rows`, `Study.table` and `Study.draw` take what it measured, by key.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import to_deg
+from plumbob.data import AttitudeTrack
+from plumbob.evaluation.metrics import euler_errors
+from plumbob.papers.description import PAPERS, filled
+from plumbob.papers.outcome import Outcome, Paper
+from plumbob.papers.workspace import Taken, Work
+from plumbob.reporting.content import COLOURS, MUTED, Both, Scene, Table
+from plumbob.reporting.report import Report
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+ANGLES: Final = ("yaw", "pitch", "roll")
+_COLUMNS: Final = 900
+"""Points of a line that is drawn; of more values the least and the greatest of each column are shown."""
+_DASHES: Final = {"dashed": "--", "dotted": ":", "solid": "-", "none": ""}
+
+
+class PlotCurve(NamedTuple):
+    """A line of a drawing.
+
+    `x`, `y` (N,): its points; `colour`: a name of `plumbob.reporting.content.COLOURS`; `dash`: "solid", "dashed",
+    "dotted" or "none"; `mark`: a marker of matplotlib; `to` (N,) or (2, N): fill up to there, or bars from and to;
+    `label`: beside the axes, at its first point.
+    """
+
+    x: Any
+    y: Any
+    colour: str = "blue"
+    dash: str = "solid"
+    width: float = 0.9
+    mark: str = ""
+    to: Any = None
+    label: str = ""
+
+    def draw(self, ax: "Axes") -> None:
+        """Draw it; a long one by its envelope."""
+        from plumbob.reporting.drawing import envelope
+
+        x, y, colour = np.asarray(self.x, float), np.asarray(self.y, float), COLOURS[self.colour]
+        if np.ndim(self.to) == 1:
+            ax.fill_between(x, y, self.to, color=colour, alpha=0.3, linewidth=0.0, step="post")
+            return
+        if self.label:
+            ax.text(-0.01, y[0], self.label, transform=ax.get_yaxis_transform(), ha="right", va="center")
+        if self.to is not None:
+            ax.errorbar(x, y, np.abs(self.to - y), fmt="none", ecolor=colour, capsize=2, linewidth=0.8)
+        if x.size > 2 * _COLUMNS and (np.diff(x) > 0.0).all():
+            x, y = envelope(x, y, _COLUMNS, jump=180.0)
+        ax.plot(x, y, _DASHES[self.dash], color=colour, linewidth=self.width, marker=self.mark, markersize=2.5)
+
+
+def errors_deg(track: AttitudeTrack | Floats, truth: AttitudeTrack | Floats) -> Floats:
+    """Errors (N, 3) of yaw, pitch and roll, deg, of attitudes at the same times: tracks, or quaternions (N, 4)."""
+    q, q_true = (of.q_nb if isinstance(of, AttitudeTrack) else of for of in (track, truth))
+    return np.asarray(to_deg(euler_errors(q, q_true)))
+
+
+def rms(values: Any, axis: int | None = None) -> Any:
+    """Root mean square, along an axis or of all."""
+    return np.sqrt(np.mean(np.square(values), axis=axis))
+
+
+def largest(values: Any, axis: int | None = 0) -> Any:
+    """Largest magnitude, along the first axis by default."""
+    return np.max(np.abs(values), axis=axis)
+
+
+class Study(Work):
+    """A paper's run: what its study has measured so far, by the keys of its file.
+
+    `values`: what stands in the texts of the page, by name.
+    """
+
+    def __init__(
+        self, name: str, folder: Path, seed: int = 1, progress: Callable[[str, int, int], None] | None = None
+    ) -> None:
+        super().__init__(folder, seed, progress or (lambda what, done, of: None))
+        self.name, self.description = name, PAPERS[name]
+        self.values: dict[str, Any] = {"seed": seed}
+        self.outcomes: dict[str, Outcome] = {}
+        self._content: dict[str, list[tuple[str, Any]]] = {"table": [], "figure": [], "scene": []}
+        self._done = 0
+
+    def step(self) -> None:
+        """Say that the next of the steps begins that the file lists."""
+        steps = self.description.content["paper"]["steps"]
+        self.progress(steps[self._done], self._done, len(steps))
+        self._done += 1
+
+    def text(self, key: str, **values: Any) -> Both:
+        """A text of the file."""
+        return self.description.text(key, **values)
+
+    def names(self, table: str, **values: Any) -> dict[str, str]:
+        """Names of the rows of a table of the file."""
+        return {key: filled(name, values) for key, name in self.description.content["table"][table]["names"].items()}
+
+    def rows(self, figures: Mapping[str, Any], **more: Any) -> None:
+        """Figures by key: by the paper's method, or a pair of that, which may be None, and ours; bars and texts."""
+        for key, value in figures.items():
+            faithful, best = value if isinstance(value, tuple) else (value, None)
+            numbers = {"faithful": None if faithful is None else float(faithful)}
+            numbers["best"] = None if best is None else float(best)
+            self.outcomes[key] = self.description.row(key, **numbers, **more)
+
+    def table(self, key: str, rows: Mapping[str, Iterable[Any]] | Sequence[Iterable[Any]], **more: Any) -> None:
+        """A table of the page: rows by the names that the file has for them, or with their names as first cells.
+
+        Numbers are written by the file's ``form``, one or for each column; NaN is a dash.
+        """
+        spec = self.description.content["table"][key]
+        if isinstance(rows, Mapping):
+            names = self.names(key, **more)
+            rows = [[names[row], *cells] for row, cells in rows.items()]
+        forms = spec.get("form", ".2f")
+
+        def cell(value: Any, column: int) -> str:
+            if isinstance(value, str):
+                return value
+            form = forms if isinstance(forms, str) else forms[(column - 1) % len(forms)]
+            return f"{float(value) + 0.0:{form}}" if np.isfinite(value) else "-"
+
+        cells = [[cell(value, column) for column, value in enumerate(row)] for row in rows]
+        self._content["table"].append((spec["part"], self.description.table(key, cells, **more)))
+
+    def draw(self, key: str, *panels: Sequence[PlotCurve], **more: Any) -> None:
+        """A figure of the page: the curves of each of its axes, which the file describes."""
+        spec = self.description.content["figure"][key]
+        figure = self.description.figure(key, _drawing(spec, panels), **more)
+        self._content["figure"].append((spec["part"], figure))
+
+    def scene(self, part: str, scene: Scene) -> None:
+        """A body that moves, in a part of the page."""
+        self._content["scene"].append((part, scene))
+
+    def paper(self) -> Paper:
+        """The page, and every figure in the order of the file.
+
+        Raises
+        ------
+        ParameterError
+            If a figure of the file was not measured.
+        """
+        content = self.description.content
+        if missing := [key for key in content["outcome"] if key not in self.outcomes]:
+            raise ParameterError(f"{self.name} has not measured {', '.join(missing)}.")
+        parts = [self._part(key) for key in content["part"] if key != "page"]
+        return Paper(self._part("page", parts=parts), [self.outcomes[key] for key in content["outcome"]])
+
+    def _part(self, key: str, **more: Any) -> Report:
+        fixed: list[tuple[str, Table]] = [
+            (spec["part"], self.description.table(name, of=self.outcomes, **self.values))
+            for name, spec in self.description.content["table"].items()
+            if "rows" in spec
+        ]
+        by_kind = {
+            "tables": [*self._content["table"], *fixed],
+            "figures": self._content["figure"],
+            "scenes": self._content["scene"],
+        }
+        chosen = {kind: [one for part, one in each if part == key] for kind, each in by_kind.items()}
+        return self.description.part(key, of=self.outcomes, **chosen, **more, **self.values)
+
+
+def _drawing(spec: Mapping[str, Any], panels: Sequence[Sequence[PlotCurve]]) -> "Callable[[FigureBase], None]":
+    """Draw curves on a grid of axes: ``grid`` rows and columns, by default below each other; ``axes`` see `filled`.
+
+    Of each axes: what `set` of matplotlib takes, and ``h`` and ``v``, places of lines across and up.
+    """
+
+    def draw(canvas: "FigureBase") -> None:
+        rows, columns = spec.get("grid", (len(panels), 1))
+        grid = canvas.subplots(rows, columns, sharex=spec.get("sharex", False), sharey=spec.get("sharey", False))
+        axes: Iterable[tuple[Any, ...]] = zip_longest(np.ravel(grid), panels, spec.get("axes", ()), fillvalue={})
+        for ax, curves, settings in axes:
+            for curve in curves:
+                curve.draw(ax)
+            for at in settings.get("h", ()):
+                ax.axhline(at, color=MUTED, linewidth=0.7, linestyle="--")
+            for at in settings.get("v", ()):
+                ax.axvline(at, color=MUTED, linewidth=0.6, linestyle=":")
+            for name, axis in (("xscale", ax.xaxis), ("yscale", ax.yaxis)):
+                if name in settings:
+                    ax.set(**{name: settings[name]})
+                    axis.set_major_formatter(lambda value, _: f"{value:g}")
+                    axis.set_minor_formatter(lambda value, _: "")
+
+    return draw
+
+
+__all__ = ["ANGLES", "PlotCurve", "Scene", "Study", "Taken", "errors_deg", "largest", "rms"]

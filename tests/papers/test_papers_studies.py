@@ -1,0 +1,77 @@
+"""What every study must be, run with few seeds: whole, in both languages, moved by its seed, and the same from one."""
+
+import re
+from importlib import import_module
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from plumbob.core.errors import ParameterError
+from plumbob.papers.studies import Study, errors_deg, largest, rms
+from plumbob.rotations import quat_from_euler_zyx
+from tests.helpers import slow_as_python
+from tests.helpers.papers import by_key, english_alone, named, unmet
+
+pytestmark = slow_as_python
+
+
+class Short(NamedTuple):
+    """A study that is run shortly: with what, which bars need all seeds, and names without Chinese.
+
+    `fixed`: figures that a seed need not move: shares of few seeds, and of samples that all pass.
+    """
+
+    how: dict
+    unmet: set
+    fixed: str
+    names: str
+
+
+SHORT = {
+    "rod": Short(
+        {"seeds": 1, "duration": 404.0}, set(), r"chain\.synchronous|(fused|ideal)\.(kept|causal|hard_reset|narrow.*)",
+        r"ADIS16355|AHRS500GA|AHRS|ekf7|mekf|mahony|vqf|[Pp]lumbob|RS232|SPI|atan2",
+    ),
+    "trackball": Short(
+        {"seeds": {"short": 3, "white": 1, "long": 1, "table": 2, "part": 2}, "long_seconds": 7200.0,
+         "soak_seconds": 900.0, "gains": [0.5, 0.6, 0.7]},
+        {"allan.ratio.50", "allan.long.100", "allan.long.600", "allan.angle", "noise.flicker", "noise.white",
+         "rest.variance.q6"},
+        r"fit\.negative", r"plumbob .*|solid.*|dashed.*|dotted.*|scalar.*|Q/R.*",
+    ),
+}  # fmt: skip
+
+
+def run(name, folder, seed):
+    study = Study(name, folder, seed)
+    import_module(f"plumbob.papers.{name}").measure(study, **SHORT[name].how)
+    return study.paper()
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_a_study_is_whole_in_both_languages_and_moved_by_its_seed_alone(name, tmp_path):
+    for folder in ("first", "same", "other"):
+        (tmp_path / folder).mkdir()
+    paper, same, other = (
+        run(name, tmp_path / folder, seed) for folder, seed in (("first", 1), ("same", 1), ("other", 2))
+    )
+    outcomes = by_key(paper.outcomes)
+    assert unmet(outcomes.values()) <= SHORT[name].unmet
+    assert named(Study(name, tmp_path).description.items) <= outcomes.keys()
+    assert english_alone(paper.report, SHORT[name].names) == set()
+    assert paper.report.write_html(tmp_path / "page.html").read_text(encoding="utf-8").count("<figure>") >= 2
+    assert [one.summary() for one in same.outcomes] == [one.summary() for one in paper.outcomes]
+    pairs = zip(paper.outcomes, other.outcomes, strict=True)
+    stay = {a.key for a, b in pairs if (a.faithful, a.best) == (b.faithful, b.best) and a.by[:] != "arithmetic"}
+    assert {key for key in stay if not re.fullmatch(SHORT[name].fixed, key)} == set()
+
+
+def test_a_figure_that_is_not_measured_is_told_and_errors_are_angles(tmp_path):
+    with pytest.raises(ParameterError):
+        Study("rod", tmp_path).paper()
+    q = quat_from_euler_zyx(np.array([[0.3, 0.2, 0.1], [0.0, 0.0, 0.0]]))
+    e = errors_deg(q, quat_from_euler_zyx(np.zeros((2, 3))))
+    assert e[0] == pytest.approx(np.degrees([0.3, 0.2, 0.1]))
+    assert largest(e).tolist() == e[0].tolist()
+    assert rms(np.array([3.0, 4.0, 0.0, 0.0])) == 2.5
