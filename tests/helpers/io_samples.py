@@ -63,6 +63,7 @@ def make_track(rows: int = ROWS, *, full: bool = True) -> AttitudeTrack:
     )  # fmt: skip
 
 
+LEFT = tuple(np.random.default_rng(9).normal(size=78).tolist())
 EXTREMES = np.zeros((ROWS, 3))
 EXTREMES[0] = [-0.0, 5e-324, -2.2250738585072009e-308]  # smallest and largest denormal (IEEE 754 binary64)
 EXTREMES[1] = [np.inf, -np.inf, 1.7976931348623157e308]
@@ -72,6 +73,9 @@ CASES = {
     "gyr alone": Recording(imu=make_imu(mag=None, acc=None, temp_c=None, meta=ImuMeta(gyr_range=35.0))),
     "mag alone": Recording(imu=make_imu(gyr=None, acc=None, meta=ImuMeta(mag_range=4900.0, unit_check=False))),
     "ranges of axes": Recording(imu=make_imu(meta=ImuMeta(gyr_range=(4.0, 5.0, 0.1 + 0.2 + 6.0), acc_range=200.0))),
+    "what a calibration leaves": Recording(
+        imu=make_imu(meta=ImuMeta(calibration="a card", gyr_left=LEFT, acc_left=LEFT, mag_left=LEFT[::-1]))
+    ),
     "extremes": Recording(imu=make_imu(gyr=EXTREMES, meta=ImuMeta(unit_check=False))),
     "one sample": Recording(imu=make_imu(rows=1)),
     "track": Recording(track=make_track(full=False)),

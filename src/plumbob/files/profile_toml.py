@@ -18,7 +18,7 @@ from plumbob.core.resources import guide
 from plumbob.core.schema import Parse
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity
-from plumbob.data import TRIADS, Range
+from plumbob.data import TRIADS, ImuMeta, Range
 from plumbob.files.columns import FORM, zone_ns
 from plumbob.files.profile import (
     AS_MOUNTED,
@@ -42,7 +42,8 @@ _MARKS: Final = {"separator", "arrays", "stream", "header"}
 """Keys of which a profile has one, and what lies beside a recording and is none has not."""
 
 _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}
-_META = ("device", "axes", "frame", "north", "declination", "rate_nominal", "t0_ns", "calibration", "unit_check")
+_META = schema.keys(ImuMeta, *(f"{name}_range" for name in TRIADS))
+"""Parsers of what a profile says of the samples as `ImuMeta` has it."""
 _INNER = {"bias": 3, "covariance": 9}
 _NO_LAYOUT = TextLayout(separator=",")
 _LAYOUT = ("separator", "decimal", "thousands", "encoding", "comment", "missing", "rows", "cells")
@@ -388,7 +389,7 @@ _KEYS: Final = {
     "temperature": _TEMPERATURE,
     "flags": _form({"column": COLUMN, "words": schema.truth}, ("column",)),
     "reference": _REFERENCE,
-    "device": schema.text,
+    **_META,
     "axes": schema.converted(_axes),
     "axes_applied": schema.truth,
     "frame": _FRAME,
@@ -398,8 +399,6 @@ _KEYS: Final = {
     "date": schema.text,
     "rate_nominal": schema.size(Quantity.FREQUENCY),
     "t0_ns": schema.whole(None),
-    "calibration": schema.text,
-    "unit_check": schema.truth,
     "notes": schema.listed(note, of="texts"),
 }
 _TEXT_PROFILE: Final = _form(_KEYS, ("separator", "header", "time"), name="profile")

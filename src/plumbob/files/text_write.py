@@ -15,7 +15,7 @@ from plumbob.core.findings import TEXT, Finding, Value
 from plumbob.core.schema import toml_text
 from plumbob.core.text import visible
 from plumbob.core.time import to_s
-from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.cards import UNITS
 from plumbob.data.recording import Recording, stored_notes
 from plumbob.files.arrow import arrow_column
@@ -133,9 +133,9 @@ def _meta(meta: ImuMeta) -> Iterator[str]:
     yield "axes_applied = true"
     yield f"t0_ns = {meta.t0_ns}"
     yield f"unit_check = {str(meta.unit_check).lower()}"
-    for key in ("frame", "north", "calibration"):
-        if getattr(meta, key) is not None:
-            yield f"{key} = {toml_text(getattr(meta, key))}"
+    for key in ("frame", "north", "calibration", *(f"{name}_left" for name in TRIADS)):
+        if (value := getattr(meta, key)) is not None:
+            yield f"{key} = {toml_text(value) if isinstance(value, str) else list(value)}"
     if meta.declination is not None:
         yield f'declination = "{meta.declination!r} rad"'
     if meta.rate_nominal is not None:
