@@ -113,7 +113,7 @@ def test_a_drive_with_missing_samples_keeps_their_time(tmp_path):
 def test_damaged_drives_are_refused(tmp_path):
     folder = drive(tmp_path / "d")
     stamps, sample = folder / "oxts" / "timestamps.txt", folder / "oxts" / "data" / "0000000007.txt"
-    no_row, no_stamp, no_date = "30 numbers", "no stamp", "not a date"
+    no_row, no_stamp, no_date = "30 numbers", "no stamp", "not a time"
     for path, text, match in (
         *((sample, text, no_row) for text in ("1 2 3", sample.read_text() + " 1", "x " * 30, "")),
         (stamps, "2011-09-26 13:02:25\n", no_stamp),

@@ -133,7 +133,7 @@ def profile_beside(path: Path) -> Path:
 
 TABLES: Final = (
     ".csv", ".txt", ".tsv", ".lvm", ".dat", ".log", ".gcsv", ".jsonl", ".ndjson", ".gz", ".bz2", ".xz", ".zst", ".zip",
-    ".parquet", ".feather", ".arrow", ".orc",
+    ".xlsx", ".parquet", ".feather", ".arrow", ".orc",
 )  # fmt: skip
 """Suffixes of tables, which a profile describes: of text, packed, or columns of other programs."""
 ARRAYS: Final = (".mat", ".h5", ".hdf5", ".nc", ".npz", ".npy")

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
+    from plumbob.files.foreign.opensim import write_orientations
     from plumbob.files.formats import FORMATS, FileFormat, is_known_log, is_recording, kind_of, read, write
     from plumbob.files.numbers import Numbers, open_numbers
     from plumbob.files.profile import Profile
@@ -25,6 +26,7 @@ __getattr__, __dir__ = lazily(
         "parse_profile": "profile_toml",
         "read": "formats",
         "write": "formats",
+        "write_orientations": "foreign.opensim",
     },
 )
 
@@ -41,4 +43,5 @@ __all__ = [
     "parse_profile",
     "read",
     "write",
+    "write_orientations",
 ]

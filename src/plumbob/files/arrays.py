@@ -49,12 +49,7 @@ _DEEPEST: Final = 6
 def opened_hdf5(file: Path) -> Iterator[tuple[Any, Any]]:
     """The module h5py and an open file; everything that goes wrong inside is an error of this package.
 
-    Raises
-    ------
-    MissingExtraError
-        If h5py is not installed.
-    DecodeError
-        If the file is cut or damaged.
+    Raises MissingExtraError if h5py is not installed; DecodeError if the file is cut or damaged.
     """
     h5py = needed("h5py", "HDF5 files", "plumbob[hdf5]")
     try:
@@ -143,10 +138,7 @@ class Variable(NamedTuple):
 def mat_variables(raw: memoryview, order: str) -> dict[str, Variable]:
     """Variables of a MATLAB v5 file by name.
 
-    Raises
-    ------
-    DecodeError
-        If one is cut or damaged, occurs twice, or there are more than `MAX_VARIABLES`.
+    Raises DecodeError if one is cut or damaged, occurs twice, or there are more than `MAX_VARIABLES`.
     """
     variables: dict[str, Variable] = {}
     place, count = HEADER_BYTES, 0
@@ -168,10 +160,7 @@ def mat_variables(raw: memoryview, order: str) -> dict[str, Variable]:
 def mat_order(raw: memoryview) -> str:
     """Byte order of a MATLAB v5 file, as `struct` writes it.
 
-    Raises
-    ------
-    DecodeError
-        If its header does not end as one does.
+    Raises DecodeError if its header does not end as one does.
     """
     order = {b"IM": "<", b"MI": ">"}.get(bytes(raw[HEADER_BYTES - 2 : HEADER_BYTES]))
     if order is None:
@@ -182,21 +171,10 @@ def mat_order(raw: memoryview) -> str:
 def mat_fields(variable: Variable, order: str, room: int, depth: int = 0) -> dict[str, Variable]:
     """Fields of a struct of one element, those of structs in it as ``a/b``; none of anything else.
 
-    Parameters
-    ----------
-    variable : Variable
-        The struct.
-    order : str
-        Byte order.
-    room : int
-        Size of the file, which limits what it may unpack to.
-    depth : int
-        How many structs it lies in.
+    Raises DecodeError if it is cut or damaged, or unpacks to too much.
 
-    Raises
-    ------
-    DecodeError
-        If it is cut or damaged, or unpacks to too much.
+    `variable`: the struct; `order`: byte order; `room`: size of the file, which limits what it may unpack to; `depth`:
+    how many structs it lies in.
     """
     if variable.kind != "struct" or math.prod(variable.shape) != 1 or depth > _DEEPEST:
         return {}
@@ -255,10 +233,7 @@ def _kind(word: int) -> str:
 def mat_array(variable: Variable, order: str) -> NDArray[Any]:
     """Numbers of a variable, in its shape.
 
-    Raises
-    ------
-    DecodeError
-        If it is cut or damaged, or does not unpack to what it states.
+    Raises DecodeError if it is cut or damaged, or does not unpack to what it states.
     """
     with _damage_at(variable.place):
         kind, numbers, values = _content(variable, order)
@@ -337,14 +312,8 @@ def _tables(path: Path, recording: Recording) -> tuple[dict[str, tuple[NDArray[A
 def write_mat(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write named arrays as MATLAB v5: `time` (s), `gyr`, `acc`, `q_nb` and so on, and the struct `units`.
 
-    Raises
-    ------
-    ClockError
-        If imu and track have different time stamps.
-    ParameterError
-        If the file exists and `overwrite` is false, or there are several units.
-    DecodeError
-        If the system refuses to write.
+    Raises ClockError if imu and track have different time stamps; ParameterError if the file exists and `overwrite` is
+    false, or there are several units; DecodeError if the system refuses to write.
     """
     from scipy.io import savemat
 
@@ -381,10 +350,7 @@ _ANGLES: Final = {
 def write_netcdf(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write named arrays as NetCDF-4 by the CF conventions 1.11; errors as of `write_mat`, and those of the extra.
 
-    Raises
-    ------
-    MissingExtraError
-        If h5netcdf is not installed.
+    Raises MissingExtraError if h5netcdf is not installed.
     """
     h5netcdf, h5py = (needed(name, "NetCDF files", "plumbob[netcdf]") for name in ("h5netcdf", "h5py"))
     tables, profile = _tables(path, recording)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, one_line
 from plumbob.core.files import replacing, require_room
+from plumbob.core.series import needed
 from plumbob.core.text import first_words
 
 if TYPE_CHECKING:
@@ -60,10 +61,7 @@ _BOOLEANS, _BYTE, _INTEGERS, _DOUBLE, _TEXT, _STRUCT = (1, 2), 3, (4, 5, 6), 7, 
 def unpacked_bytes(file: Path, contents: "pq.FileMetaData") -> int:
     """Bytes that the pages of all columns say that they unpack to.
 
-    Raises
-    ------
-    DecodeError
-        If a page lies outside the file, or its header is damaged.
+    Raises DecodeError if a page lies outside the file, or its header is damaged.
     """
     size, total = file.stat().st_size, 0
     with file.open("rb") as stream:
@@ -129,6 +127,7 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
     return value, at + 1
 
 
+_WORKBOOK: Final = "xl/workbook.xml"
 _PACKINGS: Final = {b"\x1f\x8b": "gzip", b"BZh": "bz2", b"(\xb5/\xfd": "zstd", b"\xfd7zXZ": "xz", b"PK\3\4": "zip"}
 _TABLES: Final = {b"PAR1": "parquet", b"ARROW1": "feather", b"ORC": "orc"}
 _AT_ONCE: Final = 1 << 20
@@ -140,10 +139,7 @@ def text_bytes(path: Path, most: int | None = None) -> bytes:
     What is packed (gzip, bzip2, xz, Zstandard, a ZIP of one file) is unpacked, and a table of other programs in
     Parquet, Feather or ORC is one with tabs: a vector in one column becomes columns ``name_x`` and so on.
 
-    Raises
-    ------
-    DecodeError
-        If it is damaged, a ZIP holds several files, or it unpacks to more than `require_room` allows.
+    Raises DecodeError if it is damaged, a ZIP holds several files, or it unpacks to more than `require_room` allows.
     """
     with path.open("rb") as file:
         start = file.read(8)
@@ -167,6 +163,9 @@ def _unpacked(path: Path, file: IO[bytes], packing: str, most: int | None) -> by
         if packing == "zip":
             archive = stack.enter_context(zipfile.ZipFile(file))
             names = [name for name in archive.namelist() if not name.endswith("/")]
+            if _WORKBOOK in names:
+                require_room(sum(info.file_size for info in archive.infolist()), path.stat().st_size)
+                return _sheets(path)[:most]
             if len(names) != 1:
                 raise DecodeError(
                     f"it holds {len(names)} files ({first_words(names, 3)}); unpack it, and name one of them."
@@ -181,6 +180,20 @@ def _unpacked(path: Path, file: IO[bytes], packing: str, most: int | None) -> by
             size += len(part)
             require_room(size, path.stat().st_size)
     return b"".join(parts)[:most]
+
+
+def _sheets(path: Path) -> bytes:
+    """Sheets of a spreadsheet as text with tabs, each below its title; those without rows of numbers come first."""
+    openpyxl = needed("openpyxl", "spreadsheets", "plumbob[excel]")
+    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    sheets = []
+    for sheet in book.worksheets:
+        rows = [row for row in sheet.iter_rows(values_only=True) if any(cell is not None for cell in row)]
+        is_table = sum(sum(isinstance(cell, int | float) for cell in row) > 1 for row in rows) > 2
+        lines = ["\t".join("" if cell is None else " ".join(str(cell).split()) for cell in row) for row in rows]
+        sheets.append((is_table, "\n".join([sheet.title, *lines])))
+    book.close()
+    return "\n\n".join([text for _, text in sorted(sheets, key=lambda sheet: sheet[0])] + [""]).encode()
 
 
 def holds_recording(path: Path) -> bool:
@@ -241,12 +254,8 @@ def write_table(
 
     `metadata` goes into a ``.parquet`` file; a ``.csv`` has no place for it.
 
-    Raises
-    ------
-    ParameterError
-        If the suffix is another, or the file exists and `overwrite` is false.
-    DecodeError
-        If the system refuses to write.
+    Raises ParameterError if the suffix is another, or the file exists and `overwrite` is false; DecodeError if the
+    system refuses to write.
     """
     kind = path.suffix.lower()
     if kind not in TABLES:

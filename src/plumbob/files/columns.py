@@ -98,10 +98,7 @@ def has_zone(cell: str) -> bool:
 def zone_ns(text: str) -> int:
     """What a zone is ahead of UTC, ns, from ``"UTC"``, ``"Z"`` or ``"+08:00"``.
 
-    Raises
-    ------
-    DecodeError
-        If it is none of these.
+    Raises DecodeError if it is none of these.
     """
     if not re.fullmatch(_ZONE, text.strip(), re.IGNORECASE):
         raise DecodeError(f"{excerpt(text)} is not a zone; write 'UTC' or what the clock is ahead of it, as '+08:00'.")
@@ -128,6 +125,8 @@ def to_seconds(columns: Sequence[Sequence[str]], zone: int | None) -> tuple[Floa
 def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
     """Time of each cell, ns.
 
+    Raises StampError if a cell is not a clock time, or some have a date or a zone and others do not.
+
     Parameters
     ----------
     cells : sequence of str
@@ -141,11 +140,6 @@ def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
         Since 1970 (UTC) where that is known, or since some midnight of the clock, ns.
     absolute : bool
         Whether they count from 1970.
-
-    Raises
-    ------
-    StampError
-        If a cell is not a clock time, or some have a date or a zone and others do not.
     """
     times: list[int] = []
     first: tuple[bool, bool] | None = None
@@ -251,10 +245,7 @@ OF_UNIT: Final = (*(name for triad in TRIADS for name in GROUPS[triad]), "temp_c
 def column(name: str) -> ColumnFormat:
     """What a column of this name is.
 
-    Raises
-    ------
-    DecodeError
-        If there is none such.
+    Raises DecodeError if there is none such.
     """
     unit, dot, base = name.rpartition(".")
     if base not in COLUMNS or (dot and not (unit and base in OF_UNIT)):
@@ -271,12 +262,8 @@ def of_unit(columns: Mapping[str, NDArray[Any]], unit: str) -> Columns:
 def to_columns(recording: Recording) -> Columns:
     """Columns of a recording, in the order of `COLUMNS`; of several units, in the order of these.
 
-    Raises
-    ------
-    ClockError
-        If imu and track have different time stamps.
-    PlumbobError
-        If a part of a recording cannot stand alone: a slice may hold a triad that is absent throughout.
+    Raises ClockError if imu and track have different time stamps; PlumbobError if a part of a recording cannot stand
+    alone: a slice may hold a triad that is absent throughout.
     """
     imu, track = recording.imu, recording.track
     columns: Columns = {}
@@ -300,10 +287,7 @@ def to_columns(recording: Recording) -> Columns:
 def require(names: Iterable[str], *, imu: bool, track: bool, units: Sequence[str] = ()) -> None:
     """Refuse a set of column names that no recording with these parts has, or these units.
 
-    Raises
-    ------
-    DecodeError
-        If columns are missing or unknown, or belong to a part that is not there.
+    Raises DecodeError if columns are missing or unknown, or belong to a part that is not there.
     """
     groups: dict[str, set[str]] = {"": set()}
     for name in names:

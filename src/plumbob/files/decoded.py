@@ -32,21 +32,11 @@ _FREE_BYTES: Final = 16 * 1024 * 1024
 def profile_text(form: "Format", message: "Message", unit: str, titles: Mapping[str, str], time: str) -> str:
     """Profile of a decoded table.
 
-    Parameters
-    ----------
-    form, message : Format, Message
-        What was decoded.
-    unit : str
-        Prefix of the unit that it describes.
-    titles : mapping of str to str
-        Names of the columns, by field; ``flags`` with the unit's prefix too.
-    time : str
-        Name of the column of time, s; empty where the table has none.
+    Raises ParameterError if the message has no such unit.
 
-    Raises
-    ------
-    ParameterError
-        If the message has no such unit.
+    `form`, `message`: what was decoded; `unit`: prefix of the unit that it describes; `titles`: names of the columns,
+    by field; ``flags`` with the unit's prefix too; `time`: name of the column of time, s; empty where the table has
+    none.
     """
     from plumbob.protocols.decode import prefix_by_unit
 
@@ -86,10 +76,7 @@ def _time(column: str, rate: float | None) -> list[str]:
 def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     """Recording of a Parquet table that carries its profile.
 
-    Raises
-    ------
-    PlumbobError
-        As `plumbob.files.text.read_text`.
+    Raises PlumbobError as `plumbob.files.text.read_text`.
     """
     from plumbob.files.profile_toml import parse_profile
     from plumbob.files.text import table_recording

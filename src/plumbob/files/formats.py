@@ -115,6 +115,11 @@ FORMATS: Final = (
     _foreign("RepoIMU", "repoimu", ".csv", most=_IN_MEMORY),
     _foreign("phone", "phones", ".zip", ".csv", ".txt", ""),
     _foreign("Xsens", "xsens", ".txt", ".csv", ".mtb", takes_unit=True, most=_IN_MEMORY),
+    _foreign("APDM", "apdm", ".h5", ".hdf5", takes_unit=True),
+    replace(
+        _foreign("OpenSim", "opensim", ".sto", ".mot", takes_unit=True, most=_IN_MEMORY),
+        writers=((".sto", "foreign.opensim.write_sto"),),
+    ),
     _foreign("x-IMU3", "ximu3", ".ximu3", ".csv", "", most=_IN_MEMORY),
     FileFormat(
         "text", TABLES, "formats.read_table", takes_profile=True,
@@ -378,7 +383,7 @@ def _unknown(path: Path) -> UnknownFormatError:
     from plumbob.files.numbers import SUFFIXES
 
     hint = " Plain numbers are not a recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
-    hint += " Save a spreadsheet's table as CSV." if path.suffix.lower() in (".xlsx", ".xls", ".ods") else ""
+    hint += " Save a spreadsheet's table as .xlsx or .csv." if path.suffix.lower() in (".xls", ".ods") else ""
     return UnknownFormatError(
         f"{path}: the suffix '{path.suffix}' is unknown; known are {', '.join(suffixes())}; raw bytes are for 'plumbob "
         f"record --from'.{hint}"

@@ -119,10 +119,7 @@ class Text:
 def open_text(file: Path, columns: int | None) -> Text:
     """Find the first row, and how it is laid out.
 
-    Raises
-    ------
-    DecodeError
-        If it holds no number, or its first row can be read in two ways.
+    Raises DecodeError if it holds no number, or its first row can be read in two ways.
     """
     with file.open("rb") as stream:
         start, number, first = _first_row(stream)
@@ -305,12 +302,7 @@ class Binary:
 def open_raw(file: Path, kind: str, columns: int | None) -> Binary:
     """Open raw values of one of the types in `RAW`.
 
-    Raises
-    ------
-    ParameterError
-        If the columns are not declared.
-    DecodeError
-        If the file does not hold whole rows.
+    Raises ParameterError if the columns are not declared; DecodeError if the file does not hold whole rows.
     """
     if columns is None:
         raise ParameterError(f"raw {kind} values do not say how many make a row; declare the columns, 1 for one axis.")
@@ -327,10 +319,7 @@ def open_raw(file: Path, kind: str, columns: int | None) -> Binary:
 def open_npy(file: Path, columns: int | None) -> Binary:
     """Open an array of one or two dimensions.
 
-    Raises
-    ------
-    DecodeError
-        If it is not such an array, or is cut.
+    Raises DecodeError if it is not such an array, or is cut.
     """
     try:
         array = np.load(file, mmap_mode="r", allow_pickle=False)

@@ -67,23 +67,11 @@ LARGEST: Final = 1 << 20
 def write_parquet(path: Path, parts: Recording | Iterable[Recording], overwrite: bool = False) -> None:
     """Write a native recording; the final name appears only when the file is complete.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    parts : Recording or iterable of Recording
-        It, or consecutive parts of it, none of which is kept; what the header says of all is taken from the last.
-    overwrite : bool
-        Whether a file that lies there may be replaced.
+    Raises ClockError if imu and track have different time stamps; ParameterError if the file exists and `overwrite` is
+    false; DecodeError if the system refuses to write.
 
-    Raises
-    ------
-    ClockError
-        If imu and track have different time stamps.
-    ParameterError
-        If the file exists and `overwrite` is false.
-    DecodeError
-        If the system refuses to write.
+    `path`: the file; `parts`: it, or consecutive parts of it, none of which is kept; what the header says of all is
+    taken from the last; `overwrite`: whether a file that lies there may be replaced.
     """
     with replacing(path, overwrite=overwrite, seeks=True) as temporary, closing(_RowGroupWriter(temporary)) as writer:
         for recording in (parts,) if isinstance(parts, Recording) else parts:
@@ -166,10 +154,8 @@ def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
 
     A table of another program is read as its profile beside it says.
 
-    Raises
-    ------
-    DecodeError
-        If the file is not Parquet, cut, damaged, foreign, or of a newer version; the message is one line.
+    Raises DecodeError if the file is not Parquet, cut, damaged, foreign, or of a newer version; the message is one
+    line.
     """
     file = existing_file(path)
     with reading(file), _open(file) as parquet:
@@ -240,10 +226,7 @@ class Stored(ImuData):
     def open(cls, file: Path, meta: ImuMeta, unit: str = "") -> Self:
         """Samples of a file whose content has been found to be whole, or of one of its units.
 
-        Raises
-        ------
-        ClockError, ShapeError, UnitError
-            As of `ImuData`.
+        Raises ClockError, ShapeError, UnitError as of `ImuData`.
         """
         made = object.__new__(cls)
         with _open(file) as parquet:

@@ -263,9 +263,10 @@ def convert(
 ) -> Recording:
     """Write a recording, or a file of any format, in the format that the new file's suffix or `layout` names.
 
-    ``.tum`` holds the attitude as ``t x y z qx qy qz qw`` with positions of zero, for evo; ``.txt`` roll, pitch and yaw
-    in degrees, as the papers' hosts kept them; ``.mcap`` samples and attitude for viewers; ``.bag`` is a bag of ROS 1;
-    others, as ``.mat`` and ``.nc``, are those of `plumbob.files.write`.
+    ``.tum`` holds the attitude as ``t x y z qx qy qz qw`` with positions of zero, for evo; ``.sto`` for OpenSim, in a
+    column that is called as the file; ``.txt`` roll, pitch and yaw in degrees, as the papers' hosts kept them;
+    ``.mcap`` samples and attitude for viewers; ``.bag`` is a bag of ROS 1; others, as ``.mat`` and ``.nc``, are as
+    `plumbob.files.write` has them.
 
     Parameters
     ----------
@@ -321,8 +322,8 @@ def convert(
             if note is not None and finding.code == "card.temperature_beyond":
                 note(str(finding))
     writer = LAYOUTS[layout].write if layout is not None else _OWN.get(file.suffix)
-    shared = layout != "euroc" and writer not in _OWN_CLOCKS
-    if shared and recording.track is not None and not _on_one_clock(recording, recording.track):
+    apart = recording.track is not None and not _on_one_clock(recording, recording.track)
+    if apart and (layout or file.suffix[1:]) not in _OWN_CLOCKS:
         raise ShapeError(f"{file}: samples and attitude have different times; convert one of them with --what.")
     for line in _lost(file, recording, layout):
         if note is not None:
@@ -495,15 +496,15 @@ _SENSE: Final = _TRACK | {
 }  # fmt: skip
 _LACKS: Final[dict[str, frozenset[str]]] = {
     "mcap": frozenset({"covariance", "scores"}),
-    "tum": _TRACK,
+    **dict.fromkeys(("tum", "sto"), _TRACK),
     "txt": _TRACK - {"flags"},
     "euroc": _SENSE - {"bias"} | {"mag", "temp_c", "device"},
     **dict.fromkeys(("bag", "ros2", "rosbag2"), _SENSE - {"covariance"} | {"nominal rate"}),
 }
 """What each format has no place for, of `_extras`; CSV, Parquet, MATLAB and NetCDF hold everything."""
-_TRACKS: Final = ("tum", "txt")
+_TRACKS: Final = ("tum", "txt", "sto")
 _OF_ROS: Final = ("bag", "ros2", "rosbag2")
-_NAMED: Final = {"euroc": "EuRoC", "txt": "text", **dict.fromkeys(_OF_ROS, "ROS")}
+_NAMED: Final = {"euroc": "EuRoC", "sto": "OpenSim", "txt": "text", **dict.fromkeys(_OF_ROS, "ROS")}
 
 
 class RecordingLayout(NamedTuple):
@@ -519,8 +520,8 @@ _OWN: Final[dict[str, Callable[[Path, Recording, bool], None]]] = {
     ".mcap": write_mcap,
     ".bag": _of_ros("write_bag"),
 }
-_OWN_CLOCKS: Final = (_write_tum, _write_text, write_mcap)
-SUFFIXES: Final = (*_OWN, ".csv", ".parquet", ".mat", ".nc")
+_OWN_CLOCKS: Final = (*_TRACKS, "mcap", "euroc")
+SUFFIXES: Final = (*_OWN, ".csv", ".parquet", ".mat", ".nc", ".sto")
 LAYOUTS: Final = {
     "ros2": RecordingLayout((".mcap",), _of_ros("write_mcap")),
     "rosbag2": RecordingLayout((), _of_ros("write_rosbag2")),

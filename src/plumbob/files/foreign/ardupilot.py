@@ -26,13 +26,11 @@ from numpy.typing import NDArray
 
 from plumbob.core import units
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError
 from plumbob.core.findings import Note, info, warning
 from plumbob.data import ImuMeta
-from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import mavlink
-from plumbob.files.foreign.logged import SensorLog, Table, choose, micro, of_vehicle, records, vectors
+from plumbob.files.foreign.logged import SensorLog, Table, array_recording, choose, micro, of_vehicle, records, vectors
 from plumbob.files.stamps import utc_of_gps
 from plumbob.rotations import Frame
 from plumbob.rotations.quaternions import quat_from_euler_zyx
@@ -245,18 +243,10 @@ def _together(imus: Mapping[str, Table], log: SensorLog, name: str) -> Recording
         log.streams.clear()
         _inertial(log, table)
         made[unit] = log.joined()
-    rows = next(iter(made.values())).rows_ns
-    if any(not np.array_equal(joint.rows_ns, rows) for joint in made.values()):
-        raise ParameterError(
-            "its units have stamps of their own, so that they are not an array; take one with --unit "
-            f"{next(iter(made))}."
-        )
-    how = [finding.on(unit) for unit, joint in made.items() for finding in joint.notes]
     omitted = (
         "left out: magnetic field and attitude, which are of none of the units; --unit with the name of one keeps them"
     )
-    array = ImuArray({unit: joint.imu for unit, joint in made.items()})
-    return Recording(array=array, name=name, notes=(*log.notes, *log.losses, *how, omitted))
+    return array_recording(made, name, [*log.notes, *log.losses, omitted])
 
 
 def _stamps(table: Table) -> NDArray[np.int64] | None:

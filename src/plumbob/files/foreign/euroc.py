@@ -204,10 +204,7 @@ T_BS:
 def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write the folder; errors as in `plumbob.write`.
 
-    Raises
-    ------
-    ShapeError
-        If there are no samples, or a unit has no gyroscope or no accelerometer.
+    Raises ShapeError if there are no samples, or a unit has no gyroscope or no accelerometer.
     """
     units: Mapping[str, ImuData] = {} if recording.imu is None else {"": recording.imu}
     units = units if recording.array is None else recording.array.units

@@ -58,6 +58,9 @@ class Joined(NamedTuple):
 def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | None = None) -> Joined:
     """Samples of several sensors on the time line of the gyroscope, or of the fastest where there is none.
 
+    Raises ShapeError if no triad is among the streams, or shapes differ; ClockError if the time of a stream begins
+    again, or recordings do not overlap.
+
     Parameters
     ----------
     streams : mapping of str to Readings
@@ -72,13 +75,6 @@ def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | No
     Joined
         The samples, whose time begins at 0 with the first row, the rows' own stamps, and what was done, a line for each
         stream that needed it.
-
-    Raises
-    ------
-    ShapeError
-        If no triad is among the streams, or shapes differ.
-    ClockError
-        If the time of a stream begins again, or recordings do not overlap.
     """
     ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[Finding]()
     for name, stream in streams.items():
@@ -107,19 +103,9 @@ def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
     That is UTC where all know it, and otherwise that of their stamps. Only rows of the leading sensor between the first
     and the last sample of the others are kept.
 
-    Parameters
-    ----------
-    parts : sequence of Recording
-        Of different triads; at least one.
-    name : str
-        Of the recording.
+    Raises ShapeError if two of them hold the same triad; ClockError if they do not overlap in time.
 
-    Raises
-    ------
-    ShapeError
-        If two of them hold the same triad.
-    ClockError
-        If they do not overlap in time.
+    `parts`: of different triads; at least one; `name`: of the recording.
     """
     samples = [part.imu for part in parts if part.imu is not None]
     absolute = all(imu.meta.t0_ns for imu in samples)
@@ -253,10 +239,7 @@ def _parts(stamps: NDArray[np.int64]) -> Iterator[slice]:
 def seconds_to_ns(name: str, seconds: ArrayLike) -> NDArray[np.int64]:
     """Integer ns of seconds (N,), as some logs keep them; float64 keeps today's Unix seconds to .24 µs.
 
-    Raises
-    ------
-    ClockError
-        If one is not a number, or no clock has it.
+    Raises ClockError if one is not a number, or no clock has it.
     """
     values = check.column(name, seconds)
     if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > 9.2e9:

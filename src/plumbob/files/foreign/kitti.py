@@ -11,7 +11,6 @@ Drives called ``_sync`` have 10 Hz (one sample for each image), ``_extract`` 100
 """
 
 import os
-import re
 from pathlib import Path
 from typing import Final
 
@@ -19,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, excerpt, one_line
+from plumbob.core.errors import DecodeError
 from plumbob.core.files import text_of
 from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
+from plumbob.files.columns import StampError, stamps_ns
 from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, inside
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
@@ -32,7 +32,6 @@ from plumbob.rotations.quaternions import quat_from_euler_zyx
 _COLUMNS: Final = 30
 _YPR, _ACC, _GYR = [5, 4, 3], [11, 12, 13], [17, 18, 19]
 """Places of yaw, pitch and roll, of ax ay az, and of wx wy wz, counted from 0 (`dataformat.txt`)."""
-_STAMP: Final = re.compile(r"(?:19|20)\d\d-\d\d-\d\d \d\d:\d\d:\d\d(?:\.\d{1,9})?", re.ASCII)
 _MOST_FILES: Final = 2_000_000
 _MOST_BYTES: Final = 4096
 
@@ -96,15 +95,10 @@ def _values(file: Path, name: str) -> list[float]:
 
 def _stamps(file: Path) -> NDArray[np.int64]:
     """Stamps of all samples, ns since 1970 if their zone were UTC."""
-    lines = [line.strip() for line in text_of(file).splitlines() if line.strip()]
-    for line in lines:
-        if not _STAMP.fullmatch(line):
-            raise DecodeError(f"timestamps.txt holds {excerpt(line)}, which is not a date and a time.")
     try:
-        stamps = np.array(lines, dtype="datetime64[ns]")
-    except ValueError as error:
-        raise DecodeError(f"timestamps.txt holds a line that is not a date and a time: {one_line(error)}.") from error
-    return stamps.astype(np.int64)
+        return np.array(stamps_ns([line for line in text_of(file).splitlines() if line.strip()], None)[0], np.int64)
+    except StampError as error:
+        raise DecodeError(f"timestamps.txt, line {error.row + 1}: {error}") from error
 
 
 def _recording(t_ns: NDArray[np.int64], table: Floats, stamped: int, name: str) -> Recording:

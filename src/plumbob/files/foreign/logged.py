@@ -8,7 +8,7 @@ between its two neighbours, where these are not farther apart than a gap; elsewh
 """
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -25,6 +25,7 @@ from plumbob.core.text import counted, first_words
 from plumbob.core.time import longest_bridged
 from plumbob.core.units import to_si
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.array import ImuArray
 from plumbob.data.reading import read_rows
 from plumbob.data.recording import Recording
 from plumbob.files.foreign.join import Joined, Readings, joined, without_leaps
@@ -128,15 +129,26 @@ class SensorLog:
         return Recording(imu=imu, track=track, name=name, notes=(*notes, *self.losses))
 
 
+def array_recording(units: Mapping[str, Joined], name: str, notes: Sequence[Note]) -> Recording:
+    """Recording of several units that were sampled together.
+
+    Raises ParameterError if they have stamps of their own.
+    """
+    rows_ns = next(iter(units.values())).rows_ns
+    if any(not np.array_equal(unit.rows_ns, rows_ns) for unit in units.values()):
+        raise ParameterError(
+            f"its units have stamps of their own: {first_words([*units], 20)}. Name one: --unit {next(iter(units))}."
+        )
+    how = [finding.on(unit) for unit, of in units.items() for finding in of.notes]
+    return Recording(array=ImuArray({unit: of.imu for unit, of in units.items()}), name=name, notes=(*notes, *how))
+
+
 def choose(
     notes: list[Note], counts: Mapping[str, int], unit: str | None, of: str = "samples", what: str = "record"
 ) -> str:
     """One of a log's units, with the counts of their records: by name (``IMU.1``, ``imu1``) or number, or the first.
 
-    Raises
-    ------
-    ParameterError
-        If there is no such unit.
+    Raises ParameterError if there is no such unit.
     """
     taken = chosen([*counts], unit)
     others = {name: count for name, count in counts.items() if name != taken}
@@ -235,10 +247,7 @@ def _letters(name: str) -> str:
 def inside(folder: Path, *parts: str) -> Path:
     """Path of a file in a folder, refused where a link leads out of it.
 
-    Raises
-    ------
-    DecodeError
-        If it is not in the folder.
+    Raises DecodeError if it is not in the folder.
     """
     path = folder.joinpath(*parts)
     if not path.resolve().is_relative_to(folder.resolve()):
@@ -246,20 +255,22 @@ def inside(folder: Path, *parts: str) -> Path:
     return path
 
 
-def text_rows(path: Path, columns: int, *, stamps: str = "i8", **how: Any) -> tuple[NDArray[Any], Floats]:
+def text_rows(
+    path: Path, columns: int, *, stamps: str = "i8", blanks: str = "", **how: Any
+) -> tuple[NDArray[Any], Floats]:
     """Stamps (N,), of a type, and the columns of numbers behind them (N, columns), of a text table.
 
-    Raises
-    ------
-    DecodeError
-        If a row has too few columns or holds what is not a number, or there is none.
+    `blanks` also stands between cells; `how` is as `numpy.loadtxt` has it.
+
+    Raises DecodeError if a row has too few columns or holds what is not a number, or there is none.
     """
     file = existing_file(path, MOST)
     layout = np.dtype([("t", stamps), ("values", "f8", (columns,))])
     try:
         with file.open(encoding="utf-8-sig") as text, warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # no rows, which is said below
-            rows = np.loadtxt(text, dtype=layout, usecols=range(1 + columns), ndmin=1, **how)
+            lines = (line.replace(blanks, " ") for line in text) if blanks else text
+            rows = np.loadtxt(lines, dtype=layout, usecols=range(1 + columns), ndmin=1, **how)
     except (ValueError, UnicodeDecodeError, OverflowError) as error:
         raise DecodeError(f"{path.name} holds a row that is not {1 + columns} numbers: {one_line(error)}.") from error
     if not rows.size:

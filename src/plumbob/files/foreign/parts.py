@@ -194,10 +194,7 @@ class Sheet:
     ) -> TextTable | None:
         """Columns by name, as `plumbob.files.text_table.read_table` reads them; None where there is no row.
 
-        Raises
-        ------
-        DecodeError
-            If a column is missing or a cell is not a number; the message names file, line and column.
+        Raises DecodeError if a column is missing or a cell is not a number; the message names file, line and column.
         """
         try:
             text = decode(self.raw, self.layout.encoding)
@@ -211,19 +208,9 @@ class Sheet:
 def sheet(title: str, raw: bytes, *, comment: str = "") -> Sheet:
     """Read the row of names of a table, and find its separator and decimal sign.
 
-    Parameters
-    ----------
-    title : str
-        Name of the file.
-    raw : bytes
-        Its content.
-    comment : str
-        Lines before the names that begin so are passed over.
+    Raises DecodeError if there is no row of names, or it is not text.
 
-    Raises
-    ------
-    DecodeError
-        If there is no row of names, or it is not text.
+    `title`: name of the file; `raw`: its content; `comment`: lines before the names that begin so are passed over.
     """
     head, first = _first_rows(title, raw, comment)
     separator = max(_SEPARATORS, key=head.count)

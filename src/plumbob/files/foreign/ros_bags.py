@@ -133,10 +133,7 @@ class Bag:
 def open_bag(path: Path) -> Bag:
     """Topics and messages of a file or a folder.
 
-    Raises
-    ------
-    DecodeError
-        If it is damaged other than by a cut, unpacks to too much, or is in a version that is not read.
+    Raises DecodeError if it is damaged other than by a cut, unpacks to too much, or is in a version that is not read.
     """
     bag = Bag()
     if path.is_dir():
@@ -363,10 +360,7 @@ def _query_messages(ask: Callable[..., Iterator[tuple[Any, ...]]], bag: Bag) -> 
 def table(topic: Topic) -> MessageTable:
     """Numbers of a topic's messages.
 
-    Raises
-    ------
-    DecodeError
-        If a message is not as its type says.
+    Raises DecodeError if a message is not as its type says.
     """
     stamps, tails, frames = list[int](), list[bytes](), dict[str, None]()
     for message in topic.messages:

@@ -138,10 +138,7 @@ def array_sample(path: Path) -> Sample:
 
     Columns are called as a profile calls them: ``gyr[1]`` of a table, ``t`` of an array of one column.
 
-    Raises
-    ------
-    DecodeError
-        As in `read`, or if no two arrays have as many rows.
+    Raises DecodeError as in `read`, or if no two arrays have as many rows.
     """
     container = _container(path)
     shapes = container.listed.shapes
@@ -233,7 +230,7 @@ def _container(file: Path) -> _Container:
     if start.startswith(MAT5_SIGNATURE):
         return _Mat5(file)
     if start.startswith(HDF5_SIGNATURE) or start[_MAT73_AT:] == HDF5_SIGNATURE:
-        return _Hdf5(file, transposed=start.startswith(_MAT73))
+        return Hdf5Arrays(file, transposed=start.startswith(_MAT73))
     if start.startswith((b"PK", b"\x93NUMPY")):
         return _Npz(file)
     raise DecodeError("it is neither MATLAB v5 or v7.3, nor HDF5, nor NumPy's .npy or .npz; save it as one of these.")
@@ -260,7 +257,9 @@ class _Mat5(_Container):
         return {name: mat_array(self._found[name], self._order) for name in names}
 
 
-class _Hdf5(_Container):
+class Hdf5Arrays(_Container):
+    """Arrays of HDF5, by their paths; of MATLAB v7.3 transposed."""
+
     def __init__(self, file: Path, *, transposed: bool) -> None:
         self._file, self._transposed = file, transposed
         self.listed = _Listed()
@@ -280,6 +279,7 @@ class _Hdf5(_Container):
         self.listed.shapes.update((key, value.shape) for key, value in self._single.items())
 
     def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
+        """Load arrays, each in its own type."""
         size = self._file.stat().st_size
         with opened_hdf5(self._file) as (h5py, hdf5):
             sets = {}

@@ -54,17 +54,10 @@ class RecordParser:
     def parse(self, content: bytes, schemas: dict[int, bytes] | None = None) -> Content:
         """Schemas, channels and messages of a stretch of records; other records are passed over.
 
-        Parameters
-        ----------
-        content : bytes
-            Records from first byte to last.
-        schemas : dict of int to bytes, optional
-            Bodies of schema records known from elsewhere; grows by those found here.
+        Raises BrokenRecordError if a record reaches beyond the end, or cannot be read.
 
-        Raises
-        ------
-        BrokenRecordError
-            If a record reaches beyond the end, or cannot be read.
+        `content`: records from first byte to last; `schemas`: bodies of schema records known from elsewhere; grows by
+        those found here.
         """
         stay = schemas is not None
         parsed, schemas, at, end = Content(), {} if schemas is None else schemas, 0, len(content)
@@ -126,10 +119,7 @@ def _number(content: bytes, at: int) -> int:
 def inflate(stored: bytes, compression: bytes, size: int) -> bytes:
     """Content of a chunk, `size` bytes; never more, whatever the compressed bytes claim.
 
-    Raises
-    ------
-    BrokenRecordError
-        If the bytes are not `size` bytes compressed.
+    Raises BrokenRecordError if the bytes are not `size` bytes compressed.
     """
     if compression == b"":
         content = stored

@@ -76,10 +76,7 @@ def chunk_length(name: int, stored: int) -> int:
 def index_records(entries: Mapping[int, Sequence[int]]) -> dict[int, bytes]:
     """Message index record of each channel.
 
-    Parameters
-    ----------
-    entries : mapping of int to sequence of int
-        Per channel, log time and offset in the chunk's content, in turn.
+    `entries`: per channel, log time and offset in the chunk's content, in turn.
     """
     return {
         channel: INDEX_HEAD.pack(MESSAGE_INDEX, 6 + 8 * len(flat), channel, 8 * len(flat))
@@ -96,17 +93,9 @@ UTC_FIELD: Final = "{utc}"
 def dated(path: str, utc_ns: int) -> str:
     """Name with the time of the start, as 20260314T150926Z: it sorts by time, and every file system takes it.
 
-    Parameters
-    ----------
-    path : str
-        Name that may hold ``{utc}``.
-    utc_ns : int
-        UTC, ns since 1970.
+    Raises ParameterError if another word stands in braces.
 
-    Raises
-    ------
-    ParameterError
-        If another word stands in braces.
+    `path`: name that may hold ``{utc}``; `utc_ns`: UTC, ns since 1970.
     """
     for place in re.findall(r"\{[^{}]*\}", path):
         if place != UTC_FIELD:
@@ -236,10 +225,7 @@ class Channel:
     def parse(cls, body: bytes, schema: Schema | None) -> Self:
         """Channel from the body of its record.
 
-        Raises
-        ------
-        ValueError, struct.error, mcap.exceptions.McapError
-            If the body is damaged.
+        Raises ValueError, struct.error, mcap.exceptions.McapError if the body is damaged.
         """
         from mcap import records
 

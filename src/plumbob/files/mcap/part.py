@@ -152,10 +152,7 @@ class RecordingPart:
     def begin(self) -> None:
         """Create the file and write its beginning; leave none behind where that fails.
 
-        Raises
-        ------
-        OSError
-            If the system refuses.
+        Raises OSError if the system refuses.
         """
         from mcap.records import Header
 
@@ -180,10 +177,7 @@ class RecordingPart:
     ) -> None:
         """Write the end: what was said at the beginning once more, the index, the footer.
 
-        Raises
-        ------
-        OSError
-            If it does not go to disk; then the file ends with its last whole chunk.
+        Raises OSError if it does not go to disk; then the file ends with its last whole chunk.
         """
         size, crc = self.size, self._crc
         try:

@@ -131,13 +131,8 @@ class Recorder:
 
         A full disk is not an error here: the recording starts as ``stopped`` and goes on once there is room.
 
-        Raises
-        ------
-        ParameterError
-            If an option has no meaning, or a part of this name exists already and is not to be followed by the next, or
-            is being written.
-        DecodeError
-            If the system does not let the file be created.
+        Raises ParameterError if an option has no meaning, or a part of this name exists already and is not to be
+        followed by the next, or is being written; DecodeError if the system does not let the file be created.
         """
         if self._writer is not None:
             raise ParameterError(f"the recording {self._path.name} has been started before; make another Recorder.")
@@ -168,10 +163,7 @@ class Recorder:
     ) -> int:
         """Declare a channel, before or after the start, and return its number.
 
-        Raises
-        ------
-        ParameterError
-            If the topic is taken, or metadata has a key that begins with ``plumbob.``.
+        Raises ParameterError if the topic is taken, or metadata has a key that begins with ``plumbob.``.
         """
         if any(name == topic for name, _ in self._channels.values()):
             raise ParameterError(f"the recording {self._path.name} has a channel '{topic}' already.")
@@ -233,10 +225,7 @@ class Recorder:
     def close(self, timeout: float = 10.0) -> None:
         """Write everything that waits and end the part; more than once does no harm.
 
-        Parameters
-        ----------
-        timeout : float
-            Longest wait for the disk, s; after it, an event says how many rows are in doubt.
+        `timeout`: longest wait for the disk, s; after it, an event says how many rows are in doubt.
         """
         if self._writer is None or self.state == "closed":
             return

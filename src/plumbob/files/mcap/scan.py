@@ -106,12 +106,8 @@ def next_landmark(
 
     Where it is the end of the data, the second number shows where its summary begins.
 
-    Parameters
-    ----------
-    is_good : callable
-        Whether a whole chunk, or a whole word of the part about itself, stands at an offset.
-    checked : bool
-        Whether a summary must have a CRC.
+    `is_good`: whether a whole chunk, or a whole word of the part about itself, stands at an offset; `checked`: whether
+    a summary must have a CRC.
     """
     for at, opcode in _candidates(source, start, _LANDMARK):
         if opcode != layout.FOOTER:
@@ -402,10 +398,7 @@ class Scan:
     def _chunk(self, at: int) -> _Chunk:
         """Read a chunk and check it.
 
-        Raises
-        ------
-        BrokenRecordError
-            If it is not whole, or not of this recording.
+        Raises BrokenRecordError if it is not whole, or not of this recording.
         """
         head = self._source.read(at, layout.CHUNK_HEAD.size)
         if len(head) < layout.CHUNK_HEAD.size:
@@ -501,10 +494,7 @@ class Identity:
 def identify(path: Path) -> Identity:
     """Whose file this is.
 
-    Raises
-    ------
-    DecodeError
-        If it cannot be read, or holds no MCAP.
+    Raises DecodeError if it cannot be read, or holds no MCAP.
     """
     with FileBytes(path) as source:
         magic = source.read(0, len(layout.MAGIC))

@@ -26,12 +26,7 @@ _TIMES: Final = 1 << 64
 def whole_part(file: Path, info: PartInfo) -> Iterator[tuple[RecordingPart, Callable[[OpenChunk], None]]]:
     """Give the only part of a recording, to be finished, and what writes a chunk to it.
 
-    Parameters
-    ----------
-    file : Path
-        An empty file, as `plumbob.core.files.replacing` gives it.
-    info : PartInfo
-        What the part says of itself.
+    `file`: an empty file, as `plumbob.core.files.replacing` gives it; `info`: what the part says of itself.
     """
     part = RecordingPart(file, info, disk.open_empty)
     compression, compress = compressor("zstd")
@@ -53,6 +48,8 @@ def write_rows(
 ) -> None:
     """Write a complete recording of rows, in one file.
 
+    Raises ParameterError, DecodeError as `plumbob.core.files.replacing` does; also if a time cannot be stored.
+
     Parameters
     ----------
     path : path
@@ -67,11 +64,6 @@ def write_rows(
         What is said of the whole recording.
     overwrite : bool
         Whether a file that lies there may be replaced.
-
-    Raises
-    ------
-    ParameterError, DecodeError
-        As `plumbob.core.files.replacing` does; also if a time cannot be stored.
     """
     info = PartInfo(secrets.token_hex(16), 1, epoch_offset_ns, metadata=metadata)
     names = {topic: number for number, topic in enumerate(topics, 1)}

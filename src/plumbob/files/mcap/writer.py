@@ -142,10 +142,7 @@ class Writer:
     def start(self) -> None:
         """Open the first part, unless the disk is full, and begin to write.
 
-        Raises
-        ------
-        OSError
-            If the part cannot be created for another reason than a full disk.
+        Raises OSError if the part cannot be created for another reason than a full disk.
         """
         self.state = "recording"
         if self._is_low():
