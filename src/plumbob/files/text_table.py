@@ -617,7 +617,7 @@ def read_table(
     _refuse_rows(count, layout.rows)
     if not count:
         raise DecodeError("there is no row of numbers; check the profile's [header].")
-    places_read = np.setdiff1d(np.arange(reading.rows), list(reading.left_out)).astype(np.float64)
+    places_read = np.delete(np.arange(float(reading.rows)), list(reading.left_out)) if reading.left_out else None
     lines = {line for line, _ in reading.left_out.values()}
 
     def line_number(row: int) -> int:

@@ -323,7 +323,7 @@ def convert(
                 note(str(finding))
     writer = LAYOUTS[layout].write if layout is not None else _OWN.get(file.suffix)
     apart = recording.track is not None and not _on_one_clock(recording, recording.track)
-    if apart and (layout or file.suffix[1:]) not in _OWN_CLOCKS:
+    if apart and (layout or file.suffix[1:]) not in (*_TRACKS, "mcap", "euroc"):
         raise ShapeError(f"{file}: samples and attitude have different times; convert one of them with --what.")
     for line in _lost(file, recording, layout):
         if note is not None:
@@ -520,7 +520,6 @@ _OWN: Final[dict[str, Callable[[Path, Recording, bool], None]]] = {
     ".mcap": write_mcap,
     ".bag": _of_ros("write_bag"),
 }
-_OWN_CLOCKS: Final = (*_TRACKS, "mcap", "euroc")
 SUFFIXES: Final = (*_OWN, ".csv", ".parquet", ".mat", ".nc", ".sto")
 LAYOUTS: Final = {
     "ros2": RecordingLayout((".mcap",), _of_ros("write_mcap")),

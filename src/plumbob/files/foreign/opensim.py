@@ -89,10 +89,7 @@ def _measured(path: Path, sensor: str, time: Any, values: Any) -> Recording:
 
 
 def write_sto(path: Path, recording: Recording, overwrite: bool = False) -> None:
-    """Write an attitude, in a column that is called as the file; errors as of `write_orientations`.
-
-    Raises ShapeError if there is none.
-    """
+    """Write an attitude, in a column that is called as the file; errors as of `write_orientations`."""
     if recording.track is None:
         raise ShapeError(f"{path}: .sto holds an attitude, and there is none; estimate one first.")
     write_orientations(path, {path.stem: recording.track}, overwrite=overwrite)

@@ -172,16 +172,7 @@ def _folder_members(folder: Path) -> Iterator[str]:
 class Sheet:
     """A table of numbers with a row of names.
 
-    Attributes
-    ----------
-    title : str
-        Its file, for messages.
-    raw : bytes
-        The file.
-    layout : TextLayout
-        How it is laid out.
-    names : tuple of str
-        Names of its columns.
+    `title`: its file, for messages; `raw`: the file; `layout`: how it is laid out; `names`: names of its columns.
     """
 
     title: str

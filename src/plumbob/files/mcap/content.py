@@ -29,14 +29,8 @@ class BrokenRecordError(ValueError):
 class Content:
     """What a chunk holds, or a stretch of records outside chunks.
 
-    Attributes
-    ----------
-    channels : dict of int to Channel
-        Channels that it declares.
-    rows : list of Row
-        Messages, in order.
-    entries : dict of int to list of int
-        Per channel, log time and offset of its messages in turn: the message index.
+    `channels`: channels that it declares; `rows`: messages, in order; `entries`: per channel, log time and offset of
+    its messages in turn: the message index.
     """
 
     channels: dict[int, Channel] = field(default_factory=dict)

@@ -162,14 +162,7 @@ OFFSET_KEY: Final = "plumbob.epoch_offset_ns"
 class Schema:
     """What the messages of a channel hold.
 
-    Attributes
-    ----------
-    name : str
-        Name of the type.
-    encoding : str
-        Language of the schema, such as ``"jsonschema"``.
-    data : bytes
-        The schema itself.
+    `name`: name of the type; `encoding`: language of the schema, such as ``"jsonschema"``; `data`: the schema itself.
     """
 
     name: str
@@ -270,10 +263,7 @@ Compress = Callable[[bytes], bytes]
 class OpenChunk:
     """Rows gathered until they are due; self-contained, since it repeats the schemas and channels that it uses.
 
-    Attributes
-    ----------
-    t_ns : int
-        Time at which it was opened, ns.
+    `t_ns`: time at which it was opened, ns.
     """
 
     t_ns: int
@@ -317,12 +307,7 @@ class OpenChunk:
 class PackedChunk:
     """A chunk as it goes to disk.
 
-    Attributes
-    ----------
-    record : bytes
-        The chunk record.
-    indexes : dict of int to bytes
-        Message index record of each channel, which follow it.
+    `record`: the chunk record; `indexes`: message index record of each channel, which follow it.
     """
 
     record: bytes

@@ -14,16 +14,8 @@ from plumbob.files.mcap.layout import OpenChunk, PackedChunk, PartInfo
 class Contents:
     """What has been written to a part so far.
 
-    Attributes
-    ----------
-    counts : dict of int to int
-        Rows per channel.
-    ends : dict of int to int
-        Per channel, one more than the last sequence number.
-    chunk_indexes : bytearray
-        Chunk index records.
-    infos : list of tuple of int
-        Offset and length of each metadata record.
+    `counts`: rows per channel; `ends`: per channel, one more than the last sequence number; `chunk_indexes`: chunk
+    index records; `infos`: offset and length of each metadata record.
     """
 
     counts: dict[int, int] = field(default_factory=dict)
@@ -129,14 +121,8 @@ LIBRARY = "plumbob recording 1"
 class RecordingPart:
     """A file that holds whole chunks only, and says so at its end if it gets there.
 
-    Parameters
-    ----------
-    path : Path
-        Where; there must be nothing yet.
-    info : PartInfo
-        What the part says of itself at its beginning.
-    create : callable
-        Makes the file, and returns its descriptor.
+    `path`: where; there must be nothing yet; `info`: what the part says of itself at its beginning; `create`: makes the
+    file, and returns its descriptor.
     """
 
     def __init__(self, path: Path, info: PartInfo, create: Callable[[Path], int] = disk.create) -> None:

@@ -40,12 +40,7 @@ _SEARCHES: Final = 32
 class FileBytes:
     """Bytes of a file by offset; whatever lies beyond its end is missing from the answer.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    content : binary file, optional
-        What it unpacks to.
+    `path`: the file; `content`: what it unpacks to.
     """
 
     def __init__(self, path: Path, content: BinaryIO | None = None) -> None:
@@ -478,12 +473,8 @@ _OWN: Final = b"plumbob "
 class Identity:
     """Whose file it is.
 
-    Attributes
-    ----------
-    recording : str or None
-        Name of the recording; empty where a file of ours is too damaged to tell; None in files of other programs.
-    info : PartInfo or None
-        What the part says about itself, at its end or at its beginning.
+    `recording`: name of the recording; empty where a file of ours is too damaged to tell; None in files of other
+    programs; `info`: what the part says about itself, at its end or at its beginning.
     """
 
     path: Path

@@ -16,10 +16,7 @@ from plumbob.files.mcap.part import RecordingPart
 class Backlog:
     """A queue between the recorder's caller, who never waits, and the thread that writes.
 
-    Parameters
-    ----------
-    limit : int
-        Bytes that may wait.
+    `limit`: bytes that may wait.
     """
 
     def __init__(self, limit: int) -> None:
