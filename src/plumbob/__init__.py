@@ -81,7 +81,6 @@ if TYPE_CHECKING:
     from plumbob.door.send import send
     from plumbob.evaluation.evaluation import Evaluation
     from plumbob.files import write
-    from plumbob.files.draft import profile
     from plumbob.files.mcap import repair, verify
     from plumbob.filters import Filter, filter_names
     from plumbob.filters.known import cite
@@ -89,6 +88,7 @@ if TYPE_CHECKING:
     from plumbob.fleet.batch import BatchRun, batch
     from plumbob.fleet.experiments.tuning import tune
     from plumbob.live.emulated import emulate
+    from plumbob.live.listen import profile
     from plumbob.live.record import record
     from plumbob.live.recorded import convert
     from plumbob.live.replay import replay
@@ -120,7 +120,7 @@ _HOME = {
     "emulate": "live.emulated", "estimate": "door.estimate", "evaluate": "door.evaluate", "convert": "live.recorded",
     "filter_names": "filters", "filter_rates": "door.rates", "find_format": "protocols.format_toml",
     "info": "overview.info", "json_schema": "live.session_toml", "load_session": "live.session_toml",
-    "open_card": "data.cards", "plot": "overview.overview", "profile": "files.draft", "read": "door.reading",
+    "open_card": "data.cards", "plot": "overview.overview", "profile": "live.listen", "read": "door.reading",
     "record": "live.record", "register": "core.extensions", "repair": "files.mcap", "report": "overview.overview",
     "reproduce": "papers.reproduce", "replay": "live.replay", "send": "door.send", "simulate": "simulation",
     "simulate_chain": "simulation", "tune": "fleet.experiments.tuning", "verify": "files.mcap", "view": "viewer.view",

@@ -28,8 +28,10 @@ def profile(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.core.files import profile_beside
     from plumbob.core.text import listed
     from plumbob.files.draft import answer
+    from plumbob.live.listen import is_line
 
-    out = getattr(args, "out", None) or profile_beside(Path(args.path[0]))
+    path = Path(args.path[0])
+    out = getattr(args, "out", None) or profile_beside(Path(path.name.strip("-") or "lines") if is_line(path) else path)
     draft = call(out=out, answers=dict(map(answer, getattr(args, "answers", []))))
     is_open = bool(hasattr(args, "accept") and draft.questions)
     way = "with --set" if is_open else "in an editor"

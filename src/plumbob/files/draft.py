@@ -24,7 +24,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.files import ARRAYS, as_list, existing_file, reading, write_text
+from plumbob.core.files import ARRAYS, existing_file, reading, write_text
 from plumbob.core.text import FactsText
 from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
@@ -33,7 +33,7 @@ from plumbob.files.arrow import text_bytes
 from plumbob.files.column_names import REVERSED, ColumnName, canonical, named_sensor, taken_apart
 from plumbob.files.columns import FORM, StampError, has_zone, is_stamp, is_time_of_day, to_seconds
 from plumbob.files.known_logs import KNOWN
-from plumbob.files.profile import AS_MOUNTED, Profile, TextLayout
+from plumbob.files.profile import AS_MOUNTED, JSON, Profile, TextLayout
 from plumbob.files.profile_toml import GUIDE, parse_profile
 from plumbob.files.sniff import FEWEST, Sample, read_sample
 from plumbob.files.stamps import CENTURY, falls
@@ -109,44 +109,15 @@ class Draft(FactsText):
         return {"questions": dict(self.questions), "evidence": dict(self.evidence)}
 
 
-def profile(
-    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+def drafted(
+    files: Sequence[Path],
     *,
     accept: bool = False,
     answers: Mapping[str, Any] | None = None,
     out: str | os.PathLike[str] | None = None,
+    numbered: bool = False,
 ) -> Draft:
-    """Draft the profile of a text file from its header and first rows; every guess is a question.
-
-    Parameters
-    ----------
-    path : path or sequence of paths
-        The text file; or several of one recording, with a sensor each.
-    accept : bool
-        Take every guess for which the file has evidence: a name, a unit, a size that is gravity's or the Earth's
-        field's. What nothing speaks for stays a question, but body axes are then those of the sensor, and the
-        navigation frame, which a filter asks for anyway, is left out.
-    answers : mapping, optional
-        By dotted key, as ``{"frame": "ENU", "gyr.unit": "deg/s"}``; also of keys that were not asked. What is of
-        a sensor that the file lacks is passed over.
-    out : path, optional
-        Where to write the draft; ``NAME.profile.toml`` beside ``NAME.csv`` is found again by `plumbob.read`. With
-        `accept` nothing is written while questions are open.
-
-    Returns
-    -------
-    Draft
-        The profile. `plumbob.read` refuses it until no value begins with ``?``.
-
-    Raises
-    ------
-    DecodeError
-        If the file holds no table of numbers, nothing in it can give an attitude, an answer does not fit, or the system
-        refuses to write.
-    ParameterError
-        If `out` exists: somebody may have answered it.
-    """
-    files = [existing_file(item) for item in as_list(path)]
+    """Draft of files that are there, as of `plumbob.profile`; `numbered` names no column and looks for no head."""
     if out is not None and Path(out).exists():
         raise ParameterError(f"{out} exists already; answer its questions, or name another file with --out.")
     streams: list[_DraftWriter] = []
@@ -158,6 +129,7 @@ def profile(
                 sample = array_sample(file)
             else:
                 sample = read_sample(file)
+                sample = _headless(sample) if numbered and sample.layout.separator != JSON else sample
             streams += _writers(file.name, sample, dict(answers or {}), is_alone=len(files) == 1)
     with reading(files[0]):
         draft = _joined(streams, accept)
@@ -166,6 +138,12 @@ def profile(
     if out is not None and not (accept and draft.questions):
         write_text(out, draft.text)
     return draft
+
+
+def _headless(sample: Sample) -> Sample:
+    """The same without what stands before a table: who listens to a line may come after it."""
+    layout = replace(sample.layout, names=False, skip=0, after_names=0, marker="", occurrence=1, end="", mark="")
+    return replace(sample, layout=layout, by_name=False, others=tuple(map(_headless, sample.others)))
 
 
 def known_profile(file: Path) -> Profile | None:

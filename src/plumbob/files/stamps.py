@@ -95,6 +95,12 @@ def time_line(
     return SampleTimes(t_ns + (int(zero) if unit_ns == 1.0 else round(float(zero) * unit_ns)), tuple(notes))
 
 
+def turn_lengths(largest: float, unit_ns: float) -> dict[str, float]:
+    """After how much a clock begins again, by name: a counter at a power of two above what it has reached, or a day."""
+    counters = {f"{length:.0f}": length for length in _COUNTERS if largest < length}
+    return counters | {name: period / unit_ns for name, period in _PERIODS_NS.items()}
+
+
 def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], str]) -> tuple[Floats, list[Finding]]:
     """What to add to the values of a counter that began again; zeros where none of the known lengths explains it.
 
@@ -117,8 +123,7 @@ def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], s
     if not far.any():
         return np.zeros(values.size), []
     are_whole = bool((values == np.rint(values)).all()) and zero == np.rint(zero)
-    lengths = {f"{length:.0f}": length for length in _COUNTERS if are_whole and values.max() + zero < length}
-    lengths |= {name: period / unit_ns for name, period in _PERIODS_NS.items()}
+    lengths = turn_lengths(values.max() + zero if are_whole else np.inf, unit_ns)
     if abs(values[1 + int(np.argmax(far))]) > longest:
         lengths |= {f"{length:.0f}": length for length in _DECIMALS if are_whole and values.max() + zero < length}
         lengths |= {"the hour": 3600e9 / unit_ns}

@@ -197,7 +197,7 @@ def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[Findin
     if not source.unix and first >= _UPTIME and not CENTURY[0] < first < CENTURY[1]:  # no clock that somebody knows
         stamps = stamps - first // _UPTIME * _UPTIME / factor
     if (np.diff(stamps) > 0.0).all() and source.unit_per_count == 1.0:
-        return _inside(stamps, source.unit), t0_ns, ()
+        return inside(stamps, source.unit), t0_ns, ()
     line = time_line(stamps, 1e9 * factor, table.place)
     return line.t_ns / 1e9, t0_ns, line.notes
 
@@ -215,15 +215,16 @@ def _of_stamps(source: TimeStamps, table: TextTable) -> tuple[Floats, int, tuple
 
 def _imu(profile: Profile, table: TextTable, t: Floats, t0_ns: int) -> ImuData:
     triads: dict[str, Any] = {
-        name: _undelayed(t, _vector(group, table, profile.turn), group.delay) for name, group in profile.triads.items()
+        name: _undelayed(t, to_vectors(group, table, profile.turn), group.delay)
+        for name, group in profile.triads.items()
     }
     temperature = profile.temperature
     time = profile.time
     implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns}
     imu = ImuData(
         t=t,
-        temp_c=None if temperature is None else _inside(table.columns[temperature.columns[0]], temperature.unit),
-        flags=_flags(profile, table),  # type: ignore[arg-type]
+        temp_c=None if temperature is None else inside(table.columns[temperature.columns[0]], temperature.unit),
+        flags=row_flags(profile, table),  # type: ignore[arg-type]
         meta=ImuMeta(**{**implied, **profile.meta}),
         **triads,
     )
@@ -244,7 +245,7 @@ def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | Non
         q_nb=q_nb,
         frame=source.frame,
         north=source.north,
-        bias_b=None if source.bias is None else _vector(source.bias, table, turn),
+        bias_b=None if source.bias is None else to_vectors(source.bias, table, turn),
         cov_b=None if source.covariance is None else _covariance(source.covariance, table, turn),
         flags=_optional(table, source.flags),  # type: ignore[arg-type]
         score=None if score is None else np.where(np.isfinite(q_nb).all(axis=1), score, 0.0),
@@ -253,7 +254,8 @@ def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | Non
     )
 
 
-def _flags(profile: Profile, table: TextTable) -> Floats | NDArray[np.uint32] | None:
+def row_flags(profile: Profile, table: TextTable) -> Floats | NDArray[np.uint32] | None:
+    """Flags (N,) of a table's rows; None where it has none."""
     if profile.flags is None or not profile.flag_words:
         return _optional(table, profile.flags)
     cells = table.texts[profile.flags]
@@ -269,7 +271,8 @@ def _optional(table: TextTable, ref: ColumnRef | None) -> Floats | None:
     return None if ref is None else table.columns[ref]
 
 
-def _inside(values: Floats, unit: str) -> Floats:
+def inside(values: Floats, unit: str) -> Floats:
+    """Values in the unit used inside."""
     scale = units.unit(unit)
     # What is already in the unit used inside keeps every bit, the sign of zero included.
     return values if (scale.factor, scale.offset) == (1.0, 0.0) else units.to_si(values, unit)
@@ -280,13 +283,14 @@ def _stacked(columns: tuple[ColumnRef, ...], table: TextTable) -> Floats:
     return np.stack([none if ref == NO_COLUMN else table.columns[ref] for ref in columns], axis=1)  # type: ignore[misc]
 
 
-def _vector(group: GroupSource, table: TextTable, turn: str | None) -> Floats:
+def to_vectors(group: GroupSource, table: TextTable, turn: str | None) -> Floats:
+    """Vectors (N, 3) in the unit used inside, in the axes of the case or turned to the body's."""
     counts = _stacked(group.columns, table)
     if group.plus:
         counts = counts + _stacked(group.plus, table)
     if group.zero is not None:
         counts = counts - group.zero
-    values = _inside(counts if group.unit_per_count == 1.0 else counts * group.unit_per_count, group.unit)
+    values = inside(counts if group.unit_per_count == 1.0 else counts * group.unit_per_count, group.unit)
     values = -values if group.gravity else values
     if group.axes != AS_MOUNTED:
         values = in_body_axes(group.axes, values)
@@ -326,7 +330,7 @@ def _picks(axes: str) -> tuple[Any, Floats]:
 def _attitude(source: ReferenceSource, table: TextTable) -> Floats:
     values = _stacked(source.columns, table)
     if source.unit is not None:
-        return quat_from_euler_zyx(_inside(values, source.unit))
+        return quat_from_euler_zyx(inside(values, source.unit))
     return quat_from_xyzw(values) if source.order == "xyzw" else values
 
 

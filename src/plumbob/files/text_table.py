@@ -99,6 +99,14 @@ def _loaded(text: str, line: int = 1) -> Any:
         raise DecodeError(f"{at}: it is not JSON ({what}); complete or correct it there.") from error
 
 
+def object_cells(text: str, line: int) -> dict[str, str]:
+    """Cells of an object of JSON, which is a line, by their names; DecodeError where it is none."""
+    content = _loaded(text, line)
+    if not isinstance(content, dict):
+        raise DecodeError(f"line {line}: {excerpt(text)} is not an object of JSON.")
+    return _flat("", content)
+
+
 def objects_as_rows(text: str) -> str:
     """Objects of JSON as a table with tabs: lines of what it says once, a row of names, and a row for each object.
 
@@ -347,7 +355,7 @@ def cells_apart(cells: Sequence[str], layout: TextLayout, line: int) -> list[str
     return numbers
 
 
-def _with_cells_apart(text: str, head: Head, layout: TextLayout) -> tuple[str, Head]:
+def with_cells_apart(text: str, head: Head, layout: TextLayout) -> tuple[str, Head]:
     """Text and head as they would be if each number stood in a cell of its own; lines stay lines."""
     sign, rows = "," if layout.separator == QUOTED else layout.separator, []
     for line, row in enumerate(text[head.start :].split("\n"), head.line):
@@ -454,7 +462,7 @@ class TextTable:
 
 
 @dataclass(slots=True)
-class _Reading:
+class Reading:
     """What has been read, block by block."""
 
     layout: TextLayout
@@ -516,23 +524,26 @@ class _Reading:
         numbers: dict[ColumnRef, list[float]] = {ref: [] for ref in self.places if ref not in self.texts}
         for line, row in rows:
             try:
-                words = _cells(row, self.layout, line)
+                words = row_cells(row, self.layout, line)
                 if len(words) != self.width:
                     raise DecodeError(
                         f"line {line} has {len(words)} cells, but most rows of numbers have {self.width}: "
                         f"{excerpt(row)}; correct the line, or the separator in the profile."
                     )
-                values = {ref: self._number(words[self.places[ref]], line, ref) for ref in numbers}
+                self.add(words, line, numbers)
             except DecodeError as error:
                 self.left_out[self.rows] = line, error
-            else:
-                for ref, value in values.items():
-                    numbers[ref].append(value)
-                for ref, cells in self.texts.items():
-                    cells.append(words[self.places[ref]])
             self.rows += 1
         for ref, some in numbers.items():
             self.numbers.setdefault(ref, []).append(np.array(some, dtype=np.float64))
+
+    def add(self, words: Sequence[str], line: int, numbers: dict[ColumnRef, list[float]]) -> None:
+        """Add the numbers and texts of a row in cells, all or none; DecodeError where one is no number."""
+        values = {ref: self._number(words[self.places[ref]], line, ref) for ref in numbers}
+        for ref, value in values.items():
+            numbers[ref].append(value)
+        for ref, cells in self.texts.items():
+            cells.append(words[self.places[ref]])
 
     def _number(self, cell: str, line: int, ref: ColumnRef) -> float:
         if ref != self.exact:
@@ -592,11 +603,11 @@ def read_table(
     text = decode(raw, layout.encoding)
     if layout.separator == JSON:
         text, layout = objects_as_rows(text), replace(layout, separator="\t")
-    text, cut = _ended(text, layout)
+    text, cut = ended(text, layout)
     head = find_head(text, layout)
     text = _before_end(text, head.start, layout.end)
     if layout.cells:
-        text, head = _with_cells_apart(text, head, layout)
+        text, head = with_cells_apart(text, head, layout)
     if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in head.names:
         raise DecodeError(f"the column {excerpt(layout.where[0])} of header.where is nowhere in the row of names.")
     body = _Body(text, head, layout)
@@ -606,7 +617,7 @@ def read_table(
     width = Counter(first).most_common(1)[0][0]
     places = {ref: column_index(ref, head.names, width, layout) for ref in refs}
     _refuse_shared(places)
-    reading = _Reading(layout, width, places, exact, {ref: [] for ref in texts})
+    reading = Reading(layout, width, places, exact, {ref: [] for ref in texts})
     plain = not (layout.words or layout.where or layout.checksum)
     for start, end, line in body.blocks():
         if not (plain and reading.add_fast(text[start:end])):
@@ -627,7 +638,7 @@ def read_table(
     return TextTable(columns, zero, count, (*cut, *reading.notes()), reading.texts, line_number, places_read)
 
 
-def _ended(text: str, layout: TextLayout) -> tuple[str, tuple[Finding, ...]]:
+def ended(text: str, layout: TextLayout) -> tuple[str, tuple[Finding, ...]]:
     """Text that ends with a line end, and a note where its last line was cut and is left out.
 
     Many loggers write no line end behind the last line. It is cut where the number of rows is declared, or a cell or a
@@ -650,7 +661,7 @@ def _ended(text: str, layout: TextLayout) -> tuple[str, tuple[Finding, ...]]:
 def _size(row: str, layout: TextLayout) -> tuple[int, int]:
     """Cells of a row, and digits behind the decimal sign of the last one."""
     try:
-        cells = _cells(row, layout, 0)
+        cells = row_cells(row, layout, 0)
     except DecodeError:
         return 0, 0
     last = cells[-1].strip() if cells else ""
@@ -681,23 +692,27 @@ class _Body:
         end = len(self.text) if end < 0 else end
         while place < end:
             stop = self.text.find("\n", place)
-            if not is_idle(row := self.text[place:stop], self.layout.comment) and self._belongs(row):
+            if not is_idle(row := self.text[place:stop], self.layout.comment) and belongs(
+                row, self.head.names, self.layout
+            ):
                 yield line, row
             place, line = stop + 1, line + 1
 
-    def _belongs(self, row: str) -> bool:
-        """Whether a row is of the sensor or the kind that is asked for."""
-        if not self.layout.where:
-            return True
-        ref, word = self.layout.where
-        if self.layout.words:
-            return among_words(row)[-1] == word
-        place = self.head.names.index(ref) if isinstance(ref, str) else ref - 1
-        cells = row.split(self.layout.separator)
-        return place < len(cells) and cells[place].strip() == word
+
+def belongs(row: str, names: Sequence[str], layout: TextLayout) -> bool:
+    """Whether a row is of the sensor or the kind that is asked for."""
+    if not layout.where:
+        return True
+    ref, word = layout.where
+    if layout.words:
+        return among_words(row)[-1] == word
+    place = names.index(ref) if isinstance(ref, str) else ref - 1
+    cells = row.split(layout.separator)
+    return place < len(cells) and cells[place].strip() == word
 
 
-def _cells(row: str, layout: TextLayout, line: int) -> list[str]:
+def row_cells(row: str, layout: TextLayout, line: int) -> list[str]:
+    """Cells of a row, without its checksum; errors as of `split_row`, and where the checksum is another."""
     row = _checked(row, line) if layout.checksum else row
     return among_words(row) if layout.words else split_row(row, layout.separator, line)
 

@@ -103,6 +103,7 @@ def reading_notes(log: Log, stream: Stream) -> tuple[Finding, ...]:
         *([warning("reading.starts", starts=log.starts)] if log.starts > 1 else []),
         *(warning("reading.damaged", damage=str(damage)) for damage in log.damage),
         *inferred(stream.time_report()),
+        *stream.decoder.notes,
     )
 
 

@@ -24,7 +24,7 @@ class SourceSpec:
     Attributes
     ----------
     kind : str
-        ``"serial"``, ``"file"``, ``"udp"``, ``"tcp"``, ``"iio"``, ``"iio-poll"`` or ``"spi"``.
+        ``"serial"``, ``"stdin"``, ``"file"``, ``"udp"``, ``"tcp"``, ``"iio"``, ``"iio-poll"`` or ``"spi"``.
     settings : mapping
         What that kind needs: ``port`` and ``baud``, or ``host`` and ``port``, and so on; of a device of the kernel also
         the ``layout`` of its bytes.

@@ -21,9 +21,12 @@ from plumbob.data.array_toml import ARRAY, UNIT, MountedUnit, listed_units
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.cards.file import Card
 from plumbob.data.earth_field import earth_field_at, parse_place
+from plumbob.files.profile_toml import parse_profile
 from plumbob.filters import SMOOTHER, CommonParams, load
 from plumbob.filters.offline import Stage, lagged, make_follower
 from plumbob.filters.start import TRUTH_WORD
+from plumbob.live.lines import LineFormat, described_imu, line_format
+from plumbob.live.listen import STDIN
 from plumbob.live.session import (
     SEND_TABLE,
     OutputSpec,
@@ -182,11 +185,11 @@ def parse_session(
                 f"[[unit]] does not go with source.kind = '{source.kind}', which has one unit; leave it out."
             )
     else:
-        form, message, unit, names = _format(tables, keep)
+        form, message, unit, names = _format(tables, source, keep)
         timed_by = _timed_by(source, form, form.message(message))
-        if source is not None and source.kind == "file":
+        if source is not None and source.kind == "file" and not isinstance(form, LineFormat):
             source = replace(source, settings={**source.settings, "form": form, "message": message})
-    imu = dict(tables.get("imu", {}))
+    imu = described_imu(form) | tables.get("imu", {})
     if "place" in imu or "date" in imu:
         texts[PLACE] = locate(*_place_and_day(imu, source, date))
         imu["declination"] = _declination(texts[PLACE])
@@ -314,7 +317,7 @@ def _timed_by(source: SourceSpec | None, form: Format, message: Message) -> str:
     if source is None:
         return "frames"
     settings = source.settings
-    if source.kind == "file" or settings.get("time") == "count":
+    if settings.get("time", "count" if source.kind in ("file", "stdin") else "host") == "count":
         if message.of_role("clock") is None and not (settings.get("rate") or form.framing.rate):
             raise ParameterError(f"{form.name} has neither a clock nor a rate to count time by; give source.rate.")
         return "count"
@@ -329,8 +332,13 @@ def _timed_by(source: SourceSpec | None, form: Format, message: Message) -> str:
     return "poll"
 
 
-def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str, list[str]]:
+def _format(tables: Mapping[str, Any], source: SourceSpec | None, keep: Fetch) -> tuple[Format, str, str, list[str]]:
     """Format, message, the unit to estimate, and the units to decode where these are several."""
+    if source is not None and (lines := source.settings.get("lines")):
+        if other := [table for table in ("format", "unit", "reference") if table in tables]:
+            raise DecodeError(f"[{other[0]}] does not go with source.lines: the profile says it; leave it out.")
+        text = line_format(parse_profile(keep(lines), origin=Path(lines).name), midway=source.kind == "serial")
+        return text, text.messages[0].name, "", []
     if "format" not in tables:
         raise schema.absent("session", "format")
     section = tables["format"]
@@ -355,15 +363,17 @@ def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, messa
     axes = imu.get("axes", "x y z")
     ranges = {} if source is not None and source.kind in KERNEL else _ranges(form.message(message), unit, axes)
     rate = None if source is None else source.settings.get("rate")
-    return ImuMeta(
-        device=imu.get("device", form.name),
-        axes=axes,
-        frame=imu.get("frame"),
-        declination=imu.get("declination"),
-        rate_nominal=rate or form.framing.rate,
-        unit_check=False,  # the format says the units
-        **ranges,
-    )
+    said = dict(form.profile.meta) if isinstance(form, LineFormat) and form.profile else {}
+    given = {
+        "device": imu.get("device", form.name),
+        "axes": axes,
+        "frame": imu.get("frame"),
+        "declination": imu.get("declination"),
+        "rate_nominal": rate or form.framing.rate or said.get("rate_nominal"),
+        "unit_check": False,  # the format says the units
+        "t0_ns": 0,
+    }
+    return ImuMeta(**said | ranges | given)
 
 
 def _reference(tables: Mapping[str, Any], message: Message) -> ReferenceSpec | None:
@@ -406,6 +416,7 @@ def capture_session(
     rate: float | str | None = None,
     time: str | None = None,
     format: str | Path | None = None,
+    profile: str | Path | None = None,
     unit: str | None = None,
     device: str | None = None,
     frame: Frame | str | None = None,
@@ -423,9 +434,10 @@ def capture_session(
     Parameters
     ----------
     file : path, optional
-        Session file, which says everything but the line's own options.
+        Session file, which says everything but the line's own options; ``-`` is standard input, as a port.
     port, capture, iio : optional
-        Without a file one of these: a serial line; raw bytes in a file (``--from``); an IIO device.
+        Without a file one of these: a serial line, or ``-`` for standard input; raw bytes in a file (``--from``); an
+        IIO device.
     baud : int
         Speed of `port`.
     rate : float or str, optional
@@ -434,6 +446,8 @@ def capture_session(
         What times the frames of `port`.
     format : str or path, optional
         What the bytes mean: a device, a rig or a format file.
+    profile : str or path, optional
+        What lines of text mean, instead of `format`: a profile, as `plumbob.profile` drafts one.
     unit : str, optional
         Which unit, where a frame has several; ``"all"`` decodes and records all, and estimates the first.
     device : str, optional
@@ -462,21 +476,25 @@ def capture_session(
         tables["imu"] = imu_table
     if unit:
         tables["format"] = {"units": ALL} if unit == ALL else {"unit": unit}
+    if str(file) == STDIN:
+        file, port = None, port or STDIN
     if [file, port, capture, iio].count(None) != 3:
-        raise ParameterError("give either a session file, or --port or --from with --format, or --iio.")
+        raise ParameterError("give either a session file, or --port or --from with --format or --profile, or --iio.")
     if file is not None:
-        if format or tables:
+        if format or profile or tables:
             raise ParameterError(
                 "the session file says format, unit, device, frame, calibration and filter; leave the options out."
             )
         return load_session(file)
-    if iio is not None and (format or unit):
+    if iio is not None and (format or profile or unit):
         raise ParameterError("--iio takes no --format and no --unit: the kernel says what the bytes mean.")
-    if iio is None and format is None:
+    if iio is None and (format is None) == (profile is None):
         raise ParameterError(
-            "--port and --from need --format: what the bytes mean is not guessed; see 'plumbob list devices'."
+            "--port and --from need --format, or --profile for lines of text: what the bytes mean is not guessed; see "
+            "'plumbob list devices', and 'plumbob profile PORT', which drafts a profile."
         )
     source = _source_table(port, capture, iio, baud=baud, rate=rate, time=time)
+    source |= {} if profile is None else {"lines": str(profile)}
     held = {_card_name(key, card): card.text() for key, card in cards.items() if isinstance(card, Card)}
     return parse_session(
         plain_session(form=None if format is None else str(format), source=source, **tables),
@@ -499,7 +517,8 @@ def _source_table(
     paced = {"rate": f"{rate!r} Hz" if isinstance(rate, int | float) else rate} if rate else {}
     if capture is not None:
         return {"kind": "file", "path": str(capture), **paced}
-    return {"kind": "serial", "port": port, "baud": baud, **paced, **({"time": time} if time else {})}
+    line = {"kind": "stdin"} if port == STDIN else {"kind": "serial", "port": port, "baud": baud}
+    return line | paced | ({"time": time} if time else {})
 
 
 def _estimate_table(

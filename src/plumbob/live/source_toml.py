@@ -138,7 +138,8 @@ def _step(where: str, value: Any) -> bytes | float:
 _PORT: Final = schema.whole(1, 65535)
 _RATE: Final = schema.size(Quantity.FREQUENCY)
 _COUNT: Final = schema.whole(1)
-_STREAM: Final = {"gather": schema.size(Quantity.TIME), "speed": schema.positive, "rate": _RATE}
+_LINES: Final = {"lines": schema.text}
+_STREAM: Final = {"gather": schema.size(Quantity.TIME), "speed": schema.positive, "rate": _RATE, **_LINES}
 _PATIENT: Final = {**_STREAM, "time": schema.one_of("host", "count")}
 """Of streams whose sender waits for a reader that is late; datagrams are lost instead."""
 _IIO: Final = {
@@ -161,7 +162,8 @@ _START: Final = schema.listed(schema.described(_step, type="string"), of="comman
 _KEYS: Final[Mapping[str, tuple[dict[str, Parse], Collection[str]]]] = {
     "serial": ({"port": schema.text, "baud": _COUNT, "wait": schema.truth, **_PATIENT}, ("port", "baud")),
     "udp": ({"host": schema.text, "port": _PORT, **_STREAM}, ("port",)),
-    "file": ({"path": schema.text, "rate": _RATE}, ("path",)),
+    "file": ({"path": schema.text, "rate": _RATE, **_LINES}, ("path",)),
+    "stdin": ({key: parse for key, parse in _PATIENT.items() if key != "gather"}, ()),
     "tcp": ({"host": schema.text, "port": _PORT, **_PATIENT}, ("host", "port")),
     "iio": (_IIO | _BUFFER, ("device",)),
     "iio-poll": (_IIO, ("device", "rate")),

@@ -1,5 +1,7 @@
 """The source that a session asks for, opened; a recording or a capture as a source."""
 
+import os
+import select
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from plumbob.live.transports.iio import IioPollSource, IioSource
     from plumbob.live.transports.spi_bus import SpiBus, SpiSource
 
+_PIECE: Final = 1 << 16
 _TOGETHER = 64
 """Frames that are handed on at a time."""
 
@@ -104,6 +107,43 @@ class CaptureSource:
         return counted.after_first(frames.start, **device_counts(frames))
 
 
+class PipeSource:
+    """What another program writes, until it ends: standard input, or a file as if it came so.
+
+    Parameters
+    ----------
+    path : str or None
+        The file; None is standard input.
+    """
+
+    def __init__(self, path: str | None = None) -> None:
+        self._path, self._fd = path, -1
+        self.name, self.finished = "standard input" if path is None else Path(path).name, False
+
+    def open(self) -> "PipeSource":
+        """Open it; DecodeError where that is not possible."""
+        try:
+            self._fd = 0 if self._path is None else os.open(existing_file(self._path), os.O_RDONLY)
+        except OSError as error:
+            raise DecodeError(f"{self._path} cannot be read: {error.strerror}.") from error
+        return self
+
+    def read(self, timeout: float) -> list[Received | Event]:
+        """Wait at most `timeout` s for something, and return it."""
+        if self.finished or not select.select([self._fd], [], [], timeout)[0]:
+            return []
+        data = os.read(self._fd, _PIECE)
+        self.finished = not data
+        return [Received(time.monotonic_ns(), data)] if data else []
+
+    def close(self) -> None:
+        """Close the file; standard input stays."""
+        if self._fd > 0:
+            os.close(self._fd)
+            self._fd = -1
+        self.finished = True
+
+
 KERNEL: Final = ("iio", "iio-poll")
 """Sources of which the kernel says what the bytes mean."""
 GATHER: Final = 0.007
@@ -141,9 +181,10 @@ def make_source(spec: SourceSpec) -> Openable:
         return spi_source(spec.settings)
     if spec.kind in KERNEL:
         return _iio_source(spec)
-    if spec.kind == "file":
-        return CaptureSource(**spec.settings)
-    of_time = {"speed", "time", "rate"}
+    if spec.kind in ("file", "stdin"):
+        bytes_of_file = spec.kind == "file" and "lines" not in spec.settings
+        return CaptureSource(**spec.settings) if bytes_of_file else PipeSource(spec.settings.get("path"))
+    of_time = {"speed", "time", "rate", "lines"}
     settings = {"gather": GATHER, **{key: value for key, value in spec.settings.items() if key not in of_time}}
     if spec.kind == "serial":
         from plumbob.live.transports.serial_line import SerialSource

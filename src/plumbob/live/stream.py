@@ -25,12 +25,13 @@ from plumbob.filters import Filter
 from plumbob.filters.offline import calibrated, make_follower, start_at
 from plumbob.filters.smoother import FixedLag
 from plumbob.filters.start import TRUTH_WORD
+from plumbob.live.lines import decoder_of
 from plumbob.live.session import Session, UnitSpec, reference_names
 from plumbob.live.timing.counter import CountedTime
 from plumbob.live.timing.spec import Counter, TimeSpec
 from plumbob.live.timing.timebase import TimeBase
 from plumbob.live.transports.transport import Received
-from plumbob.protocols.decode import Decoder, Frames, triads_of, unit_prefix, unit_temperature
+from plumbob.protocols.decode import Frames, triads_of, unit_prefix, unit_temperature
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.rotations import Frame, in_body_axes, quat_from_euler_zyx
@@ -142,7 +143,7 @@ class Stream:
     def __init__(self, session: Session, *, covariance: bool = False) -> None:
         self.session = check.kind("session", session, Session, hint="load_session(path) gives one.")
         self._covariance = covariance
-        self.decoder = Decoder(session.form)
+        self.decoder = decoder_of(session.form)
         message = session.form.message(session.message)
         unit_prefix(message, session.unit)
         self._spec = _time_spec(session, message)
@@ -171,8 +172,8 @@ class Stream:
     def feed(self, item: Received | Event) -> ItemResult | None:
         """Take what has come, and return what it completes; None where that is nothing."""
         if isinstance(item, Received):
-            return self._through(self.decoder.feed(item.data, item.t_ns))
-        done = self._through(self.decoder.finish()) if item.kind in (*BROKEN, STARTED_AGAIN) else None
+            return self.through(self.decoder.feed(item.data, item.t_ns))
+        done = self.through(self.decoder.finish()) if item.kind in (*BROKEN, STARTED_AGAIN) else None
         if item.kind == STARTED_AGAIN:
             done = self._with_rest(done)
             if self.time.report().frames:
@@ -186,7 +187,7 @@ class Stream:
 
     def finish(self) -> ItemResult | None:
         """Say that the stream has ended, and return what was pending."""
-        return self._with_rest(self._through(self.decoder.finish()))
+        return self._with_rest(self.through(self.decoder.finish()))
 
     def _with_rest(self, part: ItemResult | None) -> ItemResult | None:
         """What is pending where no sample of this start will come any more: attitudes that were waiting for some."""
@@ -223,7 +224,8 @@ class Stream:
             duplicates=report.duplicates + again,
         )
 
-    def _through(self, by_message: dict[str, Frames]) -> ItemResult | None:
+    def through(self, by_message: dict[str, Frames]) -> ItemResult | None:
+        """Take decoded frames, and return what they complete."""
         frames = self._without_repeats(by_message.get(self.session.message))
         if frames is None:
             return None
@@ -328,7 +330,7 @@ def time_spec(form: Format, message: Message) -> TimeSpec:
         clock=Counter(device.width, _tick_ns(device), down=device.scale < 0.0) if device else None,
         frames=Counter(count.width) if count else None,
         rate=form.framing.rate,
-        frame_bytes=message.length if alone else None,
+        frame_bytes=(message.length or None) if alone else None,
     )
 
 

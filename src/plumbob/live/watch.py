@@ -101,7 +101,8 @@ class Watch:
         if self._doubted or counts.framed or counts.received < max(_DOUBT_BYTES, _DOUBT_FRAMES * form.framing.most):
             return
         self._doubted = True
-        none = f"none of the first {counts.received} bytes is a frame of {form.name}{counts.why_rejected()}"
+        why = "".join(f"; {note}" for note in self.stream.decoder.notes) or counts.why_rejected()
+        none = f"none of the first {counts.received} bytes is a frame of {form.name}{why}"
         self._note(f"{none}: is it the right format, and baud?")
 
     def on_event(self, event: Event) -> None:
@@ -166,6 +167,8 @@ def silence_words(stream: Stream) -> str:
         )
     if others := ", ".join(f"{count} of {name}" for name, count in counts.frames.items() if count):
         return f"no frame of message {session.message} has come, but {others}; name that in [format] message."
+    if notes := stream.decoder.notes:
+        return f"none of {counts.received} bytes is a line of {session.form.title}: {notes[0]}."
     none = f"none of {counts.received} bytes is a frame of {session.form.name}{counts.why_rejected()}"
     return f"{none}. {_look_at(counts)}"
 
@@ -204,7 +207,7 @@ def run_report(watch: Watch) -> dict[str, Any]:
         "unchecked_bytes": session.form.framing.length if passes_anything(session.form) and not by_kernel else None,
         "device": session.meta.device,
         "calibration": last.imu.meta.calibration if last else session.card and session.card.name,
-        "notes": as_json((*watch.beyond, *inferred(stream.time_report()))),
+        "notes": as_json((*watch.beyond, *inferred(stream.time_report()), *stream.decoder.notes)),
         "filter": None if stream.filter is None else stream.filter.describe(),
         "frame": None if session.frame is None else str(session.frame),
         "north": None if track is None else str(track.north),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.findings import Finding
 from plumbob.core.series import data_frame
 from plumbob.core.text import one_line, small_table
 from plumbob.core.units import unit
@@ -125,6 +126,7 @@ class Decoder:
         self._done = 0
         self._found: Ints = np.empty((_room(self.form), 3), dtype=np.int64)
         self.counts = Counts(frames={m.name: 0 for m in self.form.messages})
+        self.notes: tuple[Finding, ...] = ()
 
     @property
     def remembered(self) -> int:

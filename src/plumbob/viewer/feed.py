@@ -17,6 +17,7 @@ from plumbob.core.event import Event
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.chain import Chain
 from plumbob.filters import Start
+from plumbob.live.lines import LineFormat, blank_frames
 from plumbob.live.session import Session, reference_names
 from plumbob.live.sinks import epoch_offset_ns
 from plumbob.live.stream import ItemResult, Stream
@@ -486,8 +487,10 @@ class Feed:
 def probed(session: Session) -> ItemResult | None:
     """Part of made-up frames of a session, which shows what its samples have; None where none can be made."""
     message = session.form.message(session.message)
+    other = Stream(replace(session, stage=None, reference=None))
+    if isinstance(session.form, LineFormat):
+        return other.through({message.name: blank_frames(message)})
     physical = [field.name for field in message.fields if field.physical][:1]
     rows = encode(session.form, dict.fromkeys(physical, np.zeros(3)), message=message.name)
-    other = Stream(replace(session, stage=None, reference=None))
     part = other.feed(Received(0, rows.tobytes()))
     return part or other.finish()

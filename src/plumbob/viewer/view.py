@@ -414,16 +414,15 @@ def _with_units(session: Session, chain: Chain | None) -> Session:
 def _of_line(path: Path | None, line: Mapping[str, Any]) -> dict[str, Any]:
     """Options of a line, which a session file or a port names."""
     words = {name: value for name, value in line.items() if value is not None}
-    for name in ("causal", "profile"):
-        if words.pop(name, None):
-            raise ParameterError(f"--{name} is for a recording, and this is a line. Leave it out.")
+    if words.pop("causal", None):
+        raise ParameterError("--causal is for a recording, and this is a line. Leave it out.")
     if path is None:
         return words
     if path.suffix.lower() == ".toml":
         return {"file": path, **words}
     if "port" in words:
         raise ParameterError(f"{path} and --port both name the line; give one of them.")
-    if "format" not in words and not path.exists():
+    if not {"format", "profile"} & set(words) and not path.exists():
         raise ParameterError(f"{path} does not exist. Name a recording, a session file, or a serial port.")
     if path.is_file():
         raise ParameterError(
