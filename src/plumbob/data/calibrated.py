@@ -1,7 +1,10 @@
 """Apply a calibration card to a recording."""
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 
@@ -9,9 +12,11 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
 from plumbob.core.findings import Finding, warning
+from plumbob.core.kernels import kernel
 from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
 from plumbob.data.cards.residuals import left_by
-from plumbob.data.imu import TRIADS, ImuData
+from plumbob.data.imu import TRIADS, ImuData, ImuMeta
+from plumbob.data.sample import ImuSample
 from plumbob.rotations import dcm_from_quat
 
 
@@ -50,8 +55,8 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
     if data.meta.calibration is not None:
         raise CalibrationError(f"the recording is already calibrated, with {data.meta.calibration}.")
     _require_units(card)
-    meta, changed = data.meta, dict[str, Any]()
-    for name in ("acc", "gyr", "mag"):  # the gyroscope's g-sensitivity asks for the calibrated specific force
+    changed = dict[str, Any]()
+    for name in _ORDER:
         model: TriadCalibration | None = getattr(card, name)
         measured: Floats | None = getattr(data, name)
         if model is not None and measured is not None:
@@ -61,12 +66,116 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
     if card.mount is not None:
         dcm_bs = dcm_from_quat(card.mount.q_bs)
         changed |= {name: _times(dcm_bs, changed.get(name, getattr(data, name))) for name in data.triads}
-        meta = meta.turned(dcm_bs)
+    return data.corrected(**changed, meta=calibrated_meta(card, data.meta, data.triads))
+
+
+def calibrated_meta(card: CalibrationCard, meta: ImuMeta, triads: Sequence[str]) -> ImuMeta:
+    """Meta of calibrated samples with these triads: what calibrated them, and what that leaves."""
     acc_left, mag_left = left_by("acc", card.acc, card.mount), left_by("mag", card.mag, card.mount)
     fitted = card.gyr is not None and card.gyr.covariance is not None
     gyr_left = left_by("gyr", card.gyr, card.mount) if fitted else None
-    meta = replace(meta, calibration=_calibration(card, data), gyr_left=gyr_left, acc_left=acc_left, mag_left=mag_left)
-    return data.corrected(**changed, meta=meta)
+    missing = [name for name in triads if name not in card.parts]
+    calibration = f"{card.name}; NOT calibrated: {', '.join(missing)}" if missing else card.name
+    meta = meta if card.mount is None else meta.turned(dcm_from_quat(card.mount.q_bs))
+    return replace(meta, calibration=calibration, gyr_left=gyr_left, acc_left=acc_left, mag_left=mag_left)
+
+
+_UNUSABLE: Final = flags.ACC_ABSENT | flags.ACC_INVALID
+_ORDER: Final = ("acc", "gyr", "mag")
+"""Triads as they are corrected: the gyroscope's g-sensitivity asks for the calibrated specific force."""
+_SIZE: Final = 22
+"""Of a triad: whether the card has it, its matrix, bias and g-sensitivity."""
+
+
+@kernel
+def correct_values(c: Floats, values: Floats, out: Floats) -> None:
+    """Nine values of a sample by a card's numbers; the terms in the order of `apply_card`, for the same bits."""
+    for k in range(3):
+        at, place = k * 22, 3 if k == 0 else (0 if k == 1 else 6)
+        x, y, z = values[place], values[place + 1], values[place + 2]
+        if c[at] != 0.0:
+            bx, by, bz = c[at + 10], c[at + 11], c[at + 12]
+            if c[at] > 1.0:
+                fx, fy, fz = out[3], out[4], out[5]
+                bx += c[at + 13] * fx + c[at + 14] * fy + c[at + 15] * fz
+                by += c[at + 16] * fx + c[at + 17] * fy + c[at + 18] * fz
+                bz += c[at + 19] * fx + c[at + 20] * fy + c[at + 21] * fz
+            x, y, z = x - bx, y - by, z - bz
+            for i in range(3):
+                row = at + 1 + 3 * i
+                out[place + i] = c[row] * x + c[row + 1] * y + c[row + 2] * z
+        else:
+            out[place], out[place + 1], out[place + 2] = x, y, z
+    if c[66] != 0.0:
+        for place in range(0, 9, 3):
+            x, y, z = out[place], out[place + 1], out[place + 2]
+            for i in range(3):
+                row = 67 + 3 * i
+                out[place + i] = c[row] * x + c[row + 1] * y + c[row + 2] * z
+
+
+class SampleCorrection:
+    """Applies a card to single samples, with the bits of `apply_card`.
+
+    Parameters
+    ----------
+    card : CalibrationCard
+        The card.
+
+    Raises
+    ------
+    CalibrationError
+        If it is for other units than those used inside.
+    """
+
+    def __init__(self, card: CalibrationCard) -> None:
+        _require_units(card)
+        self._c, self._warm, self._temp_c = np.zeros(3 * _SIZE + 10), list[tuple[int, TriadCalibration]](), np.nan
+        self._correct = correct_values.compiled
+        for k, name in enumerate(_ORDER):
+            model: TriadCalibration | None = getattr(card, name)
+            if model is not None:
+                at = k * _SIZE
+                self._c[at] = 2.0 if model.g_sensitivity.any() else 1.0
+                self._c[at + 1 : at + _SIZE] = np.concatenate(
+                    (model.matrix.ravel(), model.bias, model.g_sensitivity.ravel())
+                )
+                self._warm += [(at + 10, model)] if model.bias_per_k.any() else []
+        self._by_force = bool((self._c[0 : 3 * _SIZE : _SIZE] > 1.0).any())
+        if card.mount is not None:
+            self._c[3 * _SIZE] = 1.0
+            self._c[3 * _SIZE + 1 :] = dcm_from_quat(card.mount.q_bs).ravel()
+
+    def __call__(self, sample: ImuSample) -> ImuSample:
+        """The sample corrected; errors as of `CalibrationCard.correct`."""
+        if self._warm and sample.temp_c != self._temp_c:
+            self._heed(sample.temp_c)
+        out = np.empty(9)
+        self._correct(self._c, sample.values, out)
+        if self._by_force and sample.flags & _UNUSABLE:
+            out[:3] = np.nan
+        return sample.corrected(out)
+
+    def _heed(self, temp_c: float | None) -> None:
+        """Take the biases at another temperature."""
+        if temp_c is None:
+            raise CalibrationError("the card corrects for temperature, but the sample has no temp_c; fill it.")
+        for at, model in self._warm:
+            self._c[at : at + 3] = model.bias + temperature_drift(model, np.array([temp_c]))[0]
+        self._temp_c = temp_c
+
+
+def calibrating(
+    calibration: CalibrationCard | str | Path, meta: ImuMeta | None
+) -> tuple[CalibrationCard, SampleCorrection, ImuMeta]:
+    """Card that a filter applies, what corrects its samples, and the meta that these then have."""
+    card = CalibrationCard.of(calibration)
+    meta = calibrated_meta(card, meta or ImuMeta(device=card.device), tuple(card.parts))
+    return card, SampleCorrection(card), meta
+
+
+correction = lru_cache(maxsize=32)(SampleCorrection)
+"""The `SampleCorrection` of a card, made once."""
 
 
 def temperature_beyond(card: CalibrationCard, data: ImuData) -> tuple[Finding, ...]:
@@ -109,11 +218,6 @@ def temperature_drift(model: TriadCalibration, temp_c: Floats) -> Floats:
     return np.asarray(drift + beyond[:, np.newaxis] * slope)
 
 
-def _calibration(card: CalibrationCard, data: ImuData) -> str:
-    missing = [name for name in data.triads if name not in card.parts]
-    return f"{card.name}; NOT calibrated: {', '.join(missing)}" if missing else card.name
-
-
 def _require_units(card: CalibrationCard) -> None:
     for name in TRIADS:
         model: TriadCalibration | None = getattr(card, name)
@@ -136,7 +240,7 @@ def _offset(model: TriadCalibration, data: ImuData, acc: Floats | None, live: bo
         if data.acc is None:
             raise CalibrationError("the card corrects for g-sensitivity, but the recording has no acc; record it too.")
         force = data.acc if acc is None else acc
-        unusable = (data.flags & np.uint32(flags.ACC_ABSENT | flags.ACC_INVALID)) != 0
+        unusable = (data.flags & np.uint32(_UNUSABLE)) != 0
         offset = offset + _times(model.g_sensitivity, np.where(unusable[:, np.newaxis], np.nan, force))
     return offset
 

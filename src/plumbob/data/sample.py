@@ -81,6 +81,13 @@ class ImuSample:
         sample.t_ns, sample.values, sample.temp_c, sample.flags = _time(t_ns), nine, temp_c, _word(flags)
         return sample
 
+    def corrected(self, values: Floats) -> "ImuSample":
+        """The same sample with other values (9,), which are handed over."""
+        values.flags.writeable = False
+        sample = ImuSample.__new__(ImuSample)
+        sample.t_ns, sample.values, sample.temp_c, sample.flags = self.t_ns, values, self.temp_c, self.flags
+        return sample
+
     @property
     def gyr(self) -> Floats:
         """Angular rate, rad/s, (3,); NaN where absent."""

@@ -51,11 +51,13 @@ from plumbob.rotations import Frame, North
 from plumbob.rotations.kernels import rotate
 
 if TYPE_CHECKING:
-    from plumbob.data.cards import NoiseCard
+    from pathlib import Path
+
+    from plumbob.data.cards import CalibrationCard, NoiseCard
 
 _UNIT = 1e-6  # a step renormalises to rounding
 _LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
-STATE_VERSION = 6
+STATE_VERSION = 7
 SEEN_TAU = 30.0
 """The field is taken for its mean over this, s, when errors of its calibration are weighed."""
 _LOOKED_AT = 10_000
@@ -247,6 +249,8 @@ class Filter(AttitudeEstimator):
         without it the first samples give tilt and heading.
     meta : ImuMeta, optional
         What is known about the samples that `update` will take; a recording that `process` takes brings its own.
+    calibration : CalibrationCard or path, optional
+        Card of the unit, by which samples and recordings are corrected first.
 
     Attributes
     ----------
@@ -280,6 +284,7 @@ class Filter(AttitudeEstimator):
         noise: "NoiseCard | None" = None,
         init: Start | ArrayLike | str | None = None,
         meta: ImuMeta | None = None,
+        calibration: "CalibrationCard | str | Path | None" = None,
     ) -> None:
         self.name = name
         self.frame = frame = Frame.parse(frame)
@@ -295,7 +300,11 @@ class Filter(AttitudeEstimator):
         given = {**({} if noise is None else _from_noise(name, self.module, noise)), **(params or {})}
         self.params, self.common = _split_params(name, self.module, given)
         self._decided = "declination" in given
-        self._meta = meta
+        self._card, self._correct, self._meta = None, None, meta
+        if calibration is not None:
+            from plumbob.data.calibrated import calibrating
+
+            self._card, self._correct, self._meta = calibrating(calibration, meta)
         self._loops = filter_loops(name)
         self._covariance: slice = getattr(self.module, "COVARIANCE", slice(0, 0))  # its places in the state
         c = _coefficients(self.module, self.params, self.common, frame)
@@ -394,6 +403,7 @@ class Filter(AttitudeEstimator):
             If the recording lacks a triad that the filter needs.
         """
         check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
+        data = data if self._card is None else self._card.correct(data, live=True)
         if missing := [name for name in self.module.NEEDS if name not in data.triads]:
             raise ShapeError(
                 f"{self.name} needs {', '.join(self.module.NEEDS)}, but the recording has no {', '.join(missing)}."
@@ -438,7 +448,8 @@ class Filter(AttitudeEstimator):
             If it is not a sample.
         """
         try:
-            return self._single(self._s, sample.t_ns, sample.flags, sample.values)
+            values = sample.values if self._correct is None else self._correct(sample).values
+            return self._single(self._s, sample.t_ns, sample.flags, values)
         except AttributeError:
             if isinstance(sample, ImuSample):
                 raise
@@ -454,6 +465,7 @@ class Filter(AttitudeEstimator):
             "params": {**self.params._asdict(), **self._fixed()},
             "declination": self.common.declination,
             "left": [list(half) for half in self._left],
+            "calibration": None if self._card is None else self._card.text(),
             "init": None
             if self._init is None
             else [self._init.q_nb.tolist(), self._init.north and str(self._init.north)],
@@ -473,11 +485,16 @@ class Filter(AttitudeEstimator):
             raise DecodeError("this is not a saved filter state. Give what Filter.save() returned.")
         if saved.get("version") != STATE_VERSION:
             raise DecodeError(f"the saved state has version {saved.get('version')}, but this is {STATE_VERSION}.")
-        missing = {"filter", "frame", "params", "declination", "left", "init", "state"} - set(saved)
+        missing = {"filter", "frame", "params", "declination", "left", "calibration", "init", "state"} - set(saved)
         if missing:
             raise DecodeError(f"the saved state lacks {', '.join(sorted(missing))}.")
         frame, init = Frame.parse(saved["frame"]), _saved_start(saved["init"])
-        filter_ = cls(saved["filter"], frame=frame, params=saved["params"], init=init)
+        card = None
+        if saved["calibration"] is not None:
+            from plumbob.data.cards import CalibrationCard
+
+            card = CalibrationCard.from_text(saved["calibration"], "the card of the saved state")
+        filter_ = cls(saved["filter"], frame=frame, params=saved["params"], init=init, calibration=card)
         state = check.column("state", saved["state"])
         if state.shape != filter_._x.shape or not np.isfinite(state).all():
             raise DecodeError(f"the saved state must be {filter_._x.size} finite numbers, but has {state.size}.")

@@ -272,6 +272,19 @@ class CalibrationCard(Card):
         """Triads and mounting that the card has, by name."""
         return {name: getattr(self, name) for name in self.PARTS if getattr(self, name) is not None}
 
+    def correct(self, what: Any, *, live: bool = False) -> Any:
+        """A sample or a recording, calibrated: an `ImuSample`, or an `ImuData` as of `apply_card`, with its `live`.
+
+        Raises
+        ------
+        CalibrationError
+            As of `apply_card`; a single sample does not say of which unit it is.
+        """
+        from plumbob.data.calibrated import apply_card, correction
+        from plumbob.data.sample import ImuSample
+
+        return correction(self)(what) if isinstance(what, ImuSample) else apply_card(self, what, live=live)
+
     def without(self, *parts: str) -> Self:
         """Return this card without some of its parts."""
         empty: dict[str, Any] = dict.fromkeys(parts)

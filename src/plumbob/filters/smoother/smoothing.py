@@ -46,7 +46,9 @@ from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading
 
 if TYPE_CHECKING:
-    from plumbob.data.cards import NoiseCard
+    from pathlib import Path
+
+    from plumbob.data.cards import CalibrationCard, NoiseCard
     from plumbob.filters.smoother.live import Between, Live
 
 
@@ -349,8 +351,8 @@ class FixedLag(Smoother):
     """The smoother on a stream: parts in, attitudes out as soon as nothing that may still come can change them.
 
     They come as much later as the parameter ``lag`` says, at once where it is zero, and are those of `Smoother` with
-    that lag, to the bit, however the stream is cut. Arguments and attributes are those of `Smoother`; without a lag in
-    `params` it is zero.
+    that lag, to the bit, however the stream is cut. Arguments and attributes are those of `Smoother`, and `calibration`
+    as of `Filter`; without a lag in `params` it is zero.
 
     Raises
     ------
@@ -366,7 +368,13 @@ class FixedLag(Smoother):
         noise: "NoiseCard | None" = None,
         init: Start | ArrayLike | str | None = None,
         meta: ImuMeta | None = None,
+        calibration: "CalibrationCard | str | Path | None" = None,
     ) -> None:
+        self._card = self._correct = None
+        if calibration is not None:
+            from plumbob.data.calibrated import calibrating
+
+            self._card, self._correct, meta = calibrating(calibration, meta)
         super().__init__(frame=frame, params={"lag": CAUSAL_LAG, **(params or {})}, noise=noise, init=init, meta=meta)
         if self.params.lag is None:
             raise ParameterError(
@@ -400,7 +408,7 @@ class FixedLag(Smoother):
         """
         if self._single is not None:
             raise ParameterError("update takes the samples of this stream. Call reset() before another stream.")
-        return self._take(data)
+        return self._take(data if self._card is None else self._card.correct(data, live=True))
 
     def _take(self, data: ImuData) -> AttitudeTrack | None:
         tracks = self._tracks or self._started(data)
@@ -438,7 +446,7 @@ class FixedLag(Smoother):
         ShapeError
             If it is not a sample.
         """
-        return self._updater.update(sample)
+        return self._updater.update(sample if self._correct is None else self._correct(sample))
 
     @property
     def _updater(self) -> Single:
