@@ -57,6 +57,7 @@ _MOST_BYTES: Final = 1 << 16
 """Bytes without a line end that are waited for; no logger writes such a row."""
 _REMEMBERED: Final = 20
 """Rows that tell whether the last one was cut, as of a file."""
+_MOST_NAMED: Final = 6
 _ALL_ODD: Final = 8
 _MEMORY: Final = 16
 
@@ -398,6 +399,7 @@ class LineDecoder:
         self._reads, self._pending, self._done = Reads(), b"", 0
         self._lines = self._left_out = 0
         self._error = ""
+        self._bad_lines: list[str] = []
         self._midway = form.midway
 
     @property
@@ -406,7 +408,8 @@ class LineDecoder:
         clock, error = self._clock, self._error or "a time stamp is far off those around it"
         count, found = self._left_out + (clock.off if clock else 0), list[Finding]()
         if count:
-            found.append(warning("reading.lines_left_out", count=count, rows=self._lines, error=error.rstrip(".")))
+            found.append(warning("reading.lines_left_out", count=count, rows=self._lines, error=error.rstrip("."),
+                                 lines=tuple(self._bad_lines[1:])))  # fmt: skip
         if clock and clock.turned:
             found.append(warning("reading.clock_turned", at=clock.turned_at, count=clock.turned))
         if clock and clock.again:
@@ -469,6 +472,7 @@ class LineDecoder:
             self._left_out += 1
             self.counts.bad_content += 1
             self._error = self._error or str(error)
+            self._bad_lines += [str(self._lines)] if len(self._bad_lines) < _MOST_NAMED else []
             return False
 
     def _frames(self, rows: list[_Row]) -> dict[str, Frames]:
