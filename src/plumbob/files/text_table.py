@@ -538,7 +538,7 @@ class Reading:
             self.numbers.setdefault(ref, []).append(np.array(some, dtype=np.float64))
 
     def add(self, words: Sequence[str], line: int, numbers: dict[ColumnRef, list[float]]) -> None:
-        """Add the numbers and texts of a row in cells, all or none; DecodeError where one is no number."""
+        """Add the numbers and texts of a row in cells, all or none; DecodeError where a cell is not a number."""
         values = {ref: self._number(words[self.places[ref]], line, ref) for ref in numbers}
         for ref, value in values.items():
             numbers[ref].append(value)
