@@ -13,7 +13,7 @@ from plumbob.live.runner import run_stream
 from plumbob.live.sending import send_sinks, with_sent
 from plumbob.live.session import RecordSpec, Session
 from plumbob.live.session_toml import capture_session
-from plumbob.live.sinks import RecordingSink, Sink, TextSink, named_at
+from plumbob.live.sinks import RecordingSink, Sink, named_at, text_sinks
 from plumbob.live.sources import open_source
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stopping
@@ -134,9 +134,9 @@ def record(
     seconds = given("duration", duration, Quantity.TIME, positive=True)
     stream, say = Stream(chosen), note or (lambda line: None)
     announce(chosen, say)
+    others = text_sinks(chosen)
     recording_sink = None if chosen.record is None else RecordingSink(chosen, chosen.record)
     watch = Watch(stream, note, progress=progress)
-    others = [TextSink(chosen.output.text, chosen.output.every)] if chosen.output.text else []
     source = open_source(chosen.source)
     sending = send_sinks(chosen, note=say, keep=None if recording_sink is None else recording_sink.on_item)
     if opened is not None:

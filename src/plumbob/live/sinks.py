@@ -214,6 +214,14 @@ class TextSink:
             self._file.close()
 
 
+def text_sinks(session: Session) -> list[TextSink]:
+    """The text that a session asks for, as a list; ParameterError where nothing estimates what it would hold."""
+    path = session.output.text
+    if path and session.stage is None:
+        raise ParameterError("a text has attitudes, and nothing estimates one; give --filter, or [estimate].")
+    return [TextSink(path, session.output.every)] if path else []
+
+
 _EVERY: Final = 0.09
 """Time after which a chunk is closed, s: with the write itself, a crash costs at most 100 ms."""
 

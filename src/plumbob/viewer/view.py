@@ -27,7 +27,7 @@ from plumbob.live.runner import run_stream
 from plumbob.live.sending import send_sinks, with_sent
 from plumbob.live.session import Session
 from plumbob.live.session_toml import ALL, SESSION, capture_session, of_unit, parse_session
-from plumbob.live.sinks import RecordingSink, Sink, TextSink, named_at
+from plumbob.live.sinks import RecordingSink, Sink, named_at, text_sinks
 from plumbob.live.sources import open_source
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Stopping
@@ -346,7 +346,7 @@ class Shows:
 
         watch = Watch(stream, remark, events=False)
         desk = _LineDesk(feed, switch, outlet)
-        texts = [TextSink(session.output.text, session.output.every)] if session.output.text else []
+        texts = text_sinks(session)
         source = open_source(session.source)
         sending = send_sinks(session, note=remark)
         how.opened()
