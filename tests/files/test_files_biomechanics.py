@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import plumbob
+from plumbob import profile
 from plumbob.core.errors import ClockError, MissingExtraError, ParameterError, ShapeError
 from plumbob.files import read, write
-from plumbob.files.draft import profile
 from plumbob.files.foreign.opensim import write_orientations
 from plumbob.rotations import Frame, North, change_frame
 from tests.helpers.io_samples import make_imu, make_track, refused

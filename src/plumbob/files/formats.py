@@ -74,11 +74,14 @@ def _named(name: str | Callable[..., Any]) -> Callable[..., Any]:
 
 def read_table(path: Path, profile: "Profile | str | Path | None") -> Recording:
     """Read a text table; a log that is known by its names needs no profile."""
-    from plumbob.files.draft import known_profile
     from plumbob.files.profile_toml import profiles_beside
     from plumbob.files.text import read_text
 
-    return read_text(path, known_profile(path) if profile is None and not profiles_beside(path) else profile)
+    if profile is None and not profiles_beside(path):
+        from plumbob.files.draft import known_profile
+
+        profile = known_profile(path)
+    return read_text(path, profile)
 
 
 def refuse_stream(path: Path) -> Recording:
@@ -341,7 +344,8 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
         if described:
             from plumbob.files.arrow import holds_recording
 
-            kinds = [kind for kind in usual if kind.takes_profile and not holds_recording(file)] or [*kinds]
+            usual = [] if suffix == ".parquet" and holds_recording(file) else usual
+            kinds = [kind for kind in usual if kind.takes_profile] or [*kinds]
             kinds = kinds or [kind for kind in FORMATS if kind.name == "text"]
     tried = []
     with reading(file):

@@ -99,14 +99,16 @@ def _read_one(file: Path, declared: Profile, note: Note) -> Recording:
     with reading(file):
         time = declared.time
         exact = time.exact if isinstance(time, TimeColumn) else None
-        table = read_table(text_bytes(file), declared.layout, declared.used, exact, declared.texts)
-        return table_recording(declared, table, file.stem, note)
+        names = declared.used, exact, declared.texts
+        return table_recording(declared, read_table(text_bytes(file), declared.layout, *names), file.stem, note)
 
 
 def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -> Recording:
     """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
     table = _oldest_first(profile, table)
     t, t0_ns, clock = _time(profile, table)
+    if not profile.flag_words:
+        table = replace(table, line_of=int)  # no error names a line any more, and the text can go
     imu, clock = _in_turns(_imu(profile, table, t, t0_ns), clock) if profile.triads else (None, clock)
     track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
     notes = (*lasting(as_findings("notes", profile.notes)), note, *table.notes, *clock, *_changes(profile, t0_ns))

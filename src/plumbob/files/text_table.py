@@ -601,6 +601,7 @@ def read_table(
         If a column is missing, or too many rows cannot be read; the message names the first line and column.
     """
     text = decode(raw, layout.encoding)
+    del raw  # which is as large
     if layout.separator == JSON:
         text, layout = objects_as_rows(text), replace(layout, separator="\t")
     text, cut = ended(text, layout)
@@ -623,7 +624,7 @@ def read_table(
         if not (plain and reading.add_fast(text[start:end])):
             reading.add_slow(body.rows(start, end, line))
     reading.refuse_too_many()
-    columns = {ref: parts[0] if len(parts) == 1 else np.concatenate(parts) for ref, parts in reading.numbers.items()}
+    columns = {ref: np.concatenate(reading.numbers.pop(ref)) for ref in list(reading.numbers)}
     count = reading.rows - len(reading.left_out)
     _refuse_rows(count, layout.rows)
     if not count:
