@@ -41,20 +41,10 @@ _ADVICE: Final = (
 class Text:
     """Numbers in a text.
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    separator : bytes
-        Between the numbers of a line: a comma, a semicolon, or empty for blanks and tabs.
-    columns : int
-        Numbers in a row.
-    one_line : bool
-        Whether all rows stand on one line.
-    start, line : int
-        Byte at which the first row begins, and the number of its line, counted from 1.
-    complete : bool
-        Whether something follows the last number (on several lines: a line end).
+    `path`: the file; `separator`: between the numbers of a line: a comma, a semicolon, or empty for blanks and tabs;
+    `columns`: numbers in a row; `one_line`: whether all rows stand on one line; `start`, `line`: byte at which the
+    first row begins, and the number of its line, counted from 1; `complete`: whether something follows the last number
+    (on several lines: a line end).
     """
 
     path: Path
@@ -253,18 +243,8 @@ _BLOCK_VALUES: Final = 1 << 16
 class Binary:
     """A table in a file.
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    dtype : dtype
-        Of its values.
-    offset : int
-        Bytes before them.
-    rows, columns : int
-        Size of the table.
-    by_column : bool
-        Whether the values of a column follow each other, instead of those of a row.
+    `path`: the file; `dtype`: of its values; `offset`: bytes before them; `rows`, `columns`: size of the table;
+    `by_column`: whether the values of a column follow each other, instead of those of a row.
     """
 
     path: Path

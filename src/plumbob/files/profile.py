@@ -185,12 +185,8 @@ class TimeColumn:
 class TimeStamps:
     """Time from dates and clock times (ISO 8601).
 
-    Attributes
-    ----------
-    columns : tuple of int or str
-        One column, or two: dates, and clock times.
-    zone : int or None
-        What the clock is ahead of UTC, ns, where the cells do not say so.
+    `columns`: one column, or two: dates, and clock times; `zone`: what the clock is ahead of UTC, ns, where the cells
+    do not say so.
     """
 
     columns: tuple[ColumnRef, ...]
