@@ -116,6 +116,8 @@ def _uses(house: House, words: Mapping[str, set[Unit]], unit: Unit, nodes: list[
             yield house.home(*one.taken[node.id])
         elif isinstance(node, ast.Name) and node.id in one.definitions:
             yield unit[0], node.id
+        elif isinstance(node, ast.ClassDef):  # a result has its description under its name, core/result.py
+            yield from words.get(node.name.lower(), ())
         elif isinstance(node, ast.Attribute):
             yield from words.get(node.attr, ())
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):

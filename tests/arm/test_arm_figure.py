@@ -8,9 +8,10 @@ from hashlib import sha256
 import numpy as np
 import pytest
 
-from plumbob.arm import JointTrack, arm_report, stick_figure, taught
+from plumbob.arm import JointTrack, taught
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.data.chain import Chain, Joint, Segment
+from plumbob.reporting.arm import arm_report, stick_figure
 from plumbob.reporting.report import Report
 from tests.helpers.arm_samples import arm, pick_and_place, scipy_hand
 

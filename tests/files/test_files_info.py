@@ -9,7 +9,7 @@ import pytest
 
 import plumbob
 from plumbob import AttitudeTrack, Frame, ImuData, ImuMeta, North, files, flags
-from plumbob.overview import info
+from plumbob.reporting import info
 from tests.helpers.commandline import ok
 from tests.helpers.io_samples import make_imu
 

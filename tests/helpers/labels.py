@@ -14,10 +14,10 @@ SILENT = {"dash", "links", "lines", "trail", "unit", "points", "shadow"}
 def labels(report, *, names=()):
     """Titles, names of facts, heads and words of tables, captions, keys and texts of figures; without given names."""
     found = {report.title, *(name for name, _ in report.facts)}
-    for table in report.tables:
+    for table in report.all_tables:
         found |= {table.title, *table.head, *(row[0] for row in table.rows)}
         found |= {cell for row in table.rows for cell in row if cell.startswith("not ")}
-    for figure in report.figures:
+    for figure in report.drawings:
         found |= {figure.caption, *(name for name, *_ in figure.key)}
         drawn = Figure()
         figure.draw(drawn)

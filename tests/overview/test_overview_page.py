@@ -199,7 +199,7 @@ def test_a_browser_prints_it(overview, tmp_path):
 
 
 def test_without_a_browser_a_pdf_is_refused_in_plain_words(overview, tmp_path, monkeypatch):
-    monkeypatch.setattr("plumbob.overview.page.BROWSERS", ("a-browser-that-is-not-there",))
+    monkeypatch.setattr("plumbob.reporting.page.BROWSERS", ("a-browser-that-is-not-there",))
     with pytest.raises(MissingExtraError, match="a PDF is printed by Chromium or Chrome, and none was found"):
         overview.write_pdf(tmp_path / "page.pdf")
     assert list(tmp_path.iterdir()) == []

@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from plumbob.arm.angles import JointTrack
     from plumbob.arm.estimation import ArmEstimate, run
     from plumbob.arm.exported import export
-    from plumbob.arm.figure import arm_report, stick_figure
     from plumbob.arm.program import PathDeviation, Program, Standstill, taught
     from plumbob.arm.replayed import HandError, Replay, replay
     from plumbob.arm.urdf import chain_from_urdf, urdf_text
@@ -26,13 +25,11 @@ __getattr__, __dir__ = lazily(
         "Replay": "replayed",
         "Standstill": "program",
         "align": "alignment",
-        "arm_report": "figure",
         "chain_from_urdf": "urdf",
         "export": "exported",
         "opened_chain": "alignment",
         "replay": "replayed",
         "run": "estimation",
-        "stick_figure": "figure",
         "taught": "program",
         "urdf_text": "urdf",
     },
@@ -48,13 +45,11 @@ __all__ = [
     "Replay",
     "Standstill",
     "align",
-    "arm_report",
     "chain_from_urdf",
     "export",
     "opened_chain",
     "replay",
     "run",
-    "stick_figure",
     "taught",
     "urdf_text",
 ]

@@ -3,12 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
 
-from plumbob.calibration.fit import Fitted
+from plumbob.calibration.fit import Fitted, numbers
 from plumbob.calibration.mount import Mounted
 from plumbob.core import __version__
 from plumbob.core.errors import CalibrationError, ParameterError
 from plumbob.core.findings import Finding, warning
+from plumbob.core.result import Reported
 from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
@@ -176,3 +179,35 @@ def _cut(imu: ImuData, span: tuple[float, float]) -> ImuData:
             f"nothing lies from {span[0]:g} to {span[1]:g} s; the recording goes to {float(imu.t[-1]):g} s."
         )
     return imu[first:stop]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibrated(Reported):
+    """What a calibration found.
+
+    Attributes
+    ----------
+    card : CalibrationCard
+        The card so far, completed; it corrects every later recording of the unit.
+    fits : mapping of str to Fitted
+        By triad: the fit, with residuals, grade and remarks.
+    capture : Capture
+        What it was found from.
+    """
+
+    card: CalibrationCard
+    fits: Mapping[str, Fitted]
+    capture: Capture
+
+    def facts(self) -> Mapping[str, str]:
+        """Unit, and the grade of each part."""
+        grades = {name: getattr(fit.calibration.quality, "grade", None) or "found" for name, fit in self.fits.items()}
+        return {"device": self.card.device} | (grades or {"mount": "found"})
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the card; errors as of `CalibrationCard.save`."""
+        self.card.save(path, overwrite=overwrite)
+
+    def summary(self) -> dict[str, Any]:
+        """All figures, as JSON can hold them."""
+        return numbers(self.card, self.fits)

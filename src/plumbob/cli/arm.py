@@ -83,6 +83,7 @@ def export(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob import arm
     from plumbob.arm.exported import SUFFIXES
     from plumbob.data.chain_toml import load_chain
+    from plumbob.reporting.arm import arm_report
 
     paths = [Path(path) for path in args.out]
     for path in paths:
@@ -105,7 +106,7 @@ def export(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     if not args.json:
         common.note(*map(str, program.notes))
     if chain is not None and (args.html or args.plot):
-        common.write_pages(args, arm.arm_report(chain, track, program=program))
+        common.write_pages(args, arm_report(chain, track, program=program))
     return 0
 
 

@@ -46,7 +46,7 @@ def report(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Write the page before the text, because who reads that may go away; or draw one figure, and say where it is."""
     out = getattr(args, "out", None)
     if args.figure:
-        from plumbob.overview.overview import plot
+        from plumbob.reporting.overview import plot
 
         if out is None or len(args.files) > 1:
             raise ParameterError("--figure draws one recording; name the picture with --out.")

@@ -15,7 +15,7 @@ _ESTIMATE: Final = (("filter", "causal", "lag"),)
 
 def arm_page(motion: Any, _args: Namespace) -> Any:
     """Page of estimated joint angles."""
-    from plumbob.arm import arm_report
+    from plumbob.reporting.arm import arm_report
 
     facts = [(name, value) for name, value in motion.facts().items() if name in ("frame", "method")]
     return arm_report(

@@ -11,7 +11,7 @@ from plumbob.core.files import write_text
 from plumbob.core.text import FactsText
 
 
-class Reported(FactsText):
+class Described(FactsText):
     """Mixin of a result that is described by the file of `plumbob.reporting` that bears the name of its room."""
 
     __slots__ = ()
@@ -25,6 +25,12 @@ class Reported(FactsText):
         """Text for a terminal, with the tables that are always shown and those of the given details."""
         return str(self.report().text(*details))
 
+
+class Reported(Described):
+    """Mixin of a described result that has a page, too."""
+
+    __slots__ = ()
+
     def page(self, *, lang: str = "en") -> str:
         """HTML of a page, self-contained, its labels in "en" or "zh"; needs matplotlib for figures."""
         return str(self.report().page(lang=lang))
@@ -32,6 +38,10 @@ class Reported(FactsText):
     def write_html(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
         """Write the page, a single file that opens offline; errors as of `page` and of an output that exists."""
         return write_text(path, self.page(lang=lang), overwrite=overwrite)
+
+    def write_pdf(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
+        """Write the page as a PDF, which Chromium or Chrome prints; MissingExtraError where neither is installed."""
+        return Path(self.report().write_pdf(path, lang=lang, overwrite=overwrite))
 
     def plot(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
         """Write its own figures, or those of its parts where it has none, as SVG, PNG or PDF by the name's ending."""

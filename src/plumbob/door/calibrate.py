@@ -1,24 +1,22 @@
 """From a capture to a calibration card: `plumbob calibrate`, in Python and on the command line."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from plumbob.calibration.calibration import Capture, capture, card_of
+from plumbob.calibration.calibration import Calibrated, Capture, capture, card_of
 from plumbob.core import check
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError
 from plumbob.core.findings import warnings
-from plumbob.core.result import Reported
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.data.recording import Recording
 from plumbob.door.reading import read
-from plumbob.reporting.report import Report
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
@@ -31,46 +29,6 @@ if TYPE_CHECKING:
 
 Note = Callable[[str], None]
 Value = float | str | None
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Calibrated(Reported):
-    """What a calibration found.
-
-    Attributes
-    ----------
-    card : CalibrationCard
-        The card so far, completed; it corrects every later recording of the unit.
-    fits : mapping of str to Fitted
-        By triad: the fit, with residuals, grade and remarks.
-    capture : Capture
-        What it was found from.
-    """
-
-    card: CalibrationCard
-    fits: "Mapping[str, Fitted]"
-    capture: Capture
-
-    def facts(self) -> Mapping[str, str]:
-        """Unit, and the grade of each part."""
-        grades = {name: getattr(fit.calibration.quality, "grade", None) or "found" for name, fit in self.fits.items()}
-        return {"device": self.card.device} | (grades or {"mount": "found"})
-
-    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the card; errors as of `CalibrationCard.save`."""
-        self.card.save(path, overwrite=overwrite)
-
-    def report(self, *, recording: str = "") -> Report:
-        """Certificate, which names the recording where one is given."""
-        from plumbob.reporting.calibration import certificate
-
-        return certificate(self.card, self.fits, recording=recording)
-
-    def summary(self) -> dict[str, Any]:
-        """All figures, as JSON can hold them."""
-        from plumbob.calibration.fit import numbers
-
-        return numbers(self.card, self.fits)
 
 
 def calibrate(

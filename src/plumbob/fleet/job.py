@@ -36,7 +36,6 @@ from plumbob.fleet.places import Place, as_place
 from plumbob.overview.overview import Overview, make_gatherer
 from plumbob.overview.report_entry import Subject, opened, subject_from
 from plumbob.overview.streaming_stats import BURST
-from plumbob.overview.tables import summary
 from plumbob.quality import quality
 from plumbob.quality.tilt import LIMIT
 from plumbob.rotations import Frame
@@ -273,7 +272,7 @@ def _worked(settings: BatchSettings, item: Item, given: Path | Recording) -> _Jo
         result = estimate(named, **settings.arguments, calibration=card, follow=gatherer)
         subject = subject_from(result, gatherer, paths if settings.pages else (), session)
         page = Overview((subject,)).page() if settings.pages else None
-    numbers = summary(replace(subject, gathered=replace(subject.gathered, spectra=None)))
+    numbers = replace(subject, gathered=replace(subject.gathered, spectra=None)).summary()
     statistics = {name: value for name, value in numbers.items() if name not in _LEFT_OUT}
     row = _row(statistics, subject, result.imu.meta.device) | _errors(settings, result)
     return _JobResult(result, row, statistics, page)

@@ -1,11 +1,11 @@
-"""One's recordings on one page: `plumbob report`, and single figures of them: `plumbob report --figure`."""
+"""One's recordings on one page: `plumbob report`."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from plumbob.core import check, units
 from plumbob.core.errors import ParameterError
@@ -13,12 +13,9 @@ from plumbob.core.result import Reported
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data import ImuData
 from plumbob.data.recording import Recording
-from plumbob.overview.figures import WHATS, figure, figures
 from plumbob.overview.report_entry import Progress, Subject, duration, read_subject, subject_from
 from plumbob.overview.streaming_stats import WHOLE, Gatherer
-from plumbob.overview.tables import comparison_table, definitions, remarks, summary, tables
 from plumbob.quality.grade import grade
-from plumbob.reporting.report import Report
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
@@ -26,9 +23,6 @@ if TYPE_CHECKING:
     from plumbob.door.estimate import Estimated
 
 Source = str | PathLike[str] | Recording | ImuData
-
-TITLE: Final = "Attitude report"
-_WIDTHS: Final = 0.03, 1.0  # least and greatest width of a picture, m
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,55 +46,9 @@ class Overview(Reported):
             facts["pitch"] = f"std {to_deg(g.tilt.pitch.sd):.2f}°"
         return facts
 
-    def report(self) -> Report:
-        """What is to be said, with figures for a paper."""
-        if len(self.subjects) == 1:
-            return _report(self.subjects[0], TITLE, definitions=definitions(self.subjects))
-        return Report(
-            TITLE,
-            tables=[comparison_table(self.subjects)],
-            parts=[_report(subject, subject.name) for subject in self.subjects],
-            definitions=definitions(self.subjects),
-        )
-
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
-        return {"recordings": [summary(subject) for subject in self.subjects]}
-
-    def page(self, *, lang: str = "en") -> str:
-        """HTML of the page, self-contained, its labels in a language of `plumbob.reporting.content.LANGUAGES`.
-
-        Raises
-        ------
-        MissingExtraError
-            If the pages of Plumbob are not built here.
-        """
-        from plumbob.overview.page import page
-
-        return page(self.subjects, TITLE, definitions(self.subjects), lang=lang)
-
-    def write_pdf(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
-        """Write the page as a PDF, which Chromium or Chrome prints.
-
-        Raises
-        ------
-        MissingExtraError
-            If neither is installed, or the pages of Plumbob are not built here.
-        """
-        from plumbob.overview.page import print_pdf
-
-        return print_pdf(self.page(lang=lang), Path(path), overwrite=overwrite)
-
-
-def _report(subject: Subject, title: str, *, definitions: Sequence[str] = ()) -> Report:
-    return Report(
-        title,
-        facts=subject.facts,
-        tables=tables(subject),
-        remarks=remarks(subject),
-        figures=list(figures(subject).values()),
-        definitions=definitions,
-    )
+        return {"recordings": [subject.summary() for subject in self.subjects]}
 
 
 def report(
@@ -218,82 +166,3 @@ def of_estimate(result: "Estimated", gatherer: Gatherer, file: str | Path) -> Ov
     """
     graded = grade(result.imu, result.inferred)
     return Overview((subject_from(result, gatherer, (Path(file),), graded=graded),))
-
-
-def plot(
-    file: Source,
-    out: str | Path,
-    *,
-    what: str = "angles",
-    begin: float | str | None = None,
-    end: float | str | None = None,
-    width: float | str | None = None,
-    lang: str = "en",
-    overwrite: bool = False,
-    burst: float | str = "20 min",
-    tilt_limit: float | str = "15 deg",
-    note: Callable[[str], object] | None = None,
-    progress: Progress | None = None,
-    **how: Any,
-) -> Path:
-    """Draw one figure of a recording for a paper.
-
-    Parameters
-    ----------
-    file : path, Recording or ImuData
-        The recording.
-    out : path
-        The picture; its ending says whether it is SVG, PNG or PDF.
-    what : str
-        One of "angles", "tilt", "rates", "forces", "field", "temperature", "bias", "sd", "spectrum", "rose", "bursts"
-        and "flags".
-    begin, end : float or str, optional
-        Times between which samples count, s, or text with a unit; the attitude is estimated of the whole recording.
-    width : float or str, optional
-        Of the picture, m, or text with a unit, as "85 mm" for a column.
-    lang : {"en", "zh"}
-        Language of the labels.
-    overwrite : bool
-        Whether a picture that lies there may be replaced.
-    burst, tilt_limit, note, progress : optional
-        As of `report`.
-    **how
-        As of `report`: `filter`, `calibration` and the others of `plumbob.estimate`.
-
-    Returns
-    -------
-    Path
-        Where it is.
-
-    Raises
-    ------
-    ParameterError
-        If the figure is not known, nothing of the recording can be drawn in it, or the file's name has another ending.
-    MissingExtraError
-        If matplotlib is not installed.
-    """
-    from plumbob.reporting.drawing import picture, picture_kind
-
-    target = check.path("out", out)
-    picture_kind(target)
-    if what not in WHATS:
-        raise ParameterError(f"there is not a figure '{what}'. Give one of {', '.join(WHATS)}.")
-    window = (units.given("begin", begin, Quantity.TIME), units.given("end", end, Quantity.TIME))
-    low, high = (-math.inf if window[0] is None else window[0], math.inf if window[1] is None else window[1])
-    inches = _inches(units.given("width", width, Quantity.LENGTH))
-    gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, window=(low, high))
-    source = file if isinstance(file, Recording | ImuData) else check.path("file", file)
-    subject = read_subject(source, gatherer, how, graded=False, note=note, progress=progress)  # type: ignore[arg-type]
-    return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=inches)
-
-
-def _inches(width: float | None) -> float | None:
-    """Width of a picture, m, in inches."""
-    if width is None:
-        return None
-    if not _WIDTHS[0] <= width <= _WIDTHS[1]:
-        raise ParameterError(
-            f"the width of a picture is {1e3 * _WIDTHS[0]:g} to {1e3 * _WIDTHS[1]:g} mm, but it is {1e3 * width:g} mm. "
-            "Give one in between, as 85mm."
-        )
-    return width / 0.0254

@@ -13,10 +13,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from plumbob.core import __version__
+from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import file_sha256
-from plumbob.core.findings import Finding, warnings
+from plumbob.core.findings import Finding, as_json, warnings
+from plumbob.core.result import plain
 from plumbob.core.text import counted
+from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.imu import BLOCK, TITLES
 from plumbob.data.reading import read_at
@@ -24,8 +27,22 @@ from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.reading import read
 from plumbob.files.formats import is_own
-from plumbob.overview.streaming_stats import Gathered, Gatherer
+from plumbob.overview.streaming_stats import (
+    MOTION_NAMES,
+    SPECTRAL,
+    SPECTRAL_UNITS,
+    TILT_NAMES,
+    TRACED,
+    UNITS,
+    Burst,
+    FlagRuns,
+    Gathered,
+    Gatherer,
+    shown_scale,
+)  # fmt: skip
+from plumbob.quality import quality
 from plumbob.quality.grade import Grade, grade, grade_of
+from plumbob.quality.tilt import Headings, Inclination, TiltMotion
 from plumbob.rotations import North
 from plumbob.rotations.headings import counted_from
 
@@ -88,6 +105,36 @@ class Subject:
     def utc(self, t: float) -> str | None:
         """UTC of a time, ISO 8601 to the second; None where it is not known."""
         return _utc(self.t0_ns, t) if self.t0_ns else None
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers of a recording, as JSON can hold them; degrees, seconds, units in every name."""
+        g = self.gathered
+        numbers: dict[str, Any] = {
+            "recording": self.name,
+            "provenance": [list(fact) for fact in self.facts],
+            "remarks": as_json(self.remarks),
+            "calibrated": self.calibrated,
+            "estimate": dict(self.numbers),
+            "time": {
+                "begin_s": g.begin, "end_s": g.end, "begin_utc": self.utc(g.begin), "samples": g.samples,
+                "duration_s": g.duration, "rate_hz": 1.0 / g.step, "gaps": len(g.gaps), "missing_samples": g.missing,
+                "lost_s": g.lost, "lost_share": g.lost / max(g.duration, g.step),
+                "gap_list_s": [list(gap) for gap in g.gaps[:1000]],
+            },
+            "tilt": None if g.tilt is None else {
+                "roll": motion_numbers(g.tilt.roll), "pitch": motion_numbers(g.tilt.pitch),
+                "inclination": inclination_numbers(g.tilt.inclination),
+            },
+            "heading": None if g.headings is None else heading_numbers(g.headings),
+            "spectra": _spectra(g),
+            "sensors": _sensor_numbers(g),
+            "flags": {name: _runs(runs, g.samples) for name, runs in g.flags.items()},
+            "grade": None if self.grade is None else self.grade.summary(),
+            "bursts": [_burst(self, burst) for burst in g.bursts],
+            "quality_thresholds": [list(row) for row in quality.thresholds()],
+            "plot": {"samples_per_pair": g.traces.each, "rows": int(g.traces.t.size)},
+        }  # fmt: skip
+        return dict(plain(numbers))
 
 
 def read_subject(
@@ -392,3 +439,80 @@ def duration(seconds: float) -> str:
     if hours:
         return f"{hours} h {minutes} min {rest} s"
     return f"{minutes} min {rest} s" if minutes else f"{seconds:.3g} s"
+
+
+def motion_numbers(m: TiltMotion) -> dict[str, Any]:
+    """Of roll or pitch."""
+    times = {"tz_s": m.tz, "tp_s": m.tp}
+    return _in_degrees(m, MOTION_NAMES) | times | {"waves": m.waves, "samples": m.samples, "wrapped": m.wrapped}
+
+
+def _in_degrees(source: TiltMotion | Inclination, names: Mapping[str, str]) -> dict[str, Any]:
+    return {f"{name}_deg": _deg(getattr(source, attribute)) for name, attribute in names.items()}
+
+
+def inclination_numbers(tilt: Inclination) -> dict[str, Any]:
+    """Of the angle from the vertical."""
+    return {
+        **_in_degrees(tilt, TILT_NAMES), "greatest_at_s": tilt.greatest_at, "limit_deg": _deg(tilt.limit),
+        "beyond": tilt.beyond, "beyond_share": tilt.share_beyond, "samples": tilt.samples,
+    }  # fmt: skip
+
+
+def heading_numbers(hdg: Headings) -> dict[str, Any]:
+    """Of headings."""
+    return {
+        "mean_deg": _deg(hdg.mean), "spread_deg": _deg(hdg.spread), "resultant": hdg.resultant, "samples": hdg.samples,
+        "share_by_10_deg": hdg.sectors(36), "share_by_22_5_deg": hdg.sectors(16),
+    }  # fmt: skip
+
+
+def _deg(angle: float) -> float:
+    return float(to_deg(angle))
+
+
+def _spectra(g: Gathered) -> dict[str, Any] | None:
+    if g.spectra is None:
+        return None
+    frequency, density = g.spectra.gathered()
+    return {
+        "method": "Welch, Hann window, half overlapping, one-sided",
+        "rate_hz": 1.0 / g.spectra.step, "segment_s": g.spectra.length * g.spectra.step,
+        "resolution_hz": g.spectra.resolution, "interpolated_segments": g.spectra.interpolated,
+        "segments": dict(zip(SPECTRAL, g.spectra.segments.tolist(), strict=True)),
+        "frequency_hz": frequency,
+        "density": {
+            f"{name} [{SPECTRAL_UNITS[name]}]": density[:, i] * shown_scale(name) ** 2
+            for i, name in enumerate(SPECTRAL)
+        },
+    }  # fmt: skip
+
+
+def _sensor_numbers(g: Gathered) -> dict[str, Any]:
+    m, numbers = g.moments, {}
+    for i, name in enumerate(TRACED):
+        stem = name.partition("_")[0]
+        if stem in UNITS and m.count[i] > 0:
+            scale = shown_scale(name)
+            values: Floats = scale * np.array([m.mean[i], m.sd[i], m.least[i], m.greatest[i]])
+            keys = ("mean", "std", "least", "greatest")
+            numbers[f"{name} [{UNITS[stem]}]"] = dict(zip(keys, values.tolist(), strict=True)) | {
+                "samples": int(m.count[i])
+            }
+    return numbers
+
+
+def _runs(runs: FlagRuns, samples: int) -> dict[str, Any]:
+    return {"samples": runs.samples, "share": runs.samples / samples, "stretches": len(runs.stretches)}
+
+
+def _burst(subject: Subject, burst: Burst) -> dict[str, Any]:
+    return {
+        "begin_s": burst.begin, "end_s": burst.end, "begin_utc": subject.utc(burst.begin), "samples": burst.samples,
+        "roll": motion_numbers(burst.tilt.roll), "pitch": motion_numbers(burst.tilt.pitch),
+        "inclination": inclination_numbers(burst.tilt.inclination), "heading": heading_numbers(burst.headings),
+        "quality": {
+            name: {"flag": verdict.flag, "tests": dict(verdict.tests), "good_share": verdict.good}
+            for name, verdict in burst.verdicts.items()
+        },
+    }  # fmt: skip

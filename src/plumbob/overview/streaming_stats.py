@@ -18,6 +18,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ShapeError
+from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.quality import quality
 from plumbob.quality.spectra import Spectra, peak_period, segment_length, welch
@@ -159,7 +160,22 @@ TRACED: Final = (
 SPECTRAL: Final = ("roll", "pitch", "heading_rate", "vertical")
 """Channels whose spectra are taken: rad, rad, rad/s, m/s²."""
 AXES: Final = {name: tuple(f"{name}_{axis}" for axis in "xyz") for name in ("gyr", "acc", "mag")}
+UNITS: Final = {"gyr": "°/s", "acc": "m/s²", "mag": "µT", "temp": "°C"}
+"""In which traced channels are shown."""
+SPECTRAL_UNITS: Final = dict(zip(SPECTRAL, ("°²/Hz", "°²/Hz", "(°/s)²/Hz", "(m/s²)²/Hz"), strict=True))
+"""Of densities, by channel."""
+MOTION_NAMES: Final = {name: name for name in ("mean", "std", "rms", "least", "greatest", "significant", "largest")} | {
+    "std": "sd"
+}
+TILT_NAMES: Final = {name: MOTION_NAMES[name] for name in ("mean", "std", "rms", "greatest")}
+"""Names of angles in tables and numbers, and the attributes that have them."""
 _RUNS: Final = 4_000
+
+
+def shown_scale(channel: str) -> float:
+    """What turns a traced or spectral channel from SI to what is shown: rad to degrees; 1 for all others."""
+    stem = channel.partition("_")[0]
+    return float(to_deg(1.0)) if stem in ("roll", "pitch", "heading", "tilt", "gyr", "bias") else 1.0
 
 
 @dataclass(slots=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.calibration.calibration import Calibrated
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Sizes, sensing_axes, sizes
 from plumbob.calibration.predicted import NAMES, REGIONS, filled, region_names
 from plumbob.core.check import Floats
@@ -66,6 +67,11 @@ def certificate(card: CalibrationCard, fits: Mapping[str, Fitted], *, recording:
     )
 
 
+def calibrated(result: Calibrated, *, recording: str = "") -> Report:
+    """Certificate, which names the recording where one is given."""
+    return certificate(result.card, result.fits, recording=recording)
+
+
 def refusal_text(refused: CaptureRefusedError) -> str:
     """Tell why a capture was refused, and what to do."""
     lines = [f"REFUSED, {refused.reasons[0].kind}; no card is made"]
@@ -84,7 +90,7 @@ def _part(name: str, c: TriadCalibration, fit: Fitted | None) -> Report:
         facts=_facts(name, c, lengths, coverage),
         tables=[Table("", ["", *AXES], list(_parameters(name, c)))],
         remarks=c.remarks,
-        figures=[] if fit is None else list(_drawn(name, fit, lengths, coverage)),
+        figures=() if fit is None else lambda: list(_drawn(name, fit, lengths, coverage)),
     )
 
 

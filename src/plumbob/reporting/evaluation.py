@@ -50,7 +50,7 @@ def evaluation(e: Evaluation, *, facts: Sequence[tuple[str, str]] = ()) -> Repor
         facts=[*facts, *_facts(e)],
         tables=_tables(e),
         remarks=_remarks(e),
-        figures=_figures(e, _COLUMNS),
+        figures=partial(_figures, e, _COLUMNS),
         definitions=_DEFINITIONS,
     )
 
@@ -130,7 +130,8 @@ def side_by_side(
         remarks=[f"Not directly comparable: the rows differ in {differing}."] if differing else [],
         figures=[comparison_figure(evaluations)],
         parts=[
-            Report(name, _facts(e), _tables(e), _remarks(e), _figures(e, columns)) for name, e in evaluations.items()
+            Report(name, _facts(e), _tables(e), _remarks(e), partial(_figures, e, columns))
+            for name, e in evaluations.items()
         ],
         definitions=_DEFINITIONS,
     )

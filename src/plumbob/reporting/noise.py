@@ -153,11 +153,17 @@ def _triad(triad: Triad) -> Report:
     return Report(
         title,
         facts=[("record", length_and_rate(triad))],
-        tables=[Table("", ["", *triad.channels], _coefficient_rows(triad)), *(_details(first) if alone else ())],
+        tables=[Table("", ["", *triad.channels], _coefficient_rows(triad))],
+        details=partial(_details, first) if alone else None,
         remarks=_remarks(triad),
-        figures=[channel_figure(first) if alone else triad_figure(triad)],
-        parts=() if alone else [Report(a.name, tables=_details(a), figures=[channel_figure(a)]) for a in channels],
+        figures=lambda: [channel_figure(first) if alone else triad_figure(triad)],
+        parts=() if alone else [_channel(a) for a in channels],
     )
+
+
+def _channel(a: Analysis) -> Report:
+    """Details of a channel among others."""
+    return Report(a.name, details=partial(_details, a), figures=lambda: [channel_figure(a)])
 
 
 def _details(a: Analysis) -> list[Table]:

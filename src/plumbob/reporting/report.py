@@ -1,7 +1,7 @@
 """What a report is, and how it is written as text; pages and pictures are written by the files beside."""
 
 import textwrap
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -27,8 +27,8 @@ class Report:
         The numbers.
     remarks : sequence of Finding or str
         What a reader must know, each a sentence.
-    figures : sequence of Figure
-        Drawn only where they are shown.
+    figures : sequence of Figure, or callable
+        Drawn only where they are shown; a function is called only there.
     parts : sequence of Report
         One for each subject in it.
     definitions : sequence of str
@@ -37,17 +37,20 @@ class Report:
         Bodies that move, on a page only.
     links : sequence of (str, str)
         Names and addresses of pages beside this one, on a page only.
+    details : callable, optional
+        Gives further tables with a `detail`; called only where they are shown.
     """
 
     title: str
     facts: Sequence[tuple[str, str]] = ()
     tables: Sequence[Table] = ()
     remarks: Sequence[Note] = ()
-    figures: Sequence[Figure] = ()
+    figures: Sequence[Figure] | Callable[[], Sequence[Figure]] = ()
     parts: "Sequence[Report]" = ()
     definitions: Sequence[str] = ()
     scenes: Sequence[Scene] = ()
     links: Sequence[tuple[str, str]] = ()
+    details: Callable[[], Sequence[Table]] | None = None
 
     def text(self, *details: str) -> str:
         """Text for a terminal, with the tables that are always shown and those of the given details."""
@@ -71,6 +74,22 @@ class Report:
 
         return picture(path, first_figures(self), lang=lang, overwrite=overwrite)
 
+    def write_pdf(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
+        """Write the page as a PDF; MissingExtraError where neither Chromium nor Chrome, which print it, is there."""
+        from plumbob.reporting.page import print_pdf
+
+        return print_pdf(self.page(lang=lang), Path(path), overwrite=overwrite)
+
+    @property
+    def all_tables(self) -> Sequence[Table]:
+        """The tables, and the details."""
+        return self.tables if self.details is None else [*self.tables, *self.details()]
+
+    @property
+    def drawings(self) -> Sequence[Figure]:
+        """The figures."""
+        return self.figures() if callable(self.figures) else self.figures
+
     @property
     def moves(self) -> bool:
         """Whether it has a scene, also in a part."""
@@ -79,8 +98,8 @@ class Report:
 
 def first_figures(report: Report) -> list[Figure]:
     """Own figures, or those of the parts where there are none."""
-    if report.figures or not report.parts:
-        return list(report.figures)
+    if (figures := report.drawings) or not report.parts:
+        return list(figures)
     return [
         replace(figure, caption=f"{part.title}: {figure.caption}")
         for part in report.parts
@@ -90,7 +109,7 @@ def first_figures(report: Report) -> list[Figure]:
 
 def _text(report: Report, details: Collection[str], *, top: bool) -> Iterator[str]:
     tables = [table for table in report.tables if not table.detail]
-    more = [table for table in report.tables if table.detail and table.detail in details]
+    more = [table for table in report.all_tables if table.detail in details] if details else []
     parts = [text for part in report.parts if (text := list(_text(part, details, top=False)))]
     if not (top or tables or more or report.facts or report.remarks or parts):
         return

@@ -5,7 +5,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from plumbob.arm.figure import stick_points
 from plumbob.calibration.predicted import NAMES, REGIONS
 from plumbob.core import __version__, flags
 from plumbob.core.check import Floats
@@ -19,6 +18,7 @@ from plumbob.filters.known import EXTENSIBLE
 from plumbob.filters.offline import Stage, make_follower
 from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.live.stream import UnitPart
+from plumbob.reporting.arm import stick_points
 from plumbob.rotations import Frame, change_frame, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.viewer.messages import Skeleton
 from plumbob.viewer.rows import Attitudes, RowLayout, ShownEstimator, rows_at, shown_estimator

@@ -21,14 +21,12 @@ from plumbob.arm.array.tracker import OF_TRIAD, OUT, SCALE, STATE, TRIAD_SIZE, U
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.result import Described, plain
 from plumbob.core.series import Series
-from plumbob.core.text import counted
 from plumbob.core.units import dps
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import NoiseCard
-from plumbob.reporting.content import Table
-from plumbob.reporting.report import Report
 
 if TYPE_CHECKING:
     from plumbob.door.reading import Source
@@ -110,7 +108,7 @@ class TriadFault:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Monitored(Series):
+class Monitored(Series, Described):
     """What a monitor has made of an array, or of a part of a stream.
 
     Attributes
@@ -168,41 +166,17 @@ class Monitored(Series):
 
     def summary(self) -> dict[str, Any]:
         """All findings, as JSON can hold them."""
-        from plumbob.core.result import plain
-
-        findings: dict[str, Any] = plain(
-            {
-                "units": list(self.names),
-                "samples": len(self),
-                "duration_s": float(self.imu.t[-1] - self.imu.t[0]),
-                "flags": flags.counts(self.imu.flags),
-                "faults": list(self.faults),
-            }
-        )
-        return findings
-
-    def report(self) -> Report:
-        """Faults and counts."""
-        counts = flags.counts(self.imu.flags)
-        facts = [("units", ", ".join(self.names)), ("samples", f"{len(self)}, {self.imu.t[-1] - self.imu.t[0]:.6g} s")]
-        facts += [("flag", f"{name}: {counted(count, 'sample')}") for name, count in counts.items()]
-        rows = [
-            (f.unit, f.triad, f.kind, f"{f.begin:.2f}", "-" if np.isnan(f.end) else f"{f.end:.2f}") for f in self.faults
-        ]
-        table = Table("Units left out", ("unit", "triad", "fault", "from [s]", "to [s]"), rows, words=(1, 2))
-        unsolved = int(np.count_nonzero(self.imu.flags & flags.CANNOT_ISOLATE))
-        remarks = ["No unit contradicts the others."] if not (rows or unsolved) else []
-        if unsolved:
-            remarks.append(
-                f"In {counted(unsolved, 'sample')} units contradict each other, and nothing says which one is wrong."
+        return dict(
+            plain(
+                {
+                    "units": list(self.names),
+                    "samples": len(self),
+                    "duration_s": float(self.imu.t[-1] - self.imu.t[0]),
+                    "flags": flags.counts(self.imu.flags),
+                    "faults": list(self.faults),
+                }
             )
-        if 2 * unsolved > len(self):
-            remarks.append("This is most of the time: check how the units are mounted, and their calibration.")
-        return Report("Array monitor", facts, (table,) if rows else (), remarks)
-
-    def text(self) -> str:
-        """Report as text."""
-        return self.report().text()
+        )
 
 
 class Monitor:

@@ -16,12 +16,8 @@ from plumbob.arm.array.virtual_unit import Combined, combined
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.result import Reported, plain
-from plumbob.core.text import measured
-from plumbob.core.units import to_deg, to_dps
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.array import ImuArray
-from plumbob.reporting.content import Table
-from plumbob.reporting.report import Report
 from plumbob.rotations import quat_from_rotvec, quat_multiply, skew
 
 if TYPE_CHECKING:
@@ -94,37 +90,7 @@ class ArrayInfo(Reported):
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them; SI."""
-        facts: dict[str, Any] = plain({"samples": self.samples, "duration_s": self.duration, "units": list(self.units)})
-        return facts
-
-    def report(self) -> Report:
-        """Tables by unit."""
-        tables = [
-            Table("Rotation beyond the mount [°]", ("unit", "x", "y", "z"), [
-                (unit.name, *_cells(to_deg(unit.rotation), to_deg(unit.rotation_sd))) for unit in self.units
-            ])
-        ]  # fmt: skip
-        names = {"gyr": "gyroscope bias [°/s]", "acc": "accelerometer bias [m/s²]", "mag": "magnetometer bias [µT]"}
-        for triad in TRIADS:
-            if not any(triad in unit.bias for unit in self.units):
-                continue
-            turn = to_dps if triad == "gyr" else np.asarray
-            rows = [(unit.name, *_cells(turn(unit.bias[triad]), turn(unit.bias_sd[triad]))) for unit in self.units]
-            tables.append(Table(f"Relative {names[triad]}", ("unit", "x", "y", "z"), rows))
-        rows = [
-            (unit.name, *_cells(np.array([1e3 * unit.clock_offset]), np.array([1e3 * unit.clock_sd])))
-            for unit in self.units
-        ]
-        tables.append(Table("Clock offset [ms]", ("unit", "later by"), rows))
-        remarks = ["Every figure is relative to the mean of all units: what they have in common does not show."]
-        if any(np.isnan(unit.clock_offset) for unit in self.units):
-            remarks.append("The array hardly moved: clock offsets need rates well above the noise.")
-        return Report("Array", list(self.facts().items()), tables, remarks)
-
-
-def _cells(values: Floats, sds: Floats) -> tuple[str, ...]:
-    pairs = zip(np.asarray(values).tolist(), np.asarray(sds).tolist(), strict=True)
-    return tuple(measured(value, value - sd, value + sd) for value, sd in pairs)
+        return dict(plain({"samples": self.samples, "duration_s": self.duration, "units": list(self.units)}))
 
 
 def info(array: "ImuArray | Source | Sequence[Source]") -> ArrayInfo:

@@ -24,17 +24,15 @@ from plumbob.arm.array.solve import combine_rows, force_rows
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.result import Described, plain
 from plumbob.core.series import Series
-from plumbob.core.text import FactsText, number
-from plumbob.core.units import to_dps
+from plumbob.core.text import FactsText
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray
 from plumbob.door.estimate import Estimated
 from plumbob.door.estimate import estimate as estimate_one
 from plumbob.filters import SMOOTHER, takes_noise
 from plumbob.filters.offline import navigation_frame
-from plumbob.reporting.content import Table
-from plumbob.reporting.report import Report
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
@@ -42,7 +40,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Combined(Series):
+class Combined(Series, Described):
     """An array as one unit.
 
     Attributes
@@ -87,31 +85,11 @@ class Combined(Series):
 
     def summary(self) -> dict[str, Any]:
         """What each sensor axis measures beyond the virtual unit, as JSON can hold it; SI and µT."""
-        from plumbob.core.result import plain
-
         parts = {triad: getattr(self.noise, triad, None) for triad in TRIADS}
         noise = {triad: part.n_rpsd for triad, part in parts.items() if part is not None}
-        facts: dict[str, Any] = plain(
-            {"units": list(self.names), "samples": len(self), "parity_rms": self.parity_rms, "noise": noise}
+        return dict(
+            plain({"units": list(self.names), "samples": len(self), "parity_rms": self.parity_rms, "noise": noise})
         )
-        return facts
-
-    def report(self) -> Report:
-        """What each unit measures beyond the virtual one."""
-        facts = [("units", ", ".join(self.names)), ("samples", f"{len(self)}, {self.imu.t[-1] - self.imu.t[0]:.6g} s")]
-        scale = {"gyr": float(to_dps(1.0)), "acc": 1.0, "mag": 1.0}
-        names = {"gyr": "gyr [°/s]", "acc": "acc [m/s²]", "mag": "mag [µT]"}
-        rms = self.parity_rms
-        rows = [
-            (name, *(number(scale[triad] * float(np.sqrt(np.mean(rms[triad][u] ** 2)))) for triad in rms))
-            for u, name in enumerate(self.names)
-        ]
-        table = Table("Rms beyond the virtual unit", ("unit", *(names[triad] for triad in rms)), rows)
-        return Report("Combined array", facts, (table,))
-
-    def text(self) -> str:
-        """Report as text."""
-        return self.report().text()
 
 
 def combined(

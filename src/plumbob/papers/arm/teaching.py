@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from plumbob.arm import JointTrack, align, export, replay, run, taught, urdf_text
-from plumbob.arm.figure import stick_figure
 from plumbob.arm.program import Program
 from plumbob.arm.replayed import HandError, Replay
 from plumbob.core.check import Floats
@@ -24,6 +23,7 @@ from plumbob.papers.arm.simulated import ALL
 from plumbob.papers.description import ARM
 from plumbob.papers.outcome import Part
 from plumbob.papers.workspace import Work
+from plumbob.reporting.arm import stick_figure
 from plumbob.reporting.content import INK, SERIES, SOFT
 from plumbob.rotations import quat_conjugate, quat_multiply, rotvec_from_quat, wrap
 

@@ -1,44 +1,25 @@
-"""Tables, numbers and sentences of a page: degrees, seconds and per cent, with the unit in every head."""
+"""Tables and sentences about recordings: degrees, seconds and per cent, with the unit in every head."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from operator import attrgetter
-from typing import Any, Final
-
-import numpy as np
+from typing import Final
 
 from plumbob.core import flags
-from plumbob.core.check import Floats
-from plumbob.core.findings import as_json
-from plumbob.core.result import plain
 from plumbob.core.text import number
 from plumbob.core.units import to_deg
 from plumbob.data import UNCALIBRATED
 from plumbob.overview.report_entry import Subject
-from plumbob.overview.streaming_stats import AXES, SPECTRAL, TRACED, Burst, FlagRuns, Gathered
+from plumbob.overview.streaming_stats import AXES, MOTION_NAMES, TILT_NAMES, TRACED, UNITS, Burst, Gathered, shown_scale
 from plumbob.quality import quality
 from plumbob.quality.grade import Grade
 from plumbob.quality.tilt import DEAD, Headings, Inclination, TiltMotion, TiltStatistics
 from plumbob.reporting.content import Table
 from plumbob.rotations import North
 
-UNITS: Final = {"gyr": "°/s", "acc": "m/s²", "mag": "µT", "temp": "°C"}
-SPECTRAL_UNITS: Final = dict(zip(SPECTRAL, ("°²/Hz", "°²/Hz", "(°/s)²/Hz", "(m/s²)²/Hz"), strict=True))
-"""Of densities, by channel."""
 NARROW: Final = 0.7
 """Spread of headings, rad, up to which they are drawn about their mean."""
-_MOTION: Final = {name: name for name in ("mean", "std", "rms", "least", "greatest", "significant", "largest")} | {
-    "std": "sd"
-}
-_TILT: Final = {name: _MOTION[name] for name in ("mean", "std", "rms", "greatest")}
-"""Names of angles in tables and numbers, and the attributes that have them."""
 _WAVES: Final = ("std [°]", "significant [°]", "Tz [s]")
-
-
-def shown_scale(channel: str) -> float:
-    """What turns a traced or spectral channel from SI to what is shown: rad to degrees; 1 for all others."""
-    stem = channel.partition("_")[0]
-    return float(to_deg(1.0)) if stem in ("roll", "pitch", "heading", "tilt", "gyr", "bias") else 1.0
 
 
 def tables(subject: Subject) -> list[Table]:
@@ -68,11 +49,11 @@ def tables(subject: Subject) -> list[Table]:
 
 def motion_table(roll: TiltMotion, pitch: TiltMotion) -> Table:
     """Statistics of roll and pitch, with their waves."""
-    head = ("", *(f"{name} [°]" for name in _MOTION), "Tz [s]", "Tp [s]", "waves")
+    head = ("", *(f"{name} [°]" for name in MOTION_NAMES), "Tz [s]", "Tp [s]", "waves")
     rows = [
         (
             name,
-            *(degrees(getattr(m, attribute)) for attribute in _MOTION.values()),
+            *(degrees(getattr(m, attribute)) for attribute in MOTION_NAMES.values()),
             seconds(m.tz),
             seconds(m.tp),
             str(m.waves) if m.samples else "-",
@@ -89,8 +70,8 @@ def _waves(tilt: TiltStatistics) -> list[str]:
 
 def inclination_table(tilt: Inclination) -> Table:
     """Angle from the vertical, and how long it was beyond the limit."""
-    head = ("", *(f"{name} [°]" for name in _TILT), "at [s]", "limit [°]", "beyond [%]")
-    angles = (degrees(getattr(tilt, attribute)) for attribute in _TILT.values())
+    head = ("", *(f"{name} [°]" for name in TILT_NAMES), "at [s]", "limit [°]", "beyond [%]")
+    angles = (degrees(getattr(tilt, attribute)) for attribute in TILT_NAMES.values())
     row = ("inclination", *angles, seconds(tilt.greatest_at), degrees(tilt.limit), percent(tilt.share_beyond))
     return Table("Inclination from the vertical", head, [row])
 
@@ -237,114 +218,6 @@ def percent(share: float) -> str:
     if not math.isfinite(value):
         return "-"
     return f"{value:.2f}" if value >= 0.1 or value == 0.0 else f"{value:.1g}"
-
-
-def summary(subject: Subject) -> dict[str, Any]:
-    """All numbers of a recording, as JSON can hold them; degrees, seconds, units in every name."""
-    g = subject.gathered
-    numbers: dict[str, Any] = {
-        "recording": subject.name,
-        "provenance": [list(fact) for fact in subject.facts],
-        "remarks": as_json(subject.remarks),
-        "calibrated": subject.calibrated,
-        "estimate": dict(subject.numbers),
-        "time": {
-            "begin_s": g.begin, "end_s": g.end, "begin_utc": subject.utc(g.begin), "samples": g.samples,
-            "duration_s": g.duration, "rate_hz": 1.0 / g.step, "gaps": len(g.gaps), "missing_samples": g.missing,
-            "lost_s": g.lost, "lost_share": g.lost / max(g.duration, g.step),
-            "gap_list_s": [list(gap) for gap in g.gaps[:1000]],
-        },
-        "tilt": None if g.tilt is None else {
-            "roll": motion_numbers(g.tilt.roll), "pitch": motion_numbers(g.tilt.pitch),
-            "inclination": inclination_numbers(g.tilt.inclination),
-        },
-        "heading": None if g.headings is None else heading_numbers(g.headings),
-        "spectra": _spectra(g),
-        "sensors": _sensor_numbers(g),
-        "flags": {name: _runs(runs, g.samples) for name, runs in g.flags.items()},
-        "grade": None if subject.grade is None else subject.grade.summary(),
-        "bursts": [_burst(subject, burst) for burst in g.bursts],
-        "quality_thresholds": [list(row) for row in quality.thresholds()],
-        "plot": {"samples_per_pair": g.traces.each, "rows": int(g.traces.t.size)},
-    }  # fmt: skip
-    return dict(plain(numbers))
-
-
-def motion_numbers(m: TiltMotion) -> dict[str, Any]:
-    """Of roll or pitch."""
-    times = {"tz_s": m.tz, "tp_s": m.tp}
-    return _in_degrees(m, _MOTION) | times | {"waves": m.waves, "samples": m.samples, "wrapped": m.wrapped}
-
-
-def _in_degrees(source: TiltMotion | Inclination, names: Mapping[str, str]) -> dict[str, Any]:
-    return {f"{name}_deg": _deg(getattr(source, attribute)) for name, attribute in names.items()}
-
-
-def inclination_numbers(tilt: Inclination) -> dict[str, Any]:
-    """Of the angle from the vertical."""
-    return {
-        **_in_degrees(tilt, _TILT), "greatest_at_s": tilt.greatest_at, "limit_deg": _deg(tilt.limit),
-        "beyond": tilt.beyond, "beyond_share": tilt.share_beyond, "samples": tilt.samples,
-    }  # fmt: skip
-
-
-def heading_numbers(hdg: Headings) -> dict[str, Any]:
-    """Of headings."""
-    return {
-        "mean_deg": _deg(hdg.mean), "spread_deg": _deg(hdg.spread), "resultant": hdg.resultant, "samples": hdg.samples,
-        "share_by_10_deg": hdg.sectors(36), "share_by_22_5_deg": hdg.sectors(16),
-    }  # fmt: skip
-
-
-def _deg(angle: float) -> float:
-    return float(to_deg(angle))
-
-
-def _spectra(g: Gathered) -> dict[str, Any] | None:
-    if g.spectra is None:
-        return None
-    frequency, density = g.spectra.gathered()
-    return {
-        "method": "Welch, Hann window, half overlapping, one-sided",
-        "rate_hz": 1.0 / g.spectra.step, "segment_s": g.spectra.length * g.spectra.step,
-        "resolution_hz": g.spectra.resolution, "interpolated_segments": g.spectra.interpolated,
-        "segments": dict(zip(SPECTRAL, g.spectra.segments.tolist(), strict=True)),
-        "frequency_hz": frequency,
-        "density": {
-            f"{name} [{SPECTRAL_UNITS[name]}]": density[:, i] * shown_scale(name) ** 2
-            for i, name in enumerate(SPECTRAL)
-        },
-    }  # fmt: skip
-
-
-def _sensor_numbers(g: Gathered) -> dict[str, Any]:
-    m, numbers = g.moments, {}
-    for i, name in enumerate(TRACED):
-        stem = name.partition("_")[0]
-        if stem in UNITS and m.count[i] > 0:
-            scale = shown_scale(name)
-            values: Floats = scale * np.array([m.mean[i], m.sd[i], m.least[i], m.greatest[i]])
-            keys = ("mean", "std", "least", "greatest")
-            numbers[f"{name} [{UNITS[stem]}]"] = dict(zip(keys, values.tolist(), strict=True)) | {
-                "samples": int(m.count[i])
-            }
-    return numbers
-
-
-def _runs(runs: FlagRuns, samples: int) -> dict[str, Any]:
-    return {"samples": runs.samples, "share": runs.samples / samples, "stretches": len(runs.stretches)}
-
-
-def _burst(subject: Subject, burst: Burst) -> dict[str, Any]:
-    return {
-        "begin_s": burst.begin, "end_s": burst.end, "begin_utc": subject.utc(burst.begin), "samples": burst.samples,
-        "roll": motion_numbers(burst.tilt.roll), "pitch": motion_numbers(burst.tilt.pitch),
-        "inclination": inclination_numbers(burst.tilt.inclination), "heading": heading_numbers(burst.headings),
-        "quality": {
-            name: {"flag": verdict.flag, "tests": dict(verdict.tests), "good_share": verdict.good}
-            for name, verdict in burst.verdicts.items()
-        },
-    }  # fmt: skip
 
 
 BARE: Final = f"Calibration: {UNCALIBRATED}. All numbers of this page are of uncalibrated values."

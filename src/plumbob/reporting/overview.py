@@ -1,51 +1,40 @@
-"""The page of recordings: one HTML file with plots that are zoomed and read, which opens anywhere; and as a PDF.
+"""The page of recordings: one HTML file with plots that are zoomed and read, which opens anywhere; and single figures.
 
 One constant script draws them, which the page's policy names by its hash; nothing asks for a network. Values stand in
-blocks of 16-bit codes. The PDF is printed by Chromium or Chrome without a window.
+blocks of 16-bit codes.
 """
 
 import math
-import os
-import shutil
-import subprocess
 from base64 import b64encode
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.errors import DecodeError, MissingExtraError, excerpt
-from plumbob.core.files import replacing
+from plumbob.core import check, units
+from plumbob.core.errors import ParameterError
 from plumbob.core.resources import asset
 from plumbob.core.time import GAP_FACTOR
-from plumbob.core.units import to_deg
-from plumbob.overview.figures import SECTORS, Chart, charts, shown_values
-from plumbob.overview.report_entry import Subject
+from plumbob.core.units import Quantity, to_deg
+from plumbob.data import ImuData
+from plumbob.data.recording import Recording
+from plumbob.overview.overview import Overview, Source, make_gatherer
+from plumbob.overview.report_entry import Progress, Subject, read_subject
 from plumbob.overview.streaming_stats import Gathered
-from plumbob.overview.tables import (
-    BARE,
-    burst_table,
-    comparison_table,
-    flag_table,
-    grade_table,
-    heading_table,
-    inclination_table,
-    motion_table,
-    quality_table,
-    remarks,
-    sector_table,
-    sensor_table,
-    threshold_table,
-)
 from plumbob.quality import quality
 from plumbob.quality.tilt import Headings
+from plumbob.reporting import overview_tables as tables
 from plumbob.reporting.content import said
+from plumbob.reporting.drawing import picture, picture_kind
+from plumbob.reporting.overview_figures import SECTORS, WHATS, Chart, charts, figure, figures, shown_values
 from plumbob.reporting.page import CSS, asset_text, render
+from plumbob.reporting.report import Report
 
+TITLE: Final = "Attitude report"
+_WIDTHS: Final = 0.03, 1.0  # least and greatest width of a picture, m
 _NONE: Final = -32768
 _CODES: Final = 65534
 """Steps that the range of a channel is divided in."""
@@ -58,24 +47,48 @@ Block = tuple[str, Any]
 """Kind of a part of a section, as the template has it, and what is in it."""
 
 
-def page(subjects: Sequence[Subject], title: str, definitions: Sequence[str], *, lang: str = "en") -> str:
-    """HTML of the page; any text in it is safe.
+@dataclass(frozen=True)
+class RecordingsReport(Report):
+    """Description of recordings, with a page of its own: `subjects` are their statistics and traces."""
 
-    Raises
-    ------
-    MissingExtraError
-        If the pages of Plumbob are not built here.
-    """
+    subjects: Sequence[Subject] = ()
+
+    def page(self, *, lang: str = "en") -> str:
+        """HTML of the page, self-contained; MissingExtraError where the pages of Plumbob are not built here."""
+        return _page(self, lang)
+
+
+def overview(o: Overview) -> Report:
+    """Description of recordings, with figures for a paper."""
+    definitions = tables.definitions(o.subjects)
+    if len(o.subjects) == 1:
+        return replace(_described(o.subjects[0]), title=TITLE, definitions=definitions)
+    beside, parts = [tables.comparison_table(o.subjects)], [_described(subject) for subject in o.subjects]
+    return RecordingsReport(TITLE, tables=beside, parts=parts, definitions=definitions, subjects=o.subjects)
+
+
+def _described(subject: Subject) -> RecordingsReport:
+    return RecordingsReport(
+        subject.name,
+        facts=subject.facts,
+        tables=tables.tables(subject),
+        remarks=tables.remarks(subject),
+        figures=lambda: list(figures(subject).values()),
+        subjects=(subject,),
+    )
+
+
+def _page(report: RecordingsReport, lang: str) -> str:
     script = asset("report.js").read_text(encoding="utf-8").replace("</script", "<\\/script")
     style = CSS + asset_text("recordings.css") + asset("report.css").read_text(encoding="utf-8")
     values: dict[str, str] = {}
     data, recordings = [], []
-    for number, subject in enumerate(subjects):
+    for number, subject in enumerate(report.subjects):
         plots = [_in_language(chart, lang) for chart in charts(subject.gathered) if chart.on_page]
         data.append(_data(subject, plots, f"v{number}", values))
-        lines = [line for line in remarks(subject) if line != BARE]
+        lines = [line for line in tables.remarks(subject) if line != tables.BARE]
         sections = list(_sections(subject, plots, number))
-        loud = "" if subject.calibrated else BARE
+        loud = "" if subject.calibrated else tables.BARE
         recordings.append(
             {"name": subject.name, "facts": subject.facts, "loud": loud, "remarks": lines, "sections": sections}
         )
@@ -85,11 +98,11 @@ def page(subjects: Sequence[Subject], title: str, definitions: Sequence[str], *,
         lang,
         style,
         [script],
-        title=title,
-        names=", ".join(subject.name for subject in subjects),
-        beside=comparison_table(subjects) if len(subjects) > 1 else None,
+        title=report.title,
+        names=", ".join(subject.name for subject in report.subjects),
+        beside=report.tables[0] if report.parts else None,
         recordings=recordings,
-        definitions=definitions,
+        definitions=report.definitions,
         data={"subjects": data, "words": words},
         values=values,
     )
@@ -116,8 +129,11 @@ def _sections(subject: Subject, plots: Sequence[dict[str, Any]], number: int) ->
     tilt: list[Block] = []
     bursts: list[Block] = []
     if g.tilt is not None:
-        tilt = [("table", motion_table(g.tilt.roll, g.tilt.pitch)), ("table", inclination_table(g.tilt.inclination))]
-        table = burst_table(subject)
+        tilt = [
+            ("table", tables.motion_table(g.tilt.roll, g.tilt.pitch)),
+            ("table", tables.inclination_table(g.tilt.inclination)),
+        ]
+        table = tables.burst_table(subject)
         is_long = len(table.rows) > _LONG
         bursts = [("folded", table) if is_long else ("table", replace(table, title=""))]
     yield "Tilt and heading", tilt + ([("rose", _rose(g.headings))] if g.headings and g.headings.samples else [])
@@ -127,10 +143,10 @@ def _sections(subject: Subject, plots: Sequence[dict[str, Any]], number: int) ->
     yield "Bursts", drawn("bursts", "burst tilt") + bursts
     sensors = drawn("rates", "forces", "field", "temperature", "bias")
     if g.triads or g.has("temp"):
-        sensors.append(("table", replace(sensor_table(g), title="")))
+        sensors.append(("table", replace(tables.sensor_table(g), title="")))
     yield "Sensors", sensors
-    yield "Gaps and flags", [*drawn("flags"), ("table", replace(flag_table(g), title=""))]
-    grade: list[Block] = [] if subject.grade is None else [("table", grade_table(subject.grade))]
+    yield "Gaps and flags", [*drawn("flags"), ("table", replace(tables.flag_table(g), title=""))]
+    grade: list[Block] = [] if subject.grade is None else [("table", tables.grade_table(subject.grade))]
     yield "Quality", grade + list(_quality(subject))
 
 
@@ -150,8 +166,8 @@ def _quality(subject: Subject) -> Iterator[Block]:
                 cells.append((verdict.flag, words))
             rows.append((_CHANNEL[name], cells))
         yield "grid", {"rows": rows, "meaning": list(quality.MEANING.items())}
-        yield "folded", quality_table(subject)
-        yield "folded", threshold_table()
+        yield "folded", tables.quality_table(subject)
+        yield "folded", tables.threshold_table()
 
 
 def _rose(headings: Headings) -> dict[str, Any]:
@@ -161,7 +177,7 @@ def _rose(headings: Headings) -> dict[str, Any]:
     top = next(step * power for step in (1.0, 2.0, 4.0, 5.0, 8.0, 10.0) if step * power >= share.max() * (1.0 - 1e-9))
     return {
         "share": share.tolist(), "top": top, "mean": to_deg(headings.mean), "resultant": headings.resultant,
-        "table": heading_table(headings), "sectors": sector_table(headings),
+        "table": tables.heading_table(headings), "sectors": tables.sector_table(headings),
     }  # fmt: skip
 
 
@@ -206,68 +222,78 @@ def _encoded(values: NDArray[Any]) -> str:
     return b64encode(np.ascontiguousarray(values).tobytes()).decode()
 
 
-BROWSERS: Final = (
-    "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge", "microsoft-edge",
-    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
-    "/Applications/Chromium.app/Contents/MacOS/Chromium",
-    "C:/Program Files/Google/Chrome/Application/chrome.exe",
-    "C:/Program Files (x86)/Microsoft/Edge/Application/msedge.exe",
-)  # fmt: skip
-"""Programs that print a page, the first one found is taken."""
+def plot(
+    file: Source,
+    out: str | Path,
+    *,
+    what: str = "angles",
+    begin: float | str | None = None,
+    end: float | str | None = None,
+    width: float | str | None = None,
+    lang: str = "en",
+    overwrite: bool = False,
+    burst: float | str = "20 min",
+    tilt_limit: float | str = "15 deg",
+    note: Callable[[str], object] | None = None,
+    progress: Progress | None = None,
+    **how: Any,
+) -> Path:
+    """Draw one figure of a recording for a paper.
 
-_PATIENCE: Final = 180.0  # s
+    Parameters
+    ----------
+    file : path, Recording or ImuData
+        The recording.
+    out : path
+        The picture; its ending says whether it is SVG, PNG or PDF.
+    what : str
+        One of "angles", "tilt", "rates", "forces", "field", "temperature", "bias", "sd", "spectrum", "rose", "bursts"
+        and "flags".
+    begin, end : float or str, optional
+        Times between which samples count, s, or text with a unit; the attitude is estimated of the whole recording.
+    width : float or str, optional
+        Of the picture, m, or text with a unit, as "85 mm" for a column.
+    lang : {"en", "zh"}
+        Language of the labels.
+    overwrite : bool
+        Whether a picture that lies there may be replaced.
+    burst, tilt_limit, note, progress : optional
+        As of `report`.
+    **how
+        As of `report`: `filter`, `calibration` and the others of `plumbob.estimate`.
 
-
-def browser() -> str:
-    """Path of a program that prints pages.
+    Returns
+    -------
+    Path
+        Where it is.
 
     Raises
     ------
+    ParameterError
+        If the figure is not known, nothing of the recording can be drawn in it, or the file's name has another ending.
     MissingExtraError
-        If none is installed.
+        If matplotlib is not installed.
     """
-    program = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    if program is None:
-        raise MissingExtraError(
-            "a PDF is printed by Chromium or Chrome, and none was found. Install one, as 'apt install chromium' does, "
-            "or write the page with --out and print it from your browser."
+    target = check.path("out", out)
+    picture_kind(target)
+    if what not in WHATS:
+        raise ParameterError(f"there is not a figure '{what}'. Give one of {', '.join(WHATS)}.")
+    window = (units.given("begin", begin, Quantity.TIME), units.given("end", end, Quantity.TIME))
+    low, high = (-math.inf if window[0] is None else window[0], math.inf if window[1] is None else window[1])
+    inches = _inches(units.given("width", width, Quantity.LENGTH))
+    gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, window=(low, high))
+    source = file if isinstance(file, Recording | ImuData) else check.path("file", file)
+    subject = read_subject(source, gatherer, how, graded=False, note=note, progress=progress)  # type: ignore[arg-type]
+    return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=inches)
+
+
+def _inches(width: float | None) -> float | None:
+    """Width of a picture, m, in inches."""
+    if width is None:
+        return None
+    if not _WIDTHS[0] <= width <= _WIDTHS[1]:
+        raise ParameterError(
+            f"the width of a picture is {1e3 * _WIDTHS[0]:g} to {1e3 * _WIDTHS[1]:g} mm, but it is {1e3 * width:g} mm. "
+            "Give one in between, as 85mm."
         )
-    return program
-
-
-def print_pdf(page: str, path: Path, *, overwrite: bool = False) -> Path:
-    """Print a page to a file, which is there as a whole or not at all.
-
-    Raises
-    ------
-    MissingExtraError
-        If no browser is installed.
-    DecodeError
-        If the browser fails.
-    """
-    program = browser()
-    with TemporaryDirectory(prefix="plumbob-") as folder, replacing(path, overwrite=overwrite) as temporary:
-        html, made = Path(folder) / "page.html", Path(folder) / "page.pdf"
-        html.write_text(page, encoding="utf-8")
-        words = [program, "--headless", "--disable-gpu", "--disable-extensions", f"--user-data-dir={folder}/profile",
-                 "--no-first-run", "--no-pdf-header-footer", "--virtual-time-budget=20000",
-                 f"--print-to-pdf={made}"]  # fmt: skip
-        if hasattr(os, "geteuid") and os.geteuid() == 0:
-            words.append("--no-sandbox")  # Chromium refuses its sandbox to the superuser
-        try:
-            done = subprocess.run(
-                [*words, html.as_uri()],
-                capture_output=True,
-                text=True,
-                errors="replace",
-                timeout=_PATIENCE,
-                check=False,
-            )
-        except subprocess.TimeoutExpired as error:
-            raise DecodeError(
-                f"{program} did not print the page within {_PATIENCE:g} s. Write the page with --out instead."
-            ) from error
-        if not made.is_file():
-            raise DecodeError(f"{program} printed nothing ({excerpt(done.stderr.strip() or 'without a word', 160)}).")
-        shutil.copyfile(made, temporary)
-    return path
+    return width / 0.0254

@@ -12,11 +12,11 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg
 from plumbob.overview.report_entry import Subject
-from plumbob.overview.streaming_stats import SPECTRAL, Gathered
-from plumbob.overview.tables import SPECTRAL_UNITS, heading_circle, shown_scale
+from plumbob.overview.streaming_stats import SPECTRAL, SPECTRAL_UNITS, Gathered, shown_scale
 from plumbob.quality.tilt import Headings
 from plumbob.reporting.content import COLOURS, SERIES, Figure
 from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
+from plumbob.reporting.overview_tables import heading_circle
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase

@@ -1,4 +1,4 @@
-"""A chain's motion as a page: a stick figure to turn and play, joint angles, the hand's path, use of limits."""
+"""Descriptions of chains in motion, with a stick figure to turn and play, and of arrays of units."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -7,11 +7,17 @@ from typing import Final
 import numpy as np
 
 from plumbob.arm.angles import JointTrack
+from plumbob.arm.array.monitoring import Monitored
+from plumbob.arm.array.relative import ArrayInfo
+from plumbob.arm.array.virtual_unit import Combined
 from plumbob.arm.program import Program
 from plumbob.arm.replayed import in_order
+from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
-from plumbob.core.units import to_deg
+from plumbob.core.text import counted, measured, number
+from plumbob.core.units import to_deg, to_dps
+from plumbob.data import TRIADS
 from plumbob.data.chain import Chain, Posture
 from plumbob.reporting.content import SERIES, SOFT, Figure, Scene, Table
 from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
@@ -269,3 +275,78 @@ def _use_panels(chain: Chain, program: Program, names: Sequence[str]) -> list[Pl
         xlabel = "time of the program [s]"
         panels.append(PlotPanel(f"{name} [%]", lines, xlabel, y=(-105.0, 105.0), ticks=(-100, 0, 100)))
     return panels
+
+
+def arrayinfo(info: ArrayInfo) -> Report:
+    """Tables by unit."""
+    tables = [
+        Table("Rotation beyond the mount [°]", ("unit", "x", "y", "z"), [
+            (unit.name, *_cells(to_deg(unit.rotation), to_deg(unit.rotation_sd))) for unit in info.units
+        ])
+    ]  # fmt: skip
+    names = {"gyr": "gyroscope bias [°/s]", "acc": "accelerometer bias [m/s²]", "mag": "magnetometer bias [µT]"}
+    for triad in TRIADS:
+        if not any(triad in unit.bias for unit in info.units):
+            continue
+        turn = to_dps if triad == "gyr" else np.asarray
+        rows = [(unit.name, *_cells(turn(unit.bias[triad]), turn(unit.bias_sd[triad]))) for unit in info.units]
+        tables.append(Table(f"Relative {names[triad]}", ("unit", "x", "y", "z"), rows))
+    rows = [
+        (unit.name, *_cells(np.array([1e3 * unit.clock_offset]), np.array([1e3 * unit.clock_sd])))
+        for unit in info.units
+    ]
+    tables.append(Table("Clock offset [ms]", ("unit", "later by"), rows))
+    remarks = ["Every figure is relative to the mean of all units: what they have in common does not show."]
+    if any(np.isnan(unit.clock_offset) for unit in info.units):
+        remarks.append("The array hardly moved: clock offsets need rates well above the noise.")
+    return Report("Array", list(info.facts().items()), tables, remarks)
+
+
+def _cells(values: Floats, sds: Floats) -> tuple[str, ...]:
+    pairs = zip(np.asarray(values).tolist(), np.asarray(sds).tolist(), strict=True)
+    return tuple(measured(value, value - sd, value + sd) for value, sd in pairs)
+
+
+def monitored(watched: Monitored) -> Report:
+    """Faults and counts."""
+    counts = flags.counts(watched.imu.flags)
+    facts = [
+        ("units", ", ".join(watched.names)),
+        ("samples", f"{len(watched)}, {watched.imu.t[-1] - watched.imu.t[0]:.6g} s"),
+    ]
+    facts += [("flag", f"{name}: {counted(count, 'sample')}") for name, count in counts.items()]
+    rows = [
+        (f.unit, f.triad, f.kind, f"{f.begin:.2f}", "-" if np.isnan(f.end) else f"{f.end:.2f}") for f in watched.faults
+    ]
+    table = Table("Units left out", ("unit", "triad", "fault", "from [s]", "to [s]"), rows, words=(1, 2))
+    unsolved = int(np.count_nonzero(watched.imu.flags & flags.CANNOT_ISOLATE))
+    remarks = ["No unit contradicts the others."] if not (rows or unsolved) else []
+    if unsolved:
+        remarks.append(
+            f"In {counted(unsolved, 'sample')} units contradict each other, and nothing says which one is wrong."
+        )
+    if 2 * unsolved > len(watched):
+        remarks.append("This is most of the time: check how the units are mounted, and their calibration.")
+    return Report("Array monitor", facts, (table,) if rows else (), remarks)
+
+
+def combined(virtual: Combined) -> Report:
+    """What each unit measures beyond the virtual one."""
+    facts = [
+        ("units", ", ".join(virtual.names)),
+        ("samples", f"{len(virtual)}, {virtual.imu.t[-1] - virtual.imu.t[0]:.6g} s"),
+    ]
+    scale = {"gyr": float(to_dps(1.0)), "acc": 1.0, "mag": 1.0}
+    names = {"gyr": "gyr [°/s]", "acc": "acc [m/s²]", "mag": "mag [µT]"}
+    rms = virtual.parity_rms
+    rows = [
+        (name, *(number(scale[triad] * float(np.sqrt(np.mean(rms[triad][u] ** 2)))) for triad in rms))
+        for u, name in enumerate(virtual.names)
+    ]
+    table = Table("Rms beyond the virtual unit", ("unit", *(names[triad] for triad in rms)), rows)
+    return Report("Combined array", facts, (table,))
+
+
+def _units_and_samples(array: Monitored | Combined) -> list[tuple[str, str]]:
+    t = array.imu.t
+    return [("units", ", ".join(array.names)), ("samples", f"{len(array)}, {t[-1] - t[0]:.6g} s")]
