@@ -38,13 +38,7 @@ from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg, dps
-from plumbob.rotations import (
-    dcm_from_quat,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_rotate,
-    skew,
-)
+from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply, quat_rotate, skew
 from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit, rotate
 
 GAP: Final = 0.5

@@ -48,10 +48,7 @@ class JointLink:
 def unit_numbers(chain: Chain) -> dict[str, int]:
     """Number of the unit on each segment, by the segment's name; `GROUND` for a root that stands still without one.
 
-    Raises
-    ------
-    ParameterError
-        If another segment has no unit.
+    ParameterError if another segment has no unit.
     """
     numbers: dict[str, int] = {}
     for place, segment in enumerate(chain.segments):

@@ -20,12 +20,7 @@ from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, 
 from plumbob.core.files import reading, text_of
 from plumbob.data.array import Quat, UnitMount, Vec
 from plumbob.data.chain import Chain, Joint, Limits, Segment
-from plumbob.rotations import (
-    euler_zyx_from_quat,
-    quat_from_dcm,
-    quat_multiply,
-    quat_rotate,
-)
+from plumbob.rotations import euler_zyx_from_quat, quat_from_dcm, quat_multiply, quat_rotate
 
 if TYPE_CHECKING:
     from types import ModuleType

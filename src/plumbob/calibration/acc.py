@@ -95,17 +95,11 @@ def faces(poses: Floats) -> list[int] | None:
 
 
 def six_positions(poses: Floats, *, noise: float = 0.0) -> NormFit | None:
-    """Bias and scale by pairs; None where the poses are not the six faces within 15°.
+    """Bias and scale by pairs of poses (6, 3), any unit; None where they are not the six faces within 15°.
 
     It cannot see misalignment, and it takes faces for upright: a face held at the angle θ reads low by 1 − cos θ, 1.4 %
     at 10° and 0.004 % at 0.5°. `norm_fit` with the shape of the axes takes the same poses and does not mind the tilt.
-
-    Parameters
-    ----------
-    poses : ndarray (6, 3)
-        Mean specific force of each pose, of any unit.
-    noise : float
-        Standard deviation of a mean, same unit; what the lengths scatter after the fit is added to it.
+    `noise` is the standard deviation of a mean; what the lengths scatter after the fit is added to it.
     """
     order = faces(poses)
     if order is None:
@@ -167,12 +161,7 @@ class _PosesFit(NamedTuple):
 
 
 def fit_accel(
-    poses: Floats,
-    *,
-    shape: str = "auto",
-    noise: float = 0.0,
-    gravity: float = G0,
-    tilt_range: float = TILT_RANGE,
+    poses: Floats, *, shape: str = "auto", noise: float = 0.0, gravity: float = G0, tilt_range: float = TILT_RANGE
 ) -> Fitted:
     """Fit the means of poses at rest.
 
@@ -437,31 +426,12 @@ class EqualStretches(NamedTuple):
 
 
 def fit_accel_moving(
-    t: Floats,
-    acc: Floats,
-    gyr: Floats,
-    *,
-    shape: str = "auto",
-    gravity: float = G0,
-    tilt_range: float = TILT_RANGE,
+    t: Floats, acc: Floats, gyr: Floats, *, shape: str = "auto", gravity: float = G0, tilt_range: float = TILT_RANGE
 ) -> Fitted:
     """Fit bias, scale and misalignment of an accelerometer that was turned slowly and never rested.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s, increasing and nearly even.
-    acc : ndarray (N, 3)
-        Specific force as measured, m/s², finite.
-    gyr : ndarray (N, 3)
-        Rates, rad/s, finite; a constant bias of some °/s does no harm.
-    shape, gravity, tilt_range
-        As of `plumbob.calibration.acc.fit_accel`.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the capture cannot determine the calibration, with the reasons.
+    Times t (N,), s, increase nearly evenly; acc (N, 3), m/s², and gyr (N, 3), rad/s, are finite: a constant bias of
+    some °/s does no harm. The rest, and CaptureRefusedError, as of `plumbob.calibration.acc.fit_accel`.
     """
     check.one_of("shape", shape, [name for name in SHAPES if name != "six"])
     fits: list[tuple[float, Fitted]] = []

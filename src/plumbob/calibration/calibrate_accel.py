@@ -49,30 +49,12 @@ class RestPeriods(NamedTuple):
 
 
 def calibrate_accel(
-    imu: ImuData,
-    *,
-    shape: str = "auto",
-    gravity: float = G0,
-    tilt_range: float = TILT_RANGE,
-    moving: bool = False,
+    imu: ImuData, *, shape: str = "auto", gravity: float = G0, tilt_range: float = TILT_RANGE, moving: bool = False
 ) -> Fitted:
     """Fit the accelerometer of a capture by its poses at rest; a gyroscope helps to find them and is not needed.
 
-    Parameters
-    ----------
-    imu : ImuData
-        The capture, with specific force as measured.
-    shape, gravity, tilt_range
-        As in `plumbob.calibration.acc.fit_accel`.
-    moving : bool
-        Whether the unit tumbled slowly without rests: the gyroscope then stands in for them, and must be there.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the capture cannot determine the calibration, with the reasons.
-    ParameterError
-        If a capture without rests has no gyroscope.
+    Of a unit that tumbled slowly without rests (`moving`) the gyroscope stands in for them: ParameterError where it is
+    not there. The rest, and CaptureRefusedError, as in `plumbob.calibration.acc.fit_accel`.
     """
     if moving:
         return _tumbled(imu, shape, gravity, tilt_range)
@@ -105,10 +87,7 @@ def _tumbled(imu: ImuData, shape: str, gravity: float, tilt_range: float) -> Fit
 def poses_at_rest(imu: ImuData) -> RestPeriods:
     """Stretches of at least `LEAST` at rest.
 
-    Raises
-    ------
-    CaptureRefusedError
-        If there are none, or the accelerometer is at the end of its range in one.
+    CaptureRefusedError if there are none, or the accelerometer is at the end of its range in one.
     """
     rows, gyr = _complete(imu)
     t, acc = imu.t[rows], imu.usable("acc")[rows]

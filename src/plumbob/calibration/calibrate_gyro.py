@@ -117,33 +117,14 @@ def _clipped(capture: Capture, mark: int) -> NDArray[np.bool_]:
 def calibrate_by_hand(
     whole: Capture, *, gravity: float = G0, strength: float | None = None, dip: float | None = None, force: bool = False
 ) -> dict[str, Fitted]:
-    """Fit accelerometer, then gyroscope, then magnetometer, each with those before it calibrated.
+    """Fit accelerometer, then gyroscope, then magnetometer, each with those before it calibrated; by triad.
 
-    The capture is one of poses at rest with quick turns between them. A triad that it lacks is left out; if one cannot
-    be calibrated, none is, because the others may rest on what is wrong with it.
+    The capture, uncalibrated, is one of poses at rest with quick turns between them. A triad that it lacks is left out;
+    if one cannot be calibrated, none is, because the others may rest on what is wrong with it. `gravity`, m/s², and the
+    field's `strength`, µT, and `dip`, rad, are those of the place; `force` as in `calibrate_mag`.
 
-    Parameters
-    ----------
-    whole : Capture
-        The capture, none of its triads calibrated, with the card so far.
-    gravity : float
-        At the place, m/s².
-    strength, dip : float, optional
-        Of the magnetic field at the place, µT and rad.
-    force : bool
-        As in `calibrate_mag`.
-
-    Returns
-    -------
-    dict of str to Fitted
-        By triad, in the order in which they were found.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If a triad cannot be calibrated; the reasons name it, and what can be calibrated without it.
-    CalibrationError
-        If the capture has no accelerometer.
+    CaptureRefusedError names a triad that cannot be calibrated, and what can be without it; CalibrationError if there
+    is no accelerometer.
     """
     with _named("acc"):
         fits = {"acc": calibrate_accel(_on(whole, {}, "acc").imu, gravity=gravity)}
@@ -237,17 +218,10 @@ def plateaus(t: Floats, gyr: Floats) -> list[slice]:
 
 
 def match_rates(means: Floats, nominal: Floats) -> Matched:
-    """Tell which of the nominal rates each plateau is: about the axis that turns most, either way round, or at rest.
+    """Which of the nominal rates (k,) each mean (M, 3) is, rad/s: about the axis that turns most, or at rest.
 
     What most plateaus read about an axis is taken for its bias, so that a session must spin about each axis in less
     than half of its plateaus, or both ways round alike.
-
-    Parameters
-    ----------
-    means : ndarray (M, 3)
-        Mean rates, rad/s, bias included.
-    nominal : ndarray (k,)
-        Rates of the table regardless of the sign, rad/s; rest is always one.
     """
     rate, matched = np.zeros_like(means), np.zeros(len(means), dtype=np.bool_)
     speeds = np.unique(np.append(np.abs(nominal), 0.0))
@@ -302,10 +276,7 @@ class Plateau:
 def found_plateaus(imu: ImuData, nominal: Sequence[float]) -> tuple[list[Plateau], list[str]]:
     """Plateaus of a recording that have one of the nominal rates, rad/s, and a remark for each other one.
 
-    Raises
-    ------
-    CaptureRefusedError
-        If there is none.
+    CaptureRefusedError if there is none.
     """
     rates = imu.usable("gyr")
     stretches = plateaus(imu.t, rates)
@@ -323,10 +294,7 @@ def found_plateaus(imu: ImuData, nominal: Sequence[float]) -> tuple[list[Plateau
 def read_plan(path: Path) -> list[Plateau]:
     """Plateaus of a plan: a CSV file with from_s, to_s, rate_x_dps, rate_y_dps, rate_z_dps, and perhaps acc_x_g, ….
 
-    Raises
-    ------
-    DecodeError
-        If a column is missing or unknown, or a line is not a plateau; the line is named.
+    DecodeError if a column is missing or unknown, or a line is not a plateau; the line is named.
     """
     lines = StringIO(text_of(path), newline="")
     try:
@@ -349,10 +317,7 @@ def calibrate_table(
 ) -> Fitted:
     """Fit the gyroscope to the means over the plateaus; arguments and errors as in `gyr.table.fit_table`.
 
-    Raises
-    ------
-    ParameterError
-        If a plateau holds no sample.
+    ParameterError if a plateau holds no sample.
     """
     imu = capture.imu
     rows = [_rows(imu, plateau) for plateau in planned]

@@ -323,12 +323,7 @@ def _in_use(imu: ImuData) -> tuple[str, str]:
 
 
 def _helper(
-    imu: ImuData,
-    with_: str,
-    shape: str,
-    use: NDArray[np.bool_],
-    slow: NDArray[np.bool_],
-    steady: NDArray[np.bool_],
+    imu: ImuData, with_: str, shape: str, use: NDArray[np.bool_], slow: NDArray[np.bool_], steady: NDArray[np.bool_]
 ) -> tuple[str, str]:
     """What helps, and why, in words."""
     if with_ not in {"auto", "none", *imu.triads}:

@@ -25,26 +25,13 @@ Span = tuple[float, float]
 def mount_by_poses(
     capture: Capture, *, frame: Frame, level: Span | None = None, raised: Span | None = None, level_only: bool = False
 ) -> Mounted:
-    """Mounting from the poses of a capture.
+    """Mounting from the poses of a capture, on body axes with z down in NED, up in ENU and NWU.
 
-    Parameters
-    ----------
-    capture : Capture
-        The recording, its accelerometer calibrated where the card so far can.
-    frame : Frame
-        Body axes: z down in NED, up in ENU and NWU.
-    level, raised : (float, float), optional
-        When the body was level, and when its nose was raised, s. Without them, the first stretch at rest is level, and
-        the one that leans farthest from it is raised.
-    level_only : bool
-        Do with the level pose, and take the heading of the mounting as zero.
+    `level` and `raised`, s, are when the body was level and when its nose was raised; without them, the first stretch
+    at rest and the one that leans farthest from it. `level_only` takes the heading of the mounting as zero.
 
-    Raises
-    ------
-    CaptureRefusedError
-        If the unit was not at rest, or as in `plumbob.calibration.mount`.
-    ParameterError
-        If the spans do not belong together, or the recording has no accelerometer.
+    CaptureRefusedError if the unit was not at rest, or as in `plumbob.calibration.mount`; ParameterError if the spans
+    do not belong together, or the recording has no accelerometer.
     """
     imu = capture.imu
     if imu.acc is None:
@@ -69,12 +56,8 @@ def mount_by_poses(
 def mount_by_reference(estimate: AttitudeTrack, reference: AttitudeTrack) -> Mounted:
     """Mounting from the attitude that was estimated in the axes of the unit, and that of the body.
 
-    Raises
-    ------
-    FrameError
-        If their headings do not count from the same north.
-    PlumbobError
-        As `plumbob.evaluation.align.associate` and `plumbob.calibration.mount.mount_from_attitudes`.
+    FrameError if their headings do not count from the same north; else as `plumbob.evaluation.align.associate` and
+    `plumbob.calibration.mount.mount_from_attitudes`.
     """
     policy = heading_policy(estimate.north, reference.north, aligned=False, declination=None)
     if not policy.comparable:

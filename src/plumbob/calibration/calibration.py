@@ -113,41 +113,21 @@ def capture(
 
 
 def card_of(capture: Capture, fits: Mapping[str, Fitted], *, mounted: Mounted | None = None) -> CalibrationCard:
-    """Return the card of fits by triad and a mounting, with their remarks, and what the card so far has of others.
+    """Card of fits by triad and a mounting, with their remarks, and what the card so far has of others.
 
     Where the accelerometer is calibrated again, others that were found with its axes as they were say so.
-
-    Parameters
-    ----------
-    capture : Capture
-        What was fitted.
-    fits : mapping of str to Fitted
-        By triad.
-    mounted : Mounted, optional
-        How the unit sits on its body.
     """
     dated = {n: replace(fit.calibration, date=capture.date, remarks=fit.remarks) for n, fit in fits.items()}
     mount = None if mounted is None else replace(mounted.mount, date=capture.date, remarks=mounted.remarks)
     methods = dict.fromkeys([*(part.method for part in dated.values()), *([mount.method] if mount else [])])
     new = CalibrationCard(
-        device=capture.device,
-        date=capture.date,
-        method="; ".join(methods),
-        mount=mount,
-        software=SOFTWARE,
-        **dated,
+        device=capture.device, date=capture.date, method="; ".join(methods), mount=mount, software=SOFTWARE, **dated
     )
     return new if capture.base is None else _outdated(capture.base, new).merged(new)
 
 
 def unit_of(named: str, device: str | None, base: CalibrationCard | None) -> str:
-    """Return the unit that a recording names, or `device`, or the card so far.
-
-    Raises
-    ------
-    CalibrationError
-        If none does, or they differ.
-    """
+    """Unit of a recording, by itself, `device` or the card so far; CalibrationError if none says it, or they differ."""
     names = {name for name in (named, device, base and base.device) if name and name != _UNNAMED}
     if len(names) > 1:
         raise CalibrationError(

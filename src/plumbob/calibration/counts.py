@@ -73,21 +73,10 @@ class CountsCalibration(FactsText):
 
 
 def fit_counts(readings: Floats, sensor: str = "mag") -> CountsCalibration:
-    """Fit readings in many attitudes, or of an accelerometer one averaged row for each pose.
+    """Fit readings (N, 3), counts in many attitudes; of an accelerometer one averaged row for each pose will do.
 
-    Parameters
-    ----------
-    readings : ndarray (N, 3)
-        Counts, in any order of attitudes; a magnetometer's away from iron that moves, an accelerometer's at rest.
-    sensor : {"mag", "acc"}
-        Of which sensor.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the attitudes do not determine it, with the reasons.
-    ShapeError
-        If there is no such sensor, or readings are not finite triples.
+    A magnetometer ("mag") was away from iron that moves, an accelerometer at rest. CaptureRefusedError if the attitudes
+    do not determine it; ShapeError if there is no such sensor, or readings are not finite triples.
     """
     check.one_of("sensor", sensor, ("mag", "acc"))
     vectors = finite_rows("readings", readings)

@@ -87,14 +87,9 @@ def square_sums(vectors: Floats, middle: Floats, size: float, sums: Floats) -> N
 
 
 def fit_quadric(vectors: Floats) -> Ellipsoid | None:
-    """General ellipsoid, 9 parameters, by least squares on vectors brought to the origin and to length 1.
+    """General ellipsoid, 9 parameters, by least squares on vectors (N, 3) brought to the origin and to length 1.
 
     Without that, the constraint of the fit depends on where the ellipsoid lies, and captures of small tilt fail.
-
-    Parameters
-    ----------
-    vectors : ndarray (N, 3)
-        Measured vectors; finite.
     """
     middle = vectors.mean(axis=0)
     size = float(np.sqrt(np.mean(np.sum((vectors - middle) ** 2, axis=1))))
@@ -239,20 +234,10 @@ def accumulate(
 def fit_norm(
     vectors: Floats, shape: Shape, start: Ellipsoid, *, robust: bool = True, noise: float = 0.0
 ) -> NormFit | None:
-    """Fit a shape; None where no ellipsoid comes out.
+    """Fit a shape to finite vectors (N, 3), more than `shape.value` of them; None where no ellipsoid comes out.
 
-    Parameters
-    ----------
-    vectors : ndarray (N, 3)
-        Measured vectors, finite, more than `shape.value` of them; as many do where `noise` is known.
-    shape : Shape
-        What to fit.
-    start : Ellipsoid
-        Where to start, such as `quadric.fit_quadric` gives.
-    robust : bool
-        Whether outliers are looked for.
-    noise : float
-        Known standard deviation of a vector's length: a smaller one of the residuals is luck.
+    As many do where `noise`, the standard deviation of a vector's length, is known: a smaller one of the residuals is
+    luck. It starts where `fit_quadric` or another fit ends; a `robust` one looks for outliers.
     """
     middle, size = start.centre, 3.0 / float(np.trace(start.shape))
     points = np.ascontiguousarray((vectors - middle) / size)
@@ -386,16 +371,8 @@ _ALONE: Final = 1e-6  # determinant of I − H_SS below which nothing else knows
 def outlying(rows: Floats, left: Floats, *, false_alarm: float, rounding: float) -> NDArray[np.int64]:
     """Indices of the smallest group of outliers; empty where no group is beyond chance.
 
-    Parameters
-    ----------
-    rows : ndarray (N, p)
-        Derivatives of the residuals by the parameters.
-    left : ndarray (N,)
-        Residuals of the fit.
-    false_alarm : float
-        Probability that normal errors lose a sample.
-    rounding : float
-        Standard deviation of residuals that are rounding errors only.
+    `rows` (N, p) are derivatives of the residuals `left` (N,) by the parameters; normal errors lose a sample with the
+    probability `false_alarm`; residuals of the standard deviation `rounding` are rounding errors only.
     """
     from scipy.stats import f
 
@@ -458,12 +435,8 @@ def scaled(fit: NormFit, size: float | None, *, alike: float) -> tuple[Floats, F
 def to_size(matrix: Floats, covariance: Floats, size: float | None) -> tuple[Floats, Floats]:
     """Matrix (3, 3) of a calibration, and covariance (12, 12) of bias and matrix, from those of a fit to length 1.
 
-    Parameters
-    ----------
-    matrix, covariance : ndarray (3, 3), (12, 12)
-        Of the fit; the matrix in the inverse unit of the measurement.
-    size : float or None
-        Length of the calibrated vector; where None, the matrix gets the determinant 1, and so keeps the sensor's scale.
+    `size` is the length of the calibrated vector; where None, the matrix gets the determinant 1, and so keeps the
+    sensor's scale.
     """
     factor = size or mean_radius(matrix)
     by_fit = np.eye(9)

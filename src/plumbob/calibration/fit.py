@@ -88,13 +88,7 @@ def mean_of_whole(values: Floats) -> Floats:
 
 
 def mean_and_sd(values: Floats) -> tuple[Floats, Floats]:
-    """Mean of (N, 3) and its standard deviation (3,), from the scatter of the means of `BLOCKS` parts.
-
-    Parameters
-    ----------
-    values : ndarray (N, 3)
-        Samples in their order, N of at least 2 `BLOCKS`.
-    """
+    """Mean of (N, 3), and its standard deviation (3,) from the scatter of the means of `BLOCKS` parts in order."""
     parts = np.array([part.mean(axis=0) for part in np.array_split(values, BLOCKS)])
     return values.mean(axis=0), np.asarray(parts.std(axis=0, ddof=1) / np.sqrt(BLOCKS))
 

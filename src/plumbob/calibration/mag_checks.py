@@ -88,14 +88,8 @@ class _Fault:
 def wrong_axes(imu: ImuData, mag: Floats, *, dip: float | None) -> tuple[Reason, ...]:
     """Reasons to refuse wrong axes of any triad, whatever a calibration needs.
 
-    Parameters
-    ----------
-    imu : ImuData
-        The capture.
-    mag : ndarray (N, 3)
-        Its field as measured, µT, NaN where it does not count.
-    dip : float or None
-        Of the field at the place, rad; without it, north of the magnetic equator is assumed.
+    `mag` (N, 3), µT, is NaN where it does not count; without the `dip` of the place, rad, north of the magnetic equator
+    is assumed.
     """
     wrong = suspects(arrangements(imu.t, mag, acc=imu.usable("acc"), gyr=imu.usable("gyr")))
     return tuple(_reason(_fault(suspect, imu, mag, dip, _rough_dip)) for suspect in wrong)
@@ -243,25 +237,10 @@ _NEGATED: Final = (
 def told_by_others(
     imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], *, helper: str, dip: float | None
 ) -> tuple[Note, ...]:
-    """Remarks of gyroscope, accelerometer and place about a fit.
+    """Remarks of gyroscope, accelerometer and place about a fit; CaptureRefusedError if they contradict it.
 
-    Parameters
-    ----------
-    imu : ImuData
-        The capture, the magnetometer as measured.
-    fit : Fitted
-        Its calibration.
-    steady : ndarray (N,) of bool
-        Samples whose specific force may be gravity.
-    helper : {"none", "acc", "gyr"}
-        What the fit was helped by, to whose axes it turned the field.
-    dip : float or None
-        Of the field at the place, rad; without it, north of the magnetic equator is assumed.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If they contradict it.
+    `steady` (N,) marks samples whose specific force may be gravity; `helper`, "none", "acc" or "gyr", has helped the
+    fit, which turned the field to its axes; without the `dip`, rad, north of the magnetic equator is assumed.
     """
     matrix, force = fit.calibration.matrix, imu.usable("acc")
     field = (imu.usable("mag") - fit.calibration.bias) @ matrix.T
@@ -285,10 +264,7 @@ def told_by_others(
 def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: float | None) -> Reason | None:
     """Reason not to use a fit that changes the heading by little more than it may be wrong; None where it helps.
 
-    Parameters
-    ----------
-    imu, fit, steady, dip
-        As in `told_by_others`.
+    Arguments as in `told_by_others`.
     """
     c, quality = fit.calibration, fit.calibration.quality
     if c.covariance is None or quality is None or quality.tilt_range is None:

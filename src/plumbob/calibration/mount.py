@@ -61,24 +61,11 @@ class _Up:
 
 
 def mount_from_level(level: ArrayLike, *, frame: Frame) -> Mounted:
-    """Roll and pitch of the mounting from the level body; its heading is assumed: the case's x axis points ahead.
+    """Roll and pitch of the mounting from the specific force (N, 3), m/s², of the level body at rest.
 
-    Parameters
-    ----------
-    level : array_like (N, 3)
-        Specific force at rest with the body level, m/s².
-    frame : Frame
-        Its body axes: z down in NED, up in ENU and NWU.
-
-    Returns
-    -------
-    Mounted
-        Standard deviations are those of white noise; that about the vertical is of an angle of which nothing is known.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the force is not that of gravity, or the case's x axis is too near the vertical to point ahead.
+    Its heading is assumed: the case's x axis points ahead. Standard deviations are those of white noise; that about the
+    vertical is of an angle of which nothing is known. CaptureRefusedError if the force is not that of gravity, or the
+    case's x axis is too near the vertical to point ahead.
     """
     up = _up("level", level)
     ahead = np.array([1.0, 0.0, 0.0])
@@ -125,23 +112,11 @@ def mount_from_poses(level: ArrayLike, raised: ArrayLike, *, frame: Frame, turn:
 
 
 def mount_from_attitudes(q_ns: ArrayLike, q_nb: ArrayLike) -> Mounted:
-    """Mounting from the attitude of the unit and that of its body at the same times: a robust average.
+    """Mounting from attitudes (N, 4) of unit and body at the same times, from the same north: a robust average.
 
-    Parameters
-    ----------
-    q_ns, q_nb : array_like (N, 4)
-        Attitudes in the same navigation frame from the same north, wxyz.
-
-    Returns
-    -------
-    Mounted
-        Standard deviations are those of the mean of ten parts of the recording; what is wrong from first to last, as
-        the bias of an accelerometer, is not in them.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If there are few, or they do not differ by a constant rotation.
+    Standard deviations are those of the mean of ten parts of the recording; what is wrong from first to last, as the
+    bias of an accelerometer, is not in them. CaptureRefusedError if there are few, or they differ by no constant
+    rotation.
     """
     ours = check.rows("q_ns", q_ns, 4)
     theirs = check.rows("q_nb", q_nb, 4, len(ours))

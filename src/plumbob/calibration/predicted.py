@@ -66,16 +66,8 @@ _COURSES: Final = 12
 def tilt_sd(matrix: Floats, covariance: Floats, *, size: float, tilt_range: float = TILT_RANGE) -> float:
     """Standard deviation of the inclination that an accelerometer gives, rad: that of the error's length.
 
-    Parameters
-    ----------
-    matrix : ndarray (3, 3)
-        M of the calibration.
-    covariance : ndarray (12, 12)
-        Of bias and matrix, row by row.
-    size : float
-        Gravity, in the unit of the calibrated vector.
-    tilt_range : float
-        Largest inclination, rad.
+    By the matrix (3, 3) and the covariance (12, 12) of bias and matrix, gravity being `size`, up to the `tilt_range`,
+    rad.
     """
     down_b = attitudes(tilt_range)[:, :, 2]
     errors = _errors(matrix, size * down_b)
@@ -111,14 +103,7 @@ def heading_apart(
 ) -> float:
     """Root mean square difference, rad, of the headings that two calibrations give with a true horizon.
 
-    Parameters
-    ----------
-    one, other : (matrix, bias)
-        The calibrations.
-    truth : (matrix, bias)
-        Calibration of the magnetometer that is looked at.
-    size, dip, tilt_range
-        As in `heading_sd`.
+    Each, and the true one of the magnetometer that is looked at, is (matrix, bias); the rest as in `heading_sd`.
     """
     axes = attitudes(tilt_range)
     field_b = size * (math.cos(dip) * axes[:, :, 0] + math.sin(dip) * axes[:, :, 2])

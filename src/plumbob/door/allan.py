@@ -112,12 +112,9 @@ def open_static(
     note: Note | None = None,
     progress: Progress | None = None,
 ) -> tuple[StaticRecord, StaticReport, str | None]:
-    """Open a record and judge whether it is static; arguments and errors as of `allan`.
+    """Channels of a record, what was found in them, and the name of the card that was applied.
 
-    Returns
-    -------
-    StaticRecord, StaticReport, str or None
-        The channels, what was found in them, and the name of the card that was applied.
+    Arguments and errors as of `allan`.
     """
     card = None if calibration is None else CalibrationCard.of(calibration)
     applied = Path(calibration).name if isinstance(calibration, str | Path) else card.device if card else None
@@ -171,35 +168,7 @@ def load_static(
     A text is a recording where a profile is given or lies beside it, or its form is known, as a phone app's; otherwise
     it is plain numbers.
 
-    Parameters
-    ----------
-    path : path
-        The file.
-    rate : float, optional
-        Samples per second: needed for plain numbers; a recording must agree with it.
-    scale : str, optional
-        What 1 is in a file of plain numbers, such as ``"0.00875 deg/s"``; ``"1"`` for numbers without a unit.
-    profile : Path, optional
-        What a text recording does not say about itself.
-    card : CalibrationCard, optional
-        Calibration of a recording's unit, applied first.
-    triads : sequence of str
-        Which sensors of a recording.
-    start, stop : float, optional
-        Part of the record, s.
-    kind, columns : optional
-        As in `plumbob.files.open_numbers`.
-
-    Raises
-    ------
-    ParameterError
-        If the rate or the scale is missing, contradicts the file, or is for the other kind of file.
-    UnitError
-        If the scale is not a unit whose noise is analysed, or the numbers are scaled already.
-    ClockError, ShapeError
-        If a recording's samples are uneven, or no sensor of it can be used.
-    DecodeError
-        If the file is not what it claims to be.
+    Arguments and errors as of `allan`, but that quantities are numbers in SI and the card is read.
     """
     folder = check.path("path", path).is_dir() and files.is_recording(Path(path))
     file = Path(path) if folder else existing_file(path)

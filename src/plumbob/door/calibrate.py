@@ -128,15 +128,13 @@ def calibrate(
     if unknown := [name for name in options if name not in names]:
         raise ParameterError(f"{kind} has no option '{unknown[0]}'; it has {', '.join(names) or 'none'}.")
     base = None if calibration is None else CalibrationCard.of(calibration)
-    opened = (
-        recording
-        if isinstance(recording, Capture)
-        else _opened(recording, how, base, device, as_span(start, stop), None if profile is None else Path(profile))
-    )
+    if isinstance(recording, Capture):
+        opened = recording
+    else:
+        opened = _opened(recording, how, base, device, as_span(start, stop), None if profile is None else Path(profile))
     say = note or (lambda line: None)
-    if not isinstance(recording, Capture):
-        for finding in opened.found:
-            say(str(finding))
+    for finding in () if opened is recording else opened.found:
+        say(str(finding))
     fits, mounted = how.find(opened, say, **options)
     return Calibrated(card_of(opened, fits, mounted=mounted), fits, opened)
 
@@ -151,13 +149,7 @@ def read_capture(
     device: str | None = None,
     base: CalibrationCard | None = None,
 ) -> Capture:
-    """Read a capture; arguments as of `plumbob.calibration.calibration.capture`.
-
-    Raises
-    ------
-    PlumbobError
-        If the file cannot be read, or as in `capture`.
-    """
+    """Read a capture; arguments and errors as of `plumbob.calibration.calibration.capture`, and of a file."""
     recording = read(path, profile=profile).of_unit(None)
     if recording.imu is None:
         raise CalibrationError(f"{path} holds an attitude but no sensor data, so there is nothing to calibrate.")
@@ -188,20 +180,15 @@ def _opened(
     span: tuple[float, float] | None,
     profile: Path | None,
 ) -> Capture:
+    asked: dict[str, Any] = {
+        "triads": how.triads, "if_present": how.if_present, "span": span, "device": device, "base": base
+    }  # fmt: skip
     if not isinstance(recording, Recording | ImuData):
-        return read_capture(
-            check.path("recording", recording),
-            triads=how.triads,
-            if_present=how.if_present,
-            profile=profile,
-            span=span,
-            device=device,
-            base=base,
-        )
+        return read_capture(check.path("recording", recording), profile=profile, **asked)
     imu = recording.of_unit(None).imu if isinstance(recording, Recording) else recording
     if imu is None:
         raise CalibrationError("the recording holds an attitude but no sensor data, so there is nothing to calibrate.")
-    return capture(imu, triads=how.triads, if_present=how.if_present, span=span, device=device, base=base)
+    return capture(imu, **asked)
 
 
 Found = tuple["Mapping[str, Fitted]", "Mounted | None"]
@@ -257,13 +244,7 @@ def _accel(
     return {"acc": calibrate_accel(opened.imu, shape=shape, gravity=at, moving=moving)}, None
 
 
-def _gyro(
-    opened: Capture,
-    _say: Note,
-    *,
-    method: str = "auto",
-    preset: str | None = None,
-) -> Found:
+def _gyro(opened: Capture, _say: Note, *, method: str = "auto", preset: str | None = None) -> Found:
     from plumbob.calibration import calibrate_gyro as gyro
 
     if preset is not None:
@@ -397,10 +378,7 @@ def chosen_gravity(
 ) -> float:
     """Gravity, m/s²: its value, else that of the latitude, else that of the place, else the standard one.
 
-    Raises
-    ------
-    ParameterError
-        If two of them say it, or there is a height without a latitude.
+    ParameterError if two of them say it, or there is a height without a latitude.
     """
     from plumbob.calibration.acc import normal_gravity
 
@@ -444,13 +422,7 @@ def _with_remark(fits: "Mapping[str, Fitted]", remarks: tuple[str, ...]) -> "dic
 
 
 def read_track(given: str | Path | Recording) -> AttitudeTrack:
-    """Attitude of a recording or its file.
-
-    Raises
-    ------
-    DecodeError
-        If it holds none.
-    """
+    """Attitude of a recording or its file; DecodeError if it holds none."""
     track = given.track if isinstance(given, Recording) else read(given).track
     if track is None:
         raise DecodeError(f"{given} holds no attitude; make one with 'plumbob run --out'.")

@@ -529,13 +529,7 @@ def opened_samples(
     *,
     whole: bool,
 ) -> tuple[str, Recording, ImuData]:
-    """What messages call it, the recording, and its samples.
-
-    Raises
-    ------
-    ShapeError
-        If it holds no sensor data.
-    """
+    """What messages call it, the recording, and its samples; ShapeError if it holds no sensor data."""
     if isinstance(given, ImuData):
         given = unsaved(given, "the samples")
     if isinstance(given, Recording):

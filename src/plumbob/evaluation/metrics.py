@@ -31,14 +31,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
-from plumbob.rotations import (
-    dcm_from_quat,
-    euler_zyx_from_quat,
-    quat_conjugate,
-    quat_multiply,
-    rotvec_from_quat,
-    wrap,
-)
+from plumbob.rotations import dcm_from_quat, euler_zyx_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat, wrap
 
 QUANTITIES = ("total", "heading", "inclination", "yaw", "pitch", "roll")
 NEEDS_HEADING = ("total", "heading", "yaw")

@@ -109,12 +109,9 @@ def deviations(record: StaticRecord, report: StaticReport, kind: str, *, taus: T
 def comparisons(
     before: tuple[StaticRecord, StaticReport], after: tuple[StaticRecord, StaticReport], *, taus: Taus = None
 ) -> list[ChannelComparison]:
-    """Compare the channels of two records, which must be the same at the same rate.
+    """Compare the channels of two records.
 
-    Raises
-    ------
-    ShapeError
-        If a record is not static, or they have other channels or rates.
+    ShapeError if one is not static, or they have other channels or rates.
     """
     first, second = (_sound(record, report) for record, report in (before, after))
     compared = []

@@ -116,14 +116,7 @@ _STEPS = np.arange(0.0, 40.0)  # of √2 in length
 def with_hours(terms: Mapping[str, Coefficient], dt: float, duration: float) -> dict[str, Coefficient]:
     """Say for each term that the record does not show how long one would have to be that shows half of its limit.
 
-    Parameters
-    ----------
-    terms : mapping of str to Coefficient
-        By letter.
-    dt : float
-        Sampling time, s.
-    duration : float
-        Of the record, s.
+    `dt` is the sampling time, `duration` the record's, s.
     """
     return {letter: replace(c, hours=_hours(letter, terms, dt, duration)) for letter, c in terms.items()}
 

@@ -45,16 +45,9 @@ _SAMPLED_TO = 64  # from so many samples on, sampled flicker noise has its flat 
 
 
 def least_squares(curve: Curve, *, first: int = 1, others: Sequence[Sinusoid | Band | GaussMarkov] = ()) -> Estimates:
-    """Fit Q, N, B, K and R to a curve.
+    """Fit Q, N, B, K and R to an overlapping Allan deviation from the averaging factor `first` on.
 
-    Parameters
-    ----------
-    curve : Curve
-        Overlapping Allan deviation.
-    first : int
-        Smallest averaging factor to use.
-    others : sequence of Sinusoid, Band or GaussMarkov
-        What else is in the curve, already known.
+    `others` are what else is in the curve, already known.
     """
     used = curve.n >= first
     n, tau = curve.n[used], curve.tau[used]
@@ -162,18 +155,11 @@ _SHARE = 0.02  # of an Allan variance that may come from masked frequencies
 
 
 def find_mask(spectrum: Spectrum, n: NDArray[np.int64]) -> tuple[Mask, Spectrum]:
-    """Mask of a record, and the spectrum below it.
+    """Mask of a record with the averaging factors n (m,), and the spectrum below it.
 
     A spectrum that is bent somewhere in its highest octaves is cut, in half octaves from half the sampling rate down,
     until the terms fit the octaves next to the cut; and once more by `_MARGIN`, for a bend that is not seen yet has
     already begun. Mere unevenness is not a bend: real sensors have some per cent of it.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Of the record.
-    n : ndarray (m,)
-        Averaging factors that there are, increasing.
     """
     cut, below = 0.5 / spectrum.step, spectrum
     fitted = fit(below)
@@ -194,19 +180,10 @@ def find_mask(spectrum: Spectrum, n: NDArray[np.int64]) -> tuple[Mask, Spectrum]
 
 
 def mask_first_order(spectrum: Spectrum, time: float, n: NDArray[np.int64]) -> tuple[Mask, Spectrum | None]:
-    """Mask of a record that a filter of first order has smoothed, and the spectrum below it, if that is enough to fit.
+    """Mask of a record that a filter of first order with a time constant, s, has smoothed; `n` (m,) as there.
 
-    Such a filter makes a Gauss–Markov process of white noise, whose spectrum falls like that of a random walk: nothing
-    that the highest octaves alone would tell.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Of the record.
-    time : float
-        Time constant of the filter, s.
-    n : ndarray (m,)
-        Averaging factors that there are, increasing.
+    With it the spectrum below it, if that is enough to fit. Such a filter makes a Gauss–Markov process of white noise,
+    whose spectrum falls like that of a random walk: nothing that the highest octaves alone would tell.
     """
     cut = float(np.sqrt(_TOLERATED)) / (2.0 * np.pi * time)
     reason = f"the record looks smoothed, as by a filter of first order with a time constant of {time:.2g} s"
@@ -333,15 +310,7 @@ class LeftOut(NamedTuple):
 
 
 def leave_out(spectrum: Spectrum, n: NDArray[np.int64]) -> LeftOut:
-    """Find the bands and the mask of a record.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Of the record.
-    n : ndarray (m,)
-        Averaging factors that there are, increasing.
-    """
+    """Find the bands and the mask of a record with the averaging factors n (m,), which increase."""
     inside = _cores(spectrum)
     if not inside.any():
         return LeftOut((), *find_mask(spectrum, n), spectrum)

@@ -171,13 +171,7 @@ def _bent_below(constant: float | None, corner: float | None) -> float | None:
 
 
 def _notes(
-    tau: Floats,
-    ratio: Floats,
-    lo: Floats,
-    hi: Floats,
-    constant: float | None,
-    corner: float | None,
-    bent: float | None,
+    tau: Floats, ratio: Floats, lo: Floats, hi: Floats, constant: float | None, corner: float | None, bent: float | None
 ) -> Iterator[Note]:
     if bent is None:
         yield info("noise.no_low_pass")

@@ -444,12 +444,7 @@ def curves(rate: ArrayLike, dt: float, n: ArrayLike | None = None, *, kind: str 
 def with_noise(of: Curve, alpha: ArrayLike) -> Curve:
     """Curve with the intervals of noise that is known better than from its own slopes.
 
-    Parameters
-    ----------
-    of : Curve
-        The curve.
-    alpha : array_like (m,)
-        Exponent of the spectrum at each averaging factor; brought into the range of the kind.
+    `alpha` (m,) is the exponent of the spectrum at each averaging factor; it is brought into the range of the kind.
     """
     levels = kind_named(of.kind).levels
     exponents = np.clip(check.column("alpha", alpha, of.n.size), levels[0], levels[-1])

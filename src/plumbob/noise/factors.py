@@ -44,21 +44,9 @@ STREAMED: Final = 2**14
 
 
 def whole_factors(n: ArrayLike, longest: int, why: str) -> Factors:
-    """Return the averaging factors n (m,), refusing any that is not a whole number from 1 to `longest`.
+    """Averaging factors n (m,) of the user; ParameterError where one is not a whole number from 1 to `longest`.
 
-    Parameters
-    ----------
-    n : array_like (m,)
-        As the user gave them.
-    longest : int
-        The largest that the record allows.
-    why : str
-        What allows no more, for the message: ``"of 9 samples"``.
-
-    Raises
-    ------
-    ParameterError
-        Where one does not fit, or there is none.
+    `why` says what allows no more, for the message: ``"of 9 samples"``.
     """
     factors = check.column("n", n)
     if not factors.size:
@@ -186,14 +174,9 @@ def kind_named(name: str) -> DeviationKind:
 
 
 def checked_factors(kind: str, count: int, n: ArrayLike) -> Factors:
-    """Averaging factors n as integers, refusing those that `count` samples do not allow.
+    """Averaging factors n as integers.
 
-    Raises
-    ------
-    ShapeError
-        If the kind is unknown.
-    ParameterError
-        If a factor is not a whole number, or too long for the record.
+    ShapeError if the kind is unknown, ParameterError if one is not a whole number, or too long for `count` samples.
     """
     return whole_factors(n, kind_named(kind).longest(count), f"for {kind} of {count} samples")
 
@@ -282,10 +265,7 @@ def deviation(rate: ArrayLike, n: ArrayLike, kind: str = "oadev") -> Floats:
 def running_sums(rate: Floats) -> Iterator[Floats]:
     """For each channel of the rates (N,) or (N, k), its θ (N + 1,): the running sum about the mean, from 0.
 
-    Raises
-    ------
-    ShapeError
-        If a sample is not finite.
+    ShapeError if a sample is not finite.
     """
     if rate.ndim not in {1, 2} or rate.size == 0:
         raise ShapeError(f"rate must have shape (N,) or (N, k) and hold samples, but its shape is {rate.shape}.")

@@ -264,20 +264,11 @@ _LEAST = 4 * _BLOCK
 
 
 def find_sinusoids(samples: Floats, dt: float, averaged: int = 1) -> tuple[tuple[Sinusoid, ...], Floats]:
-    """Sinusoids of a record, strongest first, and what is left without them.
+    """Sinusoids of samples (N,), every `dt` s, strongest first, and what is left without them.
 
     Peaks of a periodogram (Hann window) that stand above their neighbourhood by more than noise does once in a thousand
-    records. A peak that a sinusoid cannot take away is none: vibration of a structure is a hump, and stays.
-
-    Parameters
-    ----------
-    samples : ndarray (N,)
-        Evenly spaced values.
-    dt : float
-        Time between the values, s.
-    averaged : int
-        How many samples each value is the mean of, which has made every sinusoid smaller; found ones are as in the
-        samples.
+    records. A peak that a sinusoid cannot take away is none: vibration of a structure is a hump, and stays. Where each
+    value is the mean of `averaged` samples, which has made every sinusoid smaller, they are given as in the samples.
     """
     residual, sinusoids = samples, []
     if samples.size < _LEAST:

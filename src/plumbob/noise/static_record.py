@@ -6,7 +6,7 @@ what the numbers themselves show. Of a recording the longest stretch without a g
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -137,21 +137,11 @@ class StaticRecord:
 
 
 def check_static(
-    record: StaticRecord,
-    progress: Callable[[int], None] | None = None,
-    *,
-    skip: Sequence[tuple[float, float]] = (),
+    record: StaticRecord, progress: Callable[[int], None] | None = None, *, skip: Sequence[tuple[float, float]] = ()
 ) -> StaticReport:
     """Judge whether a record is static, in one pass over it; times in the report are those of the file.
 
-    Parameters
-    ----------
-    record : StaticRecord
-        Channels, as `load_static` opens them.
-    progress : callable, optional
-        Is given the bytes that are done.
-    skip : sequence of (float, float)
-        Times to leave out of an analysis whatever they hold, s.
+    `progress` is given the bytes that are done; what lies in `skip`, s, is left out of an analysis whatever it holds.
     """
     checks = []
     for group in record.groups:
@@ -195,18 +185,9 @@ def static_of_plain(
             f"{file} holds plain numbers: give their {missing}. For a table with time and units give --profile "
             "FILE.toml instead."
         )
-    if not 0.0 < rate < math.inf:
-        raise ParameterError(f"rate must be a positive number of samples per second, but it is {rate}.")
     size, unit = _scale(scale)
+    group = _plain_channels(file, numbers, numbers.columns, rate, size, unit, between)
     notes = _scaled_twice(file, next(numbers.blocks()), size, unit)
-    start, stop = between
-    first = 0 if start is None else max(0, round(start * rate))
-    end = None if stop is None else round(stop * rate)
-    count = numbers.columns
-    entry = units.unit(unit)
-    names = _names(file, count, entry.quantity)
-    triad = count == 3 and entry.quantity in _TRIAD_OF
-    group = Channels(names, entry.quantity, 1.0 / rate, first / rate, triad, numbers, size * entry.factor, (first, end))
     return StaticRecord(file, numbers.size, (group,), {}, (*numbers.notes, *notes))
 
 
@@ -219,14 +200,24 @@ def static_of_numbers(values: ArrayLike, rate: float | None, scale: str | None) 
     name = Path("record")
     if rate is None or scale is None:
         raise ParameterError(f"an array needs its rate, Hz, and its scale, {_EXAMPLE}. Give both.")
+    group = _plain_channels(name, samples, samples.shape[1], rate, *_scale(scale))
+    return StaticRecord(name, samples.nbytes, (replace(group, source=samples * group.factor, factor=1.0),), {}, ())
+
+
+def _plain_channels(
+    file: Path, source: "Floats | PlainNumbers", count: int, rate: float, size: float, unit: str,
+    between: tuple[float | None, float | None] = (None, None),
+) -> Channels:  # fmt: skip
+    """Columns of numbers whose unit is `size` of a unit; three of one sensor's quantity are its axes."""
     if not 0.0 < rate < math.inf:
         raise ParameterError(f"rate must be a positive number of samples per second, but it is {rate}.")
-    size, unit = _scale(scale)
+    start, stop = between
+    first = 0 if start is None else max(0, round(start * rate))
+    end = None if stop is None else round(stop * rate)
     entry = units.unit(unit)
-    names = _names(name, samples.shape[1], entry.quantity)
-    triad = len(names) == 3 and entry.quantity in _TRIAD_OF
-    group = Channels(names, entry.quantity, 1.0 / rate, 0.0, triad, samples * (size * entry.factor))
-    return StaticRecord(name, samples.nbytes, (group,), {}, ())
+    names = _names(file, count, entry.quantity)
+    triad = count == 3 and entry.quantity in _TRIAD_OF
+    return Channels(names, entry.quantity, 1.0 / rate, first / rate, triad, source, size * entry.factor, (first, end))
 
 
 def _names(file: Path, count: int, quantity: Quantity) -> tuple[str, ...]:
@@ -302,27 +293,10 @@ class Sensors:
 def usable_sensors(
     imu: ImuData | None, file: Path, triads: Sequence[str], between: tuple[float | None, float | None]
 ) -> Sensors:
-    """Take the sensors of a recording apart.
+    """Take the sensors of a recording apart, those of `triads` `between` two times, s; messages call it `file`.
 
-    Parameters
-    ----------
-    imu : ImuData or None
-        The samples.
-    file : Path
-        Its name for errors.
-    triads : sequence of str
-        Which ones.
-    between : (float or None, float or None)
-        From when to when, s.
-
-    Raises
-    ------
-    ParameterError
-        If it has none of the triads, or no sample between the times.
-    ClockError
-        If the samples are not evenly spaced.
-    ShapeError
-        If no sensor can be used.
+    ParameterError if it has none of the triads or no sample there, ClockError if the samples are not evenly spaced,
+    ShapeError if no sensor can be used.
     """
     if imu is None or not set(triads) & set(imu.triads):
         has = "no samples" if imu is None else f"only {', '.join(imu.triads)}"

@@ -143,10 +143,7 @@ def make_gatherer(
 ) -> Gatherer:
     """Gatherer with options that may be text with a unit.
 
-    Raises
-    ------
-    ParameterError
-        If one of them is not positive, or the limit is not an inclination.
+    ParameterError if one of them is not positive, or the limit is not an inclination.
     """
     length = units.given("burst", burst, Quantity.TIME)
     limit = units.given("tilt_limit", tilt_limit, Quantity.ANGLE)

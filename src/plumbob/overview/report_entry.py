@@ -146,20 +146,10 @@ def read_subject(
     note: Note | None = None,
     progress: Progress | None = None,
 ) -> Subject:
-    """Read a recording, estimate its attitude, and gather.
+    """Read a recording, estimate its attitude, and gather with a new gatherer.
 
-    Parameters
-    ----------
-    file : path, Recording or ImuData
-        The recording.
-    gatherer : Gatherer
-        New, for this one.
-    how : mapping
-        Arguments of `plumbob.estimate`, where `filter` may also be `OWN` or `NONE`.
-    graded : bool
-        Whether the recording is graded, which takes some passes over its samples.
-    note, progress : callable, optional
-        Called with remarks, and with the name, the samples done and all.
+    `how` are arguments of `plumbob.estimate`, where `filter` may also be `OWN` or `NONE`; a grade takes some passes
+    over the samples. `note` is called with remarks, `progress` with the name, the samples done and all.
     """
     with opened(file, how) as (recording, paths, session):
         given = {name: value for name, value in how.items() if name not in ("profile", "unit")}
@@ -235,11 +225,7 @@ def _subject(
 
 
 def _as_recorded(
-    recording: Recording,
-    paths: Sequence[Path],
-    session: "Session | None",
-    gatherer: Gatherer,
-    attitude: bool,
+    recording: Recording, paths: Sequence[Path], session: "Session | None", gatherer: Gatherer, attitude: bool
 ) -> Subject:
     """Of a recording as it is, with its own attitude or none."""
     imu, track = recording.imu, recording.track if attitude else None
@@ -342,21 +328,9 @@ def _recorded(path: Path, how: Mapping[str, Any]) -> "Iterator[tuple[Recording, 
 
 
 def decoded_to(file: Path, log: "Log", session: "Session") -> Recording:
-    """Decode a recording of a line to a native file, and open that; no more than a part of it is in memory.
+    """Decode a recording of one unit's line to a native file, and open that; no more than a part of it is in memory.
 
-    Parameters
-    ----------
-    file : Path
-        The native file, which must stay as long as the result is used.
-    log : Log
-        The recording.
-    session : Session
-        What its bytes mean; of one unit.
-
-    Raises
-    ------
-    DecodeError
-        If no sample could be decoded.
+    The file must stay as long as the result is used. DecodeError if no sample could be decoded.
     """
     from plumbob.files import read
     from plumbob.files.parquet import write_parquet

@@ -128,13 +128,7 @@ def picture(
 
 
 def picture_kind(path: Path) -> str:
-    """Format of a picture by the ending of its name.
-
-    Raises
-    ------
-    ParameterError
-        If it is not among `PICTURES`.
-    """
+    """Format of a picture by the ending of its name; ParameterError if it is not among `PICTURES`."""
     if path.suffix.lower() not in PICTURES:
         raise ParameterError(f"the name of a picture must end in {', '.join(PICTURES)}, but it is {path}.")
     return path.suffix.lower()[1:]
@@ -222,18 +216,9 @@ def _for_page(svg: str) -> str:
 def envelope(t: Floats, y: Floats, columns: int, *, gap: float = np.inf, jump: float = np.inf) -> tuple[Floats, Floats]:
     """Points (M,) to draw instead of all N, with NaN where the line must break.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Increasing times.
-    y : ndarray (N,)
-        Values; NaN where not known.
-    columns : int
-        Pixel columns of the plot; a series of at most twice as many values is kept whole.
-    gap : float
-        A longer step in time breaks the line.
-    jump : float
-        A larger step in value breaks the line: the wrap of an angle is not motion.
+    `t` (N,) increases, `y` (N,) is NaN where not known; a series of at most twice as many values as pixel `columns` is
+    kept whole. A longer step than `gap` in time breaks the line, and a larger one than `jump` in value: the wrap of an
+    angle is not motion.
     """
     rows = np.flatnonzero(np.isfinite(y))
     if not rows.size:

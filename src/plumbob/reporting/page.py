@@ -51,20 +51,9 @@ def part_links(report: Any) -> list[tuple[str, str]]:
 
 
 def render(template: str, lang: str, style: str, scripts: Sequence[str], **content: Any) -> str:
-    """HTML of a page by a template beside this file.
+    """HTML of a page by a template beside this file, which takes `content` and escapes every text of it.
 
-    Parameters
-    ----------
-    template : str
-        Name of its file.
-    lang : str
-        Of the labels.
-    style : str
-        Its CSS.
-    scripts : sequence of str
-        Those that may run; the policy of the page names each by its hash, and nothing else may.
-    **content
-        What the template takes; every text of it is escaped.
+    The policy of the page names each of the scripts, which may run, by its hash; nothing else may.
     """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
@@ -134,12 +123,7 @@ def browser() -> str:
 def print_pdf(page: str, path: Path, *, overwrite: bool = False) -> Path:
     """Print a page to a file, which is there as a whole or not at all.
 
-    Raises
-    ------
-    MissingExtraError
-        If no browser is installed.
-    DecodeError
-        If the browser fails.
+    MissingExtraError if no browser is installed, DecodeError if it fails.
     """
     program = browser()
     with TemporaryDirectory(prefix="plumbob-") as folder, replacing(path, overwrite=overwrite) as temporary:

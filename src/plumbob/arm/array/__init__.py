@@ -10,17 +10,7 @@ if TYPE_CHECKING:
     from plumbob.arm.array.relative import ArrayInfo, combine, info
     from plumbob.arm.array.virtual_unit import Combined, estimate
 
-__all__ = [
-    "ArrayInfo",
-    "Combined",
-    "Monitor",
-    "Monitored",
-    "combine",
-    "estimate",
-    "info",
-    "joined",
-    "monitor",
-]
+__all__ = ["ArrayInfo", "Combined", "Monitor", "Monitored", "combine", "estimate", "info", "joined", "monitor"]
 
 __getattr__, __dir__ = lazily(
     __name__,

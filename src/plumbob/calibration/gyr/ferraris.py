@@ -60,13 +60,7 @@ LEAST_TURN: Final = float(deg(90.0))
 
 
 def require_parts(parts: Mapping[str, slice]) -> None:
-    """Refuse parts of which some are missing or unknown.
-
-    Raises
-    ------
-    CalibrationError
-        If the names are not those of `FACES` and `TURNS`.
-    """
+    """CalibrationError if parts are missing or unknown: their names are those of `FACES` and `TURNS`."""
     names = {*FACES, *TURNS}
     missing, unknown = sorted(names - set(parts)), sorted(set(parts) - names)
     if missing or unknown:
@@ -77,13 +71,7 @@ def require_parts(parts: Mapping[str, slice]) -> None:
 
 
 def parts_of_labels(labels: Sequence[str]) -> dict[str, slice]:
-    """Parts of samples that each bear the name of their part, or none.
-
-    Raises
-    ------
-    CalibrationError
-        If a part lies in two places.
-    """
+    """Parts of samples that each bear the name of their part, or none; CalibrationError if one lies in two places."""
     parts: dict[str, slice] = {}
     start = 0
     for name, run in groupby(labels):
@@ -104,20 +92,11 @@ def parts_of_times(t: Floats, spans: Mapping[str, tuple[float, float]]) -> dict[
 def find_parts(t: Floats, acc: Floats, gyr: Floats) -> dict[str, slice]:
     """Find the parts in a session that was recorded in one go.
 
+    Its times (N,), s, forces (N, 3), m/s², and rates (N, 3), rad/s, are uncalibrated.
+
     A face is the longest stretch at rest with an axis on end. A turn is what lies between two stretches at rest and
     turned the unit by more than a quarter about an axis that stood on end before and after, and least about others.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    acc, gyr : ndarray (N, 3)
-        Specific force, m/s², and rates, rad/s, uncalibrated.
-
-    Raises
-    ------
-    CaptureRefusedError
-        not-still where faces, no-motion where turns are missing.
+    CaptureRefusedError: not-still where faces, no-motion where turns are missing.
     """
     where = stills(t, acc, gyr)
     faces = [_face(acc[part].mean(axis=0)) for part in where]
@@ -205,11 +184,7 @@ def fit_trackball(rates: Rates) -> Fitted:
         quality=Quality(grade="poor", samples=still.size),
     )
     slope = to_dps(float(drift.bias_per_k[0]))
-    remarks = (
-        warning("calibration.assumed_drift", slope=slope),
-        *turned,
-        *unseen_turn(rates, where),
-    )
+    remarks = (warning("calibration.assumed_drift", slope=slope), *turned, *unseen_turn(rates, where))
     return Fitted(calibration, means, means, np.ones(len(where), dtype=bool), remarks)
 
 

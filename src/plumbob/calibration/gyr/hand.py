@@ -131,14 +131,9 @@ class MotionFit:
 
 
 def fit_motions(motions: Sequence[TurnBetweenPoses], rest_bias: Floats, rest_sd: Floats) -> MotionFit:
-    """Least squares over bias and matrix, with outliers set aside once.
+    """Least squares over bias and matrix by `FEWEST` motions or more, with outliers set aside once.
 
-    Parameters
-    ----------
-    motions : sequence of TurnBetweenPoses
-        `FEWEST` at least.
-    rest_bias, rest_sd : ndarray (3,)
-        Bias at rest, which is one more measurement, and its standard deviation, rad/s.
+    The bias at rest (3,) with its standard deviation, rad/s, is one more measurement.
     """
     used = np.ones(len(motions), dtype=bool)
     fit = _least_squares(motions, rest_bias, rest_sd, used)
@@ -225,15 +220,7 @@ class Coupling(NamedTuple):
 
 
 def coupling_at_rest(rates: Floats, forces: Floats) -> Coupling | None:
-    """G of the mean rates and forces of poses at rest; None where they cannot tell, or show none.
-
-    Parameters
-    ----------
-    rates : ndarray (K, 3)
-        Mean measured rate of each pose, rad/s.
-    forces : ndarray (K, 3)
-        Mean calibrated specific force of each pose, m/s².
-    """
+    """G of mean rates (K, 3), rad/s, and calibrated forces (K, 3), m/s², of poses; None where they do not show it."""
     from scipy.special import fdtrc
 
     if len(rates) < FEWEST_RATES:

@@ -64,10 +64,7 @@ class Rates(NamedTuple):
 def without_known(rates: Rates) -> Floats:
     """Rates less what temperature and specific force are known to add, (N, 3); the bias stays.
 
-    Raises
-    ------
-    CalibrationError
-        If temperature or specific force is needed and missing.
+    CalibrationError if temperature or specific force is needed and missing.
     """
     corrected, base = rates.gyr, rates.known
     if base.bias_per_k.any():
@@ -91,15 +88,7 @@ def new_bias_covariance(known: TriadCalibration, bias: Floats) -> Floats:
 
 
 def inverse_covariance(matrix: Floats, inverse: Floats) -> Floats:
-    """Covariance (9, 9) of an inverse, row by row, from that of the matrix: d(A⁻¹) = −A⁻¹ dA A⁻¹.
-
-    Parameters
-    ----------
-    matrix : ndarray (9, 9)
-        Covariance of A, row by row.
-    inverse : ndarray (3, 3)
-        A⁻¹.
-    """
+    """Covariance (9, 9) of an inverse (3, 3), row by row, from that of the matrix: d(A⁻¹) = −A⁻¹ dA A⁻¹."""
     change = np.kron(inverse, inverse.T)
     return np.asarray(change @ matrix @ change.T)
 
@@ -153,14 +142,7 @@ def beyond_bias(bias: Floats) -> list[Reason]:
 def field_turns(t: Floats, mag: Floats, where: Sequence[slice]) -> Floats:
     """How far the field turned against the unit in each stretch (K,), rad; zero where that is noise, or unknown.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    mag : ndarray (N, 3)
-        Flux density, calibrated or not, any unit; rows with NaN are left out.
-    where : sequence of slice
-        The stretches.
+    `mag` (N, 3) is of any unit, calibrated or not, at times t (N,), s; rows with NaN are left out.
     """
     return np.array([_turn(t[part], mag[part]) for part in where])
 

@@ -103,12 +103,7 @@ class TableSession:
 
 
 def table_session(
-    rate: ArrayLike,
-    measured: ArrayLike,
-    *,
-    force: ArrayLike | None,
-    seconds: ArrayLike | None,
-    latitude: float | None,
+    rate: ArrayLike, measured: ArrayLike, *, force: ArrayLike | None, seconds: ArrayLike | None, latitude: float | None
 ) -> TableSession:
     """Session of plateaus; arguments as in `plumbob.calibration.gyr.table.fit_table`."""
     rates = check.rows("rate", rate, 3)

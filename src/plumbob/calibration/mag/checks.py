@@ -185,26 +185,10 @@ def mag_calibration(
     tilt_range: float,
     directions: Floats | None = None,
 ) -> TriadCalibration:
-    """Calibration of a magnetometer.
+    """Calibration of a magnetometer with its bias (3,), matrix (3, 3), their covariance (12, 12), and its `Quality`.
 
-    Parameters
-    ----------
-    matrix, bias, covariance : ndarray (3, 3), (3,), (12, 12)
-        Of the calibration.
-    residuals : ndarray (N, ...)
-        Residuals, in the sensor's own scale, µT.
-    used : ndarray (N,) of bool
-        False for outliers.
-    radius : float
-        Strength of the field in the sensor's own scale, µT.
-    strength : float or None
-        Strength that it was scaled to, µT.
-    method : str
-        How it was found.
-    condition, heading_sd, tilt_range : float
-        Of the `Quality`.
-    directions : ndarray (N, 3), optional
-        Measured field from its centre, where directions count.
+    `residuals` (N, ...) are in the sensor's own scale, µT, as is the strength `radius` of the field; `strength` is that
+    to which it was scaled. `directions` (N, 3), where they count, are of the measured field from its centre.
     """
     return TriadCalibration(
         matrix=matrix,

@@ -13,16 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.calibration.autocorrelation import LONG, alike
-from plumbob.calibration.ellipsoid_fit import (
-    SPARE,
-    NormFit,
-    Shape,
-    choose,
-    fit_norm,
-    linearised,
-    mean_radius,
-    scaled,
-)
+from plumbob.calibration.ellipsoid_fit import SPARE, NormFit, Shape, choose, fit_norm, linearised, mean_radius, scaled
 from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.checks import (
     DIP,
@@ -147,18 +138,8 @@ class ReferenceField(NamedTuple):
 def widening(vectors: Floats, fit: NormFit, field: Unevenness, memory: float, place: ReferenceField) -> float:
     """Factor, at least 1, of a covariance by what the parts of a capture differ beyond their own predictions.
 
-    Parameters
-    ----------
-    vectors : ndarray (N, 3)
-        Measured field, µT, in order of time.
-    fit : NormFit
-        Of the full shape to all of them.
-    field : Unevenness
-        Of the whole capture.
-    memory : float
-        How many neighbouring samples count as one.
-    place : ReferenceField
-        Where headings are used.
+    `vectors` (N, 3), µT, are in order of time, `fit` that of the full shape to all; `memory` neighbouring samples count
+    as one; headings are used at the `place`.
     """
     some = vectors[fit.used][:: max(1, len(vectors) // _SOME_OF_HALVES)]
     overall = scaled(fit, place.size, alike=1.0)[0], fit.ellipsoid.centre
@@ -332,11 +313,7 @@ def _coverage(mag: Floats, fit: NormFit, sd: float) -> Reason | None:
     if sd <= HEADING.poor:
         return None
     regions = _regions_told((mag - fit.ellipsoid.centre)[fit.used])
-    return Reason(
-        "too-few-regions",
-        f"the capture leaves {heading_told(sd)}; {regions}.",
-        _ADVICE,
-    )
+    return Reason("too-few-regions", f"the capture leaves {heading_told(sd)}; {regions}.", _ADVICE)
 
 
 def _regions_told(directions: Floats) -> str:

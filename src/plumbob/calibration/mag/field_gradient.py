@@ -103,16 +103,9 @@ class Unevenness(NamedTuple):
         return self.sd**2 * len(residuals) ** 2 / power / self.patches if power > 0.0 else 0.0
 
     def unseen(self, matrix: Floats, radius: float, *, turned: bool = True) -> Floats:
-        """Covariance (12, 12) of bias and matrix by what no length shows: a hard iron, and a turn.
+        """Covariance (12, 12) of bias and matrix by what no length shows: a hard iron, without a vertical a turn.
 
-        Parameters
-        ----------
-        matrix : ndarray (3, 3)
-            Of the calibration.
-        radius : float
-            Strength of the field in the sensor's own scale, µT.
-        turned : bool
-            Whether a turn is unseen too, as it is without a vertical.
+        `radius` is the strength of the field in the sensor's own scale, µT.
         """
         covariance = np.zeros((12, 12))
         covariance[:3, :3] = _HARD_IRON * self.sd**2 * np.eye(3)
@@ -133,20 +126,11 @@ def unevenness(
 ) -> Unevenness:
     """How uneven the field was in a capture, or may have been without showing it.
 
-    Parameters
-    ----------
-    residuals : ndarray (N,) or (N, C)
-        What a fit leaves of each sample, µT, in order of time; of C columns, the worst counts.
-    directions : ndarray (N, 3) or (N, 2)
-        Fitted vectors, of any length.
-    used : ndarray (N,) of bool
-        Samples that were fitted. Fewer than 100 are readings of single poses, whose errors all count as noise.
-    patches : float, optional
-        How many patches the unit turned through, where more than the directions is known.
-    taken_up : float
-        Patches whose errors the parameters take up.
-    lengths : bool
-        Whether the residuals are of lengths alone, which do not show a field that changes along itself.
+    `residuals` (N,) or (N, C), µT, are what a fit leaves of each sample in order of time; of C columns, the worst
+    counts. `directions` (N, 3) or (N, 2) are fitted vectors of any length. Fewer than 100 `used` samples (N,) are
+    readings of single poses, whose errors all count as noise. `patches` is through how many the unit turned, where more
+    than the directions is known; the parameters take up errors of `taken_up` of them. `lengths`: the residuals are of
+    lengths alone, which do not show a field that changes along itself.
     """
     columns = residuals.reshape(len(residuals), -1)[used].T
     if columns.shape[1] < LONG:
@@ -187,12 +171,7 @@ _CONSTANT: Final = deg(10.0)
 def one_axis(vectors: Floats, acc: Floats | None) -> Reason | None:
     """Reason to refuse vectors (N, 3) that were seen while turning about one axis only; None where they were not.
 
-    Parameters
-    ----------
-    vectors : ndarray (N, 3)
-        Measured vectors, of any unit.
-    acc : ndarray (N, 3), optional
-        Specific force at the same instants; it distinguishes a level unit from an inclined one.
+    Specific force (N, 3) at the same instants distinguishes a level unit from an inclined one.
     """
     centred = vectors - vectors.mean(axis=0)
     _, sizes, directions = np.linalg.svd(centred[:: max(1, len(centred) // 10_000)], full_matrices=False)

@@ -128,16 +128,8 @@ class InUseFit(NamedTuple):
 def fit_in_use(t: Floats, mag: Floats, gyr: Floats, *, gyr_gain_sd: float) -> InUseFit | None:
     """Fit windows; None where they are too few, or the steps do not settle.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s, increasing.
-    mag : ndarray (N, 3)
-        Measured field, of any unit; NaN where there is none.
-    gyr : ndarray (N, 3)
-        Rates, rad/s, finite.
-    gyr_gain_sd : float
-        Standard deviation of each entry of the gyroscope's gain matrix, relative to its scale.
+    t (N,), s, increases; `mag` (N, 3) is of any unit, NaN where there is none; `gyr` (N, 3), rad/s, is finite, and
+    `gyr_gain_sd` the standard deviation of each entry of its gain matrix, relative to its scale.
     """
     present = np.asarray(np.isfinite(mag).all(axis=1))
     edges = window_edges(t, present, LENGTH) if len(t) > 1 else np.zeros((0, 2), dtype=np.intp)

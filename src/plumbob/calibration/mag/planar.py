@@ -72,13 +72,7 @@ class EllipseFit(NamedTuple):
 
 
 def fit_ellipse(points: Floats) -> EllipseFit | None:
-    """Fit an ellipse; None where none comes out.
-
-    Parameters
-    ----------
-    points : ndarray (N, 2)
-        Measured vectors, finite, more than five.
-    """
+    """Fit an ellipse to more than five finite points (N, 2); None where none comes out."""
     middle = points.mean(axis=0)
     size = math.sqrt(float(np.mean(np.sum((points - middle) ** 2, axis=1))))
     start = _algebraic((points - middle) / size) if size > 0.0 else None
@@ -180,11 +174,7 @@ _ADVICE: Final = "Drive a full circle or more on level ground, away from iron."
 
 
 def fit_mag_level(
-    mag: Floats,
-    *,
-    acc: Floats | None = None,
-    strength: float | None = None,
-    dip: float | None = None,
+    mag: Floats, *, acc: Floats | None = None, strength: float | None = None, dip: float | None = None
 ) -> Fitted:
     """Fit an ellipse to the two level axes; the third stays as measured.
 

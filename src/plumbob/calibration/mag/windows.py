@@ -30,14 +30,7 @@ def by_error(turns: Floats, angles: Floats, dt: Floats) -> Floats:
 def leaning(turns: Floats, angles: Floats, measured: Floats, dt: Floats) -> Floats:
     """How attitudes (N, 3, 3) lean since the first, (N, 3, 12), by bias and gain of a gyroscope, by Simpson's rule.
 
-    Parameters
-    ----------
-    turns : ndarray (N, 3, 3)
-        Attitudes.
-    angles, measured : ndarray (N - 1, 3)
-        Rotations between them, rad, and as the gyroscope measured them.
-    dt : ndarray (N - 1, 1)
-        Times between them, s.
+    `angles` (N - 1, 3) are the rotations between them, rad, `measured` as the gyroscope did, `dt` (N - 1, 1) in s.
     """
     middle = turns[:-1] @ dcm_from_quat(quat_from_rotvec(0.5 * angles))
     each = by_error((turns[:-1] + 4.0 * middle + turns[1:]) / 6.0, measured, dt)
@@ -149,18 +142,9 @@ def part_count(t: Floats, gyr: Floats, length: float) -> int:
 def mean_windows(
     t: Floats, mag: Floats, gyr: Floats, edges: NDArray[np.intp], part: float, parts: int, errors: Gyroscope
 ) -> Windows:
-    """Means over the parts of windows (W, 2) of samples, some windows at a time.
+    """Means over the `parts` of `part` s of windows (W, 2), first sample and end, some windows at a time.
 
-    Parameters
-    ----------
-    t, mag, gyr : ndarray (N,), (N, 3), (N, 3)
-        Time, s, field, NaN where there is none, and rates, rad/s.
-    edges : ndarray (W, 2) of int
-        First sample and end of each window.
-    part, parts : float, int
-        Length of a part, s, and how many there are.
-    errors : Gyroscope
-        What the rates are corrected by.
+    Of times t (N,), s, field (N, 3), NaN where there is none, and rates (N, 3), rad/s, which `errors` corrects.
     """
     chunks, k, q = [], 0, np.array([1.0, 0.0, 0.0, 0.0])
     while k < len(edges):
@@ -190,14 +174,7 @@ def _gaps(t: Floats) -> NDArray[np.intp]:
 
 
 def _chunk(
-    t: Floats,
-    mag: Floats,
-    gyr: Floats,
-    edges: NDArray[np.intp],
-    part: float,
-    parts: int,
-    errors: Gyroscope,
-    q: Floats,
+    t: Floats, mag: Floats, gyr: Floats, edges: NDArray[np.intp], part: float, parts: int, errors: Gyroscope, q: Floats
 ) -> tuple[Windows, Floats]:
     """Some windows that follow each other, and the attitude at their end, from that at their start."""
     first, stop = int(edges[0, 0]), min(int(edges[-1, 1]) + 1, len(t))

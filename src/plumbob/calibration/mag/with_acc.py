@@ -108,18 +108,9 @@ class _FieldNoise(NamedTuple):
 
 
 def fit_dip(mag: Floats, down: Floats, centre: Floats, matrix: Floats, used: NDArray[np.bool_]) -> DipFit | None:
-    """Fit the joint model; None where the steps do not settle.
+    """Fit the joint model to the measured field (N, 3) and the unit vertical, downward; None if steps do not settle.
 
-    Parameters
-    ----------
-    mag : ndarray (N, 3)
-        Measured field, finite.
-    down : ndarray (N, 3)
-        Direction of the vertical, downward, of length 1.
-    centre, matrix : ndarray (3,), (3, 3)
-        Where to start: a fit of the length, with any rotation.
-    used : ndarray (N,) of bool
-        Samples that are not outliers of the length.
+    It starts from a fit of the length, with any rotation, of which `used` (N,) samples are not outliers.
     """
     size = 1.0 / float(np.cbrt(abs(np.linalg.det(matrix))))
     points = (mag - centre) / size
@@ -437,9 +428,7 @@ def _remarks(fit: DipFit, dip_sd: float, strength: float | None, size: float, st
     dip, sd = to_deg(fit.dip), to_deg(dip_sd)
     remarks: list[Note] = [
         info(
-            "calibration.dip_with_acc",
-            dip=measured(dip, dip - sd, dip + sd),
-            turn_deg=to_deg(turn_angle(fit.matrix)),
+            "calibration.dip_with_acc", dip=measured(dip, dip - sd, dip + sd), turn_deg=to_deg(turn_angle(fit.matrix))
         ),
         info("calibration.noise_with_acc", mag_sd=fit.mag_sd, down_sd_deg=to_deg(fit.down_sd)),
     ]

@@ -161,18 +161,9 @@ def fit_turned_field(
 ) -> FieldFit | None:
     """Fit the model; None where the steps do not settle.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s, increasing.
-    mag : ndarray (M, 3)
-        Measured field at the instants `seen`, of any unit; finite.
-    gyr : ndarray (N, 3)
-        Rates, rad/s, off by a constant bias and what `gyr_gain_sd` says; finite.
-    seen : ndarray (M,) of int
-        Instants of the field's samples, among those of `t`.
-    gyr_gain_sd : float
-        Standard deviation of each entry of the gyroscope's gain matrix, relative to its scale.
+    `mag` (M, 3), of any unit, is of the instants `seen` among t (N,), s; `gyr` (N, 3), rad/s, is off by a constant bias
+    and by `gyr_gain_sd`, the standard deviation of each entry of its gain matrix, relative to its scale. All are
+    finite.
     """
     middle = mag.mean(axis=0)
     size = math.sqrt(float(np.mean(np.sum((mag - middle) ** 2, axis=1))))

@@ -118,16 +118,9 @@ class Oscillation(NamedTuple):
 
 
 def shaking(values: Floats, dt: float) -> Oscillation | None:
-    """Oscillation that makes up nearly all the change between averages of some length, or None.
+    """Oscillation that is nearly all the change between averages of some length of values (N,), every `dt` s.
 
     Differences of averages whiten a random walk and take out a ramp, so no noise of a sensor has a line there.
-
-    Parameters
-    ----------
-    values : ndarray (N,)
-        Samples.
-    dt : float
-        Sampling time, s.
     """
     averages, n = values, 1
     while averages.size >= 2 * LINES:
@@ -403,12 +396,7 @@ class Level:
     def loud(self, start: int, stop: int, step: float, limit: float) -> Parts:
         """Windows from sample `start` to `stop` that are louder than the quiet ones among them allow.
 
-        Parameters
-        ----------
-        start, stop, step
-            As in `Stillness.moving`.
-        limit : float
-            Part of `LOUDER` and `JUMP` that counts.
+        `limit` is the part of `LOUDER` and `JUMP` that counts; the others as in `Stillness.moving`.
         """
         half = np.concatenate(self._energies) / self.hop
         begin = -(-start // (self.hop * self.n))
