@@ -187,7 +187,9 @@ def test_a_trial_moves_and_its_start_does_not():
     start, stop = report.still
     assert start == 0.0
     assert 35.0 < stop < 45.7  # the data set's own movement phase begins at 45.7 s
-    assert report.errors[0].text.endswith(f"the longest still stretch is --from 0s --to {np.floor(10 * stop) / 10:g}s.")
+    assert str(report.errors[0].finding).endswith(
+        f"the longest still stretch is --from 0s --to {np.floor(10 * stop) / 10:g}s."
+    )
     again = check_static(load_static(TRIAL, start=0.0, stop=np.floor(10 * stop) / 10))
     assert again.errors == ()
     assert again.steps["gyr x"] == pytest.approx(dps(2000.0 / 2**15), rel=1e-3)  # 16 bits for ±2000 °/s
@@ -266,7 +268,7 @@ def test_findings_come_with_the_file_s_own_time(numbers):
     assert report.moving[0][0] == pytest.approx(30.0, abs=2.0)
     values[5000] = np.nan
     report = check_static(load_static(numbers(values), rate=100.0, scale="1"))
-    assert [finding.kind for finding in report.errors] == ["not finite"]
+    assert [finding.kind for finding in report.errors] == ["not_finite"]
 
 
 @needs_l3gd20

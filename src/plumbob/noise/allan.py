@@ -89,7 +89,7 @@ def characterise(
         replace(
             a,
             step=report.steps.get(a.name, 0.0),
-            notes=(*(warning.text for warning in report.warnings if warning.concerns(a.name)), *a.notes),
+            notes=(*(warning.finding for warning in report.warnings if warning.concerns(a.name)), *a.notes),
         )
         for a in analyses
     ]

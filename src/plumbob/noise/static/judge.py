@@ -6,7 +6,7 @@ Samples come in blocks, so that a record need not fit in memory; a check keeps a
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.findings import warning
 from plumbob.core.units import Quantity, deg, dps
 from plumbob.noise.static.artefacts import (
     ChannelWatch,
@@ -51,7 +52,7 @@ TWO_LEVELS: Final = 0.6
 
 _EXCERPT: Final = 1 << 16
 _STRICT: Final = 0.7
-_WITHOUT_MOTION: Final = ("not finite", "constant", "one way", "interleaved", "held", "coarse", "not at rest")
+_WITHOUT_MOTION: Final = ("not_finite", "constant", "one_way", "interleaved", "held", "coarse", "not_at_rest")
 
 
 class StaticCheck:
@@ -180,11 +181,11 @@ class StaticCheck:
         gaps = between(known, self.start, self.stop)
         parts = [part for gap in gaps for part in self.moving(*gap)]
         wide = widened(parts, self.start, self.stop)
-        if not parts or self._reason(wide) is not None:
+        if not parts or self.too_much(wide):
             return joined(parts)
         while more := [p for gap in between(known + wide, self.start, self.stop) for p in self.strict(*gap)]:
             wide = widened(wide + more, self.start, self.stop)
-            if self._reason(wide) is not None:
+            if self.too_much(wide):
                 break
         return wide
 
@@ -205,18 +206,15 @@ class StaticCheck:
             )
         return parts
 
-    def unskippable(self, parts: Parts) -> str | None:
-        """Why parts that were found, s, cannot be skipped, in words; None where they can."""
-        if (reason := self._reason(parts)) is not None:
-            return reason
+    def level_after(self, parts: Parts) -> float | None:
+        """When a part ends, s, after which the level may be another; None where it is the same."""
         inner = [part for part in parts if part[0] > self.start and part[1] < self.stop]
-        after = jumped(np.concatenate(self._means)[:, self._sound], inner, self.start)
-        return None if after is None else f"and may be at another level after {after:.6g} s than before"
+        return jumped(np.concatenate(self._means)[:, self._sound], inner, self.start)
 
-    def _reason(self, parts: Parts) -> str | None:
-        if max((b - a for a, b in parts), default=0.0) > LONGEST or total(parts) > MOST * (self.stop - self.start):
-            return "moving"
-        return None
+    def too_much(self, parts: Parts) -> bool:
+        """Whether parts that were found, s, are too long to be skipped."""
+        longest = max((b - a for a, b in parts), default=0.0)
+        return longest > LONGEST or total(parts) > MOST * (self.stop - self.start)
 
     def stuck(self) -> Parts:
         """When a channel repeated one value for longer than its noise can, s."""
@@ -277,7 +275,7 @@ class StaticCheck:
     def findings(self) -> list[Remark]:
         """Everything but motion."""
         if self.count < FEWEST_SAMPLES:
-            return [self._about_all("short", f"{self.count} samples are too few; record {FEWEST_SAMPLES} or more.")]
+            return [self._about_all("short", count=self.count, least=FEWEST_SAMPLES)]
         findings = [finding for column, name in enumerate(self.names) for finding in self._of_channel(column, name)]
         return findings + self._of_triad()
 
@@ -286,59 +284,37 @@ class StaticCheck:
         unit = "" if self.quantity is Quantity.RATIO else f" {self.quantity}"
         return f"{value:.{digits}g}{unit}"
 
-    def _about_all(self, kind: str, text: str) -> Remark:
-        return Remark(kind, ", ".join(self.names), True, text)
+    def _about_all(self, kind: str, **values: Any) -> Remark:
+        return _remark(kind, ", ".join(self.names), **values)
 
     def _of_channel(self, column: int, name: str) -> list[Remark]:
         first, bad = self._bad[column]
         if bad:
             (part,) = self._times([self._longest_numbers(self.count)])
             enough = (_before(part[1]) - _after(part[0])) / self.dt >= FEWEST_SAMPLES - 0.5
-            advice = f"the longest stretch of numbers is {_options(part)}" if enough else "no stretch is long enough"
-            text = f"sample {first} is not finite ({bad} such of {self.count}); {advice}."
-            return [Remark("not finite", name, True, text)]
+            stretch, none = (_options(part), None) if enough else (None, True)
+            return [_remark("not_finite", name, first=first, bad=bad, count=self.count, stretch=stretch, none=none)]
         if column not in self._changing:
-            value = self._text(self._low[column], 9)
-            text = f"all {self.count} values are {value}; the sensor is stuck, off or not connected."
-            return [Remark("constant", name, True, text)]
-        way = self._runs[column].one_way
-        if way is not None:
-            return [Remark("one way", name, True, f"only {way}; is it time or a counter? Leave the column out.")]
-        if (mixed := self._interleaved(column, name)) is not None:
-            return [mixed]
+            return [_remark("constant", name, count=self.count, value=self._text(self._low[column], 9))]
+        if (way := self._runs[column].one_way) is not None:
+            return [_remark("one_way", name, **{way: True})]
+        times = interleaved(self.excerpt()[:, column])
+        if times > 1:
+            return [_remark("interleaved", name, times=times)]
         findings = (self._repeated, self._quantised, self._clipped, self._spiked, self._shaken)
         return [finding for find in findings for finding in find(column, name)]
 
-    def _interleaved(self, column: int, name: str) -> Remark | None:
-        times = interleaved(self.excerpt()[:, column])
-        if times == 1:
-            return None
-        text = (
-            f"every value is like the one {times} before it and unlike its neighbours: {times} channels in turn? Give "
-            f"them a column each (--columns {times} of a raw file), at the rate of one of them."
-        )
-        return Remark("interleaved", name, True, text)
-
     def _repeated(self, column: int, name: str) -> list[Remark]:
         times = hold_length(self.excerpt()[:, column])
-        if times == 1:
-            return []
-        text = (
-            f"each value comes about {times} times in a row; the sensor is slower than its rows: keep one of each, and "
-            f"give its own rate, about {1.0 / (self.dt * times):.4g} Hz."
-        )
-        return [Remark("held", name, True, text)]
+        return [] if times == 1 else [_remark("held", name, times=times, rate=1.0 / (self.dt * times))]
 
     def _quantised(self, column: int, name: str) -> list[Remark]:
         step, sd = self._grains()[column]
         levels = np.unique(self.excerpt()[:, column]).size
         if not (step > 0.0 and (levels < FEWEST_LEVELS or sd < 0.5 * step)):
             return []
-        text = (
-            f"the values are {levels} multiples of the step {self._text(step, 6)} with a scatter of {self._text(sd)}; "
-            "the converter hides the noise, and short averaging times show its rounding instead."
-        )
-        return [Remark("coarse", name, False, text)]
+        values: dict[str, Any] = {"levels": levels, "step": self._text(step, 6), "scatter": self._text(sd)}
+        return [_remark("coarse", name, refuses=False, **values)]
 
     def _clipped(self, column: int, name: str) -> list[Remark]:
         if self._coarse(column):
@@ -347,23 +323,16 @@ class StaticCheck:
         piles = clipped(values)
         if not piles:
             return []
-        listed = " and ".join(f"{pile.size} times {self._text(pile.value, 6)}" for pile in piles)
-        text = (
-            f"{listed} in the first {values.size} samples, but hardly the next level inside: the values are clipped at "
-            "the end of a range; choose a wider one, and record again."
-        )
-        return [Remark("clipped", name, True, text)]
+        first, *other = [(pile.size, self._text(pile.value, 6)) for pile in piles]
+        more = dict(zip(("other_times", "other"), *other, strict=True)) if other else {}
+        return [_remark("clipped", name, times=first[0], value=first[1], count=values.size, **more)]
 
     def _spiked(self, column: int, name: str) -> list[Remark]:
         places = self._spikes[column].places(3.0 * self.steps[column])
         if not places:
             return []
-        listed = ", ".join(map(str, places[:5])) + (", …" if len(places) > 5 else "")
-        text = (
-            f"single samples lie far from their neighbours, as errors of transmission do: {len(places)}, at sample "
-            f"{listed}; they are left as they are, and raise short averaging times."
-        )
-        return [Remark("spikes", name, False, text)]
+        more = len(places) > 5 or None
+        return [_remark("spikes", name, refuses=False, count=len(places), places=tuple(places[:5]), more=more)]
 
     def _shaken(self, column: int, name: str) -> list[Remark]:
         values = self.excerpt()[:, column]
@@ -373,11 +342,8 @@ class StaticCheck:
         rule = np.arange(values.size)
         scatter = float(np.var(values - np.polyval(np.polyfit(rule, values, 1), rule)))
         most = wave.amplitude**2 / 2.0 > 0.5 * scatter
-        what = "the unit was shaken, or another signal leaks in: stop it and record again"
-        text = f"it oscillates at {wave.frequency:.4g} Hz with an amplitude of {self._text(wave.amplitude)}; " + (
-            f"that is most of its scatter: {what}." if most else "averages near half that period show it as a hump."
-        )
-        return [Remark("periodic", name, most, text)]
+        shape = {"most" if most else "hump": True, "frequency": wave.frequency}
+        return [_remark("periodic", name, refuses=most, amplitude=self._text(wave.amplitude), **shape)]
 
     def _of_triad(self) -> list[Remark]:
         if not (self.triad and self.quantity is Quantity.ACCELERATION and len(self._sound) == len(self.names)):
@@ -386,8 +352,7 @@ class StaticCheck:
         usual = float(np.linalg.norm(np.median(means, axis=0))) if len(means) else G0
         if _about_g(usual):
             return []
-        text = f"measures {usual / G0:.3g} g, but at rest it is 1 g: a wrong scale, or never at rest?"
-        return [self._about_all("not at rest", text)]
+        return [self._about_all("not_at_rest", size=usual / G0)]
 
 
 def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> StaticReport:
@@ -419,33 +384,34 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
     skipped: dict[str, tuple[tuple[float, float], ...]] = {}
     for sensor, parts in moving.items():
         excluded = joined(parts + requested[sensor])
-        reason = None if not parts else "stuck" if stuck[sensor] else sensor.unskippable(parts)
+        lasts = bool(parts) and (bool(stuck[sensor]) or sensor.too_much(parts))
+        level = sensor.level_after(parts) if parts and not lasts else None
+        refused = lasts or level is not None
         if parts:  # of which everything else is a consequence
-            finding = _left_out(sensor, excluded) if reason is None else _disturbed(sensor, parts, reason)
+            kind = "stuck" if stuck[sensor] else "moving"
+            finding = _disturbed(sensor, parts, kind, level) if refused else _left_out(sensor, excluded)
             others = [f for f in findings[sensor] if f.kind in _WITHOUT_MOTION and (f.refuses or not stuck[sensor])]
             findings[sensor] = [*others, finding]
         elif excluded:
             findings[sensor].append(_left_out(sensor, excluded))
-        if excluded and reason is None:
+        if excluded and not refused:
             skipped |= dict.fromkeys(sensor.names, tuple(excluded))
     still = _longest_still(enough, together) if enough else None
     mover = next((s for s in enough if s.inertial and any(f.kind == "moving" for f in findings[s])), None)
     for sensor in checks:
         if mover is not None and sensor is not mover and not any(f.refuses for f in findings[sensor]):
-            finding = _disturbed(mover, moving[mover], "moving")
-            findings[sensor].append(replace(finding, channel=", ".join(sensor.names), text=f"the unit {finding.text}"))
+            about = _disturbed(mover, moving[mover], "moving", None).finding
+            unit = replace(about, values={**about.values, "unit": True})
+            findings[sensor].append(Remark(", ".join(sensor.names), unit))
     return StaticReport(tuple(f for group in findings.values() for f in group), steps, tuple(together), still, skipped)
 
 
 def _left_out(sensor: StaticCheck, parts: Parts) -> Remark:
     """Finding that lists what is skipped."""
-    listed = ", ".join(f"{a:.6g} to {b:.6g} s" for a, b in parts[:5]) + (", …" if len(parts) > 5 else "")
+    listed = tuple(f"{a:.6g} to {b:.6g} s" for a, b in parts[:5])
     share = 100.0 * (1.0 - total(parts) / (sensor.stop - sensor.start))
-    text = (
-        f"moved or was disturbed, and is skipped there: {listed} ({len(parts)} in all); {share:.4g} % of the record is "
-        "left, and its neighbours stand in the gaps."
-    )
-    return Remark("disturbed", ", ".join(sensor.names), False, text)
+    values: dict[str, Any] = {"parts": listed, "more": len(parts) > 5 or None, "count": len(parts), "share": share}
+    return _remark("disturbed", ", ".join(sensor.names), refuses=False, **values)
 
 
 def _longest_still(checks: Sequence[StaticCheck], motions: Parts) -> tuple[float, float] | None:
@@ -461,17 +427,17 @@ def _longest_still(checks: Sequence[StaticCheck], motions: Parts) -> tuple[float
         motions = motions + more
 
 
-def _disturbed(sensor: StaticCheck, parts: Parts, reason: str) -> Remark:
-    others = f" and {len(parts) - 1} times more" if len(parts) > 1 else ""
+def _disturbed(sensor: StaticCheck, parts: Parts, kind: str, level: float | None) -> Remark:
     still = _longest_still([sensor], parts)
-    if still is None:
-        advice = "no stretch is still for long enough; record the unit untouched"
-    else:
-        advice = f"the longest still stretch is {_options(still)}"
-    kind, what = ("stuck", "repeats one value") if reason == "stuck" else ("moving", "moved or was disturbed")
-    why = "" if reason in ("stuck", "moving") else f", {reason}"
-    text = f"{what} from {parts[0][0]:.4g} s to {parts[0][1]:.4g} s{others}{why}; {advice}."
-    return Remark(kind, ", ".join(sensor.names), True, text)
+    begin, end = parts[0]
+    values: dict[str, Any] = {"begin": begin, "end": end, "more": len(parts) - 1 or None, "level": level}
+    values |= {"none": True} if still is None else {"still": _options(still)}
+    return _remark(kind, ", ".join(sensor.names), **values)
+
+
+def _remark(kind: str, channel: str, *, refuses: bool = True, **values: Any) -> Remark:
+    finding = warning(f"rest.{kind}", **{name: value for name, value in values.items() if value is not None})
+    return Remark(channel, replace(finding, severity="error") if refuses else finding)
 
 
 def _about_g(specific_force: float) -> bool:

@@ -1,4 +1,4 @@
-"""What was found in a record that should be static: errors and warnings in words, and when it was still.
+"""What was found in a record that should be static: errors and warnings, and when it was still.
 
 Disturbed seconds of a long record: which may be skipped, and what takes their place in an even row of samples.
 
@@ -17,30 +17,26 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
+from plumbob.core.findings import Finding
 from plumbob.noise.static.artefacts import Parts, joined
 
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """One thing to know about a record.
+    """One thing to know about a record: its channel, or the names of those that it concerns, and the finding."""
 
-    Attributes
-    ----------
-    kind : str
-        ``"not finite"``, ``"short"``, ``"constant"``, ``"one way"``, ``"interleaved"``, ``"held"``, ``"clipped"``,
-        ``"stuck"``, ``"moving"``, ``"disturbed"``, ``"periodic"``, ``"not at rest"``, ``"coarse"`` or ``"spikes"``.
-    channel : str
-        Name of the channel; where it concerns all, their names.
-    refuses : bool
-        Whether an analysis of the channel would mislead.
-    text : str
-        One sentence, without the channel.
-    """
-
-    kind: str
     channel: str
-    refuses: bool
-    text: str
+    finding: Finding
+
+    @property
+    def kind(self) -> str:
+        """What it is: the code without its family, as ``"one_way"``."""
+        return self.finding.code.partition(".")[2]
+
+    @property
+    def refuses(self) -> bool:
+        """Whether an analysis of the channel would mislead."""
+        return self.finding.severity == "error"
 
     def concerns(self, channel: str) -> bool:
         """Whether it is about a channel, alone or with others; a name may hold a comma."""
@@ -48,7 +44,7 @@ class Remark:
 
     def __str__(self) -> str:
         """Sentence with the channel."""
-        return f"{self.channel}: {self.text}"
+        return f"{self.channel}: {self.finding}"
 
 
 @dataclass(frozen=True)
