@@ -530,6 +530,8 @@ def fit_mag_in_use(
     Neither need the field stay what it was, nor the gyroscope's bias: what `fit_mag_gyr` rests on, and what does not
     hold over hours of work. The idea is that of MAGYC [Rodriguez2024], but nothing is differentiated here.
 
+    Errors as of `fit_mag`; ClockError if the time does not increase.
+
     Parameters
     ----------
     t : ndarray (N,)
@@ -541,25 +543,10 @@ def fit_mag_in_use(
         Their axes become those of the magnetometer.
     acc : ndarray (N, 3), optional
         Specific force, m/s², which shows the dip for the predicted error; NaN where there is none.
-    strength : float, optional
-        Strength of the field at the place, µT; without it, the sensor's own scale is kept on average.
-    dip : float, optional
-        Dip of the field, rad, for the predicted error.
     gyr_gain_sd : float
         Standard deviation of each entry of the gyroscope's gain matrix, relative; 0 where it is exact.
-    tilt_range : float
-        Inclination up to which the predicted heading error holds, rad.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the record cannot determine the calibration, with the reasons.
-    ClockError
-        If the time does not increase.
-    ShapeError
-        If rates are not finite, or the arguments have not as many samples each.
-    ParameterError
-        If another argument is outside its range.
+    strength, dip, tilt_range
+        As of `plumbob.calibration.mag.ellipsoid.fit_mag`.
     """
     require_figures(strength=strength, dip=dip, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
     t, mag, gyr, acc = with_rates(t, mag, gyr, acc)

@@ -178,6 +178,8 @@ def fit_mag_level(
 ) -> Fitted:
     """Fit an ellipse to the two level axes; the third stays as measured.
 
+    Errors as of `fit_mag`.
+
     Parameters
     ----------
     mag : ndarray (N, 3)
@@ -188,15 +190,6 @@ def fit_mag_level(
     strength, dip : float, optional
         Strength of the field at the place, µT, and its dip, rad: both together give the level field. Without them, the
         sensor's own scale is kept on average.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the capture cannot determine the calibration, with the reasons.
-    ShapeError
-        If samples are not finite, or not as many of both sensors.
-    ParameterError
-        If another argument is outside its range.
     """
     require_figures(strength=strength, dip=dip)
     mag = finite_rows("mag", mag)

@@ -318,6 +318,8 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     The vertical of the accelerometer shows what the length of the field cannot: how the magnetometer is turned against
     it. Captures of small tilt gain too, for the dip says about the upright axis what the length hardly does.
 
+    Errors as of `fit_mag`.
+
     Parameters
     ----------
     mag : ndarray (N, 3)
@@ -325,19 +327,8 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     acc : ndarray (N, 3)
         Calibrated specific force at the same instants, m/s², at rest or nearly; finite. Its axes become those of the
         magnetometer.
-    strength : float, optional
-        Strength of the field at the place, µT; without it, the sensor's own scale is kept on average.
-    tilt_range : float
-        Inclination up to which the predicted heading error holds, rad.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the capture cannot determine the calibration, with the reasons.
-    ShapeError
-        If samples are not finite, or not as many of both sensors.
-    ParameterError
-        If another argument is outside its range.
+    strength, tilt_range
+        As of `plumbob.calibration.mag.ellipsoid.fit_mag`.
     """
     require_figures(strength=strength, tilt_range=tilt_range)
     mag = finite_rows("mag", mag)

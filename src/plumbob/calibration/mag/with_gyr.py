@@ -396,6 +396,8 @@ def fit_mag_gyr(
 ) -> Fitted:
     """Fit bias and full matrix so that the field is one vector as the gyroscope turns.
 
+    Errors as of `fit_mag`; CalibrationError if rates are missing for too long, ClockError if the time does not increase.
+
     Parameters
     ----------
     t : ndarray (N,)
@@ -407,25 +409,10 @@ def fit_mag_gyr(
         become those of the magnetometer.
     acc : ndarray (N, 3), optional
         Specific force, m/s², whose mean over the capture shows the vertical, and so the dip for the predicted error.
-    strength : float, optional
-        Strength of the field at the place, µT; without it, the sensor's own scale is kept on average.
     gyr_gain_sd : float
         Standard deviation of each entry of the gyroscope's gain matrix, relative; 0 where it is exact.
-    tilt_range : float
-        Inclination up to which the predicted heading error holds, rad.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the capture cannot determine the calibration, with the reasons.
-    CalibrationError
-        If rates are missing for too long.
-    ClockError
-        If the time does not increase.
-    ShapeError
-        If rates are not finite, or the arguments have not as many samples each.
-    ParameterError
-        If another argument is outside its range.
+    strength, tilt_range
+        As of `plumbob.calibration.mag.ellipsoid.fit_mag`.
     """
     require_figures(strength=strength, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
     t, mag, gyr, acc = with_rates(t, mag, gyr, acc)
