@@ -396,7 +396,7 @@ def fit_mag_gyr(
 ) -> Fitted:
     """Fit bias and full matrix so that the field is one vector as the gyroscope turns.
 
-    Errors as of `fit_mag`; CalibrationError if rates are missing for too long, ClockError if the time does not increase.
+    Errors as of `fit_mag`; CalibrationError if rates are missing for long, ClockError if the time does not increase.
 
     Parameters
     ----------
