@@ -36,7 +36,8 @@ STEEP: Final = math.cos(float(deg(135.0)))
 ALL_AXES: Final = 7
 NOT_KNOWN: Final = 8
 STUCK_SAMPLES: Final = 50
-"""A sensor that repeats its value to the bit in so many samples is stuck: noise changes the last digit before."""
+"""A sensor that says one value so many times, to the bit, is stuck. Noise of .3 of the last digit repeats an axis in
+.82 of the samples and all three in .56: so many times once in 3e12."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +66,12 @@ class Statistics:
 
 _MEASURED: Final[WeakKeyDictionary[ImuData, dict[str, Statistics]]] = WeakKeyDictionary()
 _DOUBTS: Final[WeakKeyDictionary[ImuData, tuple[Finding, ...]]] = WeakKeyDictionary()
+
+
+def held(repeats: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """First row and the one after the last (K, 2) where a value stands `STUCK_SAMPLES` times, of repeats (N,)."""
+    edges = np.flatnonzero(np.diff(repeats, prepend=False, append=False)).reshape(-1, 2) - [1, 0]
+    return np.asarray(edges[edges[:, 1] - edges[:, 0] >= STUCK_SAMPLES])
 
 
 def statistics(imu: ImuData, name: str) -> Statistics:

@@ -20,7 +20,7 @@ from plumbob.core.time import quantile
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray
 from plumbob.data.imu import TRIAD_FLAGS
-from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, doubts, statistics
+from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, doubts, held, statistics
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard
@@ -326,14 +326,9 @@ def _stuck(imu: ImuData) -> Iterator[Finding]:
         again = axes[axes != NOT_KNOWN] == ALL_AXES
         if again.size - np.count_nonzero(again) < 2:  # it never changes: a simulation without noise, at rest
             continue
-        edges = np.flatnonzero(np.diff(again, prepend=False, append=False))
-        starts, ends = edges[::2] - 1, edges[1::2] - 1
-        long = ends - starts + 1 >= STUCK_SAMPLES
-        if not long.any():
+        if not (stretches := held(again)).size:
             continue
-        places = np.flatnonzero(axes != NOT_KNOWN)
-        starts, ends = places[starts[long]], places[ends[long]]
-        t = imu.t
+        t, (starts, ends) = imu.t, np.flatnonzero(axes != NOT_KNOWN)[stretches.T - [[0], [1]]]
         seconds = t[ends] - t[starts]
         i = int(np.argmax(seconds))
         if seconds[i] >= STUCK_FOR:

@@ -189,8 +189,6 @@ class VectorFit:
         Offset of the sensor, in its unit.
     explained : float
         Part of the change that the best arrangement explains, 0 to 1.
-    effective : float
-        Independent samples in the residuals.
     contradicted : bool
         Whether windows of another length say something else.
     in_step : float
@@ -207,7 +205,6 @@ class VectorFit:
     bias: Floats
     offset: Floats
     explained: float
-    effective: float
     contradicted: bool = False
     in_step: float = 0.0
 
@@ -311,11 +308,10 @@ class _ArrangementSearch:
             delay_sd=math.inf,
             delay_halves=(math.nan, math.nan),
             scale=float(p[0]),
-            scale_sd=float(np.sqrt(cov[0, 0])),
+            scale_sd=float(np.sqrt(cov[0, 0])) * widening(2.0 * float(counts.sum()), FREE),
             bias=p[1:4],
             offset=length * p[4:7] / max(float(p[0]), 1e-3 * self.scale),
             explained=float(scored.explained[top]),
-            effective=float(counts.sum()),
         )
 
     def _blocks(self, shift: int) -> Floats:
@@ -379,6 +375,11 @@ class _ArrangementSearch:
                     continue
                 at[i], sd[i] = centre + np.clip(-slope / bend, -2.0 * reach, 2.0 * reach), 1.0 / np.sqrt(bend)
         return [start + float(d) for d in at], sd.tolist()
+
+
+def widening(samples: float, free: int) -> float:
+    """By how much a deviation grows of which so few samples say the variance, by Student's distribution."""
+    return math.sqrt(samples / rest) if (rest := samples - free - 2.0) > 0.0 else math.inf
 
 
 def _moments(grams: Floats, n: NDArray[np.int64]) -> Floats:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
-from plumbob.quality.arrangement import ARRANGEMENTS, BIN, LONGEST_DELAY, Samples, VectorFit, inflation, means
+from plumbob.quality.arrangement import ARRANGEMENTS, BIN, LONGEST_DELAY, Samples, VectorFit, inflation, means, widening
 from plumbob.rotations.kernels import quat_exp, quat_mul, rows
 
 FLOOR: Final = 0.02
@@ -130,7 +130,7 @@ class _DerotatedSearch:
         many = {size: np.full(power.shape[-1], np.inf) for size, power in residual.items()}
         for i, scale in enumerate(self.scales):
             for sign in self.signs:
-                dcm = _rotations(self.rate, sign * scale)
+                dcm = rotations(self.rate, sign * scale)
                 for j, shift in enumerate(self.shifts):
                     mean, valid = _products(dcm, self.force, SIZES[0], int(shift))
                     for size, count in counts.items():
@@ -147,35 +147,36 @@ class _DerotatedSearch:
     def fit(self) -> VectorFit:
         """Odds of each arrangement at its own best scale and delay, and the delay and scale of the best."""
         scale, shift, top = (int(i) for i in np.unravel_index(int(self.together.argmax()), self.together.shape))
-        dcm = _rotations(self.rate, (1.0 if top < _HALF else -1.0) * self.scales[scale])
+        dcm = rotations(self.rate, (1.0 if top < _HALF else -1.0) * self.scales[scale])
         shares = [self._share(level, dcm, shift, top) for level in self.levels]
         log = _agreed([share * logs for share, logs in zip(shares, self.logs, strict=True)])
         best = log.max(axis=(0, 1))
         top = int(best.argmax())
         scale, shift = (int(i) for i in np.unravel_index(int(log[:, :, top].argmax()), log.shape[:2]))
         by_half = [self._half(shares, first) for first in (True, False)]
-        margins = [_margin(share * logs.max(axis=(0, 1)), top) for share, logs in zip(shares, self.logs, strict=True)]
-        clearest = self.levels[int(np.argmax(margins))]
-        refined = _Refined(self, clearest.size, top, self.scales[scale], float(self.shifts[shift]) * BIN)
+        each_log = [share * logs.max(axis=(0, 1)) for share, logs in zip(shares, self.logs, strict=True)]
+        margins = [log[top] - np.delete(log, top).max() for log in each_log]  # over the next of each level
+        start = self.scales[scale], float(self.shifts[shift]) * BIN
+        each = [_Refined(self, level.size, top, *start) for level in self.levels]
+        refined = each[int(np.argmax(margins))]  # where an answer about the delay is clearest
         blocks = np.ones(len(refined.change) // refined.block + 1, dtype=np.bool_)
         first = np.arange(len(blocks)) < len(blocks) // 2
         parts = [refined.estimate(rows) for rows in (blocks, first, ~first)]
-        wider = float(np.sqrt(refined.inflation))
+        # pushes in step with the turning feign a scale, too, the less the more of them a window averages out
+        calm = max([one for one in each if math.isfinite(one.wider)] or [refined], key=lambda one: one.explained)
+        of_scale = calm.estimate(np.ones(len(calm.change), dtype=np.bool_))[2:]
         return VectorFit(
             log_odds=best - best.max(),
             halves=(by_half[0], by_half[1]),
             delay=parts[0][0],
-            delay_sd=parts[0][1] * wider,
+            delay_sd=parts[0][1] * refined.wider,
             in_step=refined.in_step,
             delay_halves=(parts[1][0], parts[2][0]),
-            scale=parts[0][2],
-            scale_sd=parts[0][3] * wider,
+            scale=of_scale[0],
+            scale_sd=of_scale[1] * calm.wider,
             bias=refined.bias,
             offset=np.zeros(3),
             explained=refined.explained,
-            effective=float(
-                sum(0.5 * share * level.counts.sum() for share, level in zip(shares, self.levels, strict=True))
-            ),
         )
 
     def _share(self, level: _EqualWindows, dcm: Floats, shift: int, top: int) -> float:
@@ -201,12 +202,7 @@ def _agreed(logs: Sequence[Floats]) -> Floats:
     return np.asarray(sum(np.logaddexp(log - log.max(), -_MISLED) for log in logs))
 
 
-def _margin(log: Floats, top: int) -> float:
-    """By how much an arrangement is likelier than the others."""
-    return float(log[top] - np.delete(log, top).max())
-
-
-def _rotations(rate: Floats, scale: float) -> Floats:
+def rotations(rate: Floats, scale: float) -> Floats:
     """Rotation matrices (N, 3, 3) from the axes of the rates to those at the start, at the middle of each bin.
 
     NaN where rates are missing: windows that contain a pause do not count.
@@ -288,7 +284,8 @@ class _Refined:
         self.p = p
         self.change, self.slopes = self._linear(p)
         self.weight = self._weight(self.change)
-        self.inflation = inflation(self.change * np.sqrt(self.weight)[:, np.newaxis])
+        stands_for = inflation(self.change * np.sqrt(self.weight)[:, np.newaxis])
+        self.wider = math.sqrt(stands_for) * widening(float(np.count_nonzero(self.weight)) / stands_for, len(p))
         self.bias = p[2:]
         rate = self.search.gyr.means(self.search.edges - self.start)
         still = self._changed(self.search.force @ self.axes + 0.0 * rate)
@@ -325,7 +322,7 @@ class _Refined:
     def _linear(self, p: Floats) -> tuple[Floats, Floats]:
         """Change of gravity (n, 3), and its slopes (n, 3, 5): turned by what the rates add up to, it moves across."""
         said = self.sign * self.scale * np.exp(p[1]) * self.search.gyr.means(self.search.edges - self.start - p[0])
-        dcm = _rotations(said - p[2:], 1.0)
+        dcm = rotations(said - p[2:], 1.0)
         gravity = (dcm @ (self.search.force @ self.axes)[:, :, np.newaxis])[:, :, 0]
         dcm, said = (np.where(np.isfinite(values), values, 0.0) for values in (dcm, said))
         parts = np.stack((said, np.cross(p[2:], said), *-np.eye(3)[:, np.newaxis] * np.ones_like(said)), axis=2)

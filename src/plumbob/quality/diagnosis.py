@@ -15,8 +15,8 @@ from plumbob.core.findings import Finding, as_json, info
 from plumbob.core.result import Reported
 from plumbob.core.units import deg, to_deg, to_si
 from plumbob.data import TRIADS, ImuData
-from plumbob.data.imu import TRIAD_FLAGS
-from plumbob.data.plausibility import ALL_AXES, LONGEST_STEP, NOT_KNOWN, STUCK_SAMPLES, statistics
+from plumbob.data.imu import TRIAD_FLAGS, median, norms
+from plumbob.data.plausibility import ALL_AXES, LONGEST_STEP, NOT_KNOWN, held, statistics
 from plumbob.data.recording import findings as sample_findings
 from plumbob.quality.arrangement import ARRANGEMENTS, FLOOR, VectorFit, fit, means
 from plumbob.quality.derotated import fit_force
@@ -52,6 +52,8 @@ _GAIN: Final = math.log(1.03)
 _VAGUE, _VAGUE_DELAY = 0.3, 0.05  # of a scale, and of a delay, s
 _LEAST_DIP: Final = 0.17
 """Part of the field along the vertical below which its sign says nothing."""
+EXAMINED: Final = 300.0
+"""Of a longer recording the time of so many seconds in which it turns most is examined."""
 _SHORTEST_RUN: Final = 5
 """Repeats in fewer samples cost an examination nothing."""
 
@@ -243,13 +245,14 @@ class Examination:
     """All sensors of one recording, and what they say about each other."""
 
     def __init__(self, imu: ImuData, name: str, declared: Declared, hemisphere: str | None) -> None:
+        whole, imu = imu, _most_turning(imu)
         self.imu, self.name, self.declared, self.hemisphere = imu, name, declared, hemisphere
         step = np.diff(imu.t, prepend=imu.t[:1])  # nothing spans a pause, so a long one is as good as a short one
         self.t, self.up = np.cumsum(np.minimum(step, LONGEST_STEP + 1.0)), (imu.meta.frame or Frame.ENU).up
         self.values = {triad: _finite(imu, triad) for triad in imu.triads}
         self.answers: dict[tuple[str, str], Convention] = {}
         self.lines: dict[tuple[str, str], list[str]] = {}
-        self.remarks: list[Finding] = []
+        self.remarks = [info("doctor.examined", start=float(imu.t[0]), stop=float(imu.t[-1]))] * (len(imu) < len(whole))
         self.numbers: dict[str, Any] = {}
         self.sensors: dict[str, _Sensor] = {}
 
@@ -589,6 +592,14 @@ class Examination:
             self.lines[sensor, question] = list(lines)
 
 
+def _most_turning(imu: ImuData) -> ImuData:
+    """The samples of `EXAMINED` seconds in which the unit turns most; all of a shorter recording."""
+    if "gyr" not in imu.triads or imu.t[-1] - imu.t[0] <= EXAMINED:
+        return imu
+    parts = imu.chunks(max(_FEWEST, round(EXAMINED / median(np.diff(imu.t)))))
+    return max(parts, key=lambda part: float(np.nansum(np.minimum(norms(np.asarray(part.gyr)), _FASTEST) ** 2)))
+
+
 def _resting(t: Floats, gyr: Floats) -> Floats:
     """Rates (3,) of the quietest tenth of the recording's seconds, which are their bias if the body rests in them."""
     size = max(2, round(1.0 / float(np.median(np.diff(t)))))
@@ -635,9 +646,8 @@ def unusable(imu: ImuData, name: str) -> NDArray[np.bool_]:
     moving = np.flatnonzero(repeats != ALL_AXES)
     if moving.size < 2:  # it never changes: a simulation without noise, at rest
         return out
-    for start, stop in check.runs(repeats == ALL_AXES):
-        if stop - start >= STUCK_SAMPLES:
-            out[rows[max(start - 1, 0)] : rows[stop - 1] + 1] = True
+    for start, stop in held(repeats == ALL_AXES):
+        out[rows[start] : rows[stop - 1] + 1] = True
     values = np.asarray(getattr(imu, name))
     for axis, column in enumerate(values[rows[moving]].T):
         again = repeats[moving] >> axis & 1 != 0

@@ -24,7 +24,7 @@ from plumbob.core.time import GAP_FACTOR, is_gap, to_ns
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.imu import BLOCK, median, norms
-from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, bursts, doubts, statistics
+from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, bursts, doubts, held, statistics
 from plumbob.data.recording import EARTH_FIELD, STUCK_FOR, Recording
 from plumbob.quality import quality
 from plumbob.quality.diagnosis import Declared, Examination
@@ -54,8 +54,6 @@ REST: Final = (2.0, 0.25)
 """Rest at the start, s: two seconds average the noise of a gyroscope to less than its bias."""
 BEGIN: Final = 5.0
 """A rest that begins later than this is not one at the start, s."""
-EXAMINED: Final = 20_000
-"""Samples in which conventions are looked at: some minutes, those of a recording that turn most."""
 GAIN: Final = (0.01, 0.1)
 """Departure of the rates from the turning of gravity and field, relative, less three deviations: one in a hundred turns
 a quarter turn into one that is off by a degree."""
@@ -374,16 +372,11 @@ def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion
         repeats = bits[bits != NOT_KNOWN]
         if np.count_nonzero(repeats != ALL_AXES) < 2:  # it never changes: a simulation without noise, at rest
             continue
-        held = [
-            (axes, start, stop)
-            for axes, marks in _repeating(repeats)
-            for start, stop in check.runs(marks)
-            if stop - start >= STUCK_SAMPLES - 1
-        ]
-        t = imu.t[bits != NOT_KNOWN] if held else np.empty(0)
-        for axes, start, stop in held:
-            lasting = float(t[stop - 1] - t[max(start - 1, 0)])
-            if lasting > longest and _others(repeats, axes, start, stop):
+        stretches = [(axes, start, stop) for axes, marks in _repeating(repeats) for start, stop in held(marks)]
+        t = imu.t[bits != NOT_KNOWN] if stretches else np.empty(0)
+        for axes, start, stop in stretches:
+            lasting = float(t[stop - 1] - t[start])
+            if lasting > longest and _others(repeats, axes, start + 1, stop):
                 longest = lasting
                 where = info("criterion.stuck", sensor=name, axis=axes, seconds=lasting, start=float(t[start]))
     limits = (STUCK_FOR, quality.FLAT[1])
@@ -409,9 +402,8 @@ def _resolution(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Crit
     for name in (name for name in repeated if name != "mag"):  # which is often held from its slower rate
         repeats = repeated[name][repeated[name] != NOT_KNOWN]
         again = repeats == ALL_AXES
-        for start, stop in check.runs(again):
-            if stop - start >= STUCK_SAMPLES - 1:
-                again[start:stop] = False
+        for start, stop in held(again):
+            again[start:stop] = False
         if repeats.size and np.count_nonzero(repeats != ALL_AXES) >= 2:
             shares[name] = float(np.mean(again))
     if not shares:
@@ -486,11 +478,10 @@ def _plausible(imu: ImuData, still: _Still | None) -> Criterion:
 
 
 def _contradicted(imu: ImuData) -> Iterator[tuple[float, Finding]]:
-    """What is wrong by how gravity and field turn beside the rates, in the stretch that turns most."""
+    """What is wrong by how gravity and field turn beside the rates, as the doctor says it."""
     if "gyr" not in imu.triads or len(imu.triads) < 2:
         return
-    most = max(imu.chunks(EXAMINED), key=lambda part: float(np.nansum(np.asarray(part.gyr) ** 2)))
-    for it in Examination(most, "", Declared(None), None).diagnosis().findings:
+    for it in Examination(imu, "", Declared(None), None).diagnosis().findings:
         off = it.finding.values.get("factor")
         share = 0.0
         if it.finding.code in ("doctor.unit", "doctor.factor_perhaps") and isinstance(off, float):

@@ -14,8 +14,9 @@ UNITS: Final = {
 }
 """Units in use, by triad; that of SI as it is used inside comes first."""
 _USUAL: Final = {"gyr": 1.0, "acc": G0, "mag": 40.0}  # [Alken2021]: the Earth's field has 22 to 67 µT
-_SPREAD: Final = {"gyr": 0.2, "acc": 0.03, "mag": 0.35}
-"""Standard deviation of the logarithm of the size in the right unit: errors of scale, pushes, places on the Earth."""
+_SPREAD: Final = {"gyr": 0.2, "acc": 0.06, "mag": 0.35}
+"""Standard deviation of the logarithm of the size in the right unit: gain and bias of gravity (MPU-6000: ±3 %, ±50 mg,
+PS-MPU-6000A, 6.2), pushes, places on the Earth."""
 _NONE_FITS: Final = 3.5
 
 
