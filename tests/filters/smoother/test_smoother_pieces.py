@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from plumbob import ImuData
+from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother import causal as onward
 from plumbob.filters.smoother import inertial, live
@@ -24,12 +25,21 @@ from tests.helpers.hand_motion import by_hand
 from tests.helpers.smoother_pieces import arrived, place
 
 
-def test_what_is_lost_may_be_anything():
-    p, learned, state = np.eye(SIZE), np.ones(onward.LEARNED), standing.fresh()
-    onward.begin_anew(state, 7.0, p, learned)
-    assert (np.diag(p)[:3] == 1.0 + onward.ANY_ATTITUDE).all()
+def test_an_attitude_that_is_lost_takes_the_mean_force_for_up():
+    """A unit that is level and said to lean by 30° about north: the force that its memory holds is turned by as much."""
+    p, learned, state, now = np.eye(SIZE), np.zeros(onward.LEARNED), standing.fresh(), np.ones(SIZE)
+    attitude = quat_from_rotvec(np.array([0.0, deg(30.0), 0.0]))
+    force = quat_rotate(attitude, [0.0, 0.0, G0]) - [0.0, 0.0, G0]
+    learned[[onward.EAST_SPEED, onward.NORTH_SPEED, onward.RISE]] = inertial.LEAK * force
+    onward.begin_anew(state, 7.0, attitude, now, p, learned)
+    np.testing.assert_allclose(attitude, [1.0, 0.0, 0.0, 0.0], atol=1e-9)
+    assert np.diag(p)[:3] == pytest.approx(1.0 + onward.LOST**2)
     assert not learned.any()
+    assert not now[6:8].any()
     assert (state[standing.JUMPED], state[standing.UNTIL]) == (7.0, 7.0 + standing.HOLDS)
+
+
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def compared(rate, turns, seconds=3.0, step=0.05):
@@ -38,7 +48,7 @@ def compared(rate, turns, seconds=3.0, step=0.05):
     for k in range(round(seconds / step)):
         back = quat_conjugate(quat_from_rotvec(np.asarray(turns) * (k + 0.5) * step))
         seen = np.concatenate((quat_rotate(back, [0.0, 0.0, 9.81]), quat_rotate(back, [0.0, 20.0, -40.0]), np.empty(3)))
-        angles.append(math.sqrt(standing.stands(state, seen, np.asarray(rate), step, (k + 1) * step)))
+        angles.append(math.sqrt(standing.stands(state, seen, LEVEL, np.asarray(rate), step, (k + 1) * step)))
     return np.array(angles)
 
 
@@ -58,8 +68,29 @@ def test_a_large_level_velocity_may_be_gravity_in_a_wrong_attitude():
     learned = np.zeros(onward.LEARNED)
     learned[onward.EAST_SPEED] = 1.0
     assert onward.unlikely_tilt(learned) == 0.0
-    learned[onward.NORTH_SPEED] = 9.80665 * 4.0 * deg(5.0)
-    assert math.sqrt(onward.unlikely_tilt(learned)) == pytest.approx(deg(5.0))
+    learned[onward.EAST_SPEED] = 0.0
+    for angle in (deg(30.0), deg(-40.0)):
+        pushed = inertial.LEAK * G0 * math.tan(angle)
+        learned[[onward.NORTH_SPEED, onward.RISE]] = pushed, 0.0  # a body that is pushed weighs as much as before
+        assert onward.unlikely_tilt(learned) < 1e-6
+        tilted = inertial.LEAK * G0 * np.array([math.sin(angle), math.cos(angle) - 1.0])
+        learned[[onward.NORTH_SPEED, onward.RISE]] = tilted  # and the force of one that is not is as large as gravity
+        sure = math.sqrt(math.sin(angle) ** 2 - (1.0 / inertial.LEAK / G0) ** 2)
+        assert math.sqrt(onward.unlikely_tilt(learned)) == pytest.approx(sure, rel=1e-3)
+
+
+def test_a_fast_body_keeps_its_speed_and_a_hand_comes_back():
+    """Of a speed far above the usual one all is forgotten within `LEAK`, of a small one nothing; peaks fade likewise."""
+    step, still = np.full(800, 0.05), np.zeros(800, dtype=bool)
+    fast = inertial.Speed(np.where(np.arange(800) < 200, 30.0, 0.0), step, still, step)
+    assert fast.lasting(step)[199] == pytest.approx(math.exp(-0.05 / inertial.LEAK), rel=1e-4)
+    half = 199 + round(inertial.LEAK * math.log(30.0**2) / 0.05)  # where the fading peak is 1 m/s
+    assert fast.lasting(step)[half] == pytest.approx(math.exp(-0.5 * 0.05 / inertial.LEAK), rel=1e-3)
+    hand = inertial.Speed(np.full(800, 0.05), step, still, step)
+    assert hand.lasting(step) == pytest.approx(np.ones(800), abs=1e-4)
+    learned = np.zeros(onward.LEARNED)
+    learned[onward.PEAK2] = 30.0**2
+    assert onward.lasting(learned, 0.05) == pytest.approx(fast.lasting(step)[199])
 
 
 def test_a_field_weighs_what_it_weighs_in_a_smoothed_recording():

@@ -13,7 +13,7 @@ from plumbob.filters.smoother import Params, sweeps
 from plumbob.filters.smoother.inertial import kinds
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, ModelVariances, V, start_covariance
-from plumbob.filters.smoother.sweeps import AGAIN, FADE, HEADING, INVERSE, KIND, LIFT, MOVING, RESTING, TIME
+from plumbob.filters.smoother.sweeps import AGAIN, FADE, HEADING, INVERSE, KIND, LASTING, LIFT, MOVING, RESTING, TIME
 from plumbob.rotations import (
     quat_chained,
     quat_conjugate,
@@ -71,7 +71,7 @@ def stepped(samples):
     t, gyr, acc, mag, q, x = samples
     f, mean, after = np.empty(sweeps.STEP), np.empty(sweeps.MEANS), q.copy()
     rough = sweeps.integrate(0, t.size - 1, t, gyr, acc, mag, MOVING, after, x, f, mean)
-    f[FADE] = 1.0
+    f[FADE] = f[LASTING] = 1.0
     return after, f, mean, rough
 
 
@@ -133,7 +133,7 @@ def test_covariances_go_through_the_same_transition(seed, kind):
     """P ← F P Fᵀ forward, Λ ← Fᵀ Λ F backward, with the F of the row above, to rounding."""
     rng = np.random.default_rng(seed)
     _, f, _, _ = stepped(samples_of_a_step(rng, still=False))
-    f[KIND], f[FADE] = kind, 0.7
+    f[KIND], f[FADE], f[LASTING] = kind, 0.7, 0.8
     full = transition(f)
     back, information = np.zeros(SIZE), spd(rng)
     expected = full.T @ information @ full
@@ -179,6 +179,7 @@ def textbook(rng, n=40):
     kind = rng.choice([MOVING, MOVING, MOVING, RESTING, AGAIN], n)
     step[:, sweeps.TURN : LIFT] = rng.normal(0.0, 0.2, (n, LIFT))
     step[:, LIFT], step[:, FADE], step[:, KIND] = rng.normal(0.0, 0.5, n), rng.uniform(0.7, 0.99, n), kind
+    step[:, LASTING] = rng.uniform(0.7, 1.0, n)
     start, p = spd(rng), spd(rng)
     start[:, 3:6] = start[3:6] = start[:, 8:] = start[8:] = 0.0  # only attitude and velocity start again
     before, after, moved, shifts = [], [p], [], []
@@ -255,6 +256,7 @@ def recorded():
     n = frames.gap.size
     given = {
         "frames": frames, "kind": kinds(frames, at_rest), "velocity": np.full(n, 0.01),
+        "lasting": np.linspace(0.9, 1.0, n),
         "heading": np.where(np.arange(n) % 5 == 0, 2.0 * sweeps.UNUSED, 0.01),
         "start": np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1)),
     }  # fmt: skip
@@ -269,8 +271,8 @@ def passed(r):
     step, mean = np.empty((n, sweeps.STEP)), np.empty((n, sweeps.MEANS))
     sweeps.forward(
         frames.t, frames.gyr, frames.acc, frames.mag, frames.first, r.kind, frames.missed, frames.pushed, r.velocity,
-        r.heading, r.start, r.p0, r.noise, r.start[0].copy(), np.zeros(SIZE), r.p0.copy(), q, x, cov, gain, term, step,
-        mean,
+        r.lasting, r.heading, r.start, r.p0, r.noise, r.start[0].copy(), np.zeros(SIZE), r.p0.copy(), q, x, cov, gain,
+        term, step, mean,
     )  # fmt: skip
     return q, x, cov, gain, term, step, mean
 
@@ -320,7 +322,7 @@ def test_forward_is_the_textbook_s_filter(recorded):
 
 
 def swept(r, bias=0.0):
-    return sweeps.sweep(r.frames, r.kind, r.velocity, r.heading, r.start, np.full(3, bias), r.p0, r.noise)
+    return sweeps.sweep(r.frames, r.kind, r.velocity, r.lasting, r.heading, r.start, np.full(3, bias), r.p0, r.noise)
 
 
 def test_the_smoothed_covariance_is_one_and_no_larger_than_the_filtered(recorded):

@@ -27,10 +27,10 @@ from plumbob.filters.smoother.field import (
 from plumbob.filters.smoother.inertial import (
     ANY_SPEED,
     LEAK,
-    LONGEST,
     REST_SPEED,
     SHORTEST,
     SPEED_TIMES,
+    USUAL_SPEED,
     WINDOW,
 )
 from plumbob.filters.smoother.keyframes import Bools, turned_by
@@ -53,6 +53,7 @@ from plumbob.filters.smoother.sweeps import (
     TERMS,
     TIME,
     correct,
+    corrected_by,
     corrected_rate,
     fade,
     heading_update,
@@ -63,18 +64,18 @@ from plumbob.filters.smoother.sweeps import (
     zero_velocity_update,
 )
 
-ANY_ATTITUDE: Final = 10.0
-"""Variance that a gap adds to the attitude, rad²."""
 FAST: Final = 1.0
 """A level velocity that is gathered within `LEAK` and is larger, m/s, may be gravity in a wrong attitude."""
 LOST: Final = deg(20.0)
 """A tilt that would be off by more than this, rad, is sought again, as at a start in motion."""
 
-SPEED2: Final = 0  # what is learned of the motion: mean squares of level speed and force, and the velocity
+SPEED2: Final = 0  # what is learned of the motion: mean squares of level speed and force, velocity, and so upwards,
 FORCE2: Final = 1
 EAST_SPEED: Final = 2
 NORTH_SPEED: Final = 3
-LEARNED: Final = 4
+RISE: Final = 4
+PEAK2: Final = 5  # and the largest square of the speed, fading
+LEARNED: Final = 6
 
 OTHER: Final = 0  # a field that contradicts the one of the place: its mean, east, north and up, µT
 SEEN: Final = 3  # for how long it stays as it is, s, and by how much the unit has turned in it since, rad
@@ -113,25 +114,39 @@ class LocalField(NamedTuple):
 def velocity_density(learned: Floats, mean: Floats, dt: float, least: float, untold: bool) -> float:
     """Spectral density of the level velocity, m²/s, by how the body has moved up to now; a held force says nothing."""
     if untold:
-        learned[EAST_SPEED] = learned[NORTH_SPEED] = 0.0
+        learned[EAST_SPEED] = learned[NORTH_SPEED] = learned[RISE] = 0.0
         return learned_density(learned, least)
     fading = math.exp(-dt / LEAK)
     learned[EAST_SPEED] = learned[EAST_SPEED] * fading + mean[FORCE]
     learned[NORTH_SPEED] = learned[NORTH_SPEED] * fading + mean[FORCE + 1]
+    learned[RISE] = learned[RISE] * fading + mean[FORCE + 2] - G0 * dt
     share = 1.0 - math.exp(-dt / WINDOW)
     speed2 = 0.5 * (learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2)
     force2 = 0.5 * (mean[FORCE] ** 2 + mean[FORCE + 1] ** 2) / (dt * dt)
     learned[SPEED2] += share * (speed2 - learned[SPEED2])
     learned[FORCE2] += share * (force2 - learned[FORCE2])
+    learned[PEAK2] = max(learned[SPEED2], learned[PEAK2] * fading)
     return learned_density(learned, least)
 
 
 @kernel
 def learned_density(learned: Floats, least: float) -> float:
     """The same by what is learned."""
-    speed = math.sqrt(learned[SPEED2])
-    lasts = min(max(SPEED_TIMES * speed / max(math.sqrt(learned[FORCE2]), 1e-3), SHORTEST), LONGEST)
-    return 2.0 * lasts * max(speed, least) ** 2
+    return 2.0 * lasts(learned) * max(learned[SPEED2], least * least)  # type: ignore[no-any-return]
+
+
+@kernel
+def lasts(learned: Floats) -> float:
+    """For how long a level velocity lasts, s, as `level_speed` has it."""
+    force = max(math.sqrt(learned[FORCE2]), 1e-3)
+    return min(max(SPEED_TIMES * math.sqrt(learned[SPEED2]) / force, SHORTEST), LEAK)  # type: ignore[no-any-return]
+
+
+@kernel
+def lasting(learned: Floats, dt: float) -> float:
+    """Share of the level velocity that lasts over a step, as `Speed.lasting` has it."""
+    share = learned[PEAK2] / (learned[PEAK2] + USUAL_SPEED * USUAL_SPEED)
+    return math.exp(-dt / LEAK * share)  # type: ignore[no-any-return]
 
 
 @kernel
@@ -143,20 +158,33 @@ def doubt(cov: Floats, all2: float, tilt2: float, heading2: float) -> None:
 
 
 @kernel
-def begin_anew(standing: Floats, now: float, p: Floats, learned: Floats) -> None:
-    """Forget what is known of attitude and motion: any is possible."""
-    standing[JUMPED] = now
-    standing[UNTIL] = now + HOLDS
-    for i in (TH, TH + 1, TH + 2, V, V + 1):
-        p[i, i] += ANY_ATTITUDE
+def begin_anew(standing: Floats, time: float, attitude: Floats, now: Floats, p: Floats, learned: Floats) -> None:
+    """Take the mean force of the last seconds for up, known to `LOST`: the bias has become another one."""
+    level, gravity = math.hypot(learned[EAST_SPEED], learned[NORTH_SPEED]), LEAK * G0 + learned[RISE]
+    turn = math.atan2(level, gravity) / level
+    corrected_by(attitude, turn * learned[NORTH_SPEED], -turn * learned[EAST_SPEED], 0.0)
+    for i in range(3):
+        p[TH + i, TH + i] += LOST * LOST
+    for i in (V, V + 1):
+        now[i] = 0.0
+        for j in range(SIZE):
+            p[i, j] = p[j, i] = 0.0
+        p[i, i] = FAST * FAST
     learned[:] = 0.0
+    standing[JUMPED], standing[UNTIL] = time, time + HOLDS
 
 
 @kernel
 def unlikely_tilt(learned: Floats) -> float:
-    """Variance of the tilt, rad², by a level velocity beyond the usual: it may be gravity in a wrong attitude."""
-    speed2 = learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2
-    return max(speed2 - FAST * FAST, 0.0) / (LEAK * G0) ** 2  # type: ignore[no-any-return]
+    """Variance of the tilt, rad², by a level velocity beyond the usual: it may be gravity in a wrong attitude.
+
+    Then the mean force is as large as gravity; where its upward part alone is, the body gathers speed.
+    """
+    speed2, gravity = learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2, LEAK * G0
+    tilted = math.sqrt(speed2 + (gravity + learned[RISE]) ** 2) - gravity
+    odds = (tilted * tilted - learned[RISE] ** 2) / (2.0 * FAST * FAST)
+    share = 1.0 / (1.0 + math.exp(min(odds, 50.0)))
+    return share * max(speed2 - FAST * FAST, 0.0) / gravity**2  # type: ignore[no-any-return]
 
 
 @kernel
@@ -196,7 +224,7 @@ def onward(
         dt = f[TIME]
         f[FADE] = math.exp(-dt / noise.bend_time)
         weight[k] = 0.0
-        predict(p, now, f, mean, spread2, missed[k], pushed[k], noise)
+        predict(p, now, f, mean, spread2, missed[k], pushed[k], lasting(learned, dt), noise)
         for i in range(3):
             p[B + i, B + i] += noise.walk * dt
         fade(p, now, f[FADE], noise.bend)
@@ -214,7 +242,7 @@ def onward(
         doubt2, end = 0.0, t[first[k + 1]]
         if kind == MOVING:
             means(acc, mag, first[k], first[k + 1], vectors)
-            doubt2 = stands(standing, vectors, rate, dt, end)
+            doubt2 = stands(standing, vectors, attitude, rate, dt, end)
         else:
             standing[STOOD] = 0.0
         if doubt2 > CLEAR * CLEAR and quiet[k]:
@@ -230,7 +258,7 @@ def onward(
         tilt2 = unlikely_tilt(learned)
         doubt(cov[k + 1], doubt2, tilt2, other[DOUBT] ** 2)
         if tilt2 > LOST * LOST:
-            begin_anew(standing, end, p, learned)
+            begin_anew(standing, end, attitude, now, p, learned)
         word[k] = (flags.AT_REST if kind == RESTING else 0) | (flags.INCONSISTENT if end < standing[UNTIL] else 0)
 
 
@@ -245,7 +273,8 @@ def measure(
         forget_velocity(p, now)
     else:
         if kind == RESTING:
-            density = 2.0 * SHORTEST * REST_SPEED**2
+            speed2 = 0.5 * (learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2)
+            density = 2.0 * max(lasts(learned) * speed2, SHORTEST * REST_SPEED**2)
         zero_velocity_update(p, now, gain, term, column, density / dt)
     if kind == RESTING:
         zero_rate_update(p, now, gain, term, column, mean, dt, noise.rest / dt)

@@ -27,11 +27,13 @@ from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Swee
 WINDOW: Final = 3.0
 """The body's speed is learned over this to both sides, s."""
 LEAK: Final = 4.0
-"""Velocity is integrated from the specific force with this memory, s, forward and backward."""
+"""Velocity is integrated from the specific force with this memory, s."""
+SLOW: Final = 4.0 * LEAK
+"""Before any attitude is known, gravity is the mean force over this to both sides, s, in the gyroscope's frame."""
 SPEED_TIMES: Final = 6.0
 """A speed lasts for about a period of the motion: this times speed over acceleration,"""
-SHORTEST, LONGEST = 0.25, 2.5
-"""within these, s."""
+SHORTEST: Final = 0.25
+"""but not shorter than this, s, and not longer than `LEAK`."""
 ANY_SPEED: Final = 10.0
 """Level speed that may be any, m/s: where no force says."""
 REST_SPEED: Final = 0.02
@@ -74,16 +76,31 @@ NOT_GRAVITY: Final = 0.5 * G0
 
 @dataclass(frozen=True, slots=True)
 class Speed:
-    """How the body moves, at each step: level speed, m/s, for how long it lasts, s, and where no force says; (K,)."""
+    """How the body moves, at each step: level speed, m/s, for how long it lasts, s, and where no force says; (K,).
+
+    `now` is the speed of the step itself.
+    """
 
     speed: Floats
     lasts: Floats
     untold: Bools
+    now: Floats
 
     def density(self, p: Params, resting: Bools) -> Floats:
         """Spectral density of the level velocity, taken for white, m²/s."""
         moving = 2.0 * self.lasts * np.maximum(self.speed, np.where(self.untold, ANY_SPEED, p.speed)) ** 2
-        return np.where(resting, 2.0 * SHORTEST * REST_SPEED**2, moving)
+        at_rest = np.maximum(self.lasts * self.now**2, SHORTEST * REST_SPEED**2)
+        return np.where(resting, 2.0 * at_rest, moving)
+
+    def lasting(self, step: Floats) -> Floats:
+        """Share of the level velocity that lasts over each step of so many s: a fast body may stay fast.
+
+        So it counts from the mean of some seconds, which a hand, that soon comes back, does not need.
+        """
+        square = np.where(self.untold, 0.0, self.speed**2)
+        peaks(step, LEAK, square)
+        share: Floats = np.exp(-step / LEAK * square / (square + USUAL_SPEED**2))
+        return share
 
 
 def without_gravity(frames: Keyframes, force: Floats) -> Bools:
@@ -251,21 +268,23 @@ def neighbours(points: Floats, centres: Floats, within: float, count: NDArray[np
 
 @kernel
 def leaky(dt: Floats, force: Floats, memory: float, out: Floats) -> None:
-    """Half the sum of a level force integrated forward, and backward, with a memory."""
-    n = dt.size
+    """A level force integrated with a memory."""
     for axis in range(2):
         v = 0.0
-        for k in range(n):
+        for k in range(dt.size):
             v = v * math.exp(-dt[k] / memory) + dt[k] * force[k, axis]
-            out[k, axis] += 0.5 * v
-        v = 0.0
-        for k in range(n - 1, -1, -1):
-            v = v * math.exp(-dt[k] / memory) - dt[k] * force[k, axis]
-            out[k, axis] += 0.5 * v
+            out[k, axis] = v
+
+
+@kernel
+def peaks(dt: Floats, memory: float, square: Floats) -> None:
+    """The largest of all squares up to each, where they fade with a memory."""
+    for k in range(1, dt.size):
+        square[k] = max(square[k], square[k - 1] * math.exp(-dt[k] / memory))
 
 
 def level_speed(frames: Keyframes, force: Floats) -> Speed:
-    """How fast the body moves, by its level specific force (K, 2), from both sides."""
+    """How fast the body moves, by its level specific force (K, 2)."""
     dt, untold = frames.step, frames.untold
     force = np.where(untold[:, np.newaxis], 0.0, force)
     velocity = np.zeros((dt.size, 2))
@@ -277,8 +296,8 @@ def level_speed(frames: Keyframes, force: Floats) -> Speed:
         square = sum_between(0.5 * (values**2).sum(axis=1) * dt, low, high)
         return np.sqrt(square / sum_between(dt, low, high))
 
-    speed, acceleration = rms(velocity), rms(force)
-    return Speed(speed, np.clip(SPEED_TIMES * speed / np.maximum(acceleration, 1e-3), SHORTEST, LONGEST), untold)
+    speed, acceleration, now = rms(velocity), rms(force), np.sqrt(0.5 * (velocity**2).sum(axis=1))
+    return Speed(speed, np.clip(SPEED_TIMES * speed / np.maximum(acceleration, 1e-3), SHORTEST, LEAK), untold, now)
 
 
 def first_speed(frames: Keyframes, bias: Floats) -> Speed:
@@ -289,10 +308,11 @@ def first_speed(frames: Keyframes, bias: Floats) -> Speed:
     path(frames.t, frames.gyr - bias, free)
     force = frames.mean(quat_rotate(free, frames.acc))
     middle = frames.middle
-    low, high = np.searchsorted(middle, middle - LEAK), np.searchsorted(middle, middle + LEAK, side="right")
+    low, high = np.searchsorted(middle, middle - SLOW), np.searchsorted(middle, middle + SLOW, side="right")
     force = force - sum_between(force, low, high, mean=True)
     xy, yz = level_speed(frames, force[:, :2]), level_speed(frames, force[:, 1:])
-    return replace(xy, speed=np.maximum(xy.speed, yz.speed), lasts=np.full(middle.size, 0.5))
+    speed, now = np.maximum(xy.speed, yz.speed), np.maximum(xy.now, yz.now)
+    return replace(xy, speed=speed, lasts=np.full(middle.size, 0.5), now=now)
 
 
 def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
@@ -423,7 +443,10 @@ def _level(
         density = speed.density(p, resting)
         first = narrowed(p0, tilt_sd)
         p0[TH + 2, TH + 2] = math.pi**2  # behind a gap the heading may be any, but for what bridges it
-        estimate = sweep(frames, kind, density, unused, start, bias, p0, noise, first=first, covariance=matrix == 1.0)
+        estimate = sweep(
+            frames, kind, density, speed.lasting(frames.step), unused, start, bias, p0, noise, first=first,
+            covariance=matrix == 1.0,
+        )  # fmt: skip
         speed = level_speed(frames, estimate.force[:, :2])
         start[frames.starts], bias = estimate.q[frames.starts], estimate.bias[0]
         if tilt_sd < NARROW:

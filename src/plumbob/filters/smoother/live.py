@@ -53,6 +53,7 @@ from plumbob.filters.smoother.inertial import (
     WINDOW,
     Given,
     level_speed,
+    peaks,
     upright,
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes
@@ -113,7 +114,7 @@ class Running:
         What it knows now.
     cov : ndarray (3, 3)
         Covariance of the attitude, with what is in doubt.
-    learned : ndarray (4,)
+    learned : ndarray (6,)
         What it has learned of the motion.
     smoothed : Smoothed
         What the last look found.
@@ -447,11 +448,15 @@ class Live:
     def _from(self, smoothed: Smoothed, look: Look) -> Running:
         """The filter at the end of a look at the past."""
         p, frames = self.p, smoothed.frames
-        last, force = smoothed.sweep.last, np.where(frames.untold[:, np.newaxis], 0.0, smoothed.sweep.force[:, :2])
+        last, push = smoothed.sweep.last, smoothed.sweep.force - [0.0, 0.0, G0]
+        force = np.where(frames.untold[:, np.newaxis], 0.0, push)
         back = frames.time[-1] - frames.time[1:]
         velocity = (force * (frames.step * np.exp(-back / LEAK))[:, np.newaxis]).sum(axis=0)
-        force2 = float(np.mean(0.5 * (force[back < WINDOW] ** 2).sum(axis=1)))
-        learned = np.array([level_speed(frames, force).speed[-1] ** 2, force2, *velocity])
+        force2 = float(np.mean(0.5 * (force[back < WINDOW, :2] ** 2).sum(axis=1)))
+        square = level_speed(frames, force[:, :2]).speed ** 2
+        speed2 = square[-1]
+        peaks(frames.step, LEAK, square)
+        learned = np.array([speed2, force2, *velocity, square[-1]])
         if smoothed.reference is None and look.anchor is not None:
             place, attitude = look.anchor
             by = heading_from(smoothed.sweep.q[max(place - (look.step - frames.gap.size), 0)], attitude)
@@ -460,7 +465,7 @@ class Live:
         bend = 0.0 if smoothed.reference is None else smoothed.reference.bend(p)
         other, standing = np.zeros(CONTRARY), fresh()
         if self._running is not None:
-            standing[UNTIL:] = self._running.standing[UNTIL:]
+            standing[UNTIL : JUMPED + 1] = self._running.standing[UNTIL : JUMPED + 1]
         if self._running is not None and not self._proven.settled:
             other[DOUBT] = self._running.other[DOUBT]
         cov = last.cov[TH : TH + 3, TH : TH + 3].copy()

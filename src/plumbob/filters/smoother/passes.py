@@ -306,7 +306,10 @@ def _with_field(
         if 0.0 < inertial.bias_sd < again:
             up = dcm_from_quat(q[:1])[0, 2]
             begin, began = _unseen(begin, inertial.sweep.bias[0], first, up, inertial.bias_sd)
-        estimate = sweep(frames, kind, density, var, q, begin, p0, noise, first=began, covariance=remaining == 1)
+        estimate = sweep(
+            frames, kind, density, speed.lasting(frames.step), var, q, begin, p0, noise, first=began,
+            covariance=remaining == 1,
+        )  # fmt: skip
         speed, q, bias, field = level_speed(frames, estimate.force[:, :2]), estimate.q, estimate.bias, estimate.field
     rival_turn = _rival_turn(frames, p, inertial, free, reference)
     scatter = direction_scatter(frames, p, reference, estimate.field, weight)

@@ -1,8 +1,9 @@
 """A gyroscope that says that the unit turns while gravity and field stand still: its bias has jumped.
 
 A turn moves what is not its axis, in the sensor's own axes by as much as it says. Where both together move by less than
-a quarter of that, nothing turned, or the force turned with the unit, as in the bank of an aircraft without a
-magnetometer. So the attitude is in doubt; and where all is calm besides, the rate is the bias.
+a quarter of that, nothing turned. What a turn does to the force is what it does to the vertical: a vehicle that turns
+about that takes its own acceleration with it. So the attitude is in doubt; and where all is calm besides, the rate is
+the bias.
 """
 
 import math
@@ -39,13 +40,14 @@ THEN: Final = 4  # force, field and that turn where it began, 9
 LATER: Final = 13  # and now, 9
 UNTIL: Final = 22  # time until which the attitude is in doubt, s
 JUMPED: Final = 23  # time of the last jump, s
-PLACES: Final = 24
+UP: Final = 24  # the vertical in body axes where it began, 3
+PLACES: Final = 27
 
 
 def fresh() -> Floats:
     """Nothing has been compared yet."""
     state = np.zeros(PLACES)
-    state[UNTIL:] = -math.inf
+    state[[UNTIL, JUMPED]] = -math.inf
     return state
 
 
@@ -64,11 +66,12 @@ def means(acc: Floats, mag: Floats, begin: int, end: int, out: Floats) -> None:
 
 
 @kernel
-def moved(state: Floats, at: int) -> tuple[float, float]:
-    """Squares of the angles, rad, by which a direction should have moved, and by which it did."""
-    size2, off2 = 0.0, 0.0
+def moved(state: Floats, at: int, turned: int) -> tuple[float, float]:
+    """Squares of the angles, rad, by which a direction should have moved, as `turned` does, and by which it did."""
+    size2, turned2, off2 = 0.0, 0.0, 0.0
     for i in range(3):
         size2 += state[THEN + at + i] ** 2
+        turned2 += state[turned + i] ** 2
         off2 += (state[LATER + at + i] - state[THEN + at + i]) ** 2
     if not size2 > 0.0 or math.isnan(off2):
         return 0.0, 0.0
@@ -76,18 +79,22 @@ def moved(state: Floats, at: int) -> tuple[float, float]:
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         turn_j, turn_k = state[LATER + 6 + j] - state[THEN + 6 + j], state[LATER + 6 + k] - state[THEN + 6 + k]
-        expected2 += (turn_j * state[THEN + at + k] - turn_k * state[THEN + at + j]) ** 2
-    return expected2 / size2, off2 / size2
+        expected2 += (turn_j * state[turned + k] - turn_k * state[turned + j]) ** 2
+    return expected2 / turned2, off2 / size2
 
 
 @kernel
-def stands(state: Floats, vectors: Floats, rate: Floats, dt: float, now: float) -> float:
+def stands(state: Floats, vectors: Floats, attitude: Floats, rate: Floats, dt: float, now: float) -> float:
     """Compare mean force and field of a step, the first six of `vectors`, with a turn at a rate (3,).
 
     Returns the square of the angle, rad, by which they should have moved and did not; zero without a contradiction.
     """
     begun = state[STOOD] > 0.0
     state[STOOD] += dt
+    if not begun:
+        w, x, y, z = attitude[0], attitude[1], attitude[2], attitude[3]
+        state[UP], state[UP + 1] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x)
+        state[UP + 2] = w * w - x * x - y * y + z * z
     for i in range(3):
         before = state[TURN + i] if begun else 0.0
         state[TURN + i], vectors[6 + i] = before + rate[i] * dt, before + 0.5 * rate[i] * dt
@@ -99,7 +106,7 @@ def stands(state: Floats, vectors: Floats, rate: Floats, dt: float, now: float) 
                 state[THEN + i] += dt / state[STOOD] * (vectors[i] - state[THEN + i])
             state[LATER + i] += min(dt / LATEST, 1.0) * (vectors[i] - state[LATER + i])
     if state[STOOD] >= FIRST + LATEST:
-        force, field = moved(state, 0), moved(state, 3)
+        force, field = moved(state, 0, UP), moved(state, 3, THEN + 3)
         expected2, off2 = force[0] + field[0], force[1] + field[1]
         if expected2 > SEEN * SEEN and off2 < STILL * STILL * expected2:
             if expected2 > CLEAR * CLEAR:

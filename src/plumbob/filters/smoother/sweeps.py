@@ -40,7 +40,8 @@ LIFT: Final = 36  # of the specific force upwards, m/s
 FADE: Final = 37  # by how much the deflection of the field fades
 KIND: Final = 38
 TIME: Final = 39  # length of the step, s
-STEP: Final = 40
+LASTING: Final = 40  # share of the level velocity that lasts over it
+STEP: Final = 41
 
 MOVING: Final = 0
 RESTING: Final = 1
@@ -153,9 +154,20 @@ def gyr_row(f: Floats, i: int, dt: float, r0: float, r1: float, r2: float, gx: f
 
 
 @kernel
+def scale_velocity(p: Floats, by: float) -> None:
+    """P ← S P Sᵀ of v ← s v."""
+    for i in (V, V + 1):
+        for j in range(SIZE):
+            p[i, j] *= by
+        for j in range(SIZE):
+            p[j, i] *= by
+
+
+@kernel
 def propagate_velocity(p: Floats, f: Floats) -> None:
-    """P ← F P Fᵀ of v ← v + lift (θ_y, −θ_x) − R δa: a wrong tilt takes gravity for an acceleration, a bias too."""
+    """P ← F P Fᵀ of v ← s v + lift (θ_y, −θ_x) − R δa: a wrong tilt takes gravity for an acceleration, a bias too."""
     lift = f[LIFT]
+    scale_velocity(p, f[LASTING])
     for j in range(SIZE):
         p[V, j] += lift * p[TH + 1, j] - f[TURN] * p[A, j] - f[TURN + 1] * p[A + 1, j] - f[TURN + 2] * p[A + 2, j]
         p[V + 1, j] -= lift * p[TH, j] + f[TURN + 3] * p[A, j] + f[TURN + 4] * p[A + 1, j] + f[TURN + 5] * p[A + 2, j]
@@ -213,12 +225,14 @@ def start_again(attitude: Floats, start: Floats, p: Floats, p0: Floats, x: Float
 
 @kernel
 def predict(
-    p: Floats, now: Floats, f: Floats, mean: Floats, spread2: float, missed: float, pushed: float, noise: ModelVariances
-) -> None:
+    p: Floats, now: Floats, f: Floats, mean: Floats, spread2: float, missed: float, pushed: float, lasting: float,
+    noise: ModelVariances,
+) -> None:  # fmt: skip
     """State and covariance over a step that was followed, moving or at rest."""
     dt = f[TIME]
-    now[V] += mean[FORCE]
-    now[V + 1] += mean[FORCE + 1]
+    f[LASTING] = lasting
+    now[V] = lasting * now[V] + mean[FORCE]
+    now[V + 1] = lasting * now[V + 1] + mean[FORCE + 1]
     propagate_velocity(p, f)
     if f[KIND] == MOVING:
         propagate_attitude(p, f)
@@ -306,8 +320,8 @@ def heading_update(p: Floats, x: Floats, gain: Floats, term: Floats, column: Flo
 @kernel
 def forward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], kind: NDArray[np.int64],
-    missed: Floats, pushed: Floats, density: Floats, heading_var: Floats, q_start: Floats, p0: Floats,
-    noise: ModelVariances, attitude: Floats, now: Floats, p: Floats,
+    missed: Floats, pushed: Floats, density: Floats, lasting: Floats, heading_var: Floats, q_start: Floats,
+    p0: Floats, noise: ModelVariances, attitude: Floats, now: Floats, p: Floats,
     q: Floats, x: Floats, cov: Floats, gain: Floats, term: Floats, step: Floats, mean: Floats,
 ) -> None:  # fmt: skip
     """Filter forward: attitude, state and covariance after every keyframe, and what the way back needs of each step.
@@ -327,7 +341,7 @@ def forward(
             u[COUNT] = 0.0
             start_again(attitude, q_start[k + 1], p, p0, now, missed[k])
         else:
-            predict(p, now, f, u, spread2, missed[k], pushed[k], noise)
+            predict(p, now, f, u, spread2, missed[k], pushed[k], lasting[k], noise)
         for i in range(3):
             p[B + i, B + i] += noise.walk * dt
         fade(p, now, f[FADE], noise.bend)
@@ -405,7 +419,7 @@ def back_over_attitude(lam: Floats, big: Floats, f: Floats) -> None:
 
 @kernel
 def back_over_velocity(lam: Floats, big: Floats, f: Floats) -> None:
-    """λ ← Fᵀ λ and Λ ← Fᵀ Λ F of v ← v + lift (θ_y, −θ_x) − R δa."""
+    """λ ← Fᵀ λ and Λ ← Fᵀ Λ F of v ← s v + lift (θ_y, −θ_x) − R δa."""
     lift = f[LIFT]
     lam[TH + 1] += lift * lam[V]
     lam[TH] -= lift * lam[V + 1]
@@ -423,6 +437,8 @@ def back_over_velocity(lam: Floats, big: Floats, f: Floats) -> None:
         big[j, TH] -= lift * vy
         for m in range(3):
             big[j, A + m] -= f[TURN + m] * vx + f[TURN + 3 + m] * vy
+    lam[V], lam[V + 1] = f[LASTING] * lam[V], f[LASTING] * lam[V + 1]
+    scale_velocity(big, f[LASTING])
 
 
 @kernel
@@ -579,8 +595,8 @@ class _StepBlock(NamedTuple):
 
 
 def sweep(
-    frames: Keyframes, kind: NDArray[np.int64], density: Floats, heading_var: Floats, q_start: Floats, bias: Floats,
-    p0: Floats, noise: ModelVariances, *, first: Floats | None = None, covariance: bool = True,
+    frames: Keyframes, kind: NDArray[np.int64], density: Floats, lasting: Floats, heading_var: Floats, q_start: Floats,
+    bias: Floats, p0: Floats, noise: ModelVariances, *, first: Floats | None = None, covariance: bool = True,
 ) -> Sweep:  # fmt: skip
     """Forward and backward over a recording.
 
@@ -594,6 +610,8 @@ def sweep(
         Of each step: moving, at rest, or with a new start at its end.
     density : ndarray (K,)
         Of the level velocity, m²/s: what the body moves, as white noise.
+    lasting : ndarray (K,)
+        Share of the level velocity that lasts over each step: see `Speed.lasting`.
     heading_var : ndarray (K,)
         Variance of the heading that the mean field of each step shows, rad².
     q_start : ndarray (K + 1, 4)
@@ -619,8 +637,8 @@ def sweep(
         block = room.first(min(BLOCK, n - begin))
         forward(
             frames.t, frames.gyr, frames.acc, frames.mag, frames.first[points], kind[steps], frames.missed[steps],
-            frames.pushed[steps], density[steps], heading_var[steps], q_start[points], p0, noise, attitude, now, p,
-            q[points], *block, mean[steps],
+            frames.pushed[steps], density[steps], lasting[steps], heading_var[steps], q_start[points], p0, noise,
+            attitude, now, p, q[points], *block, mean[steps],
         )  # fmt: skip
         return block
 
