@@ -78,7 +78,7 @@ NOT_GRAVITY: Final = 0.5 * G0
 class Speed:
     """How the body moves, at each step: level speed, m/s, for how long it lasts, s, and where no force says; (K,).
 
-    `now` is the speed of the step itself.
+    `now` is the speed of the step itself, by what comes before it or what comes behind it: a rest has an end without any.
     """
 
     speed: Floats
@@ -283,12 +283,21 @@ def peaks(dt: Floats, memory: float, square: Floats) -> None:
         square[k] = max(square[k], square[k - 1] * math.exp(-dt[k] / memory))
 
 
-def level_speed(frames: Keyframes, force: Floats) -> Speed:
-    """How fast the body moves, by its level specific force (K, 2)."""
+def level_speed(frames: Keyframes, force: Floats, *, sure: bool = True) -> Speed:
+    """How fast the body moves, by its level specific force (K, 2).
+
+    Where the bias may be any, it is `sure` of nothing that lasts: what is integrated from both sides leaves that out,
+    or a wrong bias would be explained by a fast body.
+    """
     dt, untold = frames.step, frames.untold
     force = np.where(untold[:, np.newaxis], 0.0, force)
-    velocity = np.zeros((dt.size, 2))
+    velocity, back = np.zeros((dt.size, 2)), np.zeros((dt.size, 2))
     leaky(dt, force, LEAK, velocity)
+    leaky(dt[::-1].copy(), -force[::-1], LEAK, back)
+    back = back[::-1]
+    now = np.sqrt(0.5 * np.minimum((velocity**2).sum(axis=1), (back**2).sum(axis=1)))
+    if not sure:
+        velocity = 0.5 * (velocity + back)
     middle = frames.middle
     low, high = np.searchsorted(middle, middle - WINDOW), np.searchsorted(middle, middle + WINDOW, side="right")
 
@@ -296,11 +305,11 @@ def level_speed(frames: Keyframes, force: Floats) -> Speed:
         square = sum_between(0.5 * (values**2).sum(axis=1) * dt, low, high)
         return np.sqrt(square / sum_between(dt, low, high))
 
-    speed, acceleration, now = rms(velocity), rms(force), np.sqrt(0.5 * (velocity**2).sum(axis=1))
+    speed, acceleration = rms(velocity), rms(force)
     return Speed(speed, np.clip(SPEED_TIMES * speed / np.maximum(acceleration, 1e-3), SHORTEST, LEAK), untold, now)
 
 
-def first_speed(frames: Keyframes, bias: Floats) -> Speed:
+def first_speed(frames: Keyframes, bias: Floats, *, sure: bool) -> Speed:
     """Speed before any attitude is known: in the frame that the gyroscope integrates gravity is a slow mean."""
     from plumbob.rotations import quat_rotate
 
@@ -308,9 +317,10 @@ def first_speed(frames: Keyframes, bias: Floats) -> Speed:
     path(frames.t, frames.gyr - bias, free)
     force = frames.mean(quat_rotate(free, frames.acc))
     middle = frames.middle
-    low, high = np.searchsorted(middle, middle - SLOW), np.searchsorted(middle, middle + SLOW, side="right")
+    slow = SLOW if sure else LEAK
+    low, high = np.searchsorted(middle, middle - slow), np.searchsorted(middle, middle + slow, side="right")
     force = force - sum_between(force, low, high, mean=True)
-    xy, yz = level_speed(frames, force[:, :2]), level_speed(frames, force[:, 1:])
+    xy, yz = (level_speed(frames, of, sure=sure) for of in (force[:, :2], force[:, 1:]))
     speed, now = np.maximum(xy.speed, yz.speed), np.maximum(xy.now, yz.now)
     return replace(xy, speed=speed, lasts=np.full(middle.size, 0.5), now=now)
 
@@ -397,8 +407,8 @@ def level(
         end = frames.time[frames.starts[1] - 1] if frames.gap.any() else frames.t[-1]
         tilt_sd, tilt_var = given_sd(given.q, tilt[0], min(FIRST_TILT, float(end - frames.t[0])))
         tilt[0] = given.q
-    first = first_speed(frames, bias)
-    sure = bool(resting.any()) or prior is not None
+    sure = bool(resting.any()) or prior is not None or before is not None
+    first = first_speed(frames, bias, sure=sure)
     of = partial(_level, frames, p, resting, tilt, bias, first, tilt_sd, tilt_var, unit=unit, sure=sure)
     if before is not None:
         sd = math.sqrt(float(np.trace(before[1])) / 3.0)
@@ -441,13 +451,14 @@ def _level(
             p, tilt=wide, heading=FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit
         )
         density = speed.density(p, resting)
+        lasting = speed.lasting(frames.step) if sure else np.ones(kind.size)
         first = narrowed(p0, tilt_sd)
         p0[TH + 2, TH + 2] = math.pi**2  # behind a gap the heading may be any, but for what bridges it
         estimate = sweep(
-            frames, kind, density, speed.lasting(frames.step), unused, start, bias, p0, noise, first=first,
+            frames, kind, density, lasting, unused, start, bias, p0, noise, first=first,
             covariance=matrix == 1.0,
         )  # fmt: skip
-        speed = level_speed(frames, estimate.force[:, :2])
+        speed = level_speed(frames, estimate.force[:, :2], sure=sure)
         start[frames.starts], bias = estimate.q[frames.starts], estimate.bias[0]
         if tilt_sd < NARROW:
             start[0] = tilt[0]
