@@ -159,6 +159,36 @@ LOGS = {  # name of the file, its text, what a user answers
         [clock.replace(":", "") for clock in CLOCK], *SIX[3:], *SIX[:3]), UP),
     "a line cut at the end, and some that are broken": (
         "a.csv", "time_ms," + names("g*_dps", "a*_g", axes="xyz") + "\n" + rows(T * 1e3, *SIX), UP),
+    "names three rows above, a label before them": (
+        "a.txt", "Interval=\t0.01 s\nTitle=\t" + names("Acc *", "Gyro *").replace(",", "\t") + "\nRange=" + 6 * "\t10 V"
+        + "\nUnit=" + 3 * "\tg" + 3 * "\tdeg/s" + "\n" + rows(T, *G.T, *DPS.T, separator="\t"), UP),
+    "a column without a name before the others": (
+        "a.csv", names("a* (g)", "g* (dps)") + "\n" + rows(T, *G.T, *DPS.T), UP | {"time.unit": "s"}),
+    "names in a line of JSON": (
+        "a.csv", "# " + json.dumps({"imu": {"fs": 100, "columns": ["t [s]", *names("a* [g]", "g* [dps]").split(",")]}})
+        + "\n" + rows(T, *G.T, *DPS.T), UP),
+    "a number in each row, one axis after the other": (
+        "a.csv", "nr;time;sensor;axis;unit;value\n" + "".join(
+            f"{k};{t:.2f};{sensor};{axis};{unit};{v:.6f}\n"
+            for sensor, unit, vectors in (("acc", "g", G), ("gyro", "°/s", DPS))
+            for axis, values in zip("xyz", vectors.T, strict=True)
+            for k, (t, v) in enumerate(zip(T, values, strict=True))), UP),
+    "a number in each row, in turns": (
+        "a.csv", "ts,topic,payload\n" + "".join(f"{s},home/{name},{v:.6f}\n" for s, values in zip(
+            STAMPS, np.hstack([ACC, GYR]), strict=True) for name, v in zip(
+            names("acc/*", "gyro/*").split(","), values, strict=True)), UP | {"gyr.unit": "rad/s"}),
+    "the line protocol of a data base, whole numbers": (
+        "a.txt", "".join(
+            "imu,host=pi ax={:.0f}i,ay={:.0f}i,az={:.0f}i,gx={:.0f}i,gy={:.0f}i,gz={:.0f}i {}\n".format(*v, s)
+            for s, v in zip(STAMPS, np.hstack([G * 16384, DPS * 1310]), strict=True)),
+        UP | {"acc.unit": "g", "acc.counts_per_unit": 16384, "gyr.unit": "deg/s", "gyr.counts_per_unit": 1310}),
+    "the level and the ms of a log, in colour": (
+        "a.txt", "".join(
+            "\x1b[0;32mI ({:.0f}) imu: ax={:.6f} ay={:.6f} az={:.6f} g, gx={:.6f} gy={:.6f} gz={:.6f} dps\x1b[0m\n"
+            .format(1e3 * t + 345, *a, *w) for t, a, w in zip(T, G, DPS, strict=True)), UP),
+    "a prompt before each row": (
+        "a.txt", "imu> stream\nms," + names("a*", "g*") + "\n" + "".join(
+            f"imu> {row}" for row in rows(1e3 * T, *ACC.T, *GYR.T).splitlines(True)), UP | {"gyr.unit": "rad/s"}),
     "blanks of which each separates": (
         "a.txt", "// DeviceId: 1\n// Coordinate system: ENU\nPacketCounter SampleTimeFine Year "
         + names("Acc_*", "Gyr_*").replace(",", " ") + "\n"
@@ -189,6 +219,25 @@ def test_what_a_file_says_is_taken_and_the_rest_is_answered(tmp_path, kind):
         assert np.array_equal(plumbob.read(tmp_path / LOGS[kind][0]).imu.gyr, imu.gyr)
     if "attitude" in kind or "comment" in kind:
         assert np.abs(np.sum(recording.track.q_nb * Q, axis=1)) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_what_no_sensor_measures_is_missing(tmp_path):
+    """Nines alone, far beyond all others, stand for no value; and no place on Earth is without a field."""
+    head = "t_s," + names("a* [g]", "g* [dps]", "m* [uT]") + "\n"
+    lines = rows(T, *G.T, *DPS.T, *(MAG * (T[:, None] > 1.0)).T).splitlines(True)
+    lines[50:400:50] = [line.replace(f"{G[k, 1]:.6f}", "999.9", 1) for k, line in enumerate(lines)][50:400:50]
+    recording = drafted(tmp_path, "a.csv", head + "".join(lines), UP)
+    assert np.flatnonzero(np.isnan(recording.imu.acc).any(axis=1)).tolist() == list(range(50, 400, 50))
+    assert np.flatnonzero(np.isnan(recording.imu.mag).all(axis=1)).tolist() == list(range(101))
+    assert any("mag: 101 samples of exactly zero left out" in str(note) for note in recording.notes)
+
+
+def test_columns_that_turn_as_gravity_does_are_rates(tmp_path):
+    text = "t_s," + names("Acc.*") + ",Rotation.roll,Rotation.pitch,Rotation.yaw\n" + rows(T, *ACC.T, *DPS.T)
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    assert (
+        'columns = ["?", "Rotation.roll", "Rotation.pitch", "Rotation.yaw"]' in plumbob.profile(tmp_path / "a.csv").text
+    )
 
 
 def test_broken_lines_are_left_out_and_counted(tmp_path):

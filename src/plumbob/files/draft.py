@@ -28,14 +28,14 @@ from plumbob.core.files import ARRAYS, existing_file, reading, write_text
 from plumbob.core.text import FactsText
 from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
-from plumbob.data.plausibility import Turning, turning
+from plumbob.data.plausibility import ENOUGH_EFFECTIVE, Turning, turning
 from plumbob.files.arrow import text_bytes
 from plumbob.files.column_names import REVERSED, ColumnName, canonical, named_sensor, taken_apart
 from plumbob.files.columns import FORM, StampError, has_zone, is_stamp, is_time_of_day, to_seconds
 from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, JSON, Profile, TextLayout
 from plumbob.files.profile_toml import GUIDE, parse_profile
-from plumbob.files.sniff import FEWEST, Sample, read_sample
+from plumbob.files.sniff import FEWEST, Sample, read_sample, rises
 from plumbob.files.stamps import CENTURY, falls
 from plumbob.files.text_table import LEFT_OUT_MOST, read_table
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
@@ -451,7 +451,8 @@ class _DraftWriter:
         for i, part in enumerate(self._parts):
             steps = np.diff(self._numbers[i])
             counts = bool((steps == 1.0).all()) and bool(self._names[i])
-            bare = not part.is_counter and not part.sensor and (nameless or not part.axis)
+            alone = not part.axis or all(other.axis != "y" or other.base != part.base for other in self._parts)
+            bare = not part.is_counter and not part.sensor and (nameless or alone)
             rises = steps.size and (np.mean(steps > 0.0) > 1.0 - LEFT_OUT_MOST if i == 0 else (steps > 0.0).all())
             if bare and not counts and rises and (nameless or not i or not self._names[i]):
                 return (i,)
@@ -484,11 +485,7 @@ class _DraftWriter:
 
     def _rises(self, column: int) -> bool:
         """Whether numbers go on as time does: they rise in most steps, however often they repeat or begin again."""
-        numbers = self._numbers[column]
-        finite = numbers[np.isfinite(numbers)]
-        steps = np.diff(finite)
-        is_whole = finite.size > (1.0 - LEFT_OUT_MOST) * numbers.size
-        return bool(is_whole and steps.size and np.sum(steps > 0.0) > 3.0 * np.sum(steps < 0.0))
+        return rises(self._numbers[column])
 
     def _time_rank(self, column: int) -> tuple[bool, bool, bool, bool]:
         """Which of several clocks is taken: one that does not begin again, of single samples, in a unit that it has."""
@@ -550,12 +547,29 @@ class _DraftWriter:
                 self._plus, triads["acc"] = gravity[0], without[0]
                 for i, k in zip(without[0], gravity[0], strict=True):
                     self._numbers[i] = self._numbers[i] + self._numbers[k]
+        if "gyr" not in triads and "acc" in triads and (turning := self._turning_three(triads["acc"])):
+            triads["gyr"] = turning
         if triads and "acc" not in triads:  # steady vectors of the size of gravity, whose names say no sensor: asked
             for i in self._free()[:-2]:
                 three = [part for part in self._parts[i : i + 3] if not part.sensor and not part.unit]
                 if [part.axis for part in three] == list("xyz") and self._has_gravity((i, i + 1, i + 2)):
                     return triads | {"acc": (i, i + 1, i + 2)}
         return triads
+
+    def _turning_three(self, acc: Sequence[int]) -> tuple[int, ...]:
+        """Columns whose names say no rate, as ``Rotation.roll``, that turn as the accelerometer sees gravity turn."""
+        rolls: dict[str, dict[str, int]] = {}
+        for i, (axis, word) in product(self._free(), zip("xyz", ("roll", "pitch", "yaw"), strict=True)):
+            if word in (base := self._parts[i].base):
+                rolls.setdefault(base.replace(word, ""), {})[axis] = i
+        threes = [tuple(axes[letter] for letter in "xyz") for axes in rolls.values() if len(axes) == len("xyz")]
+        if (t := self._seconds()) is None:
+            return ()
+        for three in (*threes, *self._threes(lambda part: not part.sensor)):
+            fit = _turning_fit(t, self._vectors(three), self._vectors(acc))
+            if fit is not None and fit.effective >= ENOUGH_EFFECTIVE and fit.correlation > _BEST:
+                return three
+        return ()
 
     def _threes(self, belongs: Callable[[ColumnName], bool]) -> list[tuple[int, ...]]:
         """Columns x, y, z of the same words and unit, of those that belong."""
@@ -616,15 +630,19 @@ class _DraftWriter:
 
     def _steady(self, columns: Sequence[int]) -> bool:
         """Whether a vector keeps its length, as gravity and a field do, and rates do not."""
-        low, middle, high = np.nanquantile(np.linalg.norm(self._vectors(columns), axis=1), (0.25, 0.5, 0.75))
+        low, middle, high = np.quantile(self._norms(columns), (0.25, 0.5, 0.75))
         return bool(high - low < 0.25 * middle)
+
+    def _norms(self, columns: Sequence[int], zero: float = 0.0) -> Floats:
+        """Sizes of a vector where it is measured: neither missing nor exactly zero; NaN for none."""
+        norms = np.linalg.norm(self._vectors(columns) - zero, axis=1)
+        return norms[norms > 0.0] if (norms > 0.0).any() else np.array([np.nan])
 
     def _vectors(self, columns: Sequence[int]) -> Floats:
         return np.stack([self._numbers[i] for i in columns], axis=1)
 
     def _size(self, columns: Sequence[int], zero: float = 0.0) -> float:
-        norm = np.linalg.norm(self._vectors(columns) - zero, axis=1)
-        return float(np.nanmedian(norm)) if np.isfinite(norm).any() else float("nan")
+        return float(np.median(self._norms(columns, zero)))
 
     # Lines ------------------------------------------------------------------------------------------------------------
 
@@ -731,6 +749,8 @@ class _DraftWriter:
         for key, what in marks.items():
             if text := getattr(layout, key):
                 self._set(key, text, what)
+        if layout.channels:
+            self._set("channels", layout.channels, "of each row: time, what names its channel, the number")
         if where := self._where or layout.where:
             self._set("where", where, "rows of this kind alone")
 
@@ -812,8 +832,9 @@ class _DraftWriter:
         self._open(name)
         part = self._parts[columns[0]]
         named = bool(self._sensor) or (bool(part.axis) and bool(part.sensor or part.by_unit))
-        by = "by their names" if named else "by their size; [] if they are none"
-        sure, refs = named or self._is_sure_by_size(), tuple(map(self._ref, columns))
+        by = "by their names" if named else "by their size or turning; [] if they are none"
+        turns = name == "gyr" and self._turns[1] is not None and self._turns[1].tells
+        sure, refs = named or turns or self._is_sure_by_size(), tuple(map(self._ref, columns))
         self._set("columns", refs, f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
         if name == "acc" and self._plus:
             self._set("plus", tuple(map(self._ref, self._plus)), "gravity, which these lack", ask=True, sure=True)
@@ -900,9 +921,10 @@ class _DraftWriter:
     def _is_sure_by_size(self) -> bool:
         """Whether triads without names are surely these: gravity, perhaps the Earth's field, one that is neither."""
         acc, mag, gyr = (self._triads.get(name) for name in ("acc", "mag", "gyr"))
-        if acc is None or gyr is None or len(self._free()) >= len("xyz"):
+        if acc is None or len(self._free()) >= len("xyz"):
             return False
-        steady = self._steady(acc) and bool(_gravity_unit(self._size(acc)).unit) and not self._steady(gyr)
+        is_normal = bool(np.ptp(self._norms(acc)) < 1e-3 * self._size(acc))  # directions, which no sensor measures
+        steady = self._has_gravity(acc) and not (self._steady(gyr) if gyr else is_normal)
         return steady and (mag is None or (self._steady(mag) and _of_earth(self._size(mag))))
 
     # Guesses ----------------------------------------------------------------------------------------------------------
@@ -966,7 +988,7 @@ class _DraftWriter:
         return (axes, best) if best is not None and best.tells and best.correlation > _BEST else (AS_MOUNTED, mounted)
 
     def _sign_told(self, columns: Sequence[int], zero: float) -> str:
-        mean = np.nanmean(self._vectors(columns) - zero, axis=0)
+        mean = np.nan_to_num(self._vectors(columns) - zero).mean(axis=0)
         axis = int(np.argmax(np.abs(mean)))
         up = "up" if mean[axis] > 0.0 else "down"
         return f"right if {'xyz'[axis]} points {up} here, where it reads {mean[axis]:.3g}; otherwise 'gravity'"

@@ -121,7 +121,11 @@ class TextLayout:
         Between groups of three digits; empty for none.
     cells : tuple of str
         What each cell of a row holds: ``[3]`` is a vector of three numbers, whose columns are then ``acc[1]`` to
-        ``acc[3]``; a unit stands behind the number; empty is a number alone. Empty where all cells are so.
+        ``acc[3]``; ``imu> #`` is a number behind these words; a unit stands behind the number; empty is a number alone.
+        Empty where all cells are so.
+    channels : tuple of int or str, or empty
+        Of a table with a row for each number: the columns of time, of the words that name its sensor and axis, and of
+        the number. Then the columns are called by these words, a unit among them in brackets, as ``acc x [g]``.
     """
 
     separator: Annotated[str, schema.converted(lambda word: SEPARATORS[word], schema.one_of(*SEPARATORS))]
@@ -142,6 +146,7 @@ class TextLayout:
     where: Annotated[tuple[ColumnRef, str] | tuple[()], _WHERE] = ()
     thousands: Annotated[str, schema.one_of(",", ".", "'", " ")] = ""
     cells: tuple[str, ...] = ()
+    channels: Annotated[tuple[ColumnRef, ...], columns(3, 4, 5)] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,10 @@ asked by `plumbob.files.draft`.
 """
 
 import codecs
+import json
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
@@ -25,12 +26,16 @@ from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import BLANK, JSON, QUOTED, TextLayout
 from plumbob.files.stamps import CENTURY
 from plumbob.files.text_table import (
+    LEFT_OUT_MOST,
     NUMBER,
     TOKEN,
     among_words,
     are_objects,
     cells_apart,
+    channel,
+    channels_as_columns,
     decode,
+    flat_cells,
     grouped,
     label,
     names_apart,
@@ -49,6 +54,8 @@ _NAMES_WITHIN: Final = 1 << 14
 """Characters in which names are sought to tell an encoding."""
 _MOST_KINDS: Final = 6
 """Kinds of rows in a file."""
+_MOST_CHANNELS: Final = 60
+"""Sensors' axes in a table with a row for each number."""
 FEWEST: Final = 3
 """Rows that make a table."""
 ROWS: Final = 4000
@@ -71,6 +78,8 @@ SENTENCES: Final = {
     "YPR": ("yaw (deg)", "pitch (deg)", "roll (deg)"),
 }
 """Fields of sentences whose makers publish them: VectorNav's (UM001, output formats), and those of Razor's firmware."""
+_WORDS_BEFORE: Final = re.compile(r"(?!.*\d:\d\d)(.*?[^\w\s.+-]\s*|.*[^\W\d].*?\s)(?=[-+.\d])")
+"""What a log or a prompt writes before the first number of a row."""
 _UNIT_CELL: Final = re.compile(r"[\[(].*[\])]")
 
 
@@ -158,7 +167,7 @@ def read_sample(path: Path) -> Sample:
     tried = lines[:TRIED]
     tables = [table for sep, decimal in _LAYOUTS if (table := _table(tried, sep, decimal)).rows]
     most = max((len(table.rows) for table in tables), default=0)
-    named = [table for table in tables if len(table.rows) == most and _is_named(lines, table)]
+    named = [table for table in tables if len(table.rows) > most - FEWEST and _is_named(lines, table)]
     best = max(named or tables, key=lambda table: table.score, default=_SniffedTable(",", ".", 0, [], 0, []))
     if not named and (kinds := _worded(lines, encoding)):
         return replace(kinds[0], others=tuple(kinds[1:]))
@@ -178,7 +187,7 @@ def read_sample(path: Path) -> Sample:
     sensors = {part.sensor for part in map(taken_apart, sample.names)} & set(QUANTITY_BY_TRIAD)
     if not complete and len(sensors) < 2:  # other sensors may have their table far below
         lines = decode(text_bytes(path), encoding).split("\n")
-    return _sections(lines, best, encoding) or sample
+    return _sections(lines, best, encoding) or _of_channels(text, sample) or sample
 
 
 def _sections(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample | None:
@@ -220,16 +229,36 @@ def _row_of_names(lines: Sequence[str], row: int, table: _SniffedTable) -> tuple
     below = [_cells(line, table.separator, 0) for line in lines[row + 1 : row + 6] if line.strip()]
     below = below[1:] if below and _are_units(below[0]) else below
     counts = [len(cells) for cells in below[:FEWEST] if _known_cells(cells, *signs)]
-    names = _names(line, table.separator, counts[0]) if len(counts) == FEWEST else ()
-    parts = [taken_apart(name) for name in names]
-    return names if 2 * sum(bool(part.axis or part.sensor or part.is_time) for part in parts) >= len(parts) else ()
+    cells = _cells(line, table.separator, 0)
+    names = _names(cells, replace(table, rows=below[:FEWEST])) if len(counts) == FEWEST else ()
+    return names if 2 * _known_names(names) >= len(names) else ()
 
 
 def _is_named(lines: Sequence[str], table: _SniffedTable) -> bool:
     """Whether a row of names stands above a table, and only single cells of its rows are words."""
     names = _headed(lines, table, "utf-8").names
-    understood = sum(bool(part.sensor or part.by_unit or part.is_time) for part in map(taken_apart, names))
-    return 2 * understood >= len(names) > 0 and 4 * table.readable > 3 * len(table.rows) * len(table.rows[0])
+    is_known = 2 * _known_names(names) >= len(names) and len({*names}) > len("xy")
+    return is_known and 4 * table.readable > 3 * len(table.rows) * len(table.rows[0])
+
+
+def _of_channels(text: str, sample: Sample) -> Sample | None:
+    """First rows of a table with a row for each number, whose cells name its sensor and axis; None of another."""
+    columns = [sample.cells(i) for i in range(sample.width)]
+    values = [i for i in range(sample.width) if len(set(columns[i])) > 2 and np.isfinite(sample.numbers(i)).all()]
+    clocks = [i for i, cells in enumerate(columns) if len(set(cells)) > 2 and _rises(cells, sample.layout.decimal)]
+    values = [i for i in values if i not in clocks]
+    values = [i for i in values if any(sample.numbers(i) % 1.0)] or values
+    words = [i for i in range(sample.width) if i not in values and 1 < len(set(columns[i])) <= _MOST_CHANNELS]
+    words = [i for i in words if i not in clocks and not any(map(_is_number, columns[i]))]
+    parts = [taken_apart(channel(row)) for row in dict.fromkeys(zip(*(columns[i] for i in words), strict=True))]
+    if len(values) != 1 or not clocks or {part.axis for part in parts if part.sensor} < set("xyz"):
+        return None
+    clock = min(clocks, key=lambda i: abs(len(set(columns[i])) * len(parts) - len(columns[i])))  # whole rows
+    refs = [sample.names[i] if sample.by_name else i + 1 for i in (clock, *words, values[0])]
+    layout = replace(sample.layout, channels=tuple(refs), cells=())
+    lines = channels_as_columns(text, layout)[0].split("\n")
+    wide = _headed(lines, _table(lines, "\t", layout.decimal), layout.encoding)
+    return replace(wide, layout=replace(layout, missing=wide.layout.missing), facts=sample.facts)
 
 
 def _of_objects(text: str, encoding: str) -> Sample | None:
@@ -290,7 +319,8 @@ def _is_among_words(gaps: Sequence[str]) -> bool:
 
 def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names and units of numbers by the text before and behind them; a unit is of all axes that it ends."""
-    words, units, axis = [label(gaps[0])], [""] * (len(gaps) - 1), 0
+    log_level = re.fullmatch(r"\s*[EWIDV] \(", gaps[0])  # ms since the start [ESP-IDF, Logging library]
+    words, units, axis = ["time ms" if log_level else label(gaps[0])], [""] * (len(gaps) - 1), 0
     for i, gap in enumerate(gaps[1:], 1):
         unit = re.match(r"\s*([^][\s,;|:={}()]+)", gap)
         behind = unit is not None and is_unit(unit[1])
@@ -299,13 +329,15 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
                 if units[k]:
                     break
                 units[k] = unit[1]
-        words.append(label(gap[unit.end() :] if unit is not None and behind else gap))
+        rest = gap[unit.end() :] if unit is not None and behind else re.sub(r"^[^\W\d_]+(?=[\s,;|])", "", gap)
+        words.append(label(rest))
     names: list[str] = []
-    first, others = next(filter(str.split, words), "").split(), [len(word.split()) for word in words[:-1] if word][1:]
-    if others and len(first) > max(others) and taken_apart(bare := " ".join(first[-max(others) :])).sensor:
-        words[words.index(next(filter(None, words)))] = bare  # what a log writes before it is of no number
+    for i, (word, other) in enumerate(pairwise(words[:-1])):  # what a log writes before a name is of no number
+        bare = " ".join(word.split()[-len(other.split()) :]) if other else word
+        if (part := taken_apart(bare)).sensor and part.base == taken_apart(other).base:
+            words[i] = bare
     for word in words[:-1]:
-        axis = 0 if word else axis + 1
+        axis = (len("xyz") if taken_apart(word).axis else 0) if word else axis + 1
         names.append(word or ("xyz"[axis] if any(names) and axis < 3 else ""))
     return tuple(names) if sum(map(bool, words[:-1])) > 1 else (), tuple(units)  # a word before all of them names none
 
@@ -348,6 +380,9 @@ def _table(lines: Sequence[str], separator: str, decimal: str) -> _SniffedTable:
             run, bad = _SniffedTable(separator, decimal, i, [], 0, []), 0
         else:
             bad += 1
+            is_words = not any(map(_is_number, cells)) and run.rows and len(cells) == len(run.rows[0])
+            if is_words and len(run.rows) < FEWEST:  # as a row of names
+                run = _SniffedTable(separator, decimal, i, [], 0, [])
             continue
         run.rows.append(cells)
         run.lines.append(i)
@@ -401,7 +436,7 @@ def _numbers_in(cell: str, decimal: str) -> int:
 
 def _forms(table: _SniffedTable, names: Sequence[str]) -> tuple[str, ...]:
     """What each cell of a row holds, as in `TextLayout.cells`; numbers without brackets are a vector of a sensor."""
-    forms = []
+    forms: list[str] = []
     for column, name in zip(zip(*table.rows[:TRIED], strict=True), (*names, *[""] * len(table.rows[0])), strict=False):
         said = [cell.strip() for cell in column if cell.strip() not in {*MISSING, "[]", "()"}]
         sizes = Counter(len(vector(cell, table.decimal)) for cell in said).most_common(1) or [(0, 0)]
@@ -409,7 +444,9 @@ def _forms(table: _SniffedTable, names: Sequence[str]) -> tuple[str, ...]:
         bracketed = any(cell[:1] in set('[({"') for cell in said) or bool(taken_apart(f"{name} x").sensor)
         is_vector = sizes[0][0] > 1 and sizes[0][1] > 0.5 * len(said) and bracketed
         has_unit = units[0][1] > 0.5 * len(said) and is_unit(units[0][0])
-        forms.append(f"[{sizes[0][0]}]" if is_vector else units[0][0] if has_unit and not is_vector else "")
+        words = _WORDS_BEFORE.match(said[0]) if said and not forms else None
+        before = f"{words[0]}#" if words and all(_is_number(cell.removeprefix(words[0])) for cell in said) else ""
+        forms.append(f"[{sizes[0][0]}]" if is_vector else units[0][0] if has_unit else before)
     is_split = any(re.match(r"[\[({].*[,; ]", cell) for row in table.rows[:TRIED] for cell in row)
     return tuple(forms) if any(forms) or is_split else ()
 
@@ -422,26 +459,38 @@ def _value(cell: str, decimal: str, thousands: str = "") -> float:
 def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample:
     """Add names and units, and what the lines before them say."""
     before = [(i, line) for i, line in enumerate(lines[: table.first]) if re.search(r"\w", line)]
-    last = before[-1][0] if before else 0
     before = [(i, line) for i, line in before if not re.fullmatch(r"\[[\w ]+\]\s*", line)]  # of a section
-    width = len(table.rows[0])
-    units: tuple[str, ...] = ()
-    if len(before) > 1 and _are_units(split := _cells(before[-1][1], table.separator, 0)):
-        units = tuple(split)
     if clock := _start_and_rate(lines):
         missing = _missing(table.rows)
         layout = TextLayout(table.separator, table.decimal, encoding, missing=missing, skip=2, names=False)
         rows = [row for i, row in zip(table.lines, table.rows, strict=True) if i > 1]
         return Sample(layout, (), (), by_name=False, rows=rows, facts=clock)
-    at, line = before[-2 if units else -1] if before else (0, "")
-    bare = line.lstrip("#%/ ")
-    if table.separator == " " and before and len(apart := bare.split(" ")) > width:
+    bare = before[-1][1].lstrip("#%/ ") if before else ""
+    if table.separator == " " and len(apart := bare.split(" ")) > len(table.rows[0]):
         rows = [lines[i].split(" ") for i in table.lines]
         if all(len(row) == len(apart) for row in rows):  # each blank separates, and cells are empty
-            table, width = replace(table, separator=BLANK, rows=rows), len(apart)
-    names = _names(bare, table.separator, width) if before else ()
-    above = before[-3 if units else -2][1] if len(before) > 1 + bool(units) else ""
-    full = _under(_cells(above, table.separator, 0), names)
+            table = replace(table, separator=BLANK, rows=rows)
+    width = len(table.rows[0])
+    cells = [_cells(line.lstrip("#%/ "), table.separator, 0) for _, line in before]
+    fits = [len(cells) > 1 and abs(len(row) - width) < len("xy") for row in cells]
+    rows_of_units = [k for k, row in enumerate(cells) if fits[k] and _are_units(row)]
+    others = [k for k in range(len(cells)) if k not in rows_of_units]
+    named = [(_known_names({*names}), k, names) for k in others if (names := _names(cells[k], table))]
+    _, place, names = max((row for row in named if row[0] > 1 or row[1] == others[-1]), default=(0, -1, ()))
+    at, line = before[place] if names else (0, "")
+    below = range(place + 1, len(cells))
+    last = max((before[k][0] for k in below if not _is_number("".join(cells[k][:1]))), default=at)
+    units = tuple(cells[max(rows_of_units)]) if rows_of_units else ()
+    if names and (moved := len(names) - len(cells[place])):
+        units = ("", *units) if moved > 0 else units[1:]
+    full, by_name = names, bool(names) and [*names] == [cell.strip() for cell in cells[place]]
+    for above in reversed(cells[:place] if by_name else ()):
+        if (full := _under(above, names)) != names:
+            break
+    described = [fact for _, line in before for fact in _in_json(line)] if not names else []
+    listed = [tuple(words) for words in described if isinstance(words, list) and len(words) == width]
+    full = max(listed, key=_known_names, default=full)
+    bare = line.lstrip("#%/ ")
     marked = names and bare != line
     skip = at if names else table.first if any(not line.startswith(_COMMENTS) for _, line in before) else 0
     layout = TextLayout(
@@ -456,8 +505,8 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
         after_names=last - at if names else 0,
         mark=line[: len(line) - len(bare)] if marked else "",
     )
-    preamble = [line for i, line in before if i < at or not names]
-    by_name, rows = bool(names) and full == names, table.rows
+    preamble = [line for k, (_, line) in enumerate(before) if not names or k not in {place, *rows_of_units}]
+    by_name, rows = by_name and full == names, table.rows
     if forms := _forms(table, full):
         layout = replace(layout, cells=forms)
         rows = [cells_apart(row, layout, i + 1) for i, row in zip(table.lines, rows, strict=True)]
@@ -467,7 +516,8 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
         stated = [unit or form for unit, form in zip((*units, *[""] * len(forms)), beside, strict=False)]
         units = tuple(re.sub(r"\[\d+\]$", "", unit) for unit in names_apart(stated, forms))
         full = names_apart(full, (*forms, *[""] * len(full)))
-    return Sample(layout, full, units, by_name, rows, _facts(preamble))
+    facts = {key: fact for said in described if isinstance(said, dict) for key, fact in said.items()}
+    return Sample(layout, full, units, by_name, rows, facts or _facts(preamble))
 
 
 def _start_and_rate(lines: Sequence[str]) -> dict[str, str]:
@@ -482,8 +532,7 @@ def _start_and_rate(lines: Sequence[str]) -> dict[str, str]:
 
 def _under(sensors: Sequence[str], axes: tuple[str, ...]) -> tuple[str, ...]:
     """Names of axes with their sensors, each of which stands in a row above its first axis; as they are otherwise."""
-    parts = [taken_apart(axis) for axis in axes]
-    bare = [bool(part.axis) and not part.base for part in parts]
+    bare = [bool(taken_apart(f"q {axis}").axis) and len(axis.strip()) == 1 for axis in axes]
     if len(sensors) != len(axes) or sum(bare) < len("xyz") or any(map(_is_number, sensors)):
         return axes
     names, above = [], ""
@@ -503,18 +552,69 @@ def _facts(lines: Sequence[str]) -> dict[str, str]:
     return facts
 
 
-def _names(line: str, separator: str, width: int) -> tuple[str, ...]:
-    cells = tuple(cell.strip() for cell in _cells(line, separator, 0))
-    fits = len(cells) == width if separator == " " else len(cells) >= min(width, max(2, width - 1))
-    enough = fits and any(re.search(r"[^\W\d]", cell) for cell in cells)
-    return cells if enough else ()
+def _in_json(line: str) -> "list[list[str] | dict[str, str]]":
+    """Lists of words, and facts, in a line of JSON that stands before a table."""
+    if "{" not in line:
+        return []
+    try:
+        flat = flat_cells("", json.loads(line.lstrip("#%/ ")))
+    except (ValueError, DecodeError):
+        return []
+    lists: dict[str, list[str]] = {}
+    for key, word in flat.items():
+        lists.setdefault(re.sub(r"\[\d+\]$", "", key), []).append(word)
+    return [*lists.values(), {key.rpartition(".")[2].lower(): word for key, word in flat.items() if key in lists}]
+
+
+def _known_names(names: Iterable[str]) -> int:
+    """How many names say a sensor, an axis or time."""
+    parts = map(taken_apart, names)
+    return sum(bool(part.axis in {*"xyzw"} or part.sensor or part.by_unit or part.is_time) for part in parts)
+
+
+def _names(cells: Sequence[str], table: _SniffedTable) -> tuple[str, ...]:
+    """Names of columns where a row before a table holds them; nothing where they cannot belong to its columns.
+
+    A row with one name less or more than the table has columns begins or ends elsewhere: by what rises as time does.
+    """
+    names, width = tuple(cell.strip() for cell in cells), len(table.rows[0])
+    short = width - len(names)
+    words = [name for name in names if re.search(r"[^\W\d]", name) and not _is_number(name)]
+    if abs(short) > (table.separator != " ") or len(names) < 2 or 2 * len(words) < len([*filter(None, names)]):
+        return ()
+    if not short or not names[-1] or not any(row[-1].strip() for row in table.rows):
+        return names
+    parts = [taken_apart(name) for name in names[: len("xyz")]]
+    clocks = {i for i, part in enumerate(parts) if part.is_time or part.is_counter}
+    others = {i for i, part in enumerate(parts) if part.sensor or (part.axis and not part.base)}
+    rising = {i for i in range(min(len("xyz"), width)) if _rises([row[i] for row in table.rows], table.decimal)}
+    named = [moved for moved in (0, short) if {i + moved for i in clocks if i + moved >= 0} <= rising]
+    named = [moved for moved in named if not {i + moved for i in others} & rising]
+    moved = named[0] if len(named) == 1 else -1 if short < 0 and _TITLE.fullmatch(names[0]) else None
+    return {0: names, 1: ("", *names), -1: names[1:], None: ()}[moved]
+
+
+_TITLE: Final = re.compile(r"\W*(headers?|names?|columns?|fields?|channels?)\W*", re.IGNORECASE)
+
+
+def _rises(cells: Sequence[str], decimal: str) -> bool:
+    """Whether cells are clock times, or numbers that increase from row to row."""
+    return all(map(is_clocklike, cells)) or rises(np.array([_value(cell.strip(), decimal) for cell in cells]))
+
+
+def rises(numbers: Floats) -> bool:
+    """Whether numbers go on as time does: they rise in most steps, however often they repeat or begin again."""
+    finite = numbers[np.isfinite(numbers)]
+    steps = np.diff(finite)
+    is_whole = finite.size > (1.0 - LEFT_OUT_MOST) * numbers.size
+    return bool(is_whole and np.sum(steps > 0.0) > 3.0 * np.sum(steps < 0.0))
 
 
 def _are_units(cells: Sequence[str]) -> bool:
     """Whether a row is one of units: two known ones at least, and as many as there are other words; blanks are none."""
     words = [cell.strip() for cell in cells if cell.strip()]
     units = [word for word in words if _UNIT_CELL.fullmatch(word) or is_unit(word)]
-    return len(units) > 1 and 2 * len(units) >= len(words) and not any(map(is_clocklike, words))
+    return len(units) > 1 and 2 * len(units) >= len(words) and not any(is_clocklike(w) or _is_number(w) for w in words)
 
 
 def _comment(lines: Sequence[str]) -> str:
@@ -530,4 +630,15 @@ def _missing(rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
         for cell, n in column.items()
         if cell in MISSING or (1 < n < numbers and len(cell) <= len("undefined") and not re.search(r"\d", cell))
     }
+    markers |= {cell for column in counts for cell in filter(_NINES.fullmatch, column) if _is_apart(cell, column)}
     return tuple(dict.fromkeys((*TextLayout(separator=",").missing, *sorted(markers))))
+
+
+_NINES: Final = re.compile(r"[-+]?9{3,}([.,]9*|[.,]0*)?|[-+]?99[.,]99+")
+
+
+def _is_apart(cell: str, column: Counter[str]) -> bool:
+    """Whether a number is more than twice as large as all others of its column: of nines alone, it stands for none."""
+    values = {other: abs(_value(other, "," if "," in other else ".")) for other in column}
+    others = [value for other, value in values.items() if other != cell and np.isfinite(value)]
+    return len(others) >= FEWEST and values[cell] > 2.0 * max(others)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError
 from plumbob.core.findings import Finding, warning
-from plumbob.core.time import GAP_FACTOR
+from plumbob.core.time import GAP_FACTOR, LONGEST
 
 _COUNTERS: Final = tuple(float(1 << bits) for bits in (8, 12, 16, 24, 32))
 _DECIMALS: Final = (1e3, 1e6, 1e9)
@@ -144,7 +144,7 @@ def _even(t_ns: NDArray[np.int64], place: Callable[[int], str]) -> tuple[NDArray
     forward = np.diff(t_ns)
     repeated = int(np.count_nonzero(forward <= 0))
     coarse = float(np.median(forward[forward > 0]))  # of stamps that repeat, what they are rounded to
-    stamps, alone = _without_single(t_ns, GAP_FACTOR * coarse)
+    stamps, alone = without_leaps(t_ns)
     steps = np.diff(stamps)
     usual = max(float(np.mean(steps[np.abs(steps) <= GAP_FACTOR * coarse])), 1.0)
     room = GAP_FACTOR * max(coarse, usual)
@@ -169,14 +169,30 @@ def _even(t_ns: NDArray[np.int64], place: Callable[[int], str]) -> tuple[NDArray
     )  # fmt: skip
 
 
-def _without_single(t_ns: NDArray[np.int64], room: float) -> tuple[NDArray[np.int64], int]:
-    """Stamps of which single ones that lie far off their neighbours are in the middle of these, and how many."""
-    before, at, behind = t_ns[:-2], t_ns[1:-1], t_ns[2:]
-    near = np.abs(behind - before) <= 2.0 * room
-    off = near & (np.maximum(before - at, at - behind) > room)
-    stamps = t_ns.copy()
-    stamps[1:-1][off] = before[off] + (behind[off] - before[off]) // 2
-    return stamps, int(np.count_nonzero(off))
+def without_leaps(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
+    """Stamps (N,) of which those that leap far off their neighbours lie between these, and how many do.
+
+    They are damaged, and their samples are kept: one that leaps ahead would make all behind it late. A stamp is far
+    off if it is more than a gap away from neighbours that are within a gap of each other, or more than half of the
+    longest possible recording away from the median.
+    """
+    if stamps.size < 3:
+        return stamps, 0
+    far = np.abs(stamps - np.median(stamps)) >= LONGEST / 2 * 1e9
+    near = np.flatnonzero(~far)
+    inner = stamps[near]
+    if near.size > 2 and (steps := np.diff(inner)[np.diff(inner) > 0]).size:
+        room = GAP_FACTOR * float(np.median(steps))
+        before, at, behind = inner[:-2], inner[1:-1], inner[2:]
+        far[near[1:-1]] = (np.abs(behind - before) <= room) & (np.maximum(before - at, at - behind) > room)
+        near = np.flatnonzero(~far)
+    if far.any() and near.size > 1:
+        zero = stamps[near[0]]
+        step = float(stamps[near[-1]] - zero) / (near[-1] - near[0])
+        place, steps = np.arange(stamps.size), np.interp(np.arange(stamps.size), near, stamps[near] - zero)
+        steps += np.minimum(place - near[0], 0) * step + np.maximum(place - near[-1], 0) * step
+        stamps = np.where(far, zero + np.rint(steps).astype(np.int64), stamps)
+    return stamps, int(np.count_nonzero(far))
 
 
 def _stretch(t_ns: NDArray[np.int64], usual: float, coarse: float) -> Floats:

@@ -109,7 +109,7 @@ def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -
     t, t0_ns, clock = _time(profile, table)
     if not profile.flag_words:
         table = replace(table, line_of=int)  # no error names a line any more, and the text can go
-    imu, clock = _in_turns(_imu(profile, table, t, t0_ns), clock) if profile.triads else (None, clock)
+    imu, clock = _in_turns(*_imu(profile, table, t, t0_ns, clock)) if profile.triads else (None, clock)
     track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
     notes = (*lasting(as_findings("notes", profile.notes)), note, *table.notes, *clock, *_changes(profile, t0_ns))
     return Recording(imu=imu, track=track, name=name, notes=notes)
@@ -215,11 +215,16 @@ def _of_stamps(source: TimeStamps, table: TextTable) -> tuple[Floats, int, tuple
     return line.t_ns / 1e9, t0_ns, line.notes
 
 
-def _imu(profile: Profile, table: TextTable, t: Floats, t0_ns: int) -> ImuData:
+def _imu(
+    profile: Profile, table: TextTable, t: Floats, t0_ns: int, notes: tuple[Finding, ...]
+) -> tuple[ImuData, tuple[Finding, ...]]:
     triads: dict[str, Any] = {
         name: _undelayed(t, to_vectors(group, table, profile.turn), group.delay)
         for name, group in profile.triads.items()
     }
+    if (mag := triads.get("mag")) is not None and 0 < (zeros := int(np.sum(~mag.any(axis=1)))) < len(mag):
+        triads["mag"] = np.where(mag.any(axis=1, keepdims=True), mag, np.nan)
+        notes = (*notes, warning("reading.mag_zeros", zeros=zeros))
     temperature = profile.temperature
     time = profile.time
     implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns}
@@ -230,11 +235,11 @@ def _imu(profile: Profile, table: TextTable, t: Floats, t0_ns: int) -> ImuData:
         meta=ImuMeta(**{**implied, **profile.meta}),
         **triads,
     )
-    if profile.place is None:
-        return imu
-    from plumbob.data.earth_field import located
+    if profile.place is not None:
+        from plumbob.data.earth_field import located
 
-    return located(imu, profile.place, date=profile.date)[0]
+        imu = located(imu, profile.place, date=profile.date)[0]
+    return imu, notes
 
 
 def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | None) -> AttitudeTrack:

@@ -10,10 +10,11 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from decimal import Decimal, InvalidOperation
 from functools import cache
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -23,6 +24,7 @@ from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.core.findings import Finding, warning
 from plumbob.core.text import sentence_checksum
 from plumbob.files.arrow import column_numbers
+from plumbob.files.column_names import is_unit
 from plumbob.files.columns import FORM, is_clocklike
 from plumbob.files.profile import BLANK, JSON, QUOTED, ColumnRef, TextLayout
 
@@ -36,7 +38,7 @@ TOKEN: Final = re.compile(
 
 def label(text: str) -> str:
     """Words of what stands before a number, without what separates, as in ``"accel":{"x":`` and ``], Gyr (dps) [``."""
-    words = " ".join(re.sub(r":\s*\"[^\"]*\"|[\]\[{}\"':=,;|<>]|->", " ", text).split())
+    words = " ".join(re.sub(r":\s*\"[^\"]*\"|[\]\[{}\"':=,;|<>]|->|^\s*\)|\(\s*$", " ", text).split())
     return words if re.search(r"\w", words) else ""
 
 
@@ -104,7 +106,7 @@ def object_cells(text: str, line: int) -> dict[str, str]:
     content = _loaded(text, line)
     if not isinstance(content, dict):
         raise DecodeError(f"line {line}: {excerpt(text)} is not an object of JSON.")
-    return _flat("", content)
+    return flat_cells("", content)
 
 
 def objects_as_rows(text: str) -> str:
@@ -150,22 +152,24 @@ _IN_LINES: Final = re.compile(r"\s*\{.*\}[ \r]*\n\s*\{")
 def _collect(key: str, value: Any, tables: dict[str, list[dict[str, str]]], facts: dict[str, str]) -> None:
     """Find arrays of rows in JSON, and what it says once."""
     if isinstance(value, list) and value and isinstance(value[0], dict):
-        tables[key] = [_flat("", item) for item in value]
+        tables[key] = [flat_cells("", item) for item in value]
     elif isinstance(value, dict):
         lists = {name: item for name, item in value.items() if isinstance(item, list) and item}
         titles = [_titles(item) for item in lists.values()]
         for name, item in lists.items():
             if isinstance(item[0], list) and (fitting := [words for words in titles if len(words) == len(item[0])]):
-                tables[name] = [_flat("", dict(zip(fitting[0], row, strict=False))) for row in item]
+                tables[name] = [flat_cells("", dict(zip(fitting[0], row, strict=False))) for row in item]
         columns = {name: item for name, item in lists.items() if not isinstance(item[0], dict) and name not in tables}
         size = max(map(len, columns.values()), default=0)
         columns = {name: item for name, item in columns.items() if len(item) == size}
-        tables[key] = [_flat("", dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
+        tables[key] = [
+            flat_cells("", dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)
+        ]
         for name, item in value.items():
             if name not in tables and name not in columns:
                 _collect(name, item, tables, facts)
     elif not isinstance(value, list):
-        facts |= _flat(key, value)
+        facts |= flat_cells(key, value)
 
 
 def _titles(items: list[Any]) -> list[str]:
@@ -176,14 +180,14 @@ def _titles(items: list[Any]) -> list[str]:
     return [f"{item['name']} [{item.get('units', item.get('unit', ''))}]" for item in entries]
 
 
-def _flat(name: str, value: Any) -> dict[str, str]:
+def flat_cells(name: str, value: Any) -> dict[str, str]:
     """Cells of an object, also of what lies in it, as ``acc.x`` and ``acc[1]``."""
     if isinstance(value, list) and value and isinstance(value[0], dict):
         raise DecodeError(f"{name} holds several samples in one object. Write an object for each sample.")
     if isinstance(value, dict | list):
         items = value.items() if isinstance(value, dict) else ((f"[{k}]", item) for k, item in enumerate(value, 1))
         keys = ((f"{name}.{key}" if name and isinstance(value, dict) else f"{name}{key}", item) for key, item in items)
-        return {cell: text for key, item in keys for cell, text in _flat(key, item).items()}
+        return {cell: text for key, item in keys for cell, text in flat_cells(key, item).items()}
     return {name: "" if value is None else " ".join(str(value).split())}
 
 
@@ -237,7 +241,44 @@ def normal(text: str) -> str:
     """Text without a byte order mark, with signs of one kind only."""
     for sign, plain in list(_SIGNS.items())[: 2 if text.isascii() else None]:
         text = text.replace(sign, plain) if sign in text else text
-    return text.removeprefix("\ufeff")
+    return re.sub(r"\x1b\[[\d;]*m", "", text.removeprefix("\ufeff")) if "\x1b" in text else text.removeprefix("\ufeff")
+
+
+def channel(words: Sequence[str]) -> str:
+    """Name of a channel by the words that name it, of which units stand in brackets."""
+    return " ".join(f"[{word}]" if is_unit(word) else word for word in map(str.strip, words))
+
+
+def channels_as_columns(text: str, layout: TextLayout) -> tuple[str, TextLayout]:
+    """Table with a row for each time of one with a row for each number, as of `TextLayout.channels`, and its layout.
+
+    Rows of a channel after the other are put in the order of time; a row that cannot be split stays as it is.
+    """
+    head = find_head(text, layout)
+    rows: dict[tuple[str, int], dict[str, str]] = {}
+    counts, order, broken, places = Counter[tuple[str, str]](), list[str](), list[str](), list[int]()
+    for line, row in enumerate(text[head.start :].split("\n"), head.line):
+        if is_idle(row, layout.comment):
+            continue
+        cells = split_row(row, layout.separator, line)
+        places = places or [column_index(ref, head.names, len(cells), layout) for ref in layout.channels]
+        if len(cells) <= max(places):
+            broken.append(row)
+            continue
+        time, *words, number = (cells[place].strip() for place in places)
+        name = channel(words)
+        rows.setdefault((time, counts[name, time]), {})[name] = number
+        counts[name, time] += 1
+        order.append(name)
+    names = dict.fromkeys(order)
+    entries = list(rows.items())
+    if sum(name != other for name, other in pairwise(order)) < len(names):
+        with suppress(ValueError):
+            entries.sort(key=lambda entry: (0.0, *entry[0]) if is_clocklike(entry[0][0]) else (float(entry[0][0]),))
+    lines = ["\t".join(("time", *names))]
+    lines += ["\t".join((time, *(cells.get(name, "") for name in names))) for (time, _), cells in entries]
+    plain = TextLayout("\t", layout.decimal, missing=("", *layout.missing), thousands=layout.thousands)
+    return "\n".join((*lines, *broken, "")), plain
 
 
 def find_head(text: str, layout: TextLayout) -> Head:
@@ -341,7 +382,9 @@ def cells_apart(cells: Sequence[str], layout: TextLayout, line: int) -> list[str
     numbers: list[str] = []
     for place, (cell, form) in enumerate(zip(cells, layout.cells, strict=True), 1):
         number, unit = number_and_unit(cell)
-        if size := _VECTOR.fullmatch(form):
+        if form.endswith("#"):
+            numbers.append(cell.removeprefix(form[:-1]))
+        elif size := _VECTOR.fullmatch(form):
             numbers += vector(cell, layout.decimal) or [cell.strip(" []()")] + [""] * (int(size[1]) - 1)
         elif form and number and unit != form and unit and not form.startswith(unit):
             raise DecodeError(
@@ -605,6 +648,8 @@ def read_table(
     if layout.separator == JSON:
         text, layout = objects_as_rows(text), replace(layout, separator="\t")
     text, cut = ended(text, layout)
+    if layout.channels:
+        text, layout = channels_as_columns(text, layout)
     head = find_head(text, layout)
     text = _before_end(text, head.start, layout.end)
     if layout.cells:

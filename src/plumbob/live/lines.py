@@ -92,6 +92,7 @@ def line_format(profile: Profile, *, midway: bool) -> LineFormat:
     whole = "[time] of dates in turns" if len({type(part.time) for part in parts}) > 1 else ""
     whole = "delay of a sensor" if any(group.delay for part in parts for group in part.triads.values()) else whole
     whole = "[flags] of words" if any(part.flag_words for part in parts) else whole
+    whole = "header.channels" if any(part.layout.channels for part in parts) else whole
     encodings = {part.layout.encoding for part in parts}
     whole = f"the encoding {min(encodings)}" if any("\n".encode(name) != b"\n" for name in encodings) else whole
     if profile.arrays or whole:

@@ -26,7 +26,7 @@ from plumbob.core.time import GAP_FACTOR, LONGEST, interpolated, is_gap
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.imu import known_rows
 from plumbob.data.recording import Recording
-from plumbob.files.stamps import time_line
+from plumbob.files.stamps import time_line, without_leaps
 
 _SLOW, _FAST = 0.5, 1.5
 
@@ -159,32 +159,6 @@ def _ordered(name: str, stream: Readings, notes: list[Finding]) -> tuple[NDArray
     line = time_line(stamps)
     notes += (finding.on(name) for finding in line.notes)
     return line.t_ns, values
-
-
-def without_leaps(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """Stamps (N,) of which those that leap far off their neighbours lie between these, and how many do.
-
-    They are damaged, and their samples are kept: one that leaps ahead would make all behind it late. A stamp is far
-    off if it is more than a gap away from neighbours that are within a gap of each other, or more than half of the
-    longest possible recording away from the median.
-    """
-    if stamps.size < 3:
-        return stamps, 0
-    far = np.abs(stamps - np.median(stamps)) >= LONGEST / 2 * 1e9
-    near = np.flatnonzero(~far)
-    inner = stamps[near]
-    if near.size > 2 and (steps := np.diff(inner)[np.diff(inner) > 0]).size:
-        room = GAP_FACTOR * float(np.median(steps))
-        before, at, behind = inner[:-2], inner[1:-1], inner[2:]
-        far[near[1:-1]] = (np.abs(behind - before) <= room) & (np.maximum(before - at, at - behind) > room)
-        near = np.flatnonzero(~far)
-    if far.any() and near.size > 1:
-        zero = stamps[near[0]]
-        step = float(stamps[near[-1]] - zero) / (near[-1] - near[0])
-        place, steps = np.arange(stamps.size), np.interp(np.arange(stamps.size), near, stamps[near] - zero)
-        steps += np.minimum(place - near[0], 0) * step + np.maximum(place - near[-1], 0) * step
-        stamps = np.where(far, zero + np.rint(steps).astype(np.int64), stamps)
-    return stamps, int(np.count_nonzero(far))
 
 
 def _resampled(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> tuple[Floats, str]:

@@ -28,9 +28,9 @@ from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.reading import read_rows
 from plumbob.data.recording import Recording
-from plumbob.files.foreign.join import Joined, Readings, joined, without_leaps
+from plumbob.files.foreign.join import Joined, Readings, joined
 from plumbob.files.profile import ColumnRef
-from plumbob.files.stamps import time_line
+from plumbob.files.stamps import time_line, without_leaps
 from plumbob.rotations import Frame, North, quat_normalize
 
 MOST: Final = 2 << 30
