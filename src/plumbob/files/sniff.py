@@ -253,6 +253,7 @@ def _of_channels(text: str, sample: Sample) -> Sample | None:
     parts = [taken_apart(channel(row)) for row in dict.fromkeys(zip(*(columns[i] for i in words), strict=True))]
     if len(values) != 1 or not clocks or {part.axis for part in parts if part.sensor} < set("xyz"):
         return None
+    clocks.sort(key=lambda i: not (sample.names and taken_apart(sample.names[i]).is_time))
     clock = min(clocks, key=lambda i: abs(len(set(columns[i])) * len(parts) - len(columns[i])))  # whole rows
     refs = [sample.names[i] if sample.by_name else i + 1 for i in (clock, *words, values[0])]
     layout = replace(sample.layout, channels=tuple(refs), cells=())
