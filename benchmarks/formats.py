@@ -170,6 +170,30 @@ def _phyphox(put_: Callable[..., Path], name: str) -> Callable[[Path], Path]:
     return lambda folder: put_(folder / name, kinds.phyphox_of(kinds.real_motion()))
 
 
+def _opal(folder: Path) -> Path:
+    """A monitor of APDM, version 5, whose world is north, west and up."""
+    import h5py
+
+    m, path = kinds.real_motion(), folder / "gait.h5"
+    triads = {"Gyroscope": m.gyr, "Accelerometer": m.acc, "Magnetometer": m.mag, "Temperature": m.temp_c}
+    with h5py.File(path, "w") as file:
+        file.attrs["FileFormatVersion"] = 5
+        for name, values in ({"Time": m.t_ns // 1000} | triads).items():
+            file[f"Sensors/1262/{name}"] = values
+        file.create_group("Sensors/1262/Configuration").attrs["Label 0"] = b"Lumbar"
+        file["Processed/1262/Orientation"] = quat_multiply([np.sqrt(0.5), 0.0, 0.0, -np.sqrt(0.5)], m.q_nb)
+    return path
+
+
+def _sto(folder: Path) -> Path:
+    """Orientations of OpenSense, whose world has y up."""
+    m, path = kinds.real_motion(), folder / "orientations.sto"
+    cells = [f"{t!r}\t{','.join(map(repr, q))}" for t, q in zip((m.t_ns / 1e9).tolist(), m.q_nb.tolist(), strict=True)]
+    head = ["DataRate=100.0", "DataType=Quaternion", "version=3", "OpenSimVersion=4.2", "endheader", "time\tpelvis_imu"]
+    path.write_text("\n".join([*head, *cells, ""]))
+    return path
+
+
 HAND = "description"
 MADE = (
     Kind("native Parquet", "native", "real", found("foreign/robot_arm/openaxes_triangle-150_radius.parquet")),
@@ -184,6 +208,8 @@ MADE = (
     Kind("DataFlash, bytes", "DataFlash", "real", found("formats/ardupilot_test.bin"), frame="NED"),
     Kind("DataFlash, text", "DataFlash", HAND, put("flight.log", kinds.dataflash_text_of), frame="NED"),
     Kind("tlog", "DataFlash", "library: pymavlink", put("flight.tlog", kinds.tlog_of), frame="NED"),
+    Kind("APDM Opal", "APDM", HAND, _opal),
+    Kind("OpenSim", "OpenSim", HAND, _sto),
     Kind("EuRoC", "EuRoC", HAND, _asl("MH_01", "state_groundtruth_estimate0")),
     Kind("TUM VI", "EuRoC", HAND, _asl("room1", "mocap0")),
     Kind("KITTI raw", "KITTI", HAND, lambda to: kinds.drive(to / "drive", moving=kinds.real_motion().every(3))),

@@ -83,7 +83,6 @@ def export(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob import arm
     from plumbob.arm.exported import SUFFIXES
     from plumbob.data.chain_toml import load_chain
-    from plumbob.reporting.arm import arm_report
 
     paths = [Path(path) for path in args.out]
     for path in paths:
@@ -106,6 +105,8 @@ def export(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     if not args.json:
         common.note(*map(str, program.notes))
     if chain is not None and (args.html or args.plot):
+        from plumbob.reporting.arm import arm_report
+
         common.write_pages(args, arm_report(chain, track, program=program))
     return 0
 

@@ -345,8 +345,3 @@ def combined(virtual: Combined) -> Report:
     ]
     table = Table("Rms beyond the virtual unit", ("unit", *(names[triad] for triad in rms)), rows)
     return Report("Combined array", facts, (table,))
-
-
-def _units_and_samples(array: Monitored | Combined) -> list[tuple[str, str]]:
-    t = array.imu.t
-    return [("units", ", ".join(array.names)), ("samples", f"{len(array)}, {t[-1] - t[0]:.6g} s")]

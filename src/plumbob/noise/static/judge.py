@@ -275,7 +275,7 @@ class StaticCheck:
     def findings(self) -> list[Remark]:
         """Everything but motion."""
         if self.count < FEWEST_SAMPLES:
-            return [self._about_all("short", count=self.count, least=FEWEST_SAMPLES)]
+            return [self._about_all("rest.short", count=self.count, least=FEWEST_SAMPLES)]
         findings = [finding for column, name in enumerate(self.names) for finding in self._of_channel(column, name)]
         return findings + self._of_triad()
 
@@ -293,20 +293,20 @@ class StaticCheck:
             (part,) = self._times([self._longest_numbers(self.count)])
             enough = (_before(part[1]) - _after(part[0])) / self.dt >= FEWEST_SAMPLES - 0.5
             stretch, none = (_options(part), None) if enough else (None, True)
-            return [_remark("not_finite", name, first=first, bad=bad, count=self.count, stretch=stretch, none=none)]
+            return [_remark("rest.not_finite", name, first=first, bad=bad, count=self.count, stretch=stretch, none=none)]
         if column not in self._changing:
-            return [_remark("constant", name, count=self.count, value=self._text(self._low[column], 9))]
+            return [_remark("rest.constant", name, count=self.count, value=self._text(self._low[column], 9))]
         if (way := self._runs[column].one_way) is not None:
-            return [_remark("one_way", name, **{way: True})]
+            return [_remark("rest.one_way", name, **{way: True})]
         times = interleaved(self.excerpt()[:, column])
         if times > 1:
-            return [_remark("interleaved", name, times=times)]
+            return [_remark("rest.interleaved", name, times=times)]
         findings = (self._repeated, self._quantised, self._clipped, self._spiked, self._shaken)
         return [finding for find in findings for finding in find(column, name)]
 
     def _repeated(self, column: int, name: str) -> list[Remark]:
         times = hold_length(self.excerpt()[:, column])
-        return [] if times == 1 else [_remark("held", name, times=times, rate=1.0 / (self.dt * times))]
+        return [] if times == 1 else [_remark("rest.held", name, times=times, rate=1.0 / (self.dt * times))]
 
     def _quantised(self, column: int, name: str) -> list[Remark]:
         step, sd = self._grains()[column]
@@ -314,7 +314,7 @@ class StaticCheck:
         if not (step > 0.0 and (levels < FEWEST_LEVELS or sd < 0.5 * step)):
             return []
         values: dict[str, Any] = {"levels": levels, "step": self._text(step, 6), "scatter": self._text(sd)}
-        return [_remark("coarse", name, refuses=False, **values)]
+        return [_remark("rest.coarse", name, refuses=False, **values)]
 
     def _clipped(self, column: int, name: str) -> list[Remark]:
         if self._coarse(column):
@@ -325,14 +325,14 @@ class StaticCheck:
             return []
         first, *other = [(pile.size, self._text(pile.value, 6)) for pile in piles]
         more = dict(zip(("other_times", "other"), *other, strict=True)) if other else {}
-        return [_remark("clipped", name, times=first[0], value=first[1], count=values.size, **more)]
+        return [_remark("rest.clipped", name, times=first[0], value=first[1], count=values.size, **more)]
 
     def _spiked(self, column: int, name: str) -> list[Remark]:
         places = self._spikes[column].places(3.0 * self.steps[column])
         if not places:
             return []
         more = len(places) > 5 or None
-        return [_remark("spikes", name, refuses=False, count=len(places), places=tuple(places[:5]), more=more)]
+        return [_remark("rest.spikes", name, refuses=False, count=len(places), places=tuple(places[:5]), more=more)]
 
     def _shaken(self, column: int, name: str) -> list[Remark]:
         values = self.excerpt()[:, column]
@@ -343,7 +343,7 @@ class StaticCheck:
         scatter = float(np.var(values - np.polyval(np.polyfit(rule, values, 1), rule)))
         most = wave.amplitude**2 / 2.0 > 0.5 * scatter
         shape = {"most" if most else "hump": True, "frequency": wave.frequency}
-        return [_remark("periodic", name, refuses=most, amplitude=self._text(wave.amplitude), **shape)]
+        return [_remark("rest.periodic", name, refuses=most, amplitude=self._text(wave.amplitude), **shape)]
 
     def _of_triad(self) -> list[Remark]:
         if not (self.triad and self.quantity is Quantity.ACCELERATION and len(self._sound) == len(self.names)):
@@ -352,7 +352,7 @@ class StaticCheck:
         usual = float(np.linalg.norm(np.median(means, axis=0))) if len(means) else G0
         if _about_g(usual):
             return []
-        return [self._about_all("not_at_rest", size=usual / G0)]
+        return [self._about_all("rest.not_at_rest", size=usual / G0)]
 
 
 def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> StaticReport:
@@ -388,7 +388,7 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
         level = sensor.level_after(parts) if parts and not lasts else None
         refused = lasts or level is not None
         if parts:  # of which everything else is a consequence
-            kind = "stuck" if stuck[sensor] else "moving"
+            kind = "rest.stuck" if stuck[sensor] else "rest.moving"
             finding = _disturbed(sensor, parts, kind, level) if refused else _left_out(sensor, excluded)
             others = [f for f in findings[sensor] if f.kind in _WITHOUT_MOTION and (f.refuses or not stuck[sensor])]
             findings[sensor] = [*others, finding]
@@ -400,7 +400,7 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
     mover = next((s for s in enough if s.inertial and any(f.kind == "moving" for f in findings[s])), None)
     for sensor in checks:
         if mover is not None and sensor is not mover and not any(f.refuses for f in findings[sensor]):
-            about = _disturbed(mover, moving[mover], "moving", None).finding
+            about = _disturbed(mover, moving[mover], "rest.moving", None).finding
             unit = replace(about, values={**about.values, "unit": True})
             findings[sensor].append(Remark(", ".join(sensor.names), unit))
     return StaticReport(tuple(f for group in findings.values() for f in group), steps, tuple(together), still, skipped)
@@ -411,7 +411,7 @@ def _left_out(sensor: StaticCheck, parts: Parts) -> Remark:
     listed = tuple(f"{a:.6g} to {b:.6g} s" for a, b in parts[:5])
     share = 100.0 * (1.0 - total(parts) / (sensor.stop - sensor.start))
     values: dict[str, Any] = {"parts": listed, "more": len(parts) > 5 or None, "count": len(parts), "share": share}
-    return _remark("disturbed", ", ".join(sensor.names), refuses=False, **values)
+    return _remark("rest.disturbed", ", ".join(sensor.names), refuses=False, **values)
 
 
 def _longest_still(checks: Sequence[StaticCheck], motions: Parts) -> tuple[float, float] | None:
@@ -436,7 +436,7 @@ def _disturbed(sensor: StaticCheck, parts: Parts, kind: str, level: float | None
 
 
 def _remark(kind: str, channel: str, *, refuses: bool = True, **values: Any) -> Remark:
-    finding = warning(f"rest.{kind}", **{name: value for name, value in values.items() if value is not None})
+    finding = warning(kind, **{name: value for name, value in values.items() if value is not None})
     return Remark(channel, replace(finding, severity="error") if refuses else finding)
 
 
