@@ -104,7 +104,7 @@ def test_a_triad_without_a_usable_sample_and_the_declination(tmp_path):
 
 
 def test_a_file_is_not_read_again_and_again(tmp_path, monkeypatch):
-    """Checksum, units, statistics, turning, rests and conventions need a pass each of what they look at: 112 columns."""
+    """Checksum, units, statistics, turning, rests, conventions need a pass each of what they look at: 112 columns."""
     n = 40_000
     noise = np.random.default_rng(0).normal(0.0, 0.1, (3, n, 3)) + np.array([0.0, 5.0, 20.0])[:, np.newaxis, np.newaxis]
     file = files.write(tmp_path / "a.parquet", ImuData(0.01 * np.arange(n), *noise, temp_c=np.full(n, 21.0)))

@@ -71,9 +71,11 @@ def test_errors_fit_the_covariance_that_is_claimed(speed, rest):
 
     Their mean times their number is χ² of two degrees for each unit of tilt, one of heading, three of bias, within the
     bounds that nine such means keep together in 95 % of all runs (Bonferroni). All have margins: the speed of a body
-    is what it was in the last four seconds too, so that behind a motion the tilt is claimed somewhat wide; a field's direction is taken to be off by a degree at least *and* its noise widens that, and the bias has
-    the prior of any unit; their upper bound is the law's, their lower one allows for standard deviations that are
-    twice as wide as the errors. The bias, for which a recording is smoothed twice, is that of every second unit.
+    is what it was in the last four seconds too, so that behind a motion the tilt is claimed somewhat wide, by up to a
+    sixth; a field's direction is taken to be off by a degree at least *and* its noise widens that, and the bias has the
+    prior of any unit. The upper bound is the law's, the lower one of heading and bias allows for standard deviations
+    that are twice as wide as the errors. The bias, for which a recording is smoothed twice, is that of every second
+    unit.
     """
     smoother = Smoother(frame="ENU", params=ESTIMATED)
     nees = np.full((UNITS, 3, 3), np.nan)

@@ -26,7 +26,7 @@ from tests.helpers.smoother_pieces import arrived, place
 
 
 def test_an_attitude_that_is_lost_takes_the_mean_force_for_up():
-    """A unit that is level and said to lean by 30° about north: the force that its memory holds is turned by as much."""
+    """A level unit that is said to lean by 30° about north: the force that its memory holds is turned by as much."""
     p, learned, state, now = np.eye(SIZE), np.zeros(onward.LEARNED), standing.fresh(), np.ones(SIZE)
     attitude = quat_from_rotvec(np.array([0.0, deg(30.0), 0.0]))
     force = quat_rotate(attitude, [0.0, 0.0, G0]) - [0.0, 0.0, G0]
@@ -80,7 +80,7 @@ def test_a_large_level_velocity_may_be_gravity_in_a_wrong_attitude():
 
 
 def test_a_fast_body_keeps_its_speed_and_a_hand_comes_back():
-    """Of a speed far above the usual one all is forgotten within `LEAK`, of a small one nothing; peaks fade likewise."""
+    """A speed far above the usual one is forgotten within `LEAK`, a small one is not; peaks fade likewise."""
     step, still = np.full(800, 0.05), np.zeros(800, dtype=bool)
     fast = inertial.Speed(np.where(np.arange(800) < 200, 30.0, 0.0), step, still, step)
     assert fast.lasting(step)[199] == pytest.approx(math.exp(-0.05 / inertial.LEAK), rel=1e-4)

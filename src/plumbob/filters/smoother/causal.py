@@ -139,14 +139,14 @@ def learned_density(learned: Floats, least: float) -> float:
 def lasts(learned: Floats) -> float:
     """For how long a level velocity lasts, s, as `level_speed` has it."""
     force = max(math.sqrt(learned[FORCE2]), 1e-3)
-    return min(max(SPEED_TIMES * math.sqrt(learned[SPEED2]) / force, SHORTEST), LEAK)  # type: ignore[no-any-return]
+    return min(max(SPEED_TIMES * math.sqrt(learned[SPEED2]) / force, SHORTEST), LEAK)
 
 
 @kernel
 def lasting(learned: Floats, dt: float) -> float:
     """Share of the level velocity that lasts over a step, as `Speed.lasting` has it."""
     share = learned[PEAK2] / (learned[PEAK2] + USUAL_SPEED * USUAL_SPEED)
-    return math.exp(-dt / LEAK * share)  # type: ignore[no-any-return]
+    return math.exp(-dt / LEAK * share)
 
 
 @kernel

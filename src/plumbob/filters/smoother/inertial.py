@@ -78,7 +78,7 @@ NOT_GRAVITY: Final = 0.5 * G0
 class Speed:
     """How the body moves, at each step: level speed, m/s, for how long it lasts, s, and where no force says; (K,).
 
-    `now` is the speed of the step itself, by what comes before it or what comes behind it: a rest has an end without any.
+    `now` is the speed of the step itself, by what comes before it or behind it, whichever shows less.
     """
 
     speed: Floats

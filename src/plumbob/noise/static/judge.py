@@ -293,7 +293,9 @@ class StaticCheck:
             (part,) = self._times([self._longest_numbers(self.count)])
             enough = (_before(part[1]) - _after(part[0])) / self.dt >= FEWEST_SAMPLES - 0.5
             stretch, none = (_options(part), None) if enough else (None, True)
-            return [_remark("rest.not_finite", name, first=first, bad=bad, count=self.count, stretch=stretch, none=none)]
+            return [
+                _remark("rest.not_finite", name, first=first, bad=bad, count=self.count, stretch=stretch, none=none)
+            ]
         if column not in self._changing:
             return [_remark("rest.constant", name, count=self.count, value=self._text(self._low[column], 9))]
         if (way := self._runs[column].one_way) is not None:
