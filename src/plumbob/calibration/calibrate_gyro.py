@@ -123,8 +123,8 @@ def calibrate_by_hand(
     if one cannot be calibrated, none is, because the others may rest on what is wrong with it. `gravity`, m/s², and the
     field's `strength`, µT, and `dip`, rad, are those of the place; `force` as in `calibrate_mag`.
 
-    CaptureRefusedError names a triad that cannot be calibrated, and what can be without it; CalibrationError if there
-    is no accelerometer.
+    CaptureRefusedError names a triad that cannot be calibrated, and what can be without it; CalibrationError
+    without an accelerometer.
     """
     with _named("acc"):
         fits = {"acc": calibrate_accel(_on(whole, {}, "acc").imu, gravity=gravity)}

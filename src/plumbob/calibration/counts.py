@@ -76,7 +76,7 @@ def fit_counts(readings: Floats, sensor: str = "mag") -> CountsCalibration:
     """Fit readings (N, 3), counts in many attitudes; of an accelerometer one averaged row for each pose will do.
 
     A magnetometer ("mag") was away from iron that moves, an accelerometer at rest. CaptureRefusedError if the attitudes
-    do not determine it; ShapeError if there is no such sensor, or readings are not finite triples.
+    do not determine it; ShapeError if the sensor is missing, or readings are not finite triples.
     """
     check.one_of("sensor", sensor, ("mag", "acc"))
     vectors = finite_rows("readings", readings)

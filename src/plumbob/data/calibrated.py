@@ -84,14 +84,15 @@ _UNUSABLE: Final = flags.ACC_ABSENT | flags.ACC_INVALID
 _ORDER: Final = ("acc", "gyr", "mag")
 """Triads as they are corrected: the gyroscope's g-sensitivity asks for the calibrated specific force."""
 _SIZE: Final = 22
-"""Of a triad: whether the card has it, its matrix, bias and g-sensitivity."""
+"""Of a triad: whether the card has it, its matrix, bias and g-sensitivity; then the same of its mounting."""
+_MOUNT: Final = 3 * _SIZE
 
 
 @kernel
 def correct_values(c: Floats, values: Floats, out: Floats) -> None:
     """Nine values of a sample by a card's numbers; the terms in the order of `apply_card`, for the same bits."""
     for k in range(3):
-        at, place = k * 22, 3 if k == 0 else (0 if k == 1 else 6)
+        at, place = k * _SIZE, 3 if k == 0 else (0 if k == 1 else 6)
         x, y, z = values[place], values[place + 1], values[place + 2]
         if c[at] != 0.0:
             bx, by, bz = c[at + 10], c[at + 11], c[at + 12]
@@ -106,11 +107,11 @@ def correct_values(c: Floats, values: Floats, out: Floats) -> None:
                 out[place + i] = c[row] * x + c[row + 1] * y + c[row + 2] * z
         else:
             out[place], out[place + 1], out[place + 2] = x, y, z
-    if c[66] != 0.0:
+    if c[_MOUNT] != 0.0:
         for place in range(0, 9, 3):
             x, y, z = out[place], out[place + 1], out[place + 2]
             for i in range(3):
-                row = 67 + 3 * i
+                row = _MOUNT + 1 + 3 * i
                 out[place + i] = c[row] * x + c[row + 1] * y + c[row + 2] * z
 
 
@@ -130,21 +131,19 @@ class SampleCorrection:
 
     def __init__(self, card: CalibrationCard) -> None:
         _require_units(card)
-        self._c, self._warm, self._temp_c = np.zeros(3 * _SIZE + 10), list[tuple[int, TriadCalibration]](), np.nan
+        self._c, self._warm, self._temp_c = np.zeros(_MOUNT + 10), list[tuple[int, TriadCalibration]](), np.nan
         self._correct = correct_values.compiled
         for k, name in enumerate(_ORDER):
             model: TriadCalibration | None = getattr(card, name)
             if model is not None:
                 at = k * _SIZE
                 self._c[at] = 2.0 if model.g_sensitivity.any() else 1.0
-                self._c[at + 1 : at + _SIZE] = np.concatenate(
-                    (model.matrix.ravel(), model.bias, model.g_sensitivity.ravel())
-                )
+                self._c[at + 1 : at + _SIZE] = np.r_[model.matrix.ravel(), model.bias, model.g_sensitivity.ravel()]
                 self._warm += [(at + 10, model)] if model.bias_per_k.any() else []
-        self._by_force = bool((self._c[0 : 3 * _SIZE : _SIZE] > 1.0).any())
+        self._by_force = bool((self._c[0:_MOUNT:_SIZE] > 1.0).any())
         if card.mount is not None:
-            self._c[3 * _SIZE] = 1.0
-            self._c[3 * _SIZE + 1 :] = dcm_from_quat(card.mount.q_bs).ravel()
+            self._c[_MOUNT] = 1.0
+            self._c[_MOUNT + 1 :] = dcm_from_quat(card.mount.q_bs).ravel()
 
     def __call__(self, sample: ImuSample) -> ImuSample:
         """The sample corrected; errors as of `CalibrationCard.correct`."""

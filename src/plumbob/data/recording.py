@@ -20,7 +20,7 @@ from plumbob.core.time import quantile
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray
 from plumbob.data.imu import TRIAD_FLAGS
-from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, doubts, held, statistics
+from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, doubts, statistics, stuck_runs
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard
@@ -326,7 +326,7 @@ def _stuck(imu: ImuData) -> Iterator[Finding]:
         again = axes[axes != NOT_KNOWN] == ALL_AXES
         if again.size - np.count_nonzero(again) < 2:  # it never changes: a simulation without noise, at rest
             continue
-        if not (stretches := held(again)).size:
+        if not (stretches := stuck_runs(again)).size:
             continue
         t, (starts, ends) = imu.t, np.flatnonzero(axes != NOT_KNOWN)[stretches.T - [[0], [1]]]
         seconds = t[ends] - t[starts]

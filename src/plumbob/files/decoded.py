@@ -32,7 +32,7 @@ _FREE_BYTES: Final = 16 * 1024 * 1024
 def profile_text(form: "Format", message: "Message", unit: str, titles: Mapping[str, str], time: str) -> str:
     """Profile of a decoded table.
 
-    Raises ParameterError if the message has no such unit.
+    Raises ParameterError if the message lacks the unit.
 
     `form`, `message`: what was decoded; `unit`: prefix of the unit that it describes; `titles`: names of the columns,
     by field; ``flags`` with the unit's prefix too; `time`: name of the column of time, s; empty where the table has

@@ -89,14 +89,17 @@ def line_format(profile: Profile, *, midway: bool) -> LineFormat:
     """
     parts = [part for _, part in profile.streams] or [profile]
     triads = [name for name in TRIADS if any(name in part.triads for part in parts)]
-    whole = "[time] of dates in turns" if len({type(part.time) for part in parts}) > 1 else ""
-    whole = "delay of a sensor" if any(group.delay for part in parts for group in part.triads.values()) else whole
-    whole = "[flags] of words" if any(part.flag_words for part in parts) else whole
-    whole = "header.channels" if any(part.layout.channels for part in parts) else whole
     encodings = {part.layout.encoding for part in parts}
-    whole = f"the encoding {min(encodings)}" if any("\n".encode(name) != b"\n" for name in encodings) else whole
-    if profile.arrays or whole:
-        raise ParameterError(f"{profile.origin}: {whole or 'arrays = true'} is for files; leave it out for a line.")
+    for_files = {
+        f"the encoding {min(encodings)}": any("\n".encode(name) != b"\n" for name in encodings),
+        "header.channels": any(part.layout.channels for part in parts),
+        "[flags] of words": any(part.flag_words for part in parts),
+        "delay of a sensor": any(group.delay for part in parts for group in part.triads.values()),
+        "[time] of dates in turns": len({type(part.time) for part in parts}) > 1,
+        "arrays = true": profile.arrays,
+    }
+    if word := next((word for word, needs_file in for_files.items() if needs_file), ""):
+        raise ParameterError(f"{profile.origin}: {word} is for files; leave it out for a line.")
     if not triads:
         raise ParameterError(f"{profile.origin} has none of {', '.join(TRIADS)}, so a line of it gives no sample.")
     names = [(f"{name}.{axis}", UNITS[name]) for name in triads for axis in "xyz"]
@@ -107,9 +110,9 @@ def line_format(profile: Profile, *, midway: bool) -> LineFormat:
     if rate is None:
         fields.append(Field(CLOCK, 0, "s64", 8, unit="ns", role="clock"))
     name = str(profile.meta.get("device", profile.origin.partition(".")[0]))
-    message = Message(name, 0, tuple(fields))
-    return LineFormat(name, f"text lines of {profile.origin}", Framing(rate=rate), (message,),
-                      profile=profile, midway=midway)  # fmt: skip
+    messages = (Message(name, 0, tuple(fields)),)
+    title, framing = f"text lines of {profile.origin}", Framing(rate=rate)
+    return LineFormat(name, title, framing, messages, profile=profile, midway=midway)
 
 
 def described_imu(form: Format) -> dict[str, Any]:
@@ -219,9 +222,8 @@ class _Rows:
         for name, group in profile.triads.items():
             at = self._columns[f"{name}.x"]
             values[:, at : at + 3] = to_vectors(group, table, None)
-        if profile.temperature is not None:
-            group = profile.temperature
-            values[:, self._columns["temp_c"]] = inside(table.columns[group.columns[0]], group.unit)
+        if (warmth := profile.temperature) is not None:
+            values[:, self._columns["temp_c"]] = inside(table.columns[warmth.columns[0]], warmth.unit)
         words, stamps = row_flags(profile, table), self._stamps(table)
         flags = [0] * count if words is None else np.asarray(words).astype(np.uint32).tolist()
         lines, self._lines, self._numbers = self._lines, [], {}
@@ -263,8 +265,7 @@ class _Clock:
         self._rows, self._spread = rows, spread
         self._last: int | None = None
         self._host_ns = self._ahead = self._at_once = self._odd = 0
-        self._before = 1
-        self._largest, self._typical, self._tick = 0, 0.0, 0
+        self._before, self._largest, self._typical, self._tick = 1, 0, 0.0, 0
         self._held: _Row | None = None
         self.again = self.off = self.turned = 0
         self.turned_at = ""
@@ -399,9 +400,8 @@ class LineDecoder:
         self._join = _Join(lead) if len(parts) > 1 else None
         self._reads, self._pending, self._done = Reads(), b"", 0
         self._lines = self._left_out = 0
-        self._error = ""
+        self._error, self._midway = "", form.midway
         self._bad_lines: list[str] = []
-        self._midway = form.midway
 
     @property
     def notes(self) -> tuple[Finding, ...]:
@@ -480,8 +480,8 @@ class LineDecoder:
         if not rows:
             return {}
         self.counts.frames[self._message.name] += len(rows)
-        whole = [(row.start, row.host_ns, row.t_ns & _WORD, row.flags) for row in rows]
-        start, host_ns, t_ns, flags = np.array(whole, dtype=np.int64).T
+        words = [(row.start, row.host_ns, row.t_ns & _WORD, row.flags) for row in rows]
+        start, host_ns, t_ns, flags = np.array(words, dtype=np.int64).T
         table = np.array([row.values for row in rows])
         return {self._message.name: _frames(self._message, start, host_ns, t_ns, table, flags)}
 

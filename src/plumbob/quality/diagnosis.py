@@ -16,7 +16,7 @@ from plumbob.core.result import Reported
 from plumbob.core.units import deg, to_deg, to_si
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.imu import TRIAD_FLAGS, median, norms
-from plumbob.data.plausibility import ALL_AXES, LONGEST_STEP, NOT_KNOWN, held, statistics
+from plumbob.data.plausibility import ALL_AXES, LONGEST_STEP, NOT_KNOWN, statistics, stuck_runs
 from plumbob.data.recording import findings as sample_findings
 from plumbob.quality.arrangement import ARRANGEMENTS, FLOOR, VectorFit, fit, means
 from plumbob.quality.derotated import fit_force
@@ -646,7 +646,7 @@ def unusable(imu: ImuData, name: str) -> NDArray[np.bool_]:
     moving = np.flatnonzero(repeats != ALL_AXES)
     if moving.size < 2:  # it never changes: a simulation without noise, at rest
         return out
-    for start, stop in held(repeats == ALL_AXES):
+    for start, stop in stuck_runs(repeats == ALL_AXES):
         out[rows[start] : rows[stop - 1] + 1] = True
     values = np.asarray(getattr(imu, name))
     for axis, column in enumerate(values[rows[moving]].T):

@@ -24,7 +24,7 @@ from plumbob.core.time import GAP_FACTOR, is_gap, to_ns
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.imu import BLOCK, median, norms
-from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, bursts, doubts, held, statistics
+from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, bursts, doubts, statistics, stuck_runs
 from plumbob.data.recording import EARTH_FIELD, STUCK_FOR, Recording
 from plumbob.quality import quality
 from plumbob.quality.diagnosis import Declared, Examination
@@ -372,7 +372,7 @@ def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion
         repeats = bits[bits != NOT_KNOWN]
         if np.count_nonzero(repeats != ALL_AXES) < 2:  # it never changes: a simulation without noise, at rest
             continue
-        stretches = [(axes, start, stop) for axes, marks in _repeating(repeats) for start, stop in held(marks)]
+        stretches = [(axes, start, stop) for axes, marks in _repeating(repeats) for start, stop in stuck_runs(marks)]
         t = imu.t[bits != NOT_KNOWN] if stretches else np.empty(0)
         for axes, start, stop in stretches:
             lasting = float(t[stop - 1] - t[start])
@@ -402,7 +402,7 @@ def _resolution(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Crit
     for name in (name for name in repeated if name != "mag"):  # which is often held from its slower rate
         repeats = repeated[name][repeated[name] != NOT_KNOWN]
         again = repeats == ALL_AXES
-        for start, stop in held(again):
+        for start, stop in stuck_runs(again):
             again[start:stop] = False
         if repeats.size and np.count_nonzero(repeats != ALL_AXES) >= 2:
             shares[name] = float(np.mean(again))

@@ -15,7 +15,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.time import GAP_FACTOR
-from plumbob.data.plausibility import STUCK_SAMPLES, held
+from plumbob.data.plausibility import STUCK_SAMPLES, stuck_runs
 from plumbob.data.recording import EARTH_FIELD, STUCK_FOR
 
 PASS, NOT_EVALUATED, SUSPECT, FAIL, MISSING = 1, 2, 3, 4, 9
@@ -215,7 +215,7 @@ def _flat(at: Floats, samples: Floats) -> float:
     same = (samples[1:] == samples[:-1]).all(axis=1)
     if same.all():  # it never changes: a simulation without noise, at rest
         return 0.0
-    return max((float(at[stop - 1] - at[start]) for start, stop in held(np.append(False, same))), default=0.0)
+    return max((float(at[stop - 1] - at[start]) for start, stop in stuck_runs(np.append(False, same))), default=0.0)
 
 
 def _shifting(channel: str, samples: Floats) -> Floats:

@@ -76,7 +76,7 @@ class ArrayInfo(Reported):
         return {"units": ", ".join(u.name for u in self.units), "samples": f"{self.samples}, {self.duration:.6g} s"}
 
     def __getitem__(self, name: str) -> UnitInfo:
-        """Of one unit; ParameterError if there is no such unit."""
+        """Of one unit; ParameterError if the array lacks it."""
         for unit in self.units:
             if unit.name == name:
                 return unit

@@ -148,7 +148,7 @@ def choose(
 ) -> str:
     """One of a log's units, with the counts of their records: by name (``IMU.1``, ``imu1``) or number, or the first.
 
-    Raises ParameterError if there is no such unit.
+    Raises ParameterError if the log has no unit of that name.
     """
     taken = chosen([*counts], unit)
     others = {name: count for name, count in counts.items() if name != taken}

@@ -199,7 +199,7 @@ class Sheet:
 def sheet(title: str, raw: bytes, *, comment: str = "") -> Sheet:
     """Read the row of names of a table, and find its separator and decimal sign.
 
-    Raises DecodeError if there is no row of names, or it is not text.
+    Raises DecodeError if a row of names is missing, or it is not text.
 
     `title`: name of the file; `raw`: its content; `comment`: lines before the names that begin so are passed over.
     """

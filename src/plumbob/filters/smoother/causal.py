@@ -64,8 +64,6 @@ from plumbob.filters.smoother.sweeps import (
     zero_velocity_update,
 )
 
-FAST: Final = 1.0
-"""A level velocity that is gathered within `LEAK` and is larger, m/s, may be gravity in a wrong attitude."""
 LOST: Final = deg(20.0)
 """A tilt that would be off by more than this, rad, is sought again, as at a start in motion."""
 
@@ -169,7 +167,7 @@ def begin_anew(standing: Floats, time: float, attitude: Floats, now: Floats, p: 
         now[i] = 0.0
         for j in range(SIZE):
             p[i, j] = p[j, i] = 0.0
-        p[i, i] = FAST * FAST
+        p[i, i] = USUAL_SPEED * USUAL_SPEED
     learned[:] = 0.0
     standing[JUMPED], standing[UNTIL] = time, time + HOLDS
 
@@ -182,9 +180,9 @@ def unlikely_tilt(learned: Floats) -> float:
     """
     speed2, gravity = learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2, LEAK * G0
     tilted = math.sqrt(speed2 + (gravity + learned[RISE]) ** 2) - gravity
-    odds = (tilted * tilted - learned[RISE] ** 2) / (2.0 * FAST * FAST)
+    odds = (tilted * tilted - learned[RISE] ** 2) / (2.0 * USUAL_SPEED * USUAL_SPEED)
     share = 1.0 / (1.0 + math.exp(min(odds, 50.0)))
-    return share * max(speed2 - FAST * FAST, 0.0) / gravity**2  # type: ignore[no-any-return]
+    return share * max(speed2 - USUAL_SPEED * USUAL_SPEED, 0.0) / gravity**2  # type: ignore[no-any-return]
 
 
 @kernel

@@ -52,7 +52,8 @@ REST_BIAS: Final = dps(0.3)
 GIVEN: Final = deg(1.0)
 """Standard deviation of a first attitude that a user gives, rad: levels and compasses are read to a degree;"""
 USUAL_SPEED: Final = 1.0
-"""its tilt is less certain where it takes the mean force of the first seconds for more than this level speed, m/s."""
+"""its tilt is less certain where it takes the mean force of the first seconds for more than this level speed, m/s,
+and any other where a body gathers more within `LEAK`."""
 AGAIN_BIAS: Final = dps(1.0)
 """And this is what a later pass takes for it."""
 FIXED_MATRIX: Final = 1e-2

@@ -16,6 +16,7 @@ from plumbob.core.kernels import kernel
 from plumbob.core.units import deg
 from plumbob.filters.smoother.keyframes import turned_by
 from plumbob.filters.smoother.model import SIZE, TH, B, V
+from plumbob.rotations.kernels import third_row
 
 SEEN: Final = deg(1.0)
 """A turn that would move them by this, rad, shows;"""
@@ -92,9 +93,7 @@ def stands(state: Floats, vectors: Floats, attitude: Floats, rate: Floats, dt: f
     begun = state[STOOD] > 0.0
     state[STOOD] += dt
     if not begun:
-        w, x, y, z = attitude[0], attitude[1], attitude[2], attitude[3]
-        state[UP], state[UP + 1] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x)
-        state[UP + 2] = w * w - x * x - y * y + z * z
+        state[UP], state[UP + 1], state[UP + 2] = third_row(attitude[0], attitude[1], attitude[2], attitude[3])
     for i in range(3):
         before = state[TURN + i] if begun else 0.0
         state[TURN + i], vectors[6 + i] = before + rate[i] * dt, before + 0.5 * rate[i] * dt
