@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.check import Floats, runs
+from plumbob.core.check import Floats
 from plumbob.core.findings import Finding, warning
 from plumbob.core.units import deg, to_deg
 from plumbob.data.imu import BLOCK, ENOUGH, ImuData, known_rows, median, norms
@@ -70,7 +70,7 @@ _DOUBTS: Final[WeakKeyDictionary[ImuData, tuple[Finding, ...]]] = WeakKeyDiction
 
 def stuck_runs(repeats: NDArray[np.bool_]) -> NDArray[np.int64]:
     """First row and the one after the last (K, 2) where a value stands `STUCK_SAMPLES` times, of repeats (N,)."""
-    edges = np.array(runs(repeats), dtype=np.int64).reshape(-1, 2) - [1, 0]
+    edges = np.flatnonzero(np.diff(repeats, prepend=False, append=False)).reshape(-1, 2) - [1, 0]
     return np.asarray(edges[edges[:, 1] - edges[:, 0] >= STUCK_SAMPLES])
 
 
