@@ -90,8 +90,8 @@ FORMS: dict[str, tuple[Callable[[Path, Motion], Any], str]] = {
     "a file per sensor": (lambda folder, m: _tables(folder, m, *((name,) for name in SENSORS)), "ENU"),
 }
 """What writes each form, and its frame."""
-FIXED = ("native Parquet", "real", "own", "phyphox", "Sensor Logger", "KITTI")
-"""Kinds of `benchmarks.formats` that are files of their own, or have stamps of their own."""
+FIXED = ("native Parquet", "real", "own", "phyphox", "Sensor Logger", "KITTI", "OpenSim")
+"""Kinds of `benchmarks.formats` that are files of their own, have stamps of their own, or hold attitudes alone."""
 WITHOUT_MAG = (*FORMS, "EuRoC", "TUM VI")
 OTHERS = [kind for kind in formats.MADE if kind.source not in FIXED and not kind.name.startswith(FIXED)]
 FORMS |= {kind.name: (_known(kind), kind.frame) for kind in OTHERS}

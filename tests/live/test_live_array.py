@@ -170,6 +170,10 @@ def test_each_unit_has_its_own_card_and_mount(calibrated):
         assert array.units[name].gyr.tobytes() == expected.gyr.tobytes()
         assert array.units[name].meta == expected.meta
     assert array.units["u1"].meta.calibration is None
+    shown = plumbob.info(calibrated).numbers["array"]["units"]  # as they were estimated with
+    assert {name: unit["calibration"] for name, unit in shown.items()} == {
+        name: unit.meta.calibration for name, unit in array.units.items()
+    }
     again = read_array(calibrated, mounts={"u4": UnitMount(lever_b=(1.0, 0.0, 0.0))})
     assert again.mounts["u4"].lever_b == (1.0, 0.0, 0.0)
     assert again.mounts["u2"] == array.mounts["u2"]  # who is not named stays as the session says

@@ -28,7 +28,8 @@ def doctor(
     Parameters
     ----------
     what : Recording, ImuData or path
-        The recording, its samples, or its file, read as it is declared; wrong units are not refused.
+        The recording, its samples, or its file, read as it is declared and with the card of its session; wrong units
+        are not refused.
     profile : Profile or path, optional
         What the columns of a text file mean; one that lies beside it is found.
     unit : str, optional
@@ -58,7 +59,7 @@ def doctor(
     else:
         file = check.path("what", what)
         with units_unchecked():
-            recording, name = read(file, profile=profile, unit=unit).of_unit(None), file.name
+            recording, name = read(file, profile=profile, unit=unit, calibrated=True).of_unit(None), file.name
         declared = Declared(_profile(file, profile))
     if recording.imu is None:
         raise ParameterError(f"{name} holds an attitude but no sensor data, so there is nothing to compare.")

@@ -25,6 +25,7 @@ def read(
     profile: "Profile | str | Path | None" = None,
     whole: bool = True,
     unit: str | None = None,
+    calibrated: bool = False,
 ) -> "Recording":
     """Read a file of any format, a recorded stream too: its samples are decoded again from their bytes.
 
@@ -42,6 +43,8 @@ def read(
         their file: slices and `ImuData.chunks` read them part by part.
     unit : str, optional
         One of several units, by name or number from 1.
+    calibrated : bool
+        Whether the cards that the session of a recorded stream names are applied.
 
     Returns
     -------
@@ -63,7 +66,7 @@ def read(
     if is_own(file):
         from plumbob.live.recorded import read_recorded
 
-        return read_recorded(file, unit=unit)
+        return read_recorded(file, unit=unit, calibrated=calibrated)
     return read_samples(file, profile=profile, whole=whole, unit=unit)
 
 

@@ -311,20 +311,16 @@ def _recorded(path: Path, how: Mapping[str, Any]) -> "Iterator[tuple[Recording, 
     from plumbob.live.recorded import read_recorded
     from plumbob.live.session_toml import SESSION, of_unit, recorded_session
 
-    log, unit = open_log(path), how.get("unit")
-    paths = log.paths
-    if SESSION not in log.metadata:
-        recording = read_recorded(path, estimated=how.get("filter") == OWN, unit=unit).of_unit(None)
-        yield replace(recording, name=path.name), paths, None
-        return
-    session = recorded_session(log.metadata, path.stem)
-    session = session if unit is None else replace(of_unit(session, unit), units=())
-    if sum(file.stat().st_size for file in paths) <= LARGE or session.units or how.get("filter") == OWN:
-        recording = read_recorded(path, estimated=how.get("filter") == OWN, unit=unit).of_unit(None)
-        yield replace(recording, name=path.name), paths, session
+    log, unit, own = open_log(path), how.get("unit"), how.get("filter") == OWN
+    session = recorded_session(log.metadata, path.stem) if SESSION in log.metadata else None
+    if session is not None and unit is not None:
+        session = replace(of_unit(session, unit), units=())
+    if session is None or sum(file.stat().st_size for file in log.paths) <= LARGE or session.units or own:
+        recording = read_recorded(path, estimated=own, calibrated=own, unit=unit).of_unit(None)
+        yield replace(recording, name=path.name), log.paths, session
         return
     with TemporaryDirectory(prefix="plumbob-") as folder:
-        yield replace(decoded_to(Path(folder) / "samples.parquet", log, session), name=path.name), paths, session
+        yield replace(decoded_to(Path(folder) / "samples.parquet", log, session), name=path.name), log.paths, session
 
 
 def decoded_to(file: Path, log: "Log", session: "Session") -> Recording:

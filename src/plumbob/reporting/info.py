@@ -99,6 +99,8 @@ def info(
 ) -> Info:
     """Say what a recording, a track or a card holds, and grade it.
 
+    A recorded stream is taken with the card of its session, as it was estimated with.
+
     Parameters
     ----------
     what : Recording, path or sequence of paths
@@ -129,7 +131,7 @@ def info(
         return _card(file)
     else:
         small = not file.is_file() or file.stat().st_size < READ_WHOLE
-        name, recording = str(file), read(file, profile=profile, unit=unit, whole=small)
+        name, recording = str(file), read(file, profile=profile, unit=unit, whole=small, calibrated=True)
     said = () if note is None else warnings(recording.notes)
     for line in said:
         note(f"{Path(name).name}: {line}")  # type: ignore[misc]
