@@ -29,7 +29,3 @@ def unmet(outcomes):
 def named(items):
     """Keys of the outcomes that items name as what does them."""
     return {key for item in items for key in re.findall(r"\[([\w.-]+)\]", item.by)}
-
-
-FIN_SYMBOLS = r"0xFFFF.*|ADXRS\d+ [xyz]|ADXRS\d+|\d+[xyz]|σ.*|/\(πfT\)²?|f ≤ f0?"
-"""What of the fin's page has no other word in Chinese: names, and symbols with their units."""

@@ -9,7 +9,7 @@ from plumbob.core.errors import ShapeError
 from plumbob.core.text import measured
 from plumbob.core.units import from_si, to_si
 from plumbob.noise.findings import Coefficient, Estimates
-from plumbob.papers.fin.datasheet import DURATION, TABLE, averaging_time, fin_report, percent_error
+from plumbob.papers.fin_table import DURATION, TABLE, averaging_time, fin_report, percent_error
 
 # Recomputed by hand from [Ou2017] (7) and its Table 1: percentage, implied averaging time, and the least and the
 # greatest time that rounding of the printed error leaves.

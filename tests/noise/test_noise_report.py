@@ -18,7 +18,7 @@ from plumbob.core.units import Quantity, dps, from_si, to_si
 from plumbob.noise import ChannelComparison, Curve, compare, findings
 from plumbob.noise.findings import Candidate, Coefficient, Estimates, Mask, Sinusoid
 from plumbob.noise.terms import DATASHEET, variance
-from plumbob.papers.fin.datasheet import fin_report
+from plumbob.papers.fin_table import fin_report
 from plumbob.reporting import noise as report
 from tests.helpers.page_battery import HOSTILE, Outline, PageBattery
 

@@ -9,10 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from plumbob.papers import fin
 from plumbob.papers.reproduce import NAMES, items
-from plumbob.papers.workspace import Work
-from tests.helpers.papers import FIN_SYMBOLS, english_alone, named
+from tests.helpers.papers import named
 from website.papers import page
 
 pytestmark = pytest.mark.long("some minutes; the parts of each paper are tested with few seeds")
@@ -90,7 +88,3 @@ def every_paper_has_its_page(papers, folder):
 def test_every_bar_is_met_with_another_seed(tmp_path, name):
     found = reproduced(tmp_path / "other", name, "--seed", "2")
     assert [one["key"] for one in found[name] if not one["met"]] == []
-
-
-def test_every_text_of_the_fin_s_page_has_its_chinese(tmp_path):
-    assert english_alone(fin.run(Work(tmp_path, 1)).report, FIN_SYMBOLS) == set()

@@ -101,3 +101,64 @@ def test_five_powers_on_eight_times_are_ill_conditioned_and_an_axis_in_the_plane
     assert np.linalg.cond(np.power.outer(taus, np.arange(-2.0, 3.0))) == pytest.approx(3141.0, abs=1.0)  # (14)
     turned = simulate("turntable", frame="NED", sensors="ideal", unit="calibrated", seed=1, rate=10.0).imu.gyr
     assert to_dps(turned[1000:].mean(axis=0)) == pytest.approx([0.0, 0.0, 60.0], abs=1e-9)
+
+
+# --- fin [Ou2017], figures of papers.md 000 -----------------------------------------------------------------
+
+
+def printed_sum(rates, n, *, groups):
+    """σ by the sum of (2) as it is printed, of moving means or of the groups of (1), divided by 2 (N − 2n)."""
+    theta = np.concatenate(([0.0], np.cumsum(rates - rates.mean())))
+    means, terms = (theta[n:] - theta[:-n]) / n, rates.size - 2 * n
+    steps = np.diff(means[::n] if groups else means[1 : terms + 2])  # [Ou2017] (1), (2)
+    return math.sqrt(steps @ steps / (2.0 * terms))
+
+
+def slope(n, dev):
+    return np.polyfit(np.log(n), np.log(dev), 1)[0]
+
+
+@pytest.mark.parametrize("groups", [False, True])
+def test_the_printed_sum_makes_white_noise_fall_as_quantisation_does(groups):
+    """Slope −1 instead of −½; σ(1 s) is 1/√500 in closed form, of noise whose σ(1 s) is 1."""
+    rng, n = np.random.default_rng(1), np.unique(np.geomspace(1, 1000, 25).astype(int))
+    runs = [math.sqrt(500.0) * rng.standard_normal(110_000) for _ in range(4)]
+    printed = np.sqrt(np.mean([[printed_sum(rates, k, groups=groups) ** 2 for k in n] for rates in runs], axis=0))
+    right = np.sqrt(np.mean([deviation(rates, n) ** 2 for rates in runs], axis=0))
+    assert (slope(n, printed), slope(n, right)) == (pytest.approx(-1.0, abs=0.02), pytest.approx(-0.5, abs=0.02))
+    assert np.interp(500, n, printed) == pytest.approx(1.0 / math.sqrt(500.0), rel=0.1)
+    assert np.interp(500, n, right) == pytest.approx(1.0, abs=3 * 0.04778)  # (7) at 1 s
+
+
+def test_the_integral_of_4_needs_its_square_and_the_flat_of_6_is_0_664_b():
+    """∫ sin⁴u/u² = π/4, ∫ sin⁴u/u grows as (3/8) ln u, and √(2/π ∫ sin⁴u/u³) = √(2 ln 2/π) [closed forms]."""
+
+    def integral(end, power):
+        u = (np.arange(2_000_000) + 0.5) * end / 2_000_000
+        return np.sum(np.sin(u) ** 4 / u**power) * end / 2_000_000
+
+    assert integral(1e3, 2) == pytest.approx(math.pi / 4.0, rel=1e-3)
+    assert integral(1e4, 1) - integral(1e3, 1) == pytest.approx(0.375 * math.log(10.0), rel=1e-3)  # [Ou2017] (4)
+    assert math.sqrt(2.0 / math.pi * integral(1e3, 3)) == pytest.approx(0.6643, abs=1e-4)  # [Ou2017] (6)
+
+
+def test_quantisation_noise_is_that_of_an_angle_and_its_density_has_the_interval_in_it():
+    """σ of a rounded angle has slope −1; of a rounded rate with noise, as of white noise, −½. (3) with √3 s is off."""
+    rng, n = np.random.default_rng(3), np.unique(np.geomspace(1, 1000, 25).astype(int))
+    angle = np.cumsum(40.0 * rng.standard_normal(110_001))
+    rate = 0.33 * rng.standard_normal(110_000)
+    of_angle, of_rate = np.diff(15.2 * np.rint(angle / 15.2) - angle), np.rint(80.0 * rate) / 80.0 - rate
+    slopes = slope(n, deviation(of_angle, n)), slope(n, deviation(of_rate, n))
+    assert slopes == (pytest.approx(-1.0, abs=0.02), pytest.approx(-0.5, abs=0.03))
+    f = np.linspace(5.0, 15.0, 1001)
+    by_interval, by_group = (np.mean(4.0 / t * np.sin(np.pi * f * t) ** 2) for t in (0.002, math.sqrt(3.0)))
+    assert by_interval / by_group > 5.0  # [Ou2017] (3)
+
+
+def test_units_of_table_1_and_the_sign_of_a_word():
+    """Q of 0.107° is 92.7 °/s at 2 ms; R in °/√h meets 0.664 · 57.056 °/h at 569 s, the 290x's at 143 000 s."""
+    assert math.sqrt(3.0) * 0.107 * 500.0 == pytest.approx(92.7, abs=0.05)
+    times = [(60.0 * r / (0.664 * b)) ** 2 for r, b in ((15.066, 57.056), (4.766, 1.138))]
+    assert times == pytest.approx([569.0, 143_000.0], rel=0.01)
+    signed, unsigned = (np.frombuffer(b"\xff\xff", kind)[0] / 80.0 for kind in (">i2", ">u2"))
+    assert (signed, unsigned) == (pytest.approx(-0.0125), pytest.approx(819.1875))

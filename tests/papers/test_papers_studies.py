@@ -40,6 +40,12 @@ SHORT = {
          "rest.variance.q6"},
         r"fit\.negative", r"plumbob .*|solid.*|dashed.*|dotted.*|scalar.*|Q/R.*",
     ),
+    "fin": Short(
+        {"swims": 1, "length": 22.0, "records": 6, "runs": 3},
+        {"three.Q.cover", "three.N.cover", "three.B.cover", "three.B.bias", "three.B.scatter"},
+        r"live\..*|text\.lost|free\..*|coning|clip\.(missed|share)|three\..*\.cover",
+        r"0xFFFF.*|ADXRS\d+ [xyz]|ADXRS\d+|\d+[xyz]|σ.*|/\(πfT\)²?|f ≤ f0?",
+    ),
 }  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from plumbob.data.cards import CalibrationCard, Mount
 from plumbob.filters import CommonParams, load
 from plumbob.noise import ChannelComparison, compare
 from plumbob.papers.buoy.static_test import static_test
-from plumbob.papers.fin.datasheet import fin_report
+from plumbob.papers.fin_table import fin_report
 from plumbob.reporting.calibration import certificate
 from plumbob.reporting.content import chinese_labels, said
 from plumbob.reporting.evaluation import side_by_side

@@ -340,7 +340,7 @@ def allan(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     if args.paper != "fin":
         args.curve |= hasattr(args, "taus")
         return show(args, verb, noise)
-    from plumbob.papers.fin.datasheet import fin_report
+    from plumbob.papers.fin_table import fin_report
 
     table, sheet = fin_report(noise.analyses), noise.report(device=args.device)
     page = replace(sheet, parts=[*sheet.parts, table])
