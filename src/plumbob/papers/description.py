@@ -7,8 +7,9 @@ with a format after a colon if need be, stands for a value that the code gives. 
     Its title, what it is about, and the keys of its main figures.
 ``text``, ``texts``
     Texts by key, and those that stand for the values of a name.
-``outcome``
-    Figures by key: place, noun, unit, printed value, bars, reason.
+``outcome``, ``group``
+    Figures by key: place, noun, unit, printed value, bars, reason; and what all have whose keys begin alike: the
+    longest beginning counts.
 ``part``, ``table``, ``figure``
     Parts of the page: title, facts and remarks; title, head and fixed rows; caption, names of the
     lines, height, and labels and limits of the axes.
@@ -103,17 +104,15 @@ class Description:
 
     def row(self, key: str, **given: Any) -> Outcome:
         """A figure of the table ``outcome``: fields of `Outcome` that are computed, and values of its texts."""
-        row = self.content["outcome"][key]
+        groups = self.content.get("group", {})
+        group = max((prefix for prefix in groups if key.startswith(prefix)), key=len, default=None)
+        row = {**groups.get(group, {}), **self.content["outcome"][key]}
         fields = {name: given.pop(name) for name in tuple(given) if name in Outcome.__dataclass_fields__}
         for name, value in row.items():
             if name.endswith("_bar"):
                 fields.setdefault(name, tuple(value))
             else:
                 fields.setdefault(name, filled(value, given) if isinstance(value, str | list) else value)
-        by = self.content.get("by", {})
-        group = max((prefix for prefix in by if key.startswith(prefix)), key=len, default=None)
-        if group is not None:
-            fields.setdefault("by", filled(by[group], given))
         return Outcome(**{"where": "", **fields, "key": key})
 
     def rows(self, figures: Mapping[str, float | tuple[float | None, float]], **given: Any) -> list[Outcome]:

@@ -379,8 +379,8 @@ def regimes_part(study: Study, runs: int) -> None:
             **{f"three.{letter}.cover": (line[letter][2], best[letter][2]) for letter in "QNB"},
             "three.B.scatter": (line["B"][1], best["B"][1]),
         },
-        runs=runs,
-    )
+        runs=runs, sd=best["B"][1] / math.sqrt(len(analyses)),
+    )  # fmt: skip
     cells = {
         name: [" / ".join(f"{of[letter][k]:.2f}" for letter in "QNB") for k in range(4)] for name, of in found.items()
     }

@@ -20,11 +20,6 @@ YES, NO, NOT_STATED = Both("yes", "是"), Both("no", "否"), Both("not stated", 
 KEPT, MISSED, NO_BAR = Both("kept", "满足"), Both("missed", "未达标"), Both("none", "无")
 
 
-def at_most(limit: float) -> Bar:
-    """Bar that is met by values up to a limit."""
-    return (-math.inf, limit)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """One figure of a paper.
