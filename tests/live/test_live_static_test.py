@@ -27,7 +27,7 @@ def iron():
 
 
 def test_iron_along_the_nose_deviates_a_level_compass_as_the_triangle_says(iron):
-    test = static_test(iron.imu, iron.truth, iron.calibration)
+    test = static_test(iron.imu, reference=iron.truth, calibration=iron.calibration)
     assert test.spans.shape == (36, 2)
     heading = deg(10.0) * np.arange(36)
     # the level field in the body is H (cos ψ, −sin ψ) + (h, 0), and the compass reads the angle back from it
@@ -44,7 +44,7 @@ def test_iron_along_the_nose_deviates_a_level_compass_as_the_triangle_says(iron)
 def test_a_perfect_card_leaves_nothing_on_the_slant_table_in_any_frame(frame):
     acc = TriadErrors(bias=[0.3, -0.2, 0.4], scale=[0.02, -0.03, 0.01])
     made = on_table(frame, acc=acc, mag=TriadErrors(hard_iron=[4.0, -6.0, 3.0], scale=[0.1, -0.1, 0.05]))
-    test = static_test(made.imu, made.truth, made.calibration)
+    test = static_test(made.imu, reference=made.truth, calibration=made.calibration)
     np.testing.assert_allclose(test.errors("after"), 0.0, atol=1e-12)
     assert (np.abs(test.errors("before")).max(axis=0) > deg(1.0)).all()
 
@@ -52,7 +52,7 @@ def test_a_perfect_card_leaves_nothing_on_the_slant_table_in_any_frame(frame):
 def test_noise_is_averaged_over_a_rest():
     sd = 0.02
     made = on_table(acc=TriadErrors(white_sd=[sd] * 3), tilt=0.0)
-    pitch = static_test(made.imu, made.truth, made.calibration).errors("after")[:, 1]
+    pitch = static_test(made.imu, reference=made.truth, calibration=made.calibration).errors("after")[:, 1]
     samples = 12 * 4  # of a rest of 3 s at 20 Hz at least 48 are in blocks of 1/4 s that lie wholly in it
     # 3 sd: the rms of 36 has a relative sd of 0.12
     assert np.sqrt(np.mean(pitch**2)) < 1.36 * sd / 9.80665 / np.sqrt(samples)
@@ -60,9 +60,9 @@ def test_noise_is_averaged_over_a_rest():
 
 def test_a_constant_heading_between_the_two_is_removed_where_asked(iron):
     turned = replace(iron.truth, north=North.FREE)
-    free = static_test(iron.imu, turned, iron.calibration)
+    free = static_test(iron.imu, reference=turned, calibration=iron.calibration)
     assert np.isnan(free.errors("after")[:, 0]).all() and "arbitrary zero" in free.text()
-    aligned = static_test(iron.imu, turned, iron.calibration, align=("heading",))
+    aligned = static_test(iron.imu, reference=turned, calibration=iron.calibration, align=("heading",))
     np.testing.assert_allclose(aligned.errors("after")[:, 0], 0.0, atol=1e-12)
     assert any("was removed" in str(remark) for remark in aligned.remarks)
 
@@ -72,7 +72,7 @@ def test_magnetic_and_true_headings_meet_by_a_declination(iron):
     moving = simulate("tumble", frame=Frame.NED, sensors="ideal", unit="random", seed=1)
     # a recording that does not know its declination has magnetic headings
     magnetic = made.imu.corrected(meta=replace(made.imu.meta, declination=None))
-    test = static_test(magnetic, made.truth, made.calibration, declination=deg(5.0))
+    test = static_test(magnetic, reference=made.truth, calibration=made.calibration, declination=deg(5.0))
     np.testing.assert_allclose(test.errors("after"), 0.0, atol=1e-12)
     for imu, truth, card, error, words in (
         (magnetic, made.truth, made.calibration, FrameError, "declination"),
@@ -80,7 +80,7 @@ def test_magnetic_and_true_headings_meet_by_a_declination(iron):
         (iron.imu, iron.truth, moving.calibration, CalibrationError, "card is for device"),
     ):
         with pytest.raises(error, match=words):
-            static_test(imu, truth, card)
+            static_test(imu, reference=truth, calibration=card)
 
 
 def test_rests_that_the_reference_does_not_tell_are_left_out(iron):
@@ -88,11 +88,11 @@ def test_rests_that_the_reference_does_not_tell_are_left_out(iron):
     part = AttitudeTrack(
         t=iron.truth.t[known], q_nb=iron.truth.q_nb[known], frame=iron.truth.frame, north=iron.truth.north
     )
-    assert len(static_test(iron.imu, part, iron.calibration).spans) == 10
+    assert len(static_test(iron.imu, reference=part, calibration=iron.calibration).spans) == 10
 
 
 def test_numbers_for_json_are_those_of_the_table(iron):
-    test = static_test(iron.imu, iron.truth, iron.calibration)
+    test = static_test(iron.imu, reference=iron.truth, calibration=iron.calibration)
     told = test.summary()
     assert (len(told["rests"]), told["rests"][9]["reference_deg"]["yaw"]) == (36, pytest.approx(90.0))
     worst = max(abs(rest["before_deg"]["yaw"]) for rest in told["rests"])

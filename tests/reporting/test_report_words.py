@@ -68,7 +68,11 @@ def noise(_):
 
 def static(hand):
     poses, found = hand
-    return (static_test(poses.imu, poses.truth, found.card).report(facts=[("recording", ""), ("reference", "")]),)
+    return (
+        static_test(poses.imu, reference=poses.truth, calibration=found.card).report(
+            facts=[("recording", ""), ("reference", "")]
+        ),
+    )
 
 
 @pytest.mark.parametrize("subject", [evaluations, certificates, noise, static])

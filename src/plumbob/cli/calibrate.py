@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,17 +10,15 @@ from typing import TYPE_CHECKING, Any
 from plumbob.cli import common
 from plumbob.cli.engine import Call, Verb, show
 from plumbob.cli.verbs import OF_LINES
-from plumbob.core.errors import CalibrationError, DecodeError, ParameterError, ShapeError
+from plumbob.core.errors import CalibrationError, DecodeError, ParameterError
 from plumbob.core.files import is_same_file
 from plumbob.core.text import visible
-from plumbob.core.units import Quantity, given
 
 if TYPE_CHECKING:
     from plumbob.calibration.calibration import Capture
     from plumbob.data.cards import CalibrationCard
     from plumbob.door.calibrate import Kind
     from plumbob.live.session import Session
-    from plumbob.papers.buoy.static_test import StaticTest
 
 
 def calibrate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -189,56 +187,6 @@ def _session(args: argparse.Namespace) -> "Session":
         device = named or ImuMeta().device
     meta = replace(session.meta, device=device)
     return replace(session, meta=meta, stage=None, record=raw, output=OutputSpec(), send=())
-
-
-def static_test(
-    recording: str | Path,
-    *,
-    calibration: str | Path,
-    reference: str | Path | None = None,
-    device: str | None = None,
-    align: Sequence[str] = (),
-    declination: float | str | None = None,
-    profile: str | Path | None = None,
-) -> "StaticTest":
-    """Static test of the buoy paper.
-
-    The unit rests in many poses, such as 36 steps of 10 degrees on a table that stands aslant ('plumbob sim table36').
-    At each rest, tilt and compass are compared with a reference, as measured and with the card.
-
-    Parameters
-    ----------
-    recording : path
-        Recording with accelerometer and magnetometer.
-    calibration : path
-        Card of the unit.
-    reference : path, optional
-        Track, where the recording carries none itself.
-    align : sequence of str
-        Remove first: heading, mounting; by default nothing.
-    declination : float or str, optional
-        As of `plumbob.evaluate`.
-    device, profile : optional
-        As of `plumbob.calibrate`.
-    """
-    from plumbob.calibration.calibration import capture
-    from plumbob.core.findings import warnings
-    from plumbob.data.cards import CalibrationCard
-    from plumbob.door.reading import read
-    from plumbob.papers.buoy.static_test import static_test
-
-    measured = read(recording, profile=None if profile is None else Path(profile)).of_unit(None)
-    if measured.imu is None:
-        raise CalibrationError(f"{recording} holds an attitude but no sensor data, so there is nothing to test.")
-    compared = measured if reference is None else read(reference)
-    for path, source in {recording: measured, reference or recording: compared}.items():
-        common.note(*(f"{Path(path).name}: {line}" for line in warnings(source.notes)))
-    if compared.track is None:
-        where = reference or recording
-        raise ShapeError(f"{where} holds no attitude to compare with; name a track or recording with --reference.")
-    imu, card = capture(measured.imu, triads=("acc", "mag"), device=device).imu, CalibrationCard.load(Path(calibration))
-    bend = given("declination", declination, Quantity.ANGLE)
-    return static_test(imu, compared.track, card, align=align, declination=bend)
 
 
 def tested(args: argparse.Namespace, verb: Verb, call: Call) -> int:

@@ -5,6 +5,7 @@ import os
 import sys
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,6 +14,7 @@ from plumbob.cli.engine import Call, Verb, show
 from plumbob.core import __version__
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
 from plumbob.core.text import counted
+from plumbob.core.units import Quantity, parse
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack
@@ -313,6 +315,32 @@ def has_display() -> bool:
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def demo(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Run the buoy's line, or whole papers."""
+    if getattr(args, "papers", []):
+        results = call(progress=lambda what, done, of: common.note(f"{what} ({done}/{of})"))  # a step takes minutes
+        return show(args, verb, results, f"{'pages':12} {results.folder / 'index.html'}")
+    from plumbob.cli.main import main
+    from plumbob.papers.demo import FILES
+    from plumbob.papers.demo import demo as run_line
+
+    duration, out = parse(args.duration or "600s", Quantity.TIME), Path(getattr(args, "out", "demo-out"))
+    common.check_outputs(args, *(out / name for name in FILES if out.is_dir()))  # from here on, they may be replaced
+    with common.progress_bars() as bars:
+        made = run_line(out, duration, (lambda _: None) if args.json else partial(print, flush=True), bars)
+    numbers = {name: evaluation.summary() for name, evaluation in made.evaluations.items()}
+    table = replace(made.report, facts=(), remarks=(), parts=()).text()
+    places = f"certificate  {made.certificate.resolve()}\nreport       {made.page.resolve()}"
+    values = {"report": str(made.page), "certificate": str(made.certificate), "filters": numbers}
+    show(args, verb, made, shown=common.Listed(f"\n{table}\n\n{places}", values))
+    if args.view and not args.json:
+        wait = "600s" if has_display() else "20s"
+        print(f"live page    for {wait}, or until Ctrl-C; 'plumbob view --emulate buoy' shows it again", flush=True)
+        words = ["view", "--emulate", "buoy", "--also", "mahony", "--control", "--http-port", "0", "--duration"]
+        main([*words, wait, "--folder", str(out)])  # which says itself what it lacks
+    return 0
 
 
 def control(args: argparse.Namespace, verb: Verb, call: Call) -> int:

@@ -163,7 +163,7 @@ START: Final = {
                 "errors at rest against a reference, before and after a card; writes no card",
                 "calibration.md",
                 "plumbob calibrate statictest table36.parquet --calibration card.json --html statictest.html",
-                "cli.calibrate.static_test", run="calibrate.tested", outputs=(), pages=lambda *_: None,
+                "papers.buoy.static_test.static_test", run="calibrate.tested", outputs=(), pages=lambda *_: None,
             ),
         },
     ),
@@ -487,7 +487,7 @@ UNITS: Final = {
 KNOWLEDGE: Final = {
     "demo": Verb(
         "an emulated buoy, calibrated, recorded, estimated and judged, in a minute; or the five papers' systems",
-        "start.md", "plumbob demo --out demo-out", "reproduce", run="demo.demo", outputs=(),
+        "start.md", "plumbob demo --out demo-out", "reproduce", run="demo", outputs=(),
         needs=dict.fromkeys(("seed", "lang", "jobs"), ("papers",)), apart={"papers": ("view", "duration")},
         about="Emulate the drifting buoy of the paper: calibrate its unit by hand, record it in waves, estimate, "
         "replay with other filters, compare with the truth. Exit code 1 where the recording is not what was sent.\n\n"

@@ -97,16 +97,17 @@ def evaluate(
         and is_same_file(Path(estimate), Path(reference))
     ):
         raise ParameterError(f"{estimate} is both estimate and reference; name the track of 'plumbob run' first.")
-    tracks = _attitude("estimate", estimate, None, note), _attitude("reference", reference, profile, note)
+    tracks = opened_attitude("estimate", estimate, None, note), opened_attitude("reference", reference, profile, note)
     return judge(*tracks, settings)
 
 
-def _attitude(
+def opened_attitude(
     name: str,
     what: AttitudeTrack | Tracked | str | Path,
     profile: str | Path | None,
     note: Callable[[str], object] | None,
 ) -> AttitudeTrack:
+    """Attitude of what was given; errors as of `evaluate`."""
     if isinstance(what, AttitudeTrack):
         return what
     if isinstance(what, str | Path):

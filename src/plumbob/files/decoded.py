@@ -1,6 +1,8 @@
-"""Tables of `plumbob decode` as recordings: the profile that says what their columns are, and Parquet read by it."""
+"""Tables of `plumbob decode`, the profile by which they are recordings, and Parquet read by it."""
 
-from collections.abc import Mapping
+import json
+import math
+from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -8,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.files import require_room
+from plumbob.core.files import profile_beside, replacing, replacing_all, require_room, write_text
 from plumbob.core.findings import info
 from plumbob.core.schema import toml_text
-from plumbob.data import TRIADS
+from plumbob.data import TRIADS, UNCALIBRATED
 from plumbob.data.cards import UNITS
 from plumbob.files.arrow import column_numbers, unpacked_bytes
 from plumbob.files.profile import NO_COLUMN
@@ -20,8 +22,13 @@ if TYPE_CHECKING:
     import pyarrow.parquet as pq
 
     from plumbob.data.recording import Recording
+    from plumbob.protocols.decode import Counts, Frames
     from plumbob.protocols.format import Format, Message
 
+TEXTS: Final = (".csv", ".txt")
+"""Suffixes of tables that get their profile beside them."""
+TIME: Final = "t [s]"
+"""Column of time."""
 KEY: Final = b"plumbob profile"
 """Where a Parquet table keeps its profile among its metadata."""
 _MOST_BYTES: Final = 4096
@@ -29,20 +36,125 @@ _MOST_BYTES: Final = 4096
 _FREE_BYTES: Final = 16 * 1024 * 1024
 
 
-def profile_text(form: "Format", message: "Message", unit: str, titles: Mapping[str, str], time: str) -> str:
-    """Profile of a decoded table.
+class DecodedTable:
+    """Rows of one message, as its frames come.
+
+    Parameters
+    ----------
+    form : Format
+        What is decoded.
+    message : str
+        Name of the message; empty for the first that comes.
+    rate : float, optional
+        Frames per second, Hz: adds a column of time.
+
+    Attributes
+    ----------
+    skipped : int
+        How many frames the counter skips; a count that repeats skips nothing.
+    """
+
+    def __init__(self, form: "Format", message: str, rate: float | None) -> None:
+        self.form, self.message, self.rate = form, message, rate
+        self.skipped = self._rows = 0
+        self._parts: list[Frames] = []
+        self._count: int | None = None
+
+    def add(self, frames: "Mapping[str, Frames]") -> None:
+        """Take the frames of the message."""
+        self.message = self.message or min(frames, key=lambda name: int(frames[name].start[0]), default="")
+        if (part := frames.get(self.message)) is None:
+            return
+        self._parts.append(part)
+        if (counter := part.message.of_role("counter")) is not None:
+            counts = part.columns[counter.name].astype(np.int64)
+            before = counts[0] - 1 if self._count is None else self._count
+            steps = np.diff(counts, prepend=before) % (1 << counter.width)
+            self._count = int(counts[-1])
+            self.skipped += int(np.maximum(steps - 1, 0).sum())
+
+    def csv(self) -> Iterator[str]:
+        """Lines of what has come since the last call."""
+        for block in self._blocks():
+            if self._rows == len(next(iter(block.values()))):
+                yield ",".join(block) + "\n"
+            yield from (",".join(map(_cell, row)) + "\n" for row in zip(*block.values(), strict=True))
+
+    def write(self, path: Path, counts: "Counts", unit: str | None, *, overwrite: bool) -> None:
+        """Write all as the suffix says, described as a recording of a unit: beside a text, inside Parquet.
+
+        Raises
+        ------
+        ParameterError
+            If the message has no such unit, or a file lies there and `overwrite` is false.
+        """
+        profile = profile_text(self.form, self.form.message(self.message), unit, TIME if self.rate else "")
+        if path.suffix in TEXTS:
+            beside = [profile_beside(path)] if profile else []
+            with replacing_all(path, *beside, overwrite=overwrite) as (temporary, *described):
+                for file in described:
+                    file.write_text(profile, encoding="utf-8")
+                with temporary.open("w", encoding="utf-8") as stream:
+                    stream.writelines(self.csv())
+            return
+        columns: dict[str, list[Any]] = {}
+        for block in self._blocks():
+            for name, values in block.items():
+                columns.setdefault(name, []).extend(values)
+        if path.suffix == ".json":
+            content = {"message": self.message, "calibration": UNCALIBRATED, "counts": counts.summary()}
+            write_text(path, json.dumps(content | {"columns": columns}, allow_nan=False), overwrite=overwrite)
+            return
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        metadata = {b"calibration": UNCALIBRATED} | ({KEY: profile} if profile else {})
+        with replacing(path, overwrite=overwrite, seeks=True) as temporary:
+            pq.write_table(pa.table(columns).replace_schema_metadata(metadata), temporary)
+
+    def _blocks(self) -> "Iterator[dict[str, list[Any]]]":
+        """Columns by name with unit, block by block; None where there is no value, or it is beyond all numbers."""
+        from plumbob.core import flags
+        from plumbob.protocols.decode import format_title
+
+        parts, self._parts = self._parts, []
+        for frames in parts:
+            rows = range(self._rows, self._rows + len(frames))
+            self._rows = rows.stop
+            columns: dict[str, list[Any]] = {TIME: [row / self.rate for row in rows]} if self.rate else {}
+            columns["byte"] = frames.start.tolist()
+            for each in (f for f in frames.message.fields if f.name in frames.columns):
+                values = frames.columns[each.name].tolist()
+                columns[format_title(each)] = [
+                    None if isinstance(value, float) and not math.isfinite(value) else value for value in values
+                ]
+            for prefix, words in frames.flags.items():
+                columns[f"{prefix}.flags".lstrip(".")] = ["+".join(flags.names(word)) for word in words.tolist()]
+            yield columns
+
+
+def _cell(value: Any) -> str:
+    return "" if value is None else f"{value:.12g}" if isinstance(value, float) else str(value)
+
+
+def profile_text(form: "Format", message: "Message", unit: str | None, time: str) -> str:
+    """Profile of a decoded table; empty where the message has no triad.
 
     Raises ParameterError if the message lacks the unit.
 
-    `form`, `message`: what was decoded; `unit`: prefix of the unit that it describes; `titles`: names of the columns,
-    by field; ``flags`` with the unit's prefix too; `time`: name of the column of time, s; empty where the table has
-    none.
+    `form`, `message`: what was decoded; `unit`: prefix of the unit that it describes, None for the first; `time`: name
+    of the column of time, s, empty where the table has none.
     """
-    from plumbob.protocols.decode import prefix_by_unit
+    from plumbob.protocols.decode import format_title, prefix_by_unit
 
     units = prefix_by_unit(message)
+    if not units:
+        return ""
+    unit = units[0] if unit is None else unit
     if unit not in units:
         raise ParameterError(f"{message.name} has no unit '{unit}'; known are {', '.join(units)}.")
+    titles = {field.name: format_title(field) for field in message.fields}
+    titles |= {name: name for name in (f"{u}.flags".lstrip(".") for u in units)}
     prefix, what = (f"{unit}.", f"{message.name}, unit {unit}") if unit else ("", message.name)
     lines = [
         f"# Written by 'plumbob decode' for the table of the same name: {what}.",

@@ -27,7 +27,6 @@ from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.door.calibrate import calibrate, read_track
 from plumbob.door.estimate import estimate
-from plumbob.door.reading import read
 from plumbob.evaluation.metrics import euler_errors
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.live.replay import replay
@@ -229,10 +228,8 @@ def calibrated(work: Work) -> CalibratedUnit:
 
 def ring(work: Work, unit: CalibratedUnit) -> tuple[StaticTest, StaticTest]:
     """Static test beside a DCM260B, with the paper's card and with the best one."""
-    reading = read(work.recorded("ring", "ring", session=_unit(work) + _REFERENCE).recording)
-    assert reading.imu is not None
-    assert reading.track is not None
-    return static_test(reading.imu, reading.track, unit.paper), static_test(reading.imu, reading.track, unit.best)
+    ring = work.recorded("ring", "ring", session=_unit(work) + _REFERENCE).recording
+    return static_test(ring, calibration=unit.paper), static_test(ring, calibration=unit.best)
 
 
 class Slid(NamedTuple):

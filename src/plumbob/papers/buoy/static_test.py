@@ -1,20 +1,26 @@
 """The static test of the buoy paper [Yu2018]: a unit at rest in many poses beside a reference, and its page."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from plumbob.calibration.calibration import capture
 from plumbob.calibration.fit import CaptureRefusedError, Reason, mean_of_whole
 from plumbob.core.check import Floats
+from plumbob.core.errors import ShapeError
+from plumbob.core.findings import warnings
 from plumbob.core.result import Reported
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
-from plumbob.door.evaluate import evaluate
+from plumbob.data.recording import Recording
+from plumbob.door.estimate import opened_samples
+from plumbob.door.evaluate import evaluate, opened_attitude
 from plumbob.evaluation.evaluation import Evaluation
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.quality.static_periods import stills
@@ -127,27 +133,37 @@ FEWEST: Final = 2
 
 
 def static_test(
-    imu: ImuData,
-    reference: AttitudeTrack,
-    card: CalibrationCard,
+    recording: str | Path | Recording | ImuData,
     *,
-    align: Collection[str] = (),
-    declination: float | None = None,
+    calibration: CalibrationCard | str | Path,
+    reference: AttitudeTrack | str | Path | None = None,
+    device: str | None = None,
+    align: Sequence[str] = (),
+    declination: float | str | None = None,
+    profile: str | Path | None = None,
+    note: Callable[[str], object] | None = None,
 ) -> StaticTest:
-    """Compare what accelerometer and magnetometer say at rest with a reference, before and after a calibration.
+    """Static test of the buoy paper.
+
+    The unit rests in many poses, such as 36 steps of 10 degrees on a table that stands aslant ('plumbob sim table36').
+    At each rest, tilt and compass are compared with a reference, as measured and with the card.
 
     Parameters
     ----------
-    imu : ImuData
-        The recording, uncalibrated, with acc and mag.
-    reference : AttitudeTrack
-        Attitude on the same time line.
-    card : CalibrationCard
-        Of the unit.
-    align : collection of str
-        Constants to find and remove, as in `plumbob.evaluate`; by default none.
-    declination : float, optional
-        Of the place, rad, where one heading is true and the other magnetic.
+    recording : path, Recording or ImuData
+        Recording with accelerometer and magnetometer, uncalibrated.
+    calibration : CalibrationCard or path
+        Card of the unit.
+    reference : AttitudeTrack or path, optional
+        Track, where the recording carries none itself.
+    align : sequence of str
+        Remove first: heading, mounting; by default nothing.
+    declination : float or str, optional
+        As of `plumbob.evaluate`.
+    device, profile : optional
+        As of `plumbob.calibrate`.
+    note : callable, optional
+        Called with what was found in files.
 
     Raises
     ------
@@ -158,9 +174,16 @@ def static_test(
     FrameError, ParameterError, ShapeError
         As in `plumbob.evaluate`.
     """
+    label, source, measured = opened_samples(recording, profile, None, whole=True)
+    for line in warnings(source.notes) if note is not None else ():
+        note(f"{source.name}: {line}")  # type: ignore[misc]
+    if source.track is None and reference is None:
+        raise ShapeError(f"{label} holds no attitude to compare with; name a track or recording with --reference.")
+    target = opened_attitude("reference", reference or source, None, note)
+    imu, card = capture(measured, triads=("acc", "mag"), device=device).imu, CalibrationCard.of(calibration)
     rests = stills(imu.t, imu.usable("acc"), None if imu.gyr is None else imu.usable("gyr"))
     spans = np.array([(imu.t[rest.start], imu.t[rest.stop - 1]) for rest in rests]).reshape(-1, 2)
-    means = [_mean_attitude(reference, *span) for span in spans]
+    means = [_mean_attitude(target, *span) for span in spans]
     covered = [i for i, mean in enumerate(means) if mean is not None]
     if len(covered) < FEWEST:
         raise CaptureRefusedError(
@@ -175,9 +198,9 @@ def static_test(
     truth = AttitudeTrack(
         t=spans.mean(axis=1),
         q_nb=np.stack([mean for mean in means if mean is not None]),
-        frame=reference.frame,
-        north=reference.north,
-        source=reference.source,
+        frame=target.frame,
+        north=target.north,
+        source=target.source,
     )
     before, after = (
         evaluate(_tilt_and_compass(used, poses, truth), truth, align=align, declination=declination)
