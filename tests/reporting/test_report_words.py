@@ -68,11 +68,8 @@ def noise(_):
 
 def static(hand):
     poses, found = hand
-    return (
-        static_test(poses.imu, reference=poses.truth, calibration=found.card).report(
-            facts=[("recording", ""), ("reference", "")]
-        ),
-    )
+    test = static_test(poses.imu, reference=poses.truth, calibration=found.card)
+    return (test.report(facts=[("recording", ""), ("reference", "")]),)
 
 
 @pytest.mark.parametrize("subject", [evaluations, certificates, noise, static])

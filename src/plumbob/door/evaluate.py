@@ -91,11 +91,8 @@ def evaluate(
         given("declination", declination, Quantity.ANGLE),
         number("settle", given("settle", settle, Quantity.TIME), "s"),
     )
-    if (
-        isinstance(estimate, str | Path)
-        and isinstance(reference, str | Path)
-        and is_same_file(Path(estimate), Path(reference))
-    ):
+    paths = [Path(what) for what in (estimate, reference) if isinstance(what, str | Path)]
+    if len(paths) == 2 and is_same_file(*paths):
         raise ParameterError(f"{estimate} is both estimate and reference; name the track of 'plumbob run' first.")
     tracks = opened_attitude("estimate", estimate, None, note), opened_attitude("reference", reference, profile, note)
     return judge(*tracks, settings)
