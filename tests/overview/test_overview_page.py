@@ -211,7 +211,7 @@ def test_figures_are_pictures_of_their_own(imu, tmp_path):
         written = plumbob.plot(imu, tmp_path / f"{what}.svg", what=what, filter="mekf", begin=5.0, end="30 s")
         assert Path(written).stat().st_size > 5000
     for what, how, why in (
-        ("roses", "mekf", "there is not a figure 'roses'"),
+        ("roses", "mekf", "figure must be one of .* but it is 'roses'"),
         ("rose", "none", "has nothing to draw for"),
     ):
         with pytest.raises(ParameterError, match=why):

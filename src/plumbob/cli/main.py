@@ -63,6 +63,12 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**{"formatter_class": _LineHelp, **settings, "allow_abbrev": False})
 
+    def error(self, message: str) -> NoReturn:
+        """End with the usage and the message, and ask where a word of a list is misspelled."""
+        if choice := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
+            message += f".{closest(choice[1], re.findall('[^ ,]+', choice[2].replace(chr(39), '')))}"
+        super().error(message)
+
 
 def build_parser(verbs: Sequence[str] = (), words: Sequence[str] | None = None) -> argparse.ArgumentParser:
     """Parser of these verbs, as far as `words` need it; without a verb it has a help that lists all, by groups."""
@@ -103,8 +109,8 @@ def _parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
         return build_parser(words[:1], words)
     parser = build_parser()
     if not words[0].startswith("-"):
-        named = VERB_BY_FUNCTION.get(words[0])
-        near = f" Did you mean '{named}'?" if named else closest(words[0], VERBS)
+        names = (*VERBS, *VERB_BY_FUNCTION)
+        near = re.sub(r"'(\w+)'", lambda name: f"'{VERB_BY_FUNCTION.get(name[1], name[1])}'", closest(words[0], names))
         parser.error(f"there is no verb '{words[0]}'.{near} 'plumbob --help' lists them.")
     return parser
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core.errors import ClockError, ParameterError, PlumbobError, ShapeError, excerpt
+from plumbob.core.text import closest
 
 Floats = NDArray[np.float64]
 Kind = TypeVar("Kind")
@@ -148,7 +149,7 @@ def unit_norm(name: str, q: Floats, tolerance: float = 1e-6) -> None:
 def one_of(name: str, value: str, known: Sequence[str]) -> str:
     """Refuse a word that is not in `known`."""
     if not isinstance(value, str) or value not in known:
-        raise ShapeError(f"{name} must be one of {', '.join(known)}, but it is {said(value)}.")
+        raise ShapeError(f"{name} must be one of {', '.join(known)}, but it is {said(value)}.{closest(value, known)}")
     return value
 
 

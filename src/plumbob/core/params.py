@@ -11,6 +11,7 @@ from types import NoneType
 from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
 from plumbob.core.errors import ParameterError, UnitError
+from plumbob.core.text import closest
 from plumbob.core.units import Quantity, from_si, parse
 
 Built = TypeVar("Built")
@@ -130,7 +131,8 @@ def build(cls: type[Built], values: Mapping[str, Any], *, of: str) -> Built:
     parameters = {p.name: p for p in describe(cls)}
     for name in values:
         if name not in parameters:
-            raise ParameterError(f"{of} has no parameter '{name}'; known are {', '.join(parameters)}.")
+            near = closest(name, parameters)
+            raise ParameterError(f"{of} has no parameter '{name}'; known are {', '.join(parameters)}.{near}")
     return cls(**{name: checked(of, parameters[name], value) for name, value in values.items()})
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from plumbob.core.errors import MissingExtraError, ParameterError, PlumbobError
+from plumbob.core.text import closest
 
 _PACKAGE = Path(__file__).parents[1]
 WEB: Final = _PACKAGE / "web"
@@ -64,10 +65,9 @@ def page_path(page: str) -> Path:
     """File of a page, by a name as `docs` takes it."""
     pages = _pages()
     name = Path(page).name.removesuffix(".md") if isinstance(page, str) else ""
+    name = name if name in pages else _page_of_verb(name, pages)
     if name not in pages:
-        name = _page_of_verb(name, pages)
-    if name not in pages:
-        raise ParameterError(f"There is no page {page!r}; there are {', '.join(pages)}.")
+        raise ParameterError(f"There is no page {page!r}; there are {', '.join(pages)}.{closest(page, pages)}")
     return pages[name]
 
 

@@ -269,15 +269,14 @@ def plot(
 
     Raises
     ------
-    ParameterError
+    ParameterError, ShapeError
         If the figure is not known, nothing of the recording can be drawn in it, or the file's name has another ending.
     MissingExtraError
         If matplotlib is not installed.
     """
     target = check.path("out", out)
     picture_kind(target)
-    if what not in WHATS:
-        raise ParameterError(f"there is not a figure '{what}'. Give one of {', '.join(WHATS)}.")
+    check.one_of("figure", what, WHATS)
     window = (units.given("begin", begin, Quantity.TIME), units.given("end", end, Quantity.TIME))
     low, high = (-math.inf if window[0] is None else window[0], math.inf if window[1] is None else window[1])
     inches = _inches(units.given("width", width, Quantity.LENGTH))

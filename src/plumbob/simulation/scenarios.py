@@ -14,6 +14,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.params import Spec, build
+from plumbob.core.text import closest
 from plumbob.core.units import Quantity, deg, dps, g
 from plumbob.rotations import Frame
 from plumbob.simulation.captures import Bands, Cone, Faces, LevelRing, Poses, Raise, Sway, Table36, Tumble
@@ -395,7 +396,6 @@ def scenario(name: str, **parameters: float | str) -> Scenario:
         from plumbob.simulation.programs import PROGRAMS
 
         hint = f" It is what a chain does: --chain arm, or plumbob.simulate_chain('arm', '{name}')."
-        raise ParameterError(
-            f"'{name}' is not a scenario; known are {', '.join(SCENARIOS)}.{hint * (name in PROGRAMS)}"
-        )
+        more = hint if name in PROGRAMS else closest(name, SCENARIOS)
+        raise ParameterError(f"'{name}' is not a scenario; known are {', '.join(SCENARIOS)}.{more}")
     return build(SCENARIOS[name], parameters, of=name)
