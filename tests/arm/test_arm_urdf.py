@@ -97,7 +97,7 @@ def test_a_chain_is_read_back_from_its_urdf(tmp_path: Path, units, merge: bool, 
     ('velocity="3.5"', 'velocity="fast"', "not a number"),
     ('lower="-1.5"', 'lower="low"', "that can be read: .*low"),
     ('lower="-1.5"', 'lower="3"', "must go up"),
-    ("</robot>", "", "not whole XML"),
+    ("</robot>", "", "not complete XML"),
     ("<robot", "<sdf", "XML"),
     # entities in entities, the 'billion laughs': expat (since 2.4.1) stops them
     ('<robot name="two">', f'<!DOCTYPE robot [<!ENTITY e0 "ha">{LAUGHS}]><robot name="&e12;">', "not whole XML"),

@@ -127,7 +127,7 @@ def test_links_that_lead_in_a_circle_are_no_files(tmp_path):
     other.symlink_to(one)
     common.check_outputs(argparse.Namespace(force=True), tmp_path / "new.csv", inputs=(one,))  # reading will refuse it
     for force in (True, False):
-        with pytest.raises(DecodeError, match="a link that leads back to itself"):
+        with pytest.raises(DecodeError, match="a link that points to itself"):
             common.check_outputs(argparse.Namespace(force=force), one)
     read = plumbob("convert", one, tmp_path / "new.csv")
     assert (read.returncode, read.stderr.count("\n")) == (1, 1)

@@ -57,4 +57,4 @@ record = { path = "s.mcap" }
 """)
     assert call("record", "s.toml", cwd=folder).returncode == 0
     done = call("record", "s.toml", "--unit", "u3", cwd=folder)
-    assert (done.returncode, "the session file says format, unit" in done.stderr) == (1, True)
+    assert (done.returncode, "the session file already sets format, unit" in done.stderr) == (1, True)

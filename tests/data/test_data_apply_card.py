@@ -166,7 +166,7 @@ class TestTemperature:
         made = card("acc", **{"bias_per_k": [1e-3, 0.0, 0.0]} | changes)
         expected = share and (
             f"temperature: {share} % of the samples are at 20.0 to 40.0 °C, beyond the 22.0 to 38.0 °C of the "
-            "calibration of acc, where its polynomial is only prolonged."
+            "calibration of acc, where its polynomial is extrapolated."
         )
         assert list(map(str, temperature_beyond(made, recording(**data)))) == ([expected] if expected else [])
 

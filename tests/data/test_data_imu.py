@@ -371,7 +371,7 @@ class TestCut:
             with pytest.raises(ShapeError, match=r"cut by a slice, as in data\[10:20\]"):
                 data[rows]
         for size in (0, -3):
-            with pytest.raises(ShapeError, match="size must be a whole number from 1 on"):
+            with pytest.raises(ShapeError, match="size must be a whole number of at least 1"):
                 list(data.chunks(size))
 
 

@@ -146,7 +146,7 @@ def test_places_of_a_range_are_even_in_logarithms_and_one_at_its_end_is_said(sev
 @pytest.mark.parametrize(("settings", "words"), [
     ({"params": ["zeta"]}, "zeta is 0 1/s by default, so that its range must be given"),
     ({"params": ["gain"]}, "has no parameter 'gain' that could be tuned; it has beta, zeta"),
-    ({"params": ["beta=1"]}, "a range is written as beta=LOW..HIGH"),
+    ({"params": ["beta=1"]}, "a range must be written as beta=LOW..HIGH"),
     ({"params": ["beta=2 1/s..1 1/s"]}, "must rise from above 0"),
     ({"params": ["beta", "beta"]}, "beta is named twice"),
     ({"params": ["beta"], "fixed": {"beta": 0.1}}, "both to be tuned and given"),

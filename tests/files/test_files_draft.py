@@ -241,7 +241,7 @@ def test_sensors_that_do_not_turn_alike_are_asked_about(tmp_path, moved, turn, a
         ("1.5\n" * 20, "plumbob allan"),
         ("t,speed\n" + "".join(f"{i},{i}\n" for i in range(9)), "no three columns look like"),
         ("\0" * 5000, "no separator"),
-        ("t,ax,ay,az\n" + "2024-02-30 10:00:00,0,0,1\n" * 9, r"a\.csv: .*no such day"),
+        ("t,ax,ay,az\n" + "2024-02-30 10:00:00,0,0,1\n" * 9, r"a\.csv: .*a day that does not exist"),
         ('"' * 5000 + "\n", "no separator"),
     ],
 )

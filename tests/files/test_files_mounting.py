@@ -82,8 +82,8 @@ COMMENTED = 'comment = "#"\n' + HEAD + ISO + GYR
 SECONDS = '[time]\ncolumn = "t"\nunit = "s"\n'
 STAMPS = [
     ("May the 1st 12:30:06", "line 4: .* is not a time in the form of ISO 8601, as 2024-05-01"),
-    ("2024-02-30T12:30:06Z", "line 4: .*no such day"),
-    ("2024-05-01T24:30:06Z", "line 4: .*no such hour"),
+    ("2024-02-30T12:30:06Z", "line 4: .*names a day that does not exist"),
+    ("2024-05-01T24:30:06Z", "line 4: .*names a time that does not exist"),
     ("2024-05-01T12:30:06", "line 4: .*zone"),
     ("", "line 4: '' is not a time"),
     ("NaN", "line 4"),

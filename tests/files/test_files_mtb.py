@@ -109,7 +109,7 @@ def test_increments_alone_give_the_rates_that_the_unit_sent_beside_them(tmp_path
     np.testing.assert_allclose(recording.imu.gyr[0], struct.unpack(">3f", rates[0x8020]), rtol=2e-5, atol=3e-8 / 0.0025)
     np.testing.assert_allclose(recording.imu.acc, [struct.unpack(">3f", rates[0x4020])] * 3, rtol=1e-5, atol=5e-6)
     said = " ".join(map(str, recording.notes))
-    assert "orientation increments (OriInc) over the sample of 0.0025 s" in said
+    assert "orientation increments (OriInc) over samples of 0.0025 s" in said
     assert "PacketCounter leaves out 1 packet" in said
 
 

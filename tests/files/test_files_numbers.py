@@ -118,7 +118,7 @@ BAD = [  # content, what is declared, what is said
     ("1.25 2.5\n" * 100 + "3 x\n", {}, "line 101, value 2: 'x'"),
     ("1.25 " * 100 + "x ", {}, "line 1, value 101: 'x'"),
     ("1.25 " * 100 + "\n1 2\n", {}, "more than 97 bytes, so it must be the only one"),
-    ("1 2\n" + "1" * 400 + "\n", {}, "no number ends for"),
+    ("1 2\n" + "1" * 400 + "\n", {}, "no number ends in"),
     # raw values are never guessed
     (bytes(20), {"kind": "double", "columns": 1}, "must be one of npy, text, f32.*'double'", ParameterError),
     (bytes(20), {"kind": "f32"}, "declare the columns", ParameterError),

@@ -223,7 +223,7 @@ REFUSED = [
     *((bare(raw), "header") for raw in (b"{", b"[]", b'"x"', b"\xff", b'{"kind": NaN}', b"[" * 100_000)),
     (bare(TWICE), "a key stands twice among .*kind"),
     (bare(HUGE), "1e999 is .* beyond"),
-    *((without(name, told=False), "not of the same names") for name in ("t_ns", "flags")),
+    *((without(name, told=False), "do not have the same names") for name in ("t_ns", "flags")),
     *((without(name), f"the columns {name} are missing") for name in ("t_ns", "gyr_y", "flags", "q_w", "cov_zz")),
     (extra, "column heart is unknown"),
     (replaced("gyr_x", kind=pa.float32()), "the column gyr_x must be"),

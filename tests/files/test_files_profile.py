@@ -190,7 +190,7 @@ def with_reference(old, new):
 
 REFUSED = [
     (minimal("[header]", 'date = "2028-07-04"\n[header]'), "date is the day of a place, which is missing"),
-    (minimal("[header]", 'place = "42,-71"\ndeclination = "1 deg"\n[header]'), "keep one of place and declination"),
+    (minimal("[header]", 'place = "42,-71"\ndeclination = "1 deg"\n[header]'), "place already gives the declination"),
     # keys
     (minimal('separator = ","', 'seperator = ","'), "has no key .* known are format_version, separator, decimal"),
     (minimal("names = true", "name = true"), "has no key .* known are marker, occurrence, skip, names"),

@@ -151,7 +151,9 @@ class TestSeveral:
         assert np.array_equal(plumbob.read(path, unit="/imu/data_raw").imu.gyr, a["gyr"])
 
 
-@pytest.mark.parametrize(("factor", "frame", "why"), [(1.0, "mast", "/imu/mag"), (1e6, "imu_link", "hardly in tesla")])
+@pytest.mark.parametrize(
+    ("factor", "frame", "why"), [(1.0, "mast", "/imu/mag"), (1e6, "imu_link", "unlikely to be in tesla")]
+)
 def test_a_magnetometer_in_another_frame_or_in_microtesla_is_left_out(tmp_path, factor, frame, why):
     given = made.samples()
     field = made.mag_rows(given | {"mag": given["mag"] * factor}, frame=frame)
@@ -400,7 +402,7 @@ REFUSED = {
     "no inertial data, ROS 1": (lambda folder: made.write_1(folder / "a.bag", CHATTER), NO_IMU),
     "no inertial data, ROS 2": (lambda folder: made.write_2(folder / "a", CHATTER), NO_IMU),
     "nothing": (lambda folder: made.write_2(folder / "a", []), "holds no message"),
-    "checksum": (wrong_checksum, "the CRC of a chunk does not hold"),
+    "checksum": (wrong_checksum, "the CRC of a chunk does not match"),
     "missing part": (missing_part, r"names a\.db3, which is not there"),
     "endless metadata": (endless_metadata, f"needs a metadata.yaml of at most {MAX_TEXT} bytes"),
     "a link for a part": (part_elsewhere, "is not there"),

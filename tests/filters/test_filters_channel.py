@@ -266,7 +266,7 @@ def test_parameters_in_text_carry_their_unit():
 
 @pytest.mark.parametrize(("call", "error", "words"), [
     *(
-        (lambda bad=bad, closed=closed: closed(bad), ParameterError, r"must be positive|a gain is")
+        (lambda bad=bad, closed=closed: closed(bad), ParameterError, r"must be positive|a gain must be")
         for bad in (0.0, -1.0, math.nan, math.inf)
         for closed in (
             steady_gain,

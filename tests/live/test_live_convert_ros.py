@@ -256,7 +256,7 @@ def test_what_cannot_be_written(recording, tmp_path, monkeypatch):
         (recording, "a.mcap", "rosbag2", ParameterError, "the layout rosbag2 is a folder"),
         (recording, "a.mcap", "ros3", ParameterError, "there is no layout 'ros3'"),
         (plumbob.Recording(imu=recording.imu, track=later), "a.bag", None, ShapeError, "different times; convert one"),
-        (plumbob.Recording(imu=beyond), "a.bag", None, ClockError, "behind 2038"),
+        (plumbob.Recording(imu=beyond), "a.bag", None, ClockError, "after 2038"),
         (None, "a.bag", None, MissingExtraError, r"pip install \"plumbob\[ros\]\""),
     ):
         if given is None:

@@ -160,7 +160,7 @@ def test_what_a_session_needs_of_a_device(tree, tmp_path):
     with pytest.raises(ParameterError, match="carries no gyr"):
         Stream(session(tree.session('mount = false\nchannels = ["temp", "timestamp"]')))
     (folder / "in_anglvel_scale").write_text("0.001")
-    with pytest.raises(LineError, match="not what they were"):
+    with pytest.raises(LineError, match="have changed since"):
         open_source(chosen.source)
     (folder / "in_anglvel_scale").write_text(f"{GYRO!r}\n")
     del chosen.texts["iio.json"]

@@ -79,7 +79,7 @@ def test_gaps_that_the_device_s_counts_show_are_not_inferred(tmp_path, gone):
 @pytest.mark.parametrize(("mode", "drift", "words"), [
     ("host", 0.0, "add a counter or a clock to the frame, or where"),
     ("host", float("nan"), "to the frame, declare its rate, or where"),
-    ("clock", 0.0, 'its frames\' counts go on; where the line waits for its reader set time = "count"'),
+    ("clock", 0.0, 'the counter of the frames goes on; where the line waits for its reader set time = "count"'),
 ])  # fmt: skip
 def test_what_to_do_depends_on_what_the_frames_have(mode, drift, words):
     report = Stream(session()).time.report()

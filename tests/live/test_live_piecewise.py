@@ -123,7 +123,7 @@ def test_a_full_disk_leaves_nothing(file, tmp_path):
     assert file.read_bytes() == raw
     raw[len(raw) // 3] ^= 16
     file.write_bytes(raw)
-    with pytest.raises(DecodeError, match=r"sea\.parquet: .*take a copy that is whole"):
+    with pytest.raises(DecodeError, match=r"sea\.parquet: .*use an intact copy"):
         plumbob.estimate(file, frame="ENU", out=tmp_path / "a.parquet")
     assert sorted(tmp_path.iterdir()) == before
 

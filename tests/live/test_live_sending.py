@@ -147,7 +147,7 @@ def test_file_is_written_and_never_replaced(tmp_path):
         (swinging(5), file, False, ParameterError, "exists already"),
         (swinging(5), tmp_path / "none" / "x", False, DecodeError, "no folder"),
         (swinging(5), tmp_path, False, DecodeError, "it is a folder"),
-        (swinging(5), loop, True, DecodeError, "leads back to itself"),
+        (swinging(5), loop, True, DecodeError, "points to itself"),
         (swinging(5, north=North.FREE), file, True, FrameError, "arbitrary zero"),
         (alone, file, True, ShapeError, "no attitude"),
     ):

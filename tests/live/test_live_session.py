@@ -96,7 +96,7 @@ WRONG = {
     "number that cannot be printed": (SESSION.replace("version = 1", f"version = {LONG}"), DecodeError, "64 bits"),
     "lists without end": (SESSION.replace("kp = 0.5", f"kp = {DEEP}"), DecodeError, "more than 32 deep"),
     "other kind": (FORMAT, DecodeError, "line 2: kind must be one of 'plumbob session', but it is 'plumbob format'"),
-    "place and declination": (placed('declination = "1 deg"'), DecodeError, "says the declination too"),
+    "place and declination": (placed('declination = "1 deg"'), DecodeError, "imu.place or imu.declination"),
     "a date alone": (DATED, DecodeError, "imu.place, which is missing"),
 }
 

@@ -219,7 +219,7 @@ def test_a_filter_is_recognised_and_its_curve_is_not_believed():
     there = (found.tau > 0.2) & (found.before.edf > 50.0)
     assert found.ratio[there] == pytest.approx(expected[there], rel=0.05)
     assert any(str(note).startswith("warning") and "no slope" in str(note) for note in found.notes)
-    assert any("nothing has changed" in str(note) for note in found.notes)
+    assert any("the records show no change" in str(note) for note in found.notes)
 
 
 @slow_as_python

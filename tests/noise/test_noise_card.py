@@ -145,5 +145,5 @@ def test_what_a_card_or_kalibr_cannot_take_is_refused(analyses):
         with pytest.raises(error, match=text):
             kalibr_yaml(given, rostopic="/imu0")
     for topic in ("", "/imu 0", "imu: 1", "/imu#", "9"):
-        with pytest.raises(ParameterError, match="rostopic must be a name of ROS"):
+        with pytest.raises(ParameterError, match="rostopic must be a ROS name"):
             kalibr_yaml(analyses, rostopic=topic)

@@ -200,7 +200,7 @@ def test_a_browser_prints_it(overview, tmp_path):
 
 def test_without_a_browser_a_pdf_is_refused_in_plain_words(overview, tmp_path, monkeypatch):
     monkeypatch.setattr("plumbob.reporting.page.BROWSERS", ("a-browser-that-is-not-there",))
-    with pytest.raises(MissingExtraError, match="a PDF is printed by Chromium or Chrome, and none was found"):
+    with pytest.raises(MissingExtraError, match="a PDF is printed by Chromium or Chrome, and neither is installed"):
         overview.write_pdf(tmp_path / "page.pdf")
     assert list(tmp_path.iterdir()) == []
 
@@ -214,7 +214,7 @@ def test_figures_are_pictures_of_their_own(imu, tmp_path):
         ("roses", "mekf", "figure must be one of .* but it is 'roses'"),
         ("rose", "none", "has nothing to draw for"),
     ):
-        with pytest.raises(ParameterError, match=why):
+        with pytest.raises(plumbob.PlumbobError, match=why):
             plumbob.plot(imu, tmp_path / "a.svg", what=what, filter=how)
 
 

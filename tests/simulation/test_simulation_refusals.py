@@ -92,7 +92,7 @@ CASES = [
     (rod, {"warm_up": (math.nan, 1.0)}, PlumbobError, "the rise of warm_up must be"),
     (rod, {"sensors": "mpu6000", "noise": replace(NOISE, mag=TRIAD)}, ParameterError, "gyr, mag, but mpu6000 has gyr"),
     (rod, {"noise": NoiseCard("unit 7", "empty")}, ParameterError, "has no triad"),
-    (rod, {"name": scenario("coning"), "frequency": 2.0}, ParameterError, "already made"),
+    (rod, {"name": scenario("coning"), "frequency": 2.0}, ParameterError, "given as an object"),
     *((without, {"left_out": name}, TypeError, name) for name in ("frame", "unit") if name in WHOLE),
     (another_card, {"unit": "random"}, CalibrationError, "device"),
     # a chain
@@ -151,9 +151,9 @@ CASES = [
     (TriadErrors, {"misalignment": np.eye(3)}, ParameterError, "zero diagonal"),
     (TriadErrors, {"rate": 0.0}, ParameterError, "positive"),
     (TriadErrors, {"high_pass": 0.0}, ParameterError, "high_pass must be positive and finite, but it is 0 Hz"),
-    (angles, {"heading": -1.0}, ParameterError, "errors are 0 rad or more"),
-    (angles, {"tilt": math.inf}, ParameterError, "errors are 0 rad or more"),
-    (angles, {"time": 0.0}, ParameterError, "errors are 0 rad or more"),
+    (angles, {"heading": -1.0}, ParameterError, "must be 0 rad or more"),
+    (angles, {"tilt": math.inf}, ParameterError, "must be 0 rad or more"),
+    (angles, {"time": 0.0}, ParameterError, "must be 0 rad or more"),
 ]
 
 

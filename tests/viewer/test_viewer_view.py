@@ -195,13 +195,13 @@ OPENED = [
 SERVED = [
     ({"port": 99999}, "a port is 0 to 65535"), ({"port": -1}, "a port is 0 to 65535"),
     ({"port": "8770"}, "http_port must be an int"), ({"clients": 1.5}, "clients must be an int"),
-    ({"clients": 0}, "1 or more"), ({"allow_origin": ["app.foxglove.dev"]}, "an origin is as https"),
-    ({"allow_origin": ["https://app.foxglove.dev/"]}, "an origin is as https"),
+    ({"clients": 0}, "1 or more"), ({"allow_origin": ["app.foxglove.dev"]}, "an origin must be like https"),
+    ({"allow_origin": ["https://app.foxglove.dev/"]}, "an origin must be like https"),
 ]  # fmt: skip
 MADE = [
     (view, {"emulate": "buoy", "duration": "-2s"}, "duration must be above 0, but it is -2s"),
     (plumbob.record, {"port": "/dev/null", "format": "buoy", "duration": 0}, "duration must be above 0, but it is 0"),
-    (view, {"what": __file__, "format": "buoy"}, r"not a port but a file.*record --from"),
+    (view, {"what": __file__, "format": "buoy"}, r"nor a port, but a file.*record --from"),
 ]
 
 
@@ -283,9 +283,9 @@ def test_the_view_answers_commands_over_http(tmp_path):
                 try:
                     said["record"] = plumbob.control(url, "record", "http")
                     said["mark"] = plumbob.control(url, "mark", "now")
-                    with pytest.raises(ParameterError, match="the view refuses"):
+                    with pytest.raises(ParameterError, match="the view refused"):
                         plumbob.control(url, "record")
-                    with pytest.raises(ParameterError, match="the view refuses"):
+                    with pytest.raises(ParameterError, match="the view refused"):
                         plumbob.control(url, "seek", 3.0)
                     said["stop"] = plumbob.control(url, "stop")
                     with pytest.raises(LineError, match="does not accept the token"):

@@ -274,7 +274,7 @@ def align(
     if samples.t[-1] - samples.t[0] < SHORTEST:
         raise ShapeError(
             f"the motion lasts {samples.t[-1] - samples.t[0]:.3g} s, but {SHORTEST:g} s are needed at least; a minute "
-            "in which every joint turns is good."
+            "in which every joint turns is enough."
         )
     search = _AlternatingSearch(chain, samples, settings, _Mounting(poses, held, mount_angle, mount_shift))
     fits, mounted, sd = search.solve(), search.chain, search.mount_sd
@@ -424,7 +424,8 @@ def _unknown_links(chain: Chain, samples: UnitSamples) -> list[JointLink]:
     for joint in chain.joints:
         if joint.known:
             raise ParameterError(
-                f"{chain.name} says where {joint.name} lies, but not where every joint does. Say it of all, or of none."
+                f"{chain.name} says where {joint.name} lies, but not where every joint does. Give it for all joints, "
+                "or for none."
             )
         if numbers[joint.parent] == GROUND:
             raise ParameterError(

@@ -236,7 +236,7 @@ def _read_parquet(file: Path) -> tuple[dict[str, NDArray[Any]], str]:
             require_room(unpacked_bytes(file, parquet.metadata), file.stat().st_size)
             table = parquet.read()
     except (pa.ArrowException, OSError) as error:
-        raise DecodeError("it is not a whole Parquet file; take a copy that is whole.") from error
+        raise DecodeError("it is not a complete Parquet file; use an intact copy.") from error
     about = (table.schema.metadata or {}).get(_KEY)
     if about is None:
         return _columns(table), ""
@@ -244,7 +244,7 @@ def _read_parquet(file: Path) -> tuple[dict[str, NDArray[Any]], str]:
         said = json.loads(about)
         version, source = said["format_version"], str(said["source"])
     except (ValueError, TypeError, KeyError) as error:
-        raise DecodeError("what it says of itself is damaged; take a copy that is whole.") from error
+        raise DecodeError("its metadata is damaged; use an intact copy.") from error
     if version != _VERSION:
         raise DecodeError(f"it has format_version {version}, but this program reads {_VERSION}; update Plumbob.")
     return _columns(table), source
@@ -256,7 +256,7 @@ def _columns(table: "pa.Table") -> dict[str, NDArray[Any]]:
     try:
         return {name: column_numbers(table.column(name)) for name in table.column_names}
     except Exception as error:  # columns of text, times and lists are refused by NumPy and Arrow, each in its own way
-        raise DecodeError("every column of a table of joint angles holds numbers, but one does not.") from error
+        raise DecodeError("every column of a table of joint angles must hold numbers, but one does not.") from error
 
 
 def _parts(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:

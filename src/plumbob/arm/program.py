@@ -242,7 +242,7 @@ def taught(
         factor *= 1.001 * over
     else:
         raise ParameterError(
-            f"no program at {rate:g} Hz keeps these limits: a jerk of the last bit of an angle is greater. Lower the "
+            f"no program at {rate:g} Hz keeps these limits: the rounding of an angle exceeds the jerk. Lower the "
             "rate, or raise the limits."
         )
     stops = [

@@ -119,7 +119,7 @@ def _root(text: str) -> ElementTree.Element:
     try:
         root = ElementTree.fromstring(text.strip())
     except (ElementTree.ParseError, ValueError) as error:
-        raise DecodeError(f"it is not whole XML: {one_line(error)}.") from error
+        raise DecodeError(f"it is not complete XML: {one_line(error)}.") from error
     if root.tag.rpartition("}")[2] != "robot":
         raise DecodeError(f"its first tag is <{root.tag}>, but a URDF begins with <robot>.")
     return root
@@ -137,7 +137,7 @@ def _speeds(root: ElementTree.Element) -> dict[str, float]:
                 f"the joint '{name}' is {kind}, but a chain has joints that turn: revolute, continuous and fixed."
             )
         if joint.find("mimic") is not None:
-            raise DecodeError(f"the joint '{name}' mimics another, which a chain cannot; make it fixed, or free.")
+            raise DecodeError(f"the joint '{name}' mimics another, which a chain cannot do; make it fixed, or free.")
         limit = joint.find("limit")
         if kind in _TURNING and limit is not None and (text := limit.get("velocity")) is not None:
             try:
@@ -167,7 +167,8 @@ def _ordered(joints: Sequence[Joint], links: Sequence[str]) -> list[Joint]:
     roots = [link for link in links if link not in children]
     if len(roots) != 1:
         raise DecodeError(
-            f"one link must be the root, on no joint, but there are {len(roots)}: {', '.join(roots) or 'a circle'}."
+            f"one link must be the root, moved by no joint, but there are {len(roots)}: "
+            f"{', '.join(roots) or 'a circle'}."
         )
     ordered: list[Joint] = []
     reached, pending = {roots[0]}, list(joints)

@@ -69,7 +69,7 @@ def normal_gravity(latitude: float, height: float = 0.0) -> float:
         If there is no such latitude, or the height is beyond 20 km.
     """
     if not abs(latitude) <= math.pi / 2.0:
-        raise ParameterError(f"a latitude is from −90° to 90°, but it is {to_deg(latitude):g}°.")
+        raise ParameterError(f"a latitude must be from −90° to 90°, but it is {to_deg(latitude):g}°.")
     if not abs(height) <= HIGHEST:
         raise ParameterError(f"the height must be within ±{HIGHEST:g} m of the ellipsoid, but it is {height:g} m.")
     polar = WGS84_A * (1.0 - WGS84_F)

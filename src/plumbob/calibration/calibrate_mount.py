@@ -39,7 +39,7 @@ def mount_by_poses(
     if level_only and raised is not None:
         raise ParameterError("with the level pose only, there is no raised one; leave out one of the two.")
     if not level_only and (level is None) != (raised is None):
-        raise ParameterError("level and raised belong together; give both spans, or neither and the poses are sought.")
+        raise ParameterError("level and raised belong together; give both spans, or neither to have the poses found.")
     rests = _rests(imu) if level is None else []
     first = _rest_in(imu, level, "level") if level is not None else rests[0]
     if level_only:

@@ -140,12 +140,12 @@ def replay(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
     suffix = Path(args.model).suffix.lower()
     if suffix not in (".toml", ".urdf"):
-        raise ParameterError(f"a model is a chain (.toml) or a URDF (.urdf), but it is {args.model}.")
+        raise ParameterError(f"a model must be a chain (.toml) or a URDF (.urdf), but it is {args.model}.")
     if hasattr(args, "hand") and suffix == ".toml":
         raise ParameterError("--hand names a link of a URDF; a chain says itself where its hand is. Leave it out.")
     truth = None if args.truth is None else JointTrack.load(Path(args.truth))
     if truth is not None and truth.hand is None:
-        raise ParameterError(f"{args.truth} has no place of the hand; it needs hand_x [m], hand_y [m] and hand_z [m].")
+        raise ParameterError(f"{args.truth} has no position of the hand, which is hand_x [m], hand_y [m], hand_z [m].")
     done = call()
     lines = [common.rows(done.facts())]
     numbers = {"samples": int(done.t.size), "duration_s": float(done.t[-1] - done.t[0]), "arm_m": done.length}

@@ -70,7 +70,7 @@ class Status:
         self._draw(f"\r{t:9.1f} s  {watch.samples} samples{bare}  {junk} junk bytes  {attitude}\033[K")
 
     def note(self, text: str) -> None:
-        """Tell the user, and never mind if nobody reads it any more: a recording outlives its terminal."""
+        """Tell the user, and never mind if the receiver has closed it: a recording outlives its terminal."""
         self._draw("\r\033[K")
         with suppress(OSError):
             note(text)

@@ -22,7 +22,7 @@ def scenario_settings(args: argparse.Namespace) -> dict[str, Any]:
         raise FrameError(f"a simulation needs a navigation frame. Give --frame {', --frame '.join(Frame)}.")
     sensors, unit = getattr(args, "sensors", "ideal"), getattr(args, "unit", None)
     if unit is None and sensors != "ideal":
-        raise ParameterError(f"say --unit random for {sensors} as it left the line, or --unit calibrated.")
+        raise ParameterError(f"give --unit random for {sensors} as it left the factory, or --unit calibrated.")
     given = {name: getattr(args, name) for name in ("rate", "duration") if getattr(args, name, None) is not None}
     choice = {"frame": Frame.parse(args.frame), "sensors": sensors, "unit": unit or "calibrated"}
     return choice | dict(common.pairs(args.set)) | given
@@ -122,5 +122,5 @@ def tune(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     if written:
         tuning.write(Path(out), unproven=args.unproven, overwrite=args.force)
     elif out is not None:
-        common.note(f"{out} is not written: no gain is shown; --unproven writes it all the same")
+        common.note(f"{out} is not written: no gain is shown; --unproven writes it anyway")
     return show(args, verb, tuning, *([f"{'parameters':12} {out}"] if written else []))

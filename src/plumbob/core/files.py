@@ -199,7 +199,7 @@ def require_place(path: Path, *, overwrite: bool = False) -> None:
     if path.is_dir():
         raise DecodeError(f"{path} cannot be written: it is a folder; name a file.")
     if Path(os.path.realpath(path)).is_symlink():
-        raise DecodeError(f"{path} cannot be written: it is a link that leads back to itself; remove it.")
+        raise DecodeError(f"{path} cannot be written: it is a link that points to itself; remove it.")
     if not path.exists() or _is_stream(path):
         return
     if not overwrite:
@@ -354,7 +354,7 @@ def require_folder_place(path: Path, *, overwrite: bool, known: Callable[[Path],
     if not path.exists() and not path.is_symlink():
         return
     if not path.is_dir() or path.is_mount():
-        raise DecodeError(f"{path} cannot be written: something else than a folder is there; name another one.")
+        raise DecodeError(f"{path} cannot be written: something other than a folder is there; name another one.")
     if not overwrite:
         raise _exists(path)
     if any(path.iterdir()) and not known(path):

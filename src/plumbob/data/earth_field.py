@@ -169,7 +169,7 @@ def parse_place(text: str) -> tuple[float, float, float]:
         (height,) = rest or (0.0,)
     except ValueError as error:
         raise ParameterError(
-            f"a place is LAT,LON[,HEIGHT] in degrees and metres, north and east positive, but got '{text}'."
+            f"a place must be LAT,LON[,HEIGHT] in degrees and metres, north and east positive, but got '{text}'."
         ) from error
     place = deg(latitude), deg(longitude), height
     _require_place(*place)
@@ -179,7 +179,7 @@ def parse_place(text: str) -> tuple[float, float, float]:
 def _require_place(latitude: float, longitude: float, height: float) -> None:
     if not (abs(latitude) <= math.pi / 2 and abs(longitude) <= math.pi and LOWEST <= height <= HIGHEST):
         raise ParameterError(
-            f"no place of the World Magnetic Model: latitude {to_deg(latitude):g}°, longitude "
+            f"the World Magnetic Model does not cover latitude {to_deg(latitude):g}°, longitude "
             f"{to_deg(longitude):g}°, height {height:g} m; they go to ±90°, ±180°, and from −1 to 850 km."
         )
 
@@ -188,5 +188,5 @@ def _decimal_year(text: str) -> float:
     try:
         day = datetime.date.fromisoformat(text)
     except ValueError as error:
-        raise ParameterError(f"a day is YYYY-MM-DD, but got '{text}'.") from error
+        raise ParameterError(f"a day must be YYYY-MM-DD, but got '{text}'.") from error
     return day.year + (day.timetuple().tm_yday - 1) / (366 if calendar.isleap(day.year) else 365)

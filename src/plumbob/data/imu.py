@@ -313,12 +313,13 @@ class ImuData(Series):
     def _bounds(self, rows: slice) -> tuple[int, int]:
         """First row of a slice, and the one behind its last."""
         if not isinstance(rows, slice):
-            raise ShapeError(f"a recording is cut by a slice, as in data[10:20], but not by {type(rows).__name__}.")
+            raise ShapeError(f"a recording must be cut by a slice, as in data[10:20], not by {type(rows).__name__}.")
         start, stop, step = rows.indices(len(self))
         if step != 1 or stop <= start:
             count = len(range(start, stop, step))
             raise ShapeError(
-                f"a recording is cut by a non-empty slice of step 1, but {rows} selects {count} of {len(self)} samples."
+                f"a recording must be cut by a non-empty slice of step 1, but {rows} selects {count} of {len(self)} "
+                "samples."
             )
         return start, stop
 
@@ -357,7 +358,7 @@ class ImuData(Series):
     def chunks(self, size: int) -> "Iterator[ImuData]":
         """Cut the recording in consecutive parts of `size` samples; the last may be shorter."""
         if not isinstance(size, Integral) or size < 1:
-            raise ShapeError(f"size must be a whole number from 1 on, but it is {check.said(size)}.")
+            raise ShapeError(f"size must be a whole number of at least 1, but it is {check.said(size)}.")
         for start in range(0, len(self), int(size)):
             yield self[start : start + int(size)]
 
@@ -402,7 +403,7 @@ class ImuData(Series):
                 raise UnitError(". ".join(doubt))
 
     def _unit_doubt(self, name: str) -> tuple[str, str] | None:
-        """Why a triad is hardly in its unit, and what to do; None where it may well be."""
+        """Why a triad is unlikely to be in its unit, and what to do; None where it may well be."""
         first, size, count = "", 0, 0
         full_scale, norm = self.meta.full_scale(name), list[Floats]()
         limit = _limit(name, full_scale)

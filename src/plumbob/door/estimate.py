@@ -588,7 +588,7 @@ def _card_in_use(result: Estimated) -> "CalibrationCard":
 
     learned = None if isinstance(result.filter, Filter) else result.filter.learned
     if learned is None:
-        raise ParameterError(f"{result.filter.name} finds no scale and misalignment. Smooth the recording.")
+        raise ParameterError(f"{result.filter.name} does not estimate scale and misalignment. Use the smoother.")
     card, meta = result.applied, result.imu.meta
     if card is None and meta.calibration is not None:
         raise CalibrationError(

@@ -153,7 +153,7 @@ def filter_rates(
     """
     label, source, imu = opened_samples(recording, profile, unit, whole=True)
     if imu.gyr is None:
-        raise ShapeError(f"{label} has no gyroscope, whose rates this filters.")
+        raise ShapeError(f"{label} has no gyroscope, whose rates are filtered.")
     smoother = RateFilter(filter, channels=3, params=params)
     notes: list[Finding] = []
 

@@ -242,8 +242,8 @@ def find_time_offset(
     low, high = coarse.offset - step, coarse.offset + step
     if not mismatch(low) * mismatch(high) < 0.0:
         raise ClockError(
-            f"the time offset does not settle near {coarse.offset:.4f} s: there both tracks turn most alike, but not "
-            "alike enough. Align them by hand, or leave time out of align."
+            f"the time offset does not settle near {coarse.offset:.4f} s: there the rotations match best, but not "
+            "well enough. Align them by hand, or leave time out of align."
         )
     offset = float(brentq(mismatch, low, high, xtol=_RESOLUTION))
     return TimeOffset(offset, coarse.correlation, coarse.rival, coarse.rival_at)
@@ -286,7 +286,7 @@ def _coarse(rate_est: Floats, rate_ref: Floats, step: float, max_offset: float) 
     if not top > MIN_CORRELATION:
         raise ClockError(
             f"within ±{max_offset:g} s the turning of estimate and reference does not match: the best correlation is "
-            f"{top:.2f}, but {MIN_CORRELATION} is needed. Search farther (max_offset=), or check "
+            f"{top:.2f}, but {MIN_CORRELATION} is needed. Search a wider range (max_offset=), or check "
             "that they are one recording."
         )
     best = int(np.argmin(np.where(r > top - _TIE, np.abs(lags), np.inf)))
@@ -403,7 +403,7 @@ def find_heading(q_est: Floats, q_ref: Floats, frame: Frame) -> float:
     w, _, _, z = np.moveaxis(error_quat(q_est, q_ref), -1, 0)
     sine, cosine, weight = 2.0 * float(w @ z), float(w @ w - z @ z), float(w @ w + z @ z)
     if not np.hypot(sine, cosine) > _MIN_CONCENTRATION * weight:
-        raise ShapeError("the headings of estimate and reference differ by every angle alike; no constant aligns them.")
+        raise ShapeError("no constant heading offset fits: the heading differences are spread over the full circle.")
     return float(-frame.up[2] * np.arctan2(sine, cosine))
 
 

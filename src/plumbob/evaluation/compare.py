@@ -307,7 +307,7 @@ def _coarse(a: ImuData, b: ImuData, shift: float, most: float) -> tuple[float, f
     if top < MIN_CORRELATION:
         raise ClockError(
             f"within ±{most:g} s the rates of a and b do not match: the best correlation is {top:.2f}, but "
-            f"{MIN_CORRELATION} is needed. Search farther (max_offset), or check that both are of one motion."
+            f"{MIN_CORRELATION} is needed. Search a wider range (max_offset), or check that both are of one motion."
         )
     return shift + float(lags[int(np.nanargmax(r))]) * step, top
 

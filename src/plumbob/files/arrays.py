@@ -58,7 +58,7 @@ def opened_hdf5(file: Path) -> Iterator[tuple[Any, Any]]:
     except PlumbobError:
         raise
     except Exception as error:  # h5py raises many types for damaged input
-        raise DecodeError(f"it is cut or damaged ({one_line(error)[:160]}); take a copy that is whole.") from error
+        raise DecodeError(f"it is cut or damaged ({one_line(error)[:160]}); use an intact copy.") from error
 
 
 def require_whole_chunks(h5py: Any, key: str, dataset: Any, size: int) -> None:
@@ -149,7 +149,7 @@ def mat_variables(raw: memoryview, order: str) -> dict[str, Variable]:
             element = content if packed else raw[place : place + 8 + len(content)]
             variable = _variable(place, element, packed, order)
         if variable.name and variable.name in variables:
-            raise DecodeError(f"{variable.name} occurs twice; take a copy that is whole.")
+            raise DecodeError(f"{variable.name} occurs twice; use an intact copy.")
         variables[variable.name] = variable
         place, count = place + 8 + len(content), count + 1
         if count > MAX_VARIABLES:
@@ -164,7 +164,7 @@ def mat_order(raw: memoryview) -> str:
     """
     order = {b"IM": "<", b"MI": ">"}.get(bytes(raw[HEADER_BYTES - 2 : HEADER_BYTES]))
     if order is None:
-        raise DecodeError("its header is cut or damaged: it does not end in IM or MI; take a copy that is whole.")
+        raise DecodeError("its header is cut or damaged: it does not end in IM or MI; use an intact copy.")
     return order
 
 
@@ -289,9 +289,7 @@ def _damage_at(place: int) -> Iterator[None]:
     try:
         yield
     except (ValueError, struct.error, zlib.error) as error:
-        raise DecodeError(
-            f"the variable at byte {place} is cut or damaged: {error}. Take a copy that is whole."
-        ) from error
+        raise DecodeError(f"the variable at byte {place} is cut or damaged: {error}. Use an intact copy.") from error
 
 
 def _tables(path: Path, recording: Recording) -> tuple[dict[str, tuple[NDArray[Any], str]], str]:

@@ -71,7 +71,7 @@ def unpacked_bytes(file: Path, contents: "pq.FileMetaData") -> int:
                 start = min(filter(None, (column.dictionary_page_offset, column.data_page_offset)), default=0)
                 end = start + column.total_compressed_size
                 if not 0 < start <= end <= size:
-                    raise DecodeError("its table of contents names a place outside it; take a copy that is whole.")
+                    raise DecodeError("its table of contents names a place outside it; use an intact copy.")
                 stream.seek(start)
                 chunk, at = stream.read(end - start), 0
                 while at < len(chunk):
@@ -79,7 +79,7 @@ def unpacked_bytes(file: Path, contents: "pq.FileMetaData") -> int:
                     unpacked, stored = fields.get(_UNPACKED, -1), fields.get(_STORED, -1)
                     at += after + stored
                     if unpacked < 0 or stored < 0 or at > len(chunk):
-                        raise DecodeError("a page of it is damaged; take a copy that is whole.")
+                        raise DecodeError("a page of it is damaged; use an intact copy.")
                     total += unpacked
     return total
 
@@ -111,9 +111,9 @@ def _page_header(data: bytes) -> tuple[dict[int, int], int]:
             elif kind in (_BYTE, _DOUBLE):
                 at += 1 if kind == _BYTE else 8
             elif kind not in _BOOLEANS:
-                raise DecodeError(f"the header of a page holds a field of type {kind}; take a copy that is whole.")
+                raise DecodeError(f"the header of a page holds a field of type {kind}; use an intact copy.")
     except IndexError as error:
-        raise DecodeError("the header of a page is cut; take a copy that is whole.") from error
+        raise DecodeError("the header of a page is cut; use an intact copy.") from error
     return fields, at
 
 
@@ -153,7 +153,7 @@ def text_bytes(path: Path, most: int | None = None) -> bytes:
         except PlumbobError:
             raise
         except Exception as error:  # zlib, lzma, zipfile and Arrow have errors of their own
-            raise DecodeError(f"it is cut or damaged ({one_line(error)[:160]}); take a copy that is whole.") from error
+            raise DecodeError(f"it is cut or damaged ({one_line(error)[:160]}); use an intact copy.") from error
 
 
 def _unpacked(path: Path, file: IO[bytes], packing: str, most: int | None) -> bytes:

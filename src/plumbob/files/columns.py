@@ -101,7 +101,7 @@ def zone_ns(text: str) -> int:
     Raises DecodeError if it is none of these.
     """
     if not re.fullmatch(_ZONE, text.strip(), re.IGNORECASE):
-        raise DecodeError(f"{excerpt(text)} is not a zone; write 'UTC' or what the clock is ahead of it, as '+08:00'.")
+        raise DecodeError(f"{excerpt(text)} is not a time zone; write 'UTC' or the offset from it, as '+08:00'.")
     return _ahead(text.strip())
 
 
@@ -176,11 +176,11 @@ def _parsed(row: int, cell: str, day_first: bool | None) -> tuple[int, tuple[boo
     try:
         days = _days(match["year"], match["month"], match["day"], named)
     except ValueError:
-        raise StampError(f"{excerpt(cell)} has no such day.", row) from None
+        raise StampError(f"{excerpt(cell)} names a day that does not exist.", row) from None
     hour, minute = divmod(int(match["minutes"]), 60) if match["minutes"] else map(int, match.group("hour", "minute"))
     second = int(match["second"] or match["seconds"])
     if (days is not None and hour > 23) or minute > 59 or second > 59 or (match["half"] and not 1 <= hour <= 12):
-        raise StampError(f"{excerpt(cell)} has no such hour, minute or second.", row)
+        raise StampError(f"{excerpt(cell)} names a time that does not exist.", row)
     if match["half"]:
         hour = hour % 12 + (12 if match["half"] in "pP" else 0)
     seconds = int(match["days"] or 0) * 86_400 + hour * 3600 + minute * 60 + second

@@ -208,7 +208,7 @@ def answer(text: str) -> tuple[str, Any]:
     """
     key, equals, value = text.partition("=")
     if not equals or not re.fullmatch(r"[a-z_0-9.]+", key.strip()):
-        raise ParameterError(f"an answer is KEY=VALUE, as frame=ENU or time.rate='100 Hz', but it is {text!r}.")
+        raise ParameterError(f"an answer must be KEY=VALUE, as frame=ENU or time.rate='100 Hz', but it is {text!r}.")
     try:
         return key.strip(), tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:

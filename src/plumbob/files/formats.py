@@ -145,7 +145,7 @@ def _of_package(name: str, what: Any) -> FileFormat:
     """Format of another package: its module has `read` of a path, and may have `accepts`, and `write` of both."""
     module, suffix = import_module(what) if isinstance(what, str) else what, f".{name}"
     if not hasattr(module, "accepts") and suffix in _BUILTIN:
-        raise ParameterError(f"other files end in {suffix}, too, so it must have accepts(path)")
+        raise ParameterError(f"other formats use {suffix} too, so it must have accepts(path)")
 
     def reader(path: Path) -> Recording:
         try:
@@ -360,7 +360,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
             f"{file} is a folder, and not one of {names}; name one file in it, or those of its sensors."
         )
     if file.stat().st_size == 0:
-        raise DecodeError(f"{file} is empty: it has 0 bytes; take a copy that is whole.")
+        raise DecodeError(f"{file} is empty: it has 0 bytes; use an intact copy.")
     raise UnknownFormatError(
         f"{file}: its content is not that of a '{file.suffix}' file that is known, which are {names}."
     )

@@ -93,12 +93,12 @@ def load(raw: bytes) -> dict[str, Any]:
     try:
         content = strict_json(raw)
     except (ValueError, RecursionError) as error:
-        raise DecodeError(f"its header is damaged ({error}); take a copy that is whole.") from error
+        raise DecodeError(f"its header is damaged ({error}); use an intact copy.") from error
     if not isinstance(content, dict) or content.get("kind") != KIND:
         raise DecodeError(f"its header does not say '{KIND}'; write the data again as a native recording.")
     version = content.get("format_version")
     if type(version) is not int:
-        raise DecodeError("its header has no format_version; take a copy that is whole.")
+        raise DecodeError("its header has no format_version; use an intact copy.")
     if version not in (FORMAT_VERSION, ARRAY_VERSION):
         raise DecodeError(
             f"it has format_version {version}, but this program reads up to {ARRAY_VERSION}; update Plumbob to read it."

@@ -101,7 +101,7 @@ class Text:
                 if ending:
                     yield part + ending, done - len(rest)
                 elif len(rest) > 2 * CHUNK:
-                    raise DecodeError(f"after byte {done - len(rest)} no number ends for {len(rest)} bytes; {_ADVICE}.")
+                    raise DecodeError(f"after byte {done - len(rest)} no number ends in {len(rest)} bytes; {_ADVICE}.")
             if self.complete and rest.strip():
                 yield rest, done
 
@@ -291,7 +291,7 @@ def open_raw(file: Path, kind: str, columns: int | None) -> Binary:
     if size % row:
         raise DecodeError(
             f"its {size} bytes are {size // row} rows of {columns} {kind} values and {size % row} bytes more; it is "
-            "cut, or the type or the columns are others."
+            "cut, or the type or the number of columns is wrong."
         )
     return Binary(file, dtype, 0, size // row, columns)
 

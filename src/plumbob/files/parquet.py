@@ -363,7 +363,7 @@ def _load(
     _check_schema(parquet, content.get("units"))
     names, rows, stored = parquet.schema_arrow.names, parquet.metadata.num_rows, file.stat().st_size
     if rows < 1:
-        raise DecodeError(f"it claims {rows} rows in {stored} bytes, which cannot be; take a copy that is whole.")
+        raise DecodeError(f"it claims {rows} rows in {stored} bytes, which cannot be; use an intact copy.")
     row = sum(np.dtype(column(name).dtype).itemsize for name in names)
     require_room(max(rows * row, unpacked_bytes(file, parquet.metadata)), stored)  # by its contents, and by every page
     bare = {name.rpartition(".")[2] for name in names}
@@ -372,7 +372,7 @@ def _load(
         with _sound():  # one after the other, so that only one of them is in memory twice
             columns = {name: _array(name, parquet.read([name]).column(0)) for name in names}
     if crc != _checksum(content, sorted(columns.items()) if columns else _by_column(file, names)):
-        raise DecodeError("its content does not fit its checksum: the file is damaged; take a copy that is whole.")
+        raise DecodeError("its content does not fit its checksum: the file is damaged; use an intact copy.")
     return content, columns
 
 
@@ -401,7 +401,7 @@ def _open(file: Path, **how: Any) -> "pq.ParquetFile":
         )
     except Exception as error:  # Arrow has a dozen types for damaged input
         raise DecodeError(
-            f"it is not a Parquet file, or it is cut or damaged ({_short(error)}); take a copy that is whole."
+            f"it is not a Parquet file, or it is cut or damaged ({_short(error)}); use an intact copy."
         ) from error
 
 
@@ -409,9 +409,9 @@ def _check_schema(parquet: "pq.ParquetFile", units: Any) -> None:
     try:
         schema = parquet.schema_arrow
     except Exception as error:  # as in _open
-        raise DecodeError(f"its schema is damaged ({_short(error)}); take a copy that is whole.") from error
+        raise DecodeError(f"its schema is damaged ({_short(error)}); use an intact copy.") from error
     if not isinstance(units, dict) or sorted(units) != sorted(schema.names):
-        raise DecodeError("its columns and the units in its header are not of the same names; write the file again.")
+        raise DecodeError("its columns and the units in its header do not have the same names; write the file again.")
     for field in schema:
         spec = column(field.name)
         expected = {"float64": "double"}.get(spec.dtype, spec.dtype)  # as Arrow calls it
@@ -449,7 +449,7 @@ def _sound() -> Iterator[None]:
     except DecodeError:
         raise
     except Exception as error:  # as in _open
-        raise DecodeError(f"its data are damaged ({_short(error)}); take a copy that is whole.") from error
+        raise DecodeError(f"its data are damaged ({_short(error)}); use an intact copy.") from error
 
 
 def _array(name: str, values: "pa.ChunkedArray[Any]") -> NDArray[Any]:

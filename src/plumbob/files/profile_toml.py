@@ -207,7 +207,7 @@ def _require_sense(profile: Profile) -> None:
     if profile.place is None and profile.date is not None:
         raise DecodeError("date is the day of a place, which is missing; add place, or leave date out.")
     if profile.place is not None and "declination" in profile.meta:
-        raise DecodeError("place says the declination too; keep one of place and declination.")
+        raise DecodeError("place already gives the declination; keep one of the two.")
     repeated = [ref for i, ref in enumerate(profile.used) if ref in profile.used[:i]]
     if repeated:
         raise DecodeError(f"column {excerpt(str(repeated[0]))} is declared twice; each column has one meaning.")

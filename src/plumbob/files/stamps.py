@@ -135,7 +135,7 @@ def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], s
     row = 1 + int(np.argmax(far))
     raise ClockError(
         f"time begins again at {place(row)}: {values[row - 1] + zero:.10g} is followed by {values[row] + zero:.10g}. "
-        "The file holds two recordings, or another column is time; give the rows from there on a file of their own."
+        "The file holds two recordings, or another column is time; put the rows from there on into a file of their own."
     )
 
 

@@ -84,13 +84,13 @@ def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | 
         raise DecodeError(f"{files[0]} is a text file, but {declared.origin} has arrays = true; declare its separator.")
     if not declared.streams:
         if len(files) > 1:
-            raise DecodeError(f"{declared.origin} describes one file, but {len(files)} came; give each to read alone.")
+            raise DecodeError(f"{declared.origin} describes one file, but {len(files)} were given; read each alone.")
         return _read_one(files[0], declared, note)
     parts = []
     for pattern, stream in declared.streams:
         fitting = [file for file in files if fnmatch(file.name, pattern)]
         if len(fitting) != 1:
-            raise DecodeError(f"{declared.origin}: {len(fitting)} of the files are named {pattern}; one must be.")
+            raise DecodeError(f"{declared.origin}: {len(fitting)} of the files are named {pattern}, not one.")
         parts.append(_read_one(fitting[0], stream, note))
     return joined_recordings(parts, files[0].stem)
 

@@ -791,7 +791,7 @@ def _refuse_rows(rows: int, declared: int | None) -> None:
     if declared is not None and rows != declared:
         raise DecodeError(
             f"there are {rows} whole rows of numbers, but the profile says rows = {declared}; the file is cut or "
-            "another one. If it is meant so, correct the profile."
+            "another one. If that is intended, correct the profile."
         )
 
 

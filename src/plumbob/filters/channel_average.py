@@ -85,5 +85,5 @@ def step(c: Floats, x: Floats, dt: float, y: float) -> None:
 def same_noise(gain: float) -> int:
     """Window that leaves as much white noise as a scalar Kalman filter of that gain: 1/n = K / (2 − K), rounded."""
     if not 0.0 < gain <= 1.0:
-        raise ParameterError(f"a gain is above 0 and at most 1, but it is {gain:g}.")
+        raise ParameterError(f"a gain must be above 0 and at most 1, but it is {gain:g}.")
     return round((2.0 - gain) / gain)

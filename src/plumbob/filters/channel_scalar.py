@@ -130,4 +130,4 @@ def _require_positive(**values: float) -> None:
 
 def _require_gain(gain: float) -> None:
     if not 0.0 < gain <= 1.0:
-        raise ParameterError(f"a gain is above 0 and at most 1, but it is {gain:g}.")
+        raise ParameterError(f"a gain must be above 0 and at most 1, but it is {gain:g}.")

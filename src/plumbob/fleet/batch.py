@@ -297,7 +297,7 @@ def _listed(sources: Source | Iterable[Source], say: Callable[[str], object]) ->
         return items, None
     listed = list(items)
     if not listed:
-        raise ParameterError("there is not a recording among what was given. Name files, a folder or a pattern.")
+        raise ParameterError("there is no recording in the given paths. Name files, a folder or a pattern.")
     return listed, len(listed)
 
 

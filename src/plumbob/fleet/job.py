@@ -129,7 +129,7 @@ class BatchSettings:
             return card
         raise CalibrationError(
             f"none of the {len(self.cards)} calibration cards is of the device '{device}'. Add its card, or run it "
-            "apart without one."
+            "separately without one."
         )
 
     def try_out(self) -> None:

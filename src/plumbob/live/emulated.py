@@ -330,7 +330,7 @@ def _port(
 def _address(text: str) -> tuple[str, int]:
     host, colon, number = text.rpartition(":")
     if not colon or not number.isdecimal() or int(number) > 65535:
-        raise ParameterError(f"an address is HOST:PORT, as 127.0.0.1:4000, but got '{text}'.")
+        raise ParameterError(f"an address must be HOST:PORT, as 127.0.0.1:4000, but got '{text}'.")
     return host or LOOPBACK, int(number)
 
 

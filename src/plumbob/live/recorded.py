@@ -197,7 +197,7 @@ def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
         if not any(by_topic.values()):
             raise DecodeError(
                 "it has neither a session nor decoded samples: it was not made by Plumbob, or it is cut off near its "
-                "beginning. Take a whole copy."
+                "beginning. Use an intact copy."
             )
         imu = _imu(by_topic[rows.IMU], about.get("imu", {})) if by_topic[rows.IMU] else None
         array = _array(by_topic, parsed(ARRAY, "array", about["array"])) if "array" in about else None
@@ -211,12 +211,12 @@ def _array(
     by_topic: Mapping[str, Sequence[Mapping[str, Any]]], metas: Mapping[str, tuple[ImuMeta, UnitMount]]
 ) -> ImuArray:
     if lacking := [name for name in metas if not by_topic.get(rows.unit_topic(name))]:
-        raise DecodeError(f"it has no samples of the unit {lacking[0]}, which its metadata name; take a whole copy.")
+        raise DecodeError(f"it has no samples of the unit {lacking[0]}, which its metadata name; use an intact copy.")
     of = {name: by_topic[rows.unit_topic(name)] for name in metas}
     stamps = {name: rows.integers("t_ns", of[name], np.int64) for name in metas}
     common = reduce(np.intersect1d, stamps.values())  # damage may have cost some units rows that others have
     if not common.size:
-        raise DecodeError("its units have no time in common; take a whole copy.")
+        raise DecodeError("its units have no time in common; use an intact copy.")
     units = {}
     for name, (meta, _) in metas.items():
         mask = np.isin(stamps[name], common)
@@ -350,7 +350,7 @@ def require_writer(file: Path, layout: str | None) -> None:
         suffixes = LAYOUTS[layout].suffixes
         if file.suffix not in suffixes and (suffixes or file.suffix in SUFFIXES):
             form = f"a file whose name ends in {' or '.join(suffixes)}" if suffixes else "a folder"
-            raise ParameterError(f"{file}: the layout {layout} is {form}; name the new one so.")
+            raise ParameterError(f"{file}: the layout {layout} is {form}; give the new one such a name.")
     elif file.suffix not in SUFFIXES and not ((other := EXTENSIBLE.find(file.suffix.lower()[1:])) and other.writers):
         folders = " or ".join(f"--as {name}" for name, spec in LAYOUTS.items() if not spec.suffixes)
         raise ParameterError(

@@ -193,7 +193,7 @@ def table(key: str, records: Sequence[Mapping[str, Any]], width: int | None = No
     try:
         return np.array(values, dtype=np.float64)
     except OverflowError as error:  # an integer of hundreds of digits
-        raise DecodeError(f"'{key}' holds a number beyond every sensor; {_ADVICE}") from error
+        raise DecodeError(f"'{key}' holds a number that no sensor gives; {_ADVICE}") from error
 
 
 def integers(key: str, records: Sequence[Mapping[str, Any]], dtype: type[Whole]) -> NDArray[Whole]:

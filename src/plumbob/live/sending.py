@@ -139,7 +139,7 @@ class Direct:
         except BrokenPipeError:
             if self._name == "-":
                 raise  # the reader of standard output went away; that is its right
-            raise LineError(f"{self._name} cannot be written: nobody reads it any more.") from None
+            raise LineError(f"{self._name} cannot be written: the receiver has closed it.") from None
         except OSError as error:
             if isinstance(self._target, FileTarget):
                 self._target.discard()
@@ -291,7 +291,7 @@ def with_sent(session: Session, send: Sequence[str]) -> Session:
         If a heading is asked for that no attitude of the session can have.
     """
     if send and session.stage is None:
-        raise ParameterError("--send sends an attitude, and nothing estimates one. Name a filter with --filter.")
+        raise ParameterError("--send sends an attitude, but nothing estimates one. Name a filter with --filter.")
     chosen = replace(session, send=(*session.send, *map(parse_send, send)))
     declination = session.meta.declination
     best = North.MAGNETIC if declination is None else North.TRUE  # what a heading may count from, at best

@@ -258,7 +258,7 @@ def _place_and_day(imu: Mapping[str, Any], source: SourceSpec | None, date: str 
     """Where the line is, and on which day; only bytes that are yet to come are of today."""
     if "place" not in imu or "declination" in imu:
         raise DecodeError(
-            "imu.place says the declination too, so imu.declination must not stand beside it; keep one of them."
+            "Give imu.place or imu.declination, not both: the place gives the declination."
             if "place" in imu
             else "imu.date is the day of imu.place, which is missing; add it, or leave imu.date out."
         )
@@ -304,7 +304,7 @@ def _kernel(source: SourceSpec, tables: Mapping[str, Any], text: str) -> tuple[S
     from plumbob.live.transports.iio_layout import IioLayout
 
     if "format" in tables:
-        raise DecodeError(f"[format] does not go with source.kind = '{source.kind}': the kernel says it; leave it out.")
+        raise DecodeError(f"[format] does not go with source.kind = '{source.kind}': the kernel sets it; leave it out.")
     layout = IioLayout.from_json(text)
     settings = {**source.settings, "layout": layout}
     form = iio_format(layout, mounted=settings.pop("mount", True))
@@ -388,7 +388,7 @@ def _reference(tables: Mapping[str, Any], message: Message) -> ReferenceSpec | N
 
 def _sent(tables: Mapping[str, Any]) -> tuple[SendSpec, ...]:
     if "send" in tables and "estimate" not in tables:
-        raise ParameterError("[[send]] sends an attitude, and nothing estimates one. Add [estimate].")
+        raise ParameterError("[[send]] sends an attitude, but nothing estimates one. Add [estimate].")
     return tuple(tables.get("send", ()))
 
 
@@ -483,7 +483,8 @@ def capture_session(
     if file is not None:
         if format or profile or tables:
             raise ParameterError(
-                "the session file says format, unit, device, frame, calibration and filter; leave the options out."
+                "the session file already sets format, unit, device, frame, calibration and filter; leave these "
+                "options out."
             )
         return load_session(file)
     if iio is not None and (format or profile or unit):

@@ -80,7 +80,7 @@ def characterise(
         elif group.names[0] in report.skipped:
             warning = next(f for f in report.warnings if f.kind == "disturbed" and f.concerns(group.names[0]))
             raise ShapeError(
-                f"{record.path} is analysed as it is read, so that nothing can be skipped: {warning} Choose a still "
+                f"{record.path} is analysed as it is read, so nothing can be skipped: {warning} Choose a still "
                 "stretch with --from and --to."
             )
         else:

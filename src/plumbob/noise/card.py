@@ -138,7 +138,7 @@ def kalibr_yaml(analyses: Sequence[Analysis], *, rostopic: str, source: str = ""
         If the topic is not a name of ROS, the two have different rates, or a coefficient has neither value nor limit.
     """
     if not _TOPIC.fullmatch(rostopic):
-        raise ParameterError(f"rostopic must be a name of ROS such as /imu0, but it is {rostopic!r}.")
+        raise ParameterError(f"rostopic must be a ROS name such as /imu0, but it is {rostopic!r}.")
     index = {triad.name: triad for triad in triads(analyses)}
     lines = ["# Noise of an IMU for Kalibr: continuous time, SI; by plumbob"]
     lines += [f"# {_ascii(source)}"] if source else []

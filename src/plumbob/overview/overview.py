@@ -152,7 +152,7 @@ def make_gatherer(
         if not 0.0 < value < math.inf:
             raise ParameterError(f"{name} must be above 0, but it is {value:g}. Give a positive one.")
     if limit >= math.pi:
-        raise ParameterError(f"an inclination is below 180°, but tilt_limit is {to_deg(limit):g}°. Give a smaller one.")
+        raise ParameterError(f"tilt_limit must be below 180°, but it is {to_deg(limit):g}°. Give a smaller one.")
     return Gatherer(burst=length, limit=limit, most=most, **more)
 
 

@@ -56,7 +56,7 @@ class Outcome:
             if value is None and bar != OPEN:
                 raise ParameterError(f"outcome {self.key} has a bar, but no value for it.")
         if not self.reproducible and self.reason is None:
-            raise ParameterError(f"outcome {self.key} is said not to be reproducible, but without a reason.")
+            raise ParameterError(f"outcome {self.key} is marked as not reproducible, but no reason is given.")
 
     @property
     def met(self) -> bool:

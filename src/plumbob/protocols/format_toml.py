@@ -70,7 +70,7 @@ def parse_format(text: str) -> Format:
 def _order(where: str, order: str) -> str:
     if not order:
         raise DecodeError(
-            f'{where} has several bytes, and their order is not given. Add byte_order = "big" or "little".'
+            f'{where} has several bytes, but their order is not given. Add byte_order = "big" or "little".'
         )
     return order
 
@@ -174,10 +174,10 @@ def _embedded(raw: Mapping[str, Any]) -> list[Field]:
     sync = framing.sync[0] if framing.sync else b""
     if len(framing.sync) > 1:
         if not set(range(len(sync))) <= {f.at + i for f in message.fields if not f.derived for i in range(f.size)}:
-            raise DecodeError(f"embed: frames of {inner.name} begin in several ways; only one kind can stand inside.")
+            raise DecodeError(f"embed: frames of {inner.name} begin in several ways, and cannot be embedded.")
         sync = b""
     if framing.end:
-        raise DecodeError(f"embed: frames of {inner.name} have an end of their own; such cannot stand inside.")
+        raise DecodeError(f"embed: frames of {inner.name} have an end of their own, and cannot be embedded.")
     begin, unit = raw["at"], raw.get("unit", "")
     prefix = f"{unit}." if unit else ""
     values = tuple(dict.fromkeys(prefix + (f.triad or f.name) for f in message.fields if f.physical))
@@ -223,11 +223,9 @@ def _require_sense(form: Format) -> None:
     if len({len(word) for word in framing.sync}) > 1:
         raise DecodeError("frame.sync: all alternatives must be of equal length.")
     if not framing.length and not framing.length_field:
-        raise DecodeError(
-            "frame needs its length in bytes, sync and checksum included, or where it stands: length_field."
-        )
+        raise DecodeError("frame needs its length in bytes, including sync and checksum, or a length_field.")
     if framing.transfers and (framing.length_field or framing.confirm):
-        raise DecodeError("frame without sync is a bus transfer; it has one length and nothing to confirm.")
+        raise DecodeError("frame without sync is a bus transfer; it has one length, and no confirmation.")
     if framing.checksum and framing.checksum.kind not in form.options:
         checksum.algorithm(framing.checksum.kind)
     for message in form.messages:
@@ -268,7 +266,7 @@ def _require_room(form: Format, message: Message) -> None:
             raise DecodeError(f"field {f.name} says something of {unheard[0]}, but counts only {least} to {most}.")
         for name in f.of:
             if not any(name in (other.triad, other.name) for other in message.fields):
-                raise DecodeError(f"field {f.name} speaks of '{name}', which message {message.name} does not have.")
+                raise DecodeError(f"field {f.name} refers to '{name}', which message {message.name} does not have.")
 
 
 def _with_origin(_: str, table: dict[str, Any]) -> dict[str, Any]:

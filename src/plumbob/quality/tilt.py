@@ -234,7 +234,7 @@ class Headings:
         width = _BINS // count
         if width * count != _BINS or width % 2:
             raise ShapeError(
-                f"headings are counted in sectors of 2.5° and multiples of it, but {count} were asked for."
+                f"headings are counted in sectors of 2.5° and multiples of it, but {count} sectors were asked for."
             )
         turned = np.roll(self.counts, width // 2).reshape(count, width).sum(axis=1)
         return np.asarray(turned / max(1, self.samples), dtype=np.float64)

@@ -64,7 +64,7 @@ class Info(FactsText):
         least = dict(WORDS)
         if isinstance(asked, str):
             if asked not in least:
-                raise ParameterError(f"a grade is GOOD, FAIR or POOR, or a number, but got {check.said(asked)}.")
+                raise ParameterError(f"a grade must be GOOD, FAIR or POOR, or a number, but got {check.said(asked)}.")
             return self.points >= least[asked]
         return self.points >= check.number("grade", asked, "points")
 

@@ -292,7 +292,7 @@ def _inches(width: float | None) -> float | None:
         return None
     if not _WIDTHS[0] <= width <= _WIDTHS[1]:
         raise ParameterError(
-            f"the width of a picture is {1e3 * _WIDTHS[0]:g} to {1e3 * _WIDTHS[1]:g} mm, but it is {1e3 * width:g} mm. "
-            "Give one in between, as 85mm."
+            f"the width of a picture must be {1e3 * _WIDTHS[0]:g} to {1e3 * _WIDTHS[1]:g} mm, but it is "
+            f"{1e3 * width:g} mm. Give one in between, as 85mm."
         )
     return width / 0.0254

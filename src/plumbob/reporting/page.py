@@ -114,8 +114,8 @@ def browser() -> str:
     program = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if program is None:
         raise MissingExtraError(
-            "a PDF is printed by Chromium or Chrome, and none was found. Install one, as 'apt install chromium' does, "
-            "or write the page with --out and print it from your browser."
+            "a PDF is printed by Chromium or Chrome, and neither is installed. Install one, as 'apt install chromium' "
+            "does, or write the page with --out and print it from your browser."
         )
     return program
 

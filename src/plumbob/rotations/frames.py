@@ -132,7 +132,7 @@ def body_axes(spec: str) -> Floats:
     """
     c = signed_axes(spec)
     if np.linalg.det(c) < 0.0:
-        raise FrameError(f"body axes {spec!r} are left-handed; no turning of a case gives them. Check one sign.")
+        raise FrameError(f"body axes {spec!r} are left-handed; no rotation of a case gives them. Check one sign.")
     return c
 
 

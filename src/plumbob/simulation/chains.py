@@ -147,8 +147,8 @@ def drawn_mounts(chain: Chain, *, angle: float, shift: float, clock: float = 0.0
     """
     if not (0.0 <= angle <= math.pi and 0.0 <= shift < math.inf and 0.0 <= clock < math.inf):
         raise ParameterError(
-            f"a mounting error is 0 to π rad, 0 m or more and 0 s or more, but it is {angle:g} rad, {shift:g} m and "
-            f"{clock:g} s."
+            f"a mounting error must be 0 to π rad, 0 m or more and 0 s or more, but it is {angle:g} rad, {shift:g} m "
+            f"and {clock:g} s."
         )
     return {link.unit: _off(link.mount, angle, shift, clock, link.unit, seed) for link in chain.segments if link.unit}
 
@@ -213,7 +213,8 @@ class SoftTissue:
         numbers = (self.frequency, self.tilt, self.skin, self.skin_shift)
         if not (all(0.0 <= size < math.inf for size in numbers) and self.frequency > 0.0 and 0.0 <= self.damping < 1.0):
             raise ParameterError(
-                f"soft tissue needs a frequency above 0, a damping from 0 to below 1, and the rest not below 0: {self}."
+                "soft tissue needs a frequency above 0, a damping from 0 to below 1, and no other value below 0: "
+                f"{self}."
             )
 
     def sway(self, rng: np.random.Generator, *, start: float, step: float, force: Floats, angles: Signal | None,

@@ -336,7 +336,7 @@ class AttitudeErrors:
     def __post_init__(self) -> None:
         """Validate."""
         if not (0.0 <= self.heading < math.inf and 0.0 <= self.tilt < math.inf and 0.0 < self.time < math.inf):
-            raise ParameterError(f"an attitude's errors are 0 rad or more, and their time above 0 s: {self}.")
+            raise ParameterError(f"the errors of an attitude must be 0 rad or more, and their time above 0 s: {self}.")
 
     def said(self, q_nb: Floats, *, seed: int, rate: float) -> Floats:
         """Heading, pitch and roll (N, 3), rad, that a reference says of true attitudes (N, 4) of its axes in NED.

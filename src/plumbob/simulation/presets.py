@@ -250,7 +250,7 @@ def draw_module(sensors: str, seed: int) -> Module:
     errors = {triad: _draw(triad, figures, seed) for triad, figures in triads.items() if figures is not None}
     said = [part.attitude for part in parts if part.attitude]
     if len(said) > 1:
-        raise ParameterError(f"{sensors} has two parts that say an attitude; leave one out.")
+        raise ParameterError(f"{sensors} has two parts that give an attitude; leave one out.")
     attitude = AttitudeErrors(**{name: float(said[0][name].si[0]) for name in ANGLES}) if said else None
     return Module("+".join(part.name for part in parts), _provenance(parts), **errors, attitude=attitude)
 

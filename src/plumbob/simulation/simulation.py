@@ -317,7 +317,7 @@ def warming_up(spec: WarmingUp) -> WarmUp:
     """
     parts = spec.split(",") if isinstance(spec, str) else tuple(spec)
     if len(parts) != 2:
-        raise ParameterError(f"warm_up is RISE, TIME, as '15 K, 120 s', but it is {check.said(spec)}.")
+        raise ParameterError(f"warm_up must be RISE, TIME, as '15 K, 120 s', but it is {check.said(spec)}.")
     time = given("the time of warm_up", parts[1], Quantity.TIME, positive=True)
     if isinstance(parts[0], str):
         number, name = split(parts[0])
@@ -335,7 +335,7 @@ def _plan(scenario: str | Scenario, parameters: dict[str, float | str]) -> Scena
     if not isinstance(scenario, Scenario):
         raise ParameterError(f"scenario must be one of {', '.join(SCENARIOS)}, but it is {check.said(scenario)}.")
     if parameters:
-        raise ParameterError(f"the scenario is already made; set {', '.join(parameters)} where it is.")
+        raise ParameterError(f"the scenario was given as an object; set {', '.join(parameters)} where it is made.")
     return scenario
 
 

@@ -69,15 +69,14 @@ class Serving:
     def __post_init__(self) -> None:
         check.kind("http_port", self.port, int, error=ParameterError)
         if not 0 <= self.port <= _LAST_PORT:
-            raise ParameterError(
-                f"a port is 0 to {_LAST_PORT}, but http_port is {self.port}. Give one of them; 0 takes a free one."
-            )
+            raise ParameterError(f"http_port must be 0 to {_LAST_PORT}, but it is {self.port}; 0 takes a free one.")
         if self.clients is not None and check.kind("clients", self.clients, int, error=ParameterError) < 1:
-            raise ParameterError(f"clients is the most that may look, 1 or more, but it is {self.clients}.")
+            raise ParameterError(f"clients, the most viewers at a time, must be 1 or more, but it is {self.clients}.")
         for origin in self.allow_origin:
             if not _ORIGIN.fullmatch(origin):
                 raise ParameterError(
-                    f"an origin is as https://app.foxglove.dev, without a path, but got {origin!r}. Leave the rest out."
+                    f"an origin must be like https://app.foxglove.dev, without a path, but got {origin!r}. Leave the "
+                    "rest out."
                 )
 
     def words(self, number: int, port: int) -> list[str]:

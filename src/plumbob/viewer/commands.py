@@ -67,9 +67,9 @@ def _object(data: str | bytes) -> dict[str, Any]:
     try:
         content = json.loads(data, parse_constant=_no_constant)
     except (ValueError, RecursionError):
-        raise RefusedError('A command is a JSON object, as {"id": 1, "verb": "stop"}; this is not JSON.') from None
+        raise RefusedError('A command must be a JSON object, as {"id": 1, "verb": "stop"}; this is not JSON.') from None
     if not isinstance(content, dict):
-        raise RefusedError('A command is a JSON object, as {"id": 1, "verb": "stop"}.')
+        raise RefusedError('A command must be a JSON object, as {"id": 1, "verb": "stop"}.')
     return content
 
 
@@ -109,7 +109,7 @@ def checked_name(name: Any) -> str:
     """
     if not isinstance(name, str) or _NAME.fullmatch(name) is None:
         raise ParameterError(
-            f"A name has at most {LONGEST_NAME} letters, digits, '-', '_' and '.', and does not begin with '.'; it is "
+            f"A name may have at most {LONGEST_NAME} letters, digits, '-', '_' and '.', not '.' first; it is "
             "never a path."
         )
     return name
@@ -124,7 +124,7 @@ def checked_text(text: Any) -> str:
         If it is too long, or has more than one line.
     """
     if not isinstance(text, str) or len(text) > LONGEST_TEXT or not text.isprintable():
-        raise ParameterError(f"A text has at most {LONGEST_TEXT} printable letters, all in one line.")
+        raise ParameterError(f"A text may have at most {LONGEST_TEXT} printable characters, all on one line.")
     return text
 
 
@@ -133,7 +133,7 @@ def _value(content: dict[str, Any]) -> float | None:
     if value is None:
         return None
     if type(value) not in (int, float) or not abs(value) < _LARGEST or not math.isfinite(value):
-        raise ParameterError("A value is a finite number.")
+        raise ParameterError("A value must be a finite number.")
     return float(value)
 
 
@@ -243,7 +243,7 @@ def control(url: str, what: str, argument: str | float | None = None) -> str:
     if not isinstance(answer.get("ok"), bool) or not isinstance(answer.get("text"), str):
         raise DecodeError(f"what answers at {_bare(url)} is not a view of this version of Plumbob.")
     if not answer["ok"]:
-        raise ParameterError(f"the view refuses: {answer['text']}")
+        raise ParameterError(f"the view refused: {answer['text']}")
     reply: str = answer["text"]
     return reply
 
@@ -262,7 +262,7 @@ def verb_value(verb: str, argument: str | float | None) -> dict[str, Any]:
     needed, allowed = VERBS[verb]
     kind = needed or allowed
     if not kind:
-        raise ParameterError(f"'{verb}' takes nothing behind it, but got '{argument}'.")
+        raise ParameterError(f"'{verb}' takes no argument, but got '{argument}'.")
     if kind != "value":
         return {kind: str(argument)}
     try:
@@ -276,7 +276,7 @@ def verb_value(verb: str, argument: str | float | None) -> dict[str, Any]:
 
 def _require_known(verb: str) -> None:
     if verb not in VERBS:
-        raise ParameterError(f"the view knows no verb '{verb}'; there are {', '.join(VERBS)}.")
+        raise ParameterError(f"the view has no command '{verb}'; there are {', '.join(VERBS)}.")
 
 
 def _place(url: str) -> tuple[str, str]:

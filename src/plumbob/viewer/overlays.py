@@ -41,7 +41,7 @@ def require_addable(name: str, triads: Sequence[str], *, beside: int) -> None:
     if name not in (names := addable(triads)):
         raise ParameterError(f"there is no estimator '{name}' for these samples; there are {', '.join(names)}.")
     if beside >= MOST:
-        raise ParameterError(f"{MOST} estimators are the most that are shown beside the first; remove one.")
+        raise ParameterError(f"{MOST} estimators at most are shown beside the first; remove one.")
 
 
 def greeting(layout: RowLayout, frame: Frame | None) -> dict[str, Any]:

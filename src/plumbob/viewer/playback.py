@@ -375,7 +375,7 @@ class Player:
             If it is not a time.
         """
         if not np.isfinite(position):
-            raise ParameterError("a position is a number of seconds.")
+            raise ParameterError("a position must be a number of seconds.")
         self._position = min(max(position, self._first), self._last)
         self._told_ns = self._clock()
         self._outlet.reset()

@@ -138,7 +138,7 @@ class Switch:
         if self.text is not None:
             raise ParameterError(f"{Path(self.text).name} is being written; stop it first.")
         if self._stream.filter is None:
-            raise ParameterError("a text has attitudes, and nothing estimates one; give --filter.")
+            raise ParameterError("a text file gets attitudes, but nothing estimates them; give --filter.")
         path = self._free(name, ".txt")
         self._text, self.text = TextSink(path, self._stream.session.output.every), str(path)
         self._say("text", f"{path.name} is being written")

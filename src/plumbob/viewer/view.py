@@ -426,7 +426,7 @@ def _of_line(path: Path | None, line: Mapping[str, Any]) -> dict[str, Any]:
         raise ParameterError(f"{path} does not exist. Name a recording, a session file, or a serial port.")
     if path.is_file():
         raise ParameterError(
-            f"{path} is not a session (.toml), not a recording by its suffix '{path.suffix}', and not a port but a "
+            f"{path} is neither a session (.toml), nor a recording by its suffix '{path.suffix}', nor a port, but a "
             "file. Raw bytes become a recording with 'plumbob record --from'."
         )
     return {"port": str(path), **words}

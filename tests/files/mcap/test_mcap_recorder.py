@@ -195,7 +195,7 @@ def started(path, key=None, **options):
     ("name", "options", "match"),
     [
         ("a.mcap", {"compression": "gzip"}, "one of zstd, none"),
-        ("a.mcap", {"every": 0.0}, "every must lie in 0 to 10 s"),
+        ("a.mcap", {"every": 0.0}, "every must be from 0 to 10 s"),
         ("a.mcap", {"rotate": 0.0}, "rotate must be positive"),
         ("a.mcap", {"rotate_bytes": -1}, "rotate_bytes must be positive"),
         ("a.mcap", {"rotate": float("nan")}, "rotate must be positive"),
@@ -269,7 +269,7 @@ def test_a_row_that_is_no_bytes_is_refused_and_costs_no_other(tmp_path, row):
     with made.recorder(tmp_path / "a.mcap") as recorder:
         channel = recorder.channel("a", "json")
         recorder.write(channel, 0, b"{}")
-        with pytest.raises(ParameterError, match="a row of a recording is bytes"):
+        with pytest.raises(ParameterError, match="a row of a recording must be bytes"):
             recorder.write(channel, 1, row)
         with pytest.raises(TypeError, match="integer"):
             recorder.write(channel, 0.5, b"{}")

@@ -455,7 +455,7 @@ def _require_rates(t: Floats) -> None:
     if gap > LONGEST_GAP:
         raise CalibrationError(
             f"rates are missing for {gap:.2g} s, and the field can be followed across {LONGEST_GAP:g} s at most; "
-            "cut the capture there with --from or --to, or choose another helper than the gyroscope."
+            "cut the capture there with --from or --to, or choose another sensor than the gyroscope."
         )
 
 

@@ -84,7 +84,7 @@ def door(part: Translator) -> tuple[str, str, str]:
     """Name, key and C of the function by which Python calls a kernel."""
     key, written = name_in_extension(part.func), writes(part.func)
     if (count := sum(map(arrays, part.parameters.values()))) > 64:
-        raise UnsupportedError(f"{key} takes {count} arrays, and the door holds 64")
+        raise UnsupportedError(f"{key} takes {count} arrays, but at most 64 are possible")
     lines, names = [], []
     for at, kind in enumerate(part.parameters.values()):
         lines.append(f"    {kind} a{at} = {{0}};")

@@ -458,7 +458,7 @@ class Translator:
 
     def _name_code(self, node: ast.Name) -> Coded:
         if node.id not in self.types:
-            raise self.refuse(node, "a name without a value, or no number")
+            raise self.refuse(node, "a name without a value, or not a number")
         return self.mangled(node.id), self.types[node.id]
 
     def _attribute_code(self, node: ast.Attribute) -> Coded:
@@ -469,7 +469,7 @@ class Translator:
         code, kind = self.expression(node.value)
         if isinstance(kind, Several) and node.attr in kind.names:
             return f"{code}.{node.attr}", kind.items[kind.names.index(node.attr)]
-        raise self.refuse(node, "no number, and no part of a named tuple")
+        raise self.refuse(node, "neither a number nor a part of a named tuple")
 
     def _tuple_code(self, node: ast.Tuple) -> Coded:
         parts = [self.expression(item) for item in node.elts]
@@ -510,7 +510,7 @@ class Translator:
     def _compare_code(self, node: ast.Compare) -> Coded:
         values = [self.expression(side) for side in (node.left, *node.comparators)]
         if any(isinstance(kind, Array | Several) for _, kind in values):
-            raise self.refuse(node, "numbers are compared, nothing else")
+            raise self.refuse(node, "only numbers can be compared")
         parts = []
         for (left, _), op, (right, _) in zip(values, node.ops, values[1:], strict=False):
             if type(op) not in COMPARED:
@@ -543,7 +543,7 @@ class Translator:
             axis = self.source.constant(node.slice)
             if isinstance(kind, Array) and isinstance(axis, int) and 0 <= axis < kind.axes:
                 return f"{code}.n{axis}", INTEGER
-            raise self.refuse(node, "no axis of an array")
+            raise self.refuse(node, "not an axis of an array")
         table = self.source.constant(node.value)
         if isinstance(table, tuple) and self.source.constant(node.slice) is None:
             parts = [number(item, lambda why: self.refuse(node, why)) for item in table]
@@ -621,7 +621,7 @@ class Translator:
 
     def _call_code(self, node: ast.Call) -> Coded:
         if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
-            raise self.refuse(node, "arguments stand in their order, each by itself")
+            raise self.refuse(node, "arguments must be given by position, without stars or names")
         if callee := self.source.kernel(node.func):
             return self.kernel_call(callee, node)
         name = spelled(node.func)

@@ -173,7 +173,7 @@ def strict_json(content: str | bytes) -> Any:
 
 def _finite(digits: str) -> float:
     if not math.isfinite(value := float(digits)):
-        raise ValueError(f"{digits} is not a number in JSON, or beyond every number that is needed")
+        raise ValueError(f"{digits} is not a number in JSON, or is out of range")
     return value
 
 

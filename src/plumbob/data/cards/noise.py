@@ -47,7 +47,7 @@ class TriadNoise:
             if getattr(self, name) is not None:
                 ends = finite(name, getattr(self, name), (2, 3))
                 if not (ends[0] >= 0.0).all() or not (ends[0] <= ends[1]).all():
-                    raise CalibrationError(f"{name} must be lower ends ≥ 0 and upper ends, but it is {ends.tolist()}.")
+                    raise CalibrationError(f"{name} must be lower and upper limits ≥ 0, but it is {ends.tolist()}.")
                 object.__setattr__(self, name, ends)
 
     @property

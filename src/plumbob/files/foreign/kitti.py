@@ -68,9 +68,9 @@ def _table(home: Path) -> tuple[NDArray[np.int64], Floats]:
             if entry.name.endswith(".txt") and entry.name[:-4].isascii() and entry.name[:-4].isdigit():
                 names.append(entry.name)
             if len(names) > _MOST_FILES:
-                raise DecodeError(f"oxts/data holds more than {_MOST_FILES} files, which is not a drive.")
+                raise DecodeError(f"oxts/data holds more than {_MOST_FILES} files, more than a drive has.")
     if not names:
-        raise DecodeError("oxts/data holds no files such as 0000000000.txt; take a copy that is whole.")
+        raise DecodeError("oxts/data holds no files such as 0000000000.txt; use an intact copy.")
     numbered = sorted((int(name[:-4][:18]), name) for name in names)
     values = np.empty((len(numbered), _COLUMNS))
     for row, (_, name) in enumerate(numbered):

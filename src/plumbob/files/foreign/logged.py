@@ -274,5 +274,5 @@ def text_rows(
     except (ValueError, UnicodeDecodeError, OverflowError) as error:
         raise DecodeError(f"{path.name} holds a row that is not {1 + columns} numbers: {one_line(error)}.") from error
     if not rows.size:
-        raise DecodeError(f"{path.name} holds no rows; take a copy that is whole.")
+        raise DecodeError(f"{path.name} holds no rows; use an intact copy.")
     return rows["t"], rows["values"]

@@ -105,7 +105,7 @@ def _damage() -> Iterator[None]:
         raise
     except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
         raise DecodeError(
-            f"the archive is cut or damaged ({one_line(error)[:120]}); export it again, or take a copy that is whole."
+            f"the archive is cut or damaged ({one_line(error)[:120]}); export it again, or use an intact copy."
         ) from error
 
 

@@ -343,7 +343,7 @@ def _query_messages(ask: Callable[..., Iterator[tuple[Any, ...]]], bag: Bag) -> 
     topics: dict[int, Topic] = {}
     for number, name, kind, encoding in ask("SELECT id, name, type, serialization_format FROM topics"):
         if not (type(number) is int and all(isinstance(word, str) for word in (name, kind, encoding))):
-            raise DecodeError("its table 'topics' holds what is not a name; it is damaged.")
+            raise DecodeError("its table 'topics' holds something that is not a name; it is damaged.")
         topics[number] = bag.topic(name, kind, encoding)
     for number, topic in topics.items():
         if topic.kind not in LAYOUTS:
@@ -352,7 +352,7 @@ def _query_messages(ask: Callable[..., Iterator[tuple[Any, ...]]], bag: Bag) -> 
         rows = ask("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY timestamp, id", (number,))
         for log_ns, data in rows:
             if type(log_ns) is not int or not isinstance(data, bytes):
-                raise DecodeError(f"a message of {topic.name} is not one; the table is damaged.")
+                raise DecodeError(f"a message of {topic.name} is invalid; the table is damaged.")
             bag.room(len(data))  # no encapsulation of CDR begins as zstd does
             topic.take(log_ns, _zstd(BytesIO(data), "a message", bag) if data.startswith(_ZSTD) else data)
 

@@ -112,7 +112,7 @@ def _store(name: str) -> Any:
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise MissingExtraError(
-            'bags of ROS are written by rosbags; install it with: pip install "plumbob[ros]".'
+            'ROS bags are written by rosbags; install it with: pip install "plumbob[ros]".'
         ) from error
     return get_typestore(Stores[name])
 
@@ -187,7 +187,7 @@ def _name(text: str) -> str:
 
 def _stamps(t_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     if int(t_ns[0]) < 0 or int(t_ns[-1]) >= _LAST_NS:
-        raise ClockError("its times lie before 1970 or behind 2038, which stamps of ROS cannot hold.")
+        raise ClockError("its times lie before 1970 or after 2038, which ROS stamps cannot hold.")
     return t_ns
 
 

@@ -197,7 +197,7 @@ def _place(ref: ColumnRef, listed: _Listed, *, upright: bool) -> tuple[str, int]
     count = (shape[1] if upright else min(shape)) if len(shape) == _DIMENSIONS else 1
     if number > count or stated not in (None, str(count)):
         raise DecodeError(
-            f"{name} has {counted(count, 'column')}, but {stated or number} must be there; say which are meant, as in "
+            f"{name} has {counted(count, 'column')}, but {stated or number} are needed; say which are meant, as in "
             f'columns = ["{name}[1]", ...].'
         )
     return name, number
@@ -346,7 +346,7 @@ def _npy_head(name: str, raw: bytes) -> tuple[tuple[int, ...], Any]:
         head = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, _, dtype = head(stream)
     except (ValueError, EOFError, SyntaxError, TypeError, zipfile.BadZipFile) as error:
-        raise DecodeError(f"{excerpt(name)} is not an array of NumPy: {str(error)[:100]}") from error
+        raise DecodeError(f"{excerpt(name)} is not a NumPy array: {str(error)[:100]}") from error
     if any(side < 0 for side in shape):
         raise DecodeError(f"{excerpt(name)} claims the shape {shape}.")
     return shape, dtype

@@ -106,9 +106,7 @@ def _topics(file: Path) -> _Topics:
         except DecodeError:
             raise
         except ULogIncompatibleFlagException as error:
-            raise DecodeError(
-                "it has incompatible flags that are not known; convert it by a newer tool of PX4."
-            ) from error
+            raise DecodeError("it has unknown incompatible flags; convert it with a newer PX4 tool.") from error
         except Exception as error:  # a dozen types, by what is damaged
             raise DecodeError(f"it is damaged, or of a newer kind: {one_line(error)}; copy the log again.") from error
     tables: dict[tuple[str, int], Table] = {}

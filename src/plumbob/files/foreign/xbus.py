@@ -302,7 +302,7 @@ def _legacy(
     if devices != 1:
         what = f"lists {devices} units, whose packets it packs in one" if devices else "is not in the log"
         raise DecodeError(
-            "its packets are of the older kind (MTData), whose layout the message Configuration says, but that "
+            "its packets are of the older kind (MTData), whose layout the message Configuration gives, but that "
             f"{what}. Export it as text with MT Manager (File, Export)."
         )
     mode, settings = _uint(configuration, 104, 2), _uint(configuration, 106, 4)

@@ -194,7 +194,7 @@ class Recorder:
         if channel not in self._next:
             raise ParameterError(f"the recording {self._path.name} has no channel {channel}; declare it first.")
         if not isinstance(data, bytes):  # the writing thread could not say whose fault it was
-            raise ParameterError(f"a row of a recording is bytes, but this one is {type(data).__name__}; encode it.")
+            raise ParameterError(f"a row of a recording must be bytes, but it is {type(data).__name__}; encode it.")
         t_ns = index(t_ns)
         sequence = self._next[channel]
         self._next[channel] = sequence + 1
@@ -250,7 +250,7 @@ class Recorder:
         if self._path.suffix != layout.SUFFIX:
             raise ParameterError(f"a recording must be named *{layout.SUFFIX}, but it is '{self._path.name}'.")
         if not 0 < self._every_ns <= 10**10:
-            raise ParameterError(f"every must lie in 0 to 10 s, but it is {self._every_ns / 1e9:g} s.")
+            raise ParameterError(f"every must be from 0 to 10 s, but it is {self._every_ns / 1e9:g} s.")
         for name, value in (("rotate", rotate), ("rotate_bytes", rotate_bytes)):
             if value is not None and not value > 0:
                 raise ParameterError(f"{name} must be positive, or None for no such limit, but it is {value:g}.")

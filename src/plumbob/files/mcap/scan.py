@@ -319,9 +319,9 @@ class Scan:
         if info is not None:
             self.info = info
         elif not self._goes_on(at + layout.RECORD_HEAD.size + length):
-            raise BrokenRecordError("what the part says about itself is damaged")
+            raise BrokenRecordError("the part's metadata is damaged")
         else:
-            return [self._damage(at, 9 + length, "what the part says about itself is damaged; no row is lost")]
+            return [self._damage(at, 9 + length, "the part's metadata is damaged; no row is lost")]
         return []
 
     def info_at(self, at: int) -> PartInfo | None:
@@ -403,7 +403,7 @@ class Scan:
         if opcode != layout.CHUNK:
             raise BrokenRecordError("this is not a chunk")
         if size > (PLAIN_BYTES if self._ours else min(FOREIGN_BYTES, FREE_BYTES + MAX_RATIO * length)):
-            raise BrokenRecordError(f"a chunk claims {size} bytes, more than can be believed")
+            raise BrokenRecordError(f"a chunk claims {size} bytes, more than is plausible")
         if after > self._source.size:
             raise BrokenRecordError("a chunk reaches beyond the end of the file")
         if not self._source.may_search(length):
@@ -418,7 +418,7 @@ class Scan:
         content = inflate(self._source.read(at + layout.CHUNK_HEAD.size + name_size + 8, stored), name, size)
         if self._ours or crc:
             if zlib.crc32(content) != crc:
-                raise BrokenRecordError("the CRC of a chunk does not hold")
+                raise BrokenRecordError("the CRC of a chunk does not match")
         else:
             self.unchecked += 1
         parsed = self._parser.parse(content, None if self._ours else self._schemas)

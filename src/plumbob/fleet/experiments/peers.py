@@ -102,7 +102,7 @@ def peer_track(peer: PeerRun, imu: ImuData, *, frame: Frame) -> AttitudeTrack:
     try:
         q: Floats = np.asarray(peer.attitudes(gyr, acc, mag, float(np.median(np.diff(imu.t)))), dtype=np.float64)
     except Exception as error:  # a library may raise anything
-        raise ShapeError(f"{peer.name} refuses it: {type(error).__name__}: {error}") from error
+        raise ShapeError(f"{peer.name} rejects it: {type(error).__name__}: {error}") from error
     q = np.where(np.isfinite(q).all(axis=1, keepdims=True), q, np.nan)
     north, declination = North.FREE if mag is None else North.MAGNETIC, imu.meta.declination
     if declination is not None and mag is not None:
@@ -114,7 +114,7 @@ def peer_track(peer: PeerRun, imu: ImuData, *, frame: Frame) -> AttitudeTrack:
 def _complete(name: str, triad: Floats | None) -> Floats:
     """Own copy of a triad, because not every library leaves its input alone."""
     if triad is None or not np.isfinite(triad).all():
-        raise ShapeError(f"peers run where no sample lacks what others have, but {name} is absent in some or all.")
+        raise ShapeError(f"peers need every sensor in every sample, but {name} is missing in some or all.")
     return np.array(triad)
 
 

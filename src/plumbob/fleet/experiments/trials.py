@@ -157,7 +157,7 @@ def measure_accuracy(
                 progress(number * len(ways) + at, len(files) * len(ways))
         trials.append(trial)
     if not trials:
-        raise DecodeError("no recording is a trial: " + "; ".join(dict.fromkeys(skipped.values())))
+        raise DecodeError("no recording can be a trial: " + "; ".join(dict.fromkeys(skipped.values())))
     applied = {**changes, "seed": str(seed)} if changes else {}
     return _gathered(trials, list(ways), tuple(align), skipped, dict(absent or {}), applied, against)
 

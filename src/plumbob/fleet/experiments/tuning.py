@@ -342,7 +342,7 @@ class Tuning(Reported):
         if (path := check.path("path", path)).suffix.lower() != ".toml":
             raise ParameterError(f"a parameter file needs a name that ends in .toml, but got {path}.")
         if not (self.proven or unproven):
-            raise ParameterError(f"{path} is not written. {self.verdict()} To write it all the same, say unproven.")
+            raise ParameterError(f"{path} is not written. {self.verdict()} To write it anyway, give unproven.")
         return write_text(path, self.toml(), overwrite=overwrite)
 
 
@@ -668,7 +668,7 @@ def _range(filter: str, p: Parameter, span: str) -> Range:
     if span:
         ends = span.split("..")
         if len(ends) != 2:
-            raise ParameterError(f"{filter}: a range is written as {p.name}=LOW..HIGH, but got '{span}'.")
+            raise ParameterError(f"{filter}: a range must be written as {p.name}=LOW..HIGH, but got '{span}'.")
         low, high = (checked(filter, p, end) for end in ends)
     elif _positive(p.default):
         low, high = max(p.spec.low, p.default / REACH), min(p.spec.high, p.default * REACH)

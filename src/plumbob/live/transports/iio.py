@@ -380,7 +380,7 @@ def _as_before(before: IioLayout | None, now: IioLayout) -> IioLayout:
     if before is not None and now != before:
         raise NoLine(
             "refused",
-            f"{now.device}: channels, scales, mounting or clock are not what they were when it was first read; "
+            f"{now.device}: channels, scales, mounting or clock have changed since it was first read; "
             "the bytes would be misread. Start again.",
         )
     return now

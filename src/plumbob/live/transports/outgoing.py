@@ -299,7 +299,7 @@ class FileTarget:
         for start in range(0, len(data), _PIPE):
             if not _is_writable(self._fd, patience):
                 if start:
-                    raise OSError("it takes no more bytes, and a message is torn")
+                    raise OSError("it takes no more bytes, and a message was cut off")
                 return 1
             part = data[start : start + _PIPE]
             while part:
@@ -333,7 +333,7 @@ def _is_writable(fd: int, patience: float) -> bool:
     poll.register(fd, select.POLLOUT)
     ready = poll.poll(patience * 1e3)
     if ready and ready[0][1] & (select.POLLERR | select.POLLNVAL):
-        raise BrokenPipeError("nobody reads it any more")
+        raise BrokenPipeError("the receiver has closed it")
     return bool(ready)
 
 

@@ -258,11 +258,9 @@ def _keep_alive(sock: socket.socket) -> None:
 
 def _name(kind: str, host: str, port: int, *, lowest: int) -> str:
     if not host:
-        raise ParameterError(
-            f"An address must be named; {LOOPBACK} is this machine, 0.0.0.0 every network that it is in."
-        )
+        raise ParameterError(f"An address must be named; {LOOPBACK} is this machine, 0.0.0.0 all of its networks.")
     if not lowest <= port < 2**16:
-        raise ParameterError(f"A {kind} port is a number from {lowest} to 65535, but got {port}.")
+        raise ParameterError(f"A {kind} port must be a number from {lowest} to 65535, but got {port}.")
     return f"{kind} {host}:{port}"
 
 

@@ -253,7 +253,7 @@ class Replug(Opened):
         if not 0.0 <= gather <= 1.0:
             raise ParameterError(f"gather must be from 0 to 1 s, but is {gather}.")
         if silence is not None and not silence > 0.0:
-            raise ParameterError(f"The silence that a line may keep must be above 0 s, but is {silence}.")
+            raise ParameterError(f"The longest silence of a line must be above 0 s, but is {silence}.")
         super().__init__(name, back_off, clock, sleep)
         self._wait, self._gather_ns = wait, round(gather * 1e9)
         self._silence_ns = None if silence is None else round(silence * 1e9)
