@@ -100,7 +100,7 @@ def test_a_chain_is_read_back_from_its_urdf(tmp_path: Path, units, merge: bool, 
     ("</robot>", "", "not complete XML"),
     ("<robot", "<sdf", "XML"),
     # entities in entities, the 'billion laughs': expat (since 2.4.1) stops them
-    ('<robot name="two">', f'<!DOCTYPE robot [<!ENTITY e0 "ha">{LAUGHS}]><robot name="&e12;">', "not whole XML"),
+    ('<robot name="two">', f'<!DOCTYPE robot [<!ENTITY e0 "ha">{LAUGHS}]><robot name="&e12;">', "not complete XML"),
 ])  # fmt: skip
 def test_what_a_chain_cannot_be_is_refused(tmp_path: Path, old: str, new: str, match: str) -> None:
     assert old in ROBOT

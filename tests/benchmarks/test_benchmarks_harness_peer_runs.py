@@ -116,7 +116,7 @@ def test_a_trial_that_a_peer_refuses_is_skipped_for_all_with_the_peer_named(tmp_
     run = rocking()
     mag = run.imu.mag.copy()
     mag[5] = np.nan
-    with pytest.raises(ShapeError, match="mag is absent in some or all"):
+    with pytest.raises(ShapeError, match="mag is missing in some or all"):
         peer_track(Broken(), replace(run.imu, mag=mag), frame=Frame.ENU)
     file_of(tmp_path / "thin.parquet", replace(run, imu=replace(run.imu, mag=mag)))
     found = measure_accuracy(trials_in(tmp_path), [Stage("mahony", {})], peers=[Broken()])

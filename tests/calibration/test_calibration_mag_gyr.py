@@ -65,7 +65,7 @@ def test_a_later_magnetometer_is_put_right():
     ]
     assert delays == pytest.approx([0.0, 0.04], abs=3 * 0.6e-3)
     fit = fit_mag_gyr(t[2:], mag[:-2], gyr[2:], strength=mags.STRENGTH, gyr_gain_sd=0.0)
-    assert f"lags it by {1e3 * delays[1]:.1f} ms" in str(fit.remarks[1])
+    assert f"by {1e3 * delays[1]:.1f} ms" in str(fit.remarks[1])
     assert np.degrees(mags.heading_rms(fit.calibration, unit)) < 0.25
 
 

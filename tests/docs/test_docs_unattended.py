@@ -70,4 +70,4 @@ def test_its_words_record_and_go_on_after_a_restart(unit, port, tmp_path):
         time.sleep(0.1)
     assert verify(tmp_path / "buoy.mcap").whole
     recording = read_recorded(tmp_path / "buoy.mcap")
-    assert "recorded in 2 starts; the recorder was away in between" in map(str, recording.notes)
+    assert "recorded in 2 sessions; the recorder was off between them" in map(str, recording.notes)

@@ -135,7 +135,7 @@ def odd(path):
 
 REFUSED = [
     ("a.mat", odd, PROFILE.replace('"imu/gyr"', '"gyro"'), "'gyro' is not in the file; the file holds"),
-    ("a.mat", odd, PROFILE.replace("acc[2]", "acc[4]"), "imu/acc has 3 columns, but 4 must be there"),
+    ("a.mat", odd, PROFILE.replace("acc[2]", "acc[4]"), "imu/acc has 3 columns, but needs 4"),
     ("a.mat", odd, PROFILE.replace('"temp"', '"short"'), "different lengths"),
     ("a.mat", odd, PROFILE.replace('"temp"', '"note"'), "is not an array of numbers"),
     ("a.mat", odd, PROFILE.replace('"temp"', "2"), "an array has a name"),

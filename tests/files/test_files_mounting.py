@@ -151,7 +151,7 @@ WRONG = [
     (HEAD + ISO + 'unit = "s"\n' + GYR, "has a format, so it can have no unit"),
     (HEAD + ISO + 'columns = ["d", "t"]\n' + GYR, "needs column, or columns"),
     (HEAD + SECONDS + 'zone = "UTC"\n' + GYR, "time.zone is for dates"),
-    (HEAD + ISO + 'zone = "XYZ"\n' + GYR, "time.zone: 'XYZ' is not a zone"),
+    (HEAD + ISO + 'zone = "XYZ"\n' + GYR, "time.zone: 'XYZ' is not a time zone"),
     (HEAD + ISO.replace("ISO 8601", "%H") + GYR, "must be one of 'ISO 8601'"),
     ("t0_ns = 1\n" + HEAD + ISO + GYR, "remove t0_ns"),
     (AT_100 + "zero = 32768\n", r"gyr\.zero is in counts; add gyr\.counts_per_unit"),
@@ -194,7 +194,7 @@ def test_a_field_relative_to_that_of_the_place_is_said_and_changes_no_attitude(p
     acc = '[acc]\ncolumns = ["ax", "ay", "az"]\nunit = "m/s2"\nsign = "specific-force"\n'
     mag = '[mag]\ncolumns = ["mx", "my", "mz"]\nunit = "relative"\n'
     found = parse(text, HEAD + '[time]\ncolumn = "t"\nunit = "s"\n' + GYR + acc + mag)
-    assert "mag is relative to the field of the place, which is taken for 50 µT" in map(str, found.notes)
+    assert "mag is relative to the field of the place, which is taken to be 50 µT" in map(str, found.notes)
     np.testing.assert_allclose(found.imu.mag, 50.0 * shares, rtol=1e-12)
     plain, relative = (estimate(imu, frame="ENU").track for imu in (h.imu(), found.imu))
     assert np.degrees(quat_angle(plain.q_nb, relative.q_nb)).max() < 0.3

@@ -247,7 +247,7 @@ OLDER = [xbus_message(0x32, bytes(38))] * 3
         ([packet(i, xbus_block(0xC810, bytes(20))) for i in range(3)], r"Awinda snapshots \(C810\); only Xsens"),
         ([b"PacketCounter;Acc_X\n" * 20], "no message of the Xbus"),
         ([several()], r"1 message, but no data.*: 0D\."),
-        (OLDER, "Configuration says, but that is not in the log"),
+        (OLDER, "Configuration gives, but that is not in the log"),
         ([several(), *OLDER], "lists 3 units"),
         ([several(1), *OLDER], "make 0"),
         ([counted(i) for i in range(5)], "its time is not known"),

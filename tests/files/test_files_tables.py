@@ -273,9 +273,9 @@ DAMAGED = DAMAGED[:-1] + bytes([DAMAGED[-1] ^ 1])
 CUT = "the variable at byte .* is cut or damaged"
 MISFITS = [
     ("imu_acc", np.zeros((ROWS - 1, 3)), "its arrays have different lengths"),
-    ("imu_acc", np.zeros((ROWS, 4)), "imu_acc has 4 columns, but 3 must be there"),
-    ("opt_quat", np.zeros((ROWS, 3)), "opt_quat has 3 columns, but 4 must be there"),
-    ("movement", np.zeros((ROWS, 2)), "movement has 2 columns, but 1 must be there"),
+    ("imu_acc", np.zeros((ROWS, 4)), "imu_acc has 4 columns, but needs 3"),
+    ("opt_quat", np.zeros((ROWS, 3)), "opt_quat has 3 columns, but needs 4"),
+    ("movement", np.zeros((ROWS, 2)), "movement has 2 columns, but needs 1"),
     *(("sampling_rate", rate, "sampling_rate must be") for rate in (0.0, np.nan, np.array([1.0, 2.0]))),
     ("imu_mag", np.zeros((ROWS, 3), dtype=complex), "imu_mag"),
 ]

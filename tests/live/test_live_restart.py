@@ -56,7 +56,7 @@ def test_replay_of_two_starts_equals_live_to_the_bit(tmp_path, monkeypatch, rebo
     assert [event.kind for event in found.events] == ["restarted"]
     recording = read_recorded(tmp_path / "a.mcap")
     assert len(recording.imu) == first + len(live[1].t_ns)
-    assert "recorded in 2 starts; the recorder was away in between" in map(str, recording.notes)
+    assert "recorded in 2 sessions; the recorder was off between them" in map(str, recording.notes)
     assert len(read_recorded(tmp_path / "a.0002.mcap").imu) == len(live[1].t_ns)
     repair(tmp_path / "a.mcap", tmp_path / "b.mcap")  # one file of both
     both = replay(tmp_path / "b.mcap").found

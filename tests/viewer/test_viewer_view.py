@@ -193,7 +193,7 @@ OPENED = [
     (None, {"emulate": "nothing"}, "there is no rig"),
 ]
 SERVED = [
-    ({"port": 99999}, "a port is 0 to 65535"), ({"port": -1}, "a port is 0 to 65535"),
+    ({"port": 99999}, "http_port must be 0 to 65535"), ({"port": -1}, "http_port must be 0 to 65535"),
     ({"port": "8770"}, "http_port must be an int"), ({"clients": 1.5}, "clients must be an int"),
     ({"clients": 0}, "1 or more"), ({"allow_origin": ["app.foxglove.dev"]}, "an origin must be like https"),
     ({"allow_origin": ["https://app.foxglove.dev/"]}, "an origin must be like https"),

@@ -197,7 +197,7 @@ def _place(ref: ColumnRef, listed: _Listed, *, upright: bool) -> tuple[str, int]
     count = (shape[1] if upright else min(shape)) if len(shape) == _DIMENSIONS else 1
     if number > count or stated not in (None, str(count)):
         raise DecodeError(
-            f"{name} has {counted(count, 'column')}, but {stated or number} are needed; say which are meant, as in "
+            f"{name} has {counted(count, 'column')}, but needs {stated or number}; say which are meant, as in "
             f'columns = ["{name}[1]", ...].'
         )
     return name, number
