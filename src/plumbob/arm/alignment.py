@@ -424,8 +424,7 @@ def _unknown_links(chain: Chain, samples: UnitSamples) -> list[JointLink]:
     for joint in chain.joints:
         if joint.known:
             raise ParameterError(
-                f"{chain.name} says where {joint.name} lies, but not where every joint does. Give it for all joints, "
-                "or for none."
+                f"{chain.name} says where {joint.name} lies, but not where every joint does. Give all, or none."
             )
         if numbers[joint.parent] == GROUND:
             raise ParameterError(

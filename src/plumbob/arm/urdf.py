@@ -167,8 +167,7 @@ def _ordered(joints: Sequence[Joint], links: Sequence[str]) -> list[Joint]:
     roots = [link for link in links if link not in children]
     if len(roots) != 1:
         raise DecodeError(
-            f"one link must be the root, moved by no joint, but there are {len(roots)}: "
-            f"{', '.join(roots) or 'a circle'}."
+            f"exactly one link must be the root, but there are {len(roots)}: {', '.join(roots) or 'a circle'}."
         )
     ordered: list[Joint] = []
     reached, pending = {roots[0]}, list(joints)

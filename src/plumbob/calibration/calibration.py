@@ -131,8 +131,7 @@ def unit_of(named: str, device: str | None, base: CalibrationCard | None) -> str
     names = {name for name in (named, device, base and base.device) if name and name != _UNNAMED}
     if len(names) > 1:
         raise CalibrationError(
-            f"recording, --device and card name different units: {', '.join(sorted(names))}. A card belongs to one "
-            "unit."
+            f"recording, --device and card name different units: {', '.join(sorted(names))}. A card is for one unit."
         )
     if not names:
         raise CalibrationError(

@@ -213,8 +213,7 @@ class SoftTissue:
         numbers = (self.frequency, self.tilt, self.skin, self.skin_shift)
         if not (all(0.0 <= size < math.inf for size in numbers) and self.frequency > 0.0 and 0.0 <= self.damping < 1.0):
             raise ParameterError(
-                "soft tissue needs a frequency above 0, a damping from 0 to below 1, and no other value below 0: "
-                f"{self}."
+                f"soft tissue needs a frequency above 0, a damping from 0 to below 1, and nothing else below 0: {self}."
             )
 
     def sway(self, rng: np.random.Generator, *, start: float, step: float, force: Floats, angles: Signal | None,

@@ -293,8 +293,7 @@ def _refuse(log: Log, target: Path) -> None:
     require_other(target, log.paths)
     if log.recording is None:
         raise ParameterError(
-            f"{log.paths[0]} was written by another program, so what is missing cannot be known here; use 'mcap "
-            "recover'."
+            f"{log.paths[0]} was written by another program: what is missing cannot be known here; use 'mcap recover'."
         )
     for file in log.paths:
         if disk.is_locked(file):
