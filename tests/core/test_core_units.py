@@ -88,7 +88,7 @@ def test_aliases_and_letters_with_two_meanings():
 
 TWO = "'{}' for a magnetic field, '{}' for an acceler"
 REFUSED = [
-    *((name, None, r"is not a unit; .*known are") for name in ("MT", "mt", "UT", "Mg", "G ", "RAD", "Dps", "C")),
+    *((name, None, r"is not a unit; .*known:") for name in ("MT", "mt", "UT", "Mg", "G ", "RAD", "Dps", "C")),
     *((name, None, f"'{name}' is not a unit") for name in ("", "parsec", "deg / s", "m//s", "None", "µgal")),
     ("DPS", Quantity.RATE, "if 'dps' was meant"),
     ("LSB", Quantity.RATE, "counts_per_unit counts"),

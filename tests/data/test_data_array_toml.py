@@ -64,7 +64,7 @@ WRONG = [
     ("lever = [0.02, 0, 0]", UnitError, "in quotes"), ('lever = ["20 mm", "0 mm"]', DecodeError, "list of 3 values"),
     ("q_bs = [1, 0, 0]", DecodeError, "list of 4 values"), ("q_bs = [2, 0, 0, 0]", PlumbobError, "q_bs"),
     ('rotation = "1 deg, 2 deg"', DecodeError, "roll, pitch and yaw"), ('rotation = "1, 2, 3"', UnitError, "no unit"),
-    ('card = "no.json"', DecodeError, "no.json"), ('[[unit]]\nname = "u1"', DecodeError, "'u1' stands twice"),
+    ('card = "no.json"', DecodeError, "no.json"), ('[[unit]]\nname = "u1"', DecodeError, "'u1' occurs twice"),
     ('[[unit]]\naxes = "x y z"', DecodeError, "needs the key 'name'"),
     (None, DecodeError, "kind must be one of 'plumbob array'"),
 ]  # fmt: skip

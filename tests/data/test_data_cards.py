@@ -207,8 +207,8 @@ REFUSED = [
     (triad, {"reference": 0.0}, "reference must be above zero"),
     (triad, {"quality": "good"}, "quality must be a Quality or None"),
     *((triad, {"remarks": bad}, "remarks must be a sequence of findings") for bad in ("one", [1], None)),
-    *((triad, {name: bad}, f"{name} must be a text") for name, bad in (("unit_in", 0), ("method", None), ("date", 3))),
-    *((calibration, {name: 3}, f"{name} must be a text") for name in ("device", "date", "method", "software")),
+    *((triad, {name: bad}, f"{name} must be text") for name, bad in (("unit_in", 0), ("method", None), ("date", 3))),
+    *((calibration, {name: 3}, f"{name} must be text") for name in ("device", "date", "method", "software")),
     *((calibration, {name: noise().gyr}, f"{name} must be a") for name in ("acc", "gyr", "mount")),
     *((make, {"date": "2026-11-21 or so"}, "date must be ISO 8601, as 2026-11-21") for make in (triad, calibration)),
     (quality, {"grade": "great"}, "grade must be one of good, fair, poor, but it is 'great'"),
@@ -224,7 +224,7 @@ REFUSED = [
     (mount, {"q_bs": [1.0, 0.0, 0.0]}, r"q_bs must be finite and of shape \(4,\)"),
     (mount, {"sd": [0.1, 0.1]}, r"sd must be finite and of shape \(3,\)"),
     (mount, {"sd": [0.1, -0.1, 0.1]}, "sd must not be negative, but it is"),
-    (mount, {"method": 3}, "method must be a text"),
+    (mount, {"method": 3}, "method must be text"),
     (mount, {"date": "soon"}, "date must be ISO 8601"),
     (mount, {"remarks": {}}, "remarks must be a sequence of findings"),
     *((triad_noise, {"b": bad}, "b must be three finite numbers ≥ 0") for bad in ([1, -1, 1], [np.nan] * 3, [1, 1], 1)),
@@ -288,8 +288,8 @@ CONTENT = [
     *((top(format_version=bad), "has format_version .* reads up to 2") for bad in (0, 3, "1", None, [1], True)),
     (without("format_version"), "format_version None"),
     *((without(name), f"incomplete or wrong.*'{name}'") for name in ("device", "date", "method")),
-    (top(colour="red"), r"CalibrationCard has no \['colour'\]; known are"),
-    (top(device=None), "device must be a text"),
+    (top(colour="red"), r"CalibrationCard has no \['colour'\]; known:"),
+    (top(device=None), "device must be text"),
     (top(acc="none"), "TriadCalibration has no none"),
     (top(acc=[]), r"TriadCalibration has no \[\]"),
     (acc(gain=1), r"TriadCalibration has no \['gain'\]"),
@@ -310,7 +310,7 @@ CONTENT = [
         for number in ("NaN", "Infinity", "-Infinity", "1e999", "-1e999")
         for edit in (acc(temp_ref_c="HERE"), acc(bias=[0, 0, "HERE"]))
     ),
-    (lambda text: text.replace('"device"', '"device": "unit 8",\n  "device"'), "a key stands twice among .*device"),
+    (lambda text: text.replace('"device"', '"device": "unit 8",\n  "device"'), "a key occurs twice among .*device"),
 ]
 NO_CARDS = [b"", *b'[] null 3 "card" { {} {"kind":1} \x00\xff\xfe \xef\xbb\xbf{}'.split(), b"[" * 100_000]
 

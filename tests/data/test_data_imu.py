@@ -163,7 +163,7 @@ META = [
     *((ShapeError, {"declination": bad}, "declination must be a number in rad") for bad in ("3 deg", True, [0.1], 1j)),
     *((ShapeError, {"t0_ns": bad}, "t0_ns must be an int") for bad in (1.5, 2.0, "3", None, True, np.nan)),
     *(
-        (FrameError, bad, "known are")
+        (FrameError, bad, "known:")
         for bad in ({"frame": "XYZ"}, {"north": "grid"}, {"frame": North.TRUE}, {"frame": 5})
     ),
     (FrameError, {"axes": "x y -z"}, "left-handed"),

@@ -60,7 +60,7 @@ def at(row, value):
     (ClockError, "t", at(7, 0.01), "strictly increase"),
     (ClockError, "t", at(7, 0.06 + 1e-10), "rounded to nanoseconds"),
     *(
-        (FrameError, name, bad, "known are")
+        (FrameError, name, bad, "known:")
         for name, bad in (("frame", None), ("frame", "XYZ"), ("north", "grid"), ("north", None))
     ),
 ])  # fmt: skip

@@ -76,7 +76,7 @@ def test_what_cannot_be_judged_is_refused_in_words_for_python_and_for_the_comman
         ((reference, blind), {}, ShapeError, "2000 the reference lost the body"),
         ((reference, masked), {}, ShapeError, "2000 the reference says"),
         ((reference, reference), {"align": {"heading", "scale"}}, ParameterError, "but not 'scale'"),
-        ((free, reference), {"align": {"mounting"}}, ParameterError, "whole attitudes"),
+        ((free, reference), {"align": {"mounting"}}, ParameterError, "full attitudes"),
         ((gyro_only, rolled), {}, ShapeError, r"did not converge.*init=.*accelerometer"),
     ):
         with pytest.raises(error, match=words) as refusal:

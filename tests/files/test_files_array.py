@@ -131,7 +131,7 @@ REFUSED = {
     "twice": ({"array": [*TOLD, TOLD[0]]}, "twice"),
     "one too few": ({"array": TOLD[1:]}, "columns of the units u1, which its header does not name"),
     "one too many": ({"array": [*TOLD, TOLD[0] | {"name": "u9"}]}, "columns flags of the unit u9 are missing"),
-    "a name of 5": ({"array": [TOLD[0] | {"name": 5}, *TOLD[1:]]}, "must be a text"),
+    "a name of 5": ({"array": [TOLD[0] | {"name": 5}, *TOLD[1:]]}, "must be text"),
     "three for a quaternion": (mounted(q_bs=[1.0, 0.0, 0.0]), "q_bs"),
     "lever of text": (mounted(lever_b=["1", 0.0, 0.0]), "must be a finite number"),
     "no noise card": (mounted(noise={"kind": "x"}), "is not a plumbob noise card"),

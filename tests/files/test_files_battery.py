@@ -116,7 +116,7 @@ def test_what_no_format_takes_is_refused(tmp_path):
     imu = make_imu()
     os.mkfifo(tmp_path / "pipe.parquet")  # refused instead of waited for
     refused(read, tmp_path / "pipe.parquet", match="not a regular file")
-    refused(read, tmp_path / "a.xls", match=r"'\.xls' is unknown; known are \.parquet, \.bag, .*\.csv")
+    refused(read, tmp_path / "a.xls", match=r"'\.xls' is unknown; known: \.parquet, \.bag, .*\.csv")
     refused(write, tmp_path / "a", imu, match="is unknown")
     known = r"is not among \.parquet, \.sto, \.csv, \.txt, \.mat, \.nc; plumbob\.convert writes more"
     for suffix in (".hdf5", ".npz", ".tsv"):

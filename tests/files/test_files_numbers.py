@@ -99,7 +99,7 @@ WIDE = np.zeros((2000, 3))
 WIDE[3, 0], WIDE[4, 0] = np.inf, np.nan  # others' business
 NO_NPY = [np.zeros((2, 5)), np.zeros((4, 2, 2)), np.zeros(3, complex), np.zeros(3, bool), np.array(["a"])]
 BAD = [  # content, what is declared, what is said
-    ("7", {}, "holds no whole row"),
+    ("7", {}, "holds no complete row"),
     ("1,,3,4\n", {}, "line 1, value 2: '' is not a number"),
     ("1,2,3\n4,,6\n", {}, "line 2, value 2: '' is not a number"),
     ("# only\n", {}, "holds no number"),

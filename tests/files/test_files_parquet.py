@@ -221,7 +221,7 @@ REFUSED = [
     (typed("track", "north", 1), "north"),
     (typed("track", "source", None), "source"),
     *((bare(raw), "header") for raw in (b"{", b"[]", b'"x"', b"\xff", b'{"kind": NaN}', b"[" * 100_000)),
-    (bare(TWICE), "a key stands twice among .*kind"),
+    (bare(TWICE), "a key occurs twice among .*kind"),
     (bare(HUGE), "1e999 is .* out of range"),
     *((without(name, told=False), "do not have the same names") for name in ("t_ns", "flags")),
     *((without(name), f"the columns {name} are missing") for name in ("t_ns", "gyr_y", "flags", "q_w", "cov_zz")),

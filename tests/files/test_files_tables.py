@@ -311,7 +311,7 @@ REFUSED = [
     (mat_with(-56, 13), "it is of type 13 instead of 14"),
     (mat_with(-52, 2**32 - 1), "states 4294967295 bytes"),
     (mat_with(-48, 5), "flags are not two numbers"),
-    (mat_with(-48, 0x00080006), "goes beyond its end"),  # a small element has 4 bytes at most
+    (mat_with(-48, 0x00080006), "extends beyond its end"),  # a small element has 4 bytes at most
     (mat_with(-44, 2**32 - 8), "states 4294967288 bytes"),
     (mat_with(-40, 255), "255, which does not exist"),
     (mat_with(-40, 17), "'imu_acc' is not in the file"),

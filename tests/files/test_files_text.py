@@ -302,7 +302,7 @@ def test_no_cut_gives_a_number_that_was_not_written(tmp_path):
         assert part.imu.acc.tobytes() == whole.imu.acc[: len(part.imu)].tobytes()
     for size in (len(raw) - 1, raw.rindex(b"\n", 0, -1) + 1):  # cut in the last line, and just before it
         path.write_bytes(raw[:size])
-        refused(read, path, match="2 whole rows of numbers, but the profile says rows = 3")
+        refused(read, path, match="2 complete rows of numbers, but the profile says rows = 3")
 
 
 @pytest.mark.parametrize("name", ["a.toml", "a.profile.toml"])

@@ -276,7 +276,7 @@ def test_parameters_in_text_carry_their_unit():
             lambda bad: ramp_lag(bad, 0.6, 0.1),
         )
     ),
-    (lambda: RateFilter("kalman"), ParameterError, "no channel filter 'kalman'; known are scalar, two_state"),
+    (lambda: RateFilter("kalman"), ParameterError, "no channel filter 'kalman'; known: scalar, two_state"),
     (lambda: RateFilter("scalar", params={"q": 1.0}), ParameterError, "scalar has no parameter 'q'"),
     (
         lambda: RateFilter("two_state", params={"jerk": "0.05"}),

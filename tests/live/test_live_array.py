@@ -185,7 +185,7 @@ WRONG = [
     ('unit = "u3"', '[[unit]]\nname = "u1"', "is 'u3', but the units"),
     ("", '[calibration]\ncard = "arm.json"', r"\[calibration\] has the card of one unit"),
     ("", '[[unit]]\nname = "u2"\ncard = "u2.json"', r"device in \[\[unit\]\]"),
-    ("", '[[unit]]\nname = "u2"\n[[unit]]\nname = "u2"', "stands twice"),
+    ("", '[[unit]]\nname = "u2"\n[[unit]]\nname = "u2"', "occurs twice"),
 ]
 
 

@@ -152,7 +152,7 @@ GONE[200, 1] = math.nan
     (lambda: feeding(np.zeros((4, 3))), ShapeError, r"block must have shape \(rows, 2\)"),
     (lambda: feeding(np.zeros((4, 2, 1))), ShapeError, r"block must have shape \(rows, 2\)"),
     (lambda: feeding(np.ma.masked_equal(np.ones((3, 2)), 1.0)), ShapeError, "masked"),
-    (lambda: feeding(np.zeros((1, 2))), ShapeError, "1 samples came, but"),
+    (lambda: feeding(np.zeros((1, 2))), ShapeError, "at least 2 samples, but got 1"),
     (lambda: log_factors(1, per_decade=16), ParameterError, "two samples or more"),
     (lambda: log_factors(1000, per_decade=0), ParameterError, "two samples or more"),
     (lambda: stream_factors([1, 2.5]), ParameterError, r"n\[1\] = 2.5, but for a stream whole numbers from 1"),

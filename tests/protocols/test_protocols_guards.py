@@ -152,7 +152,7 @@ def test_parts_lie_one_behind_the_other_and_their_places_count_from_their_first_
     assert [both[name][0] for name in ("count", "high", "low", "temp_c", "last")] == [9, 5, 10, -8.0, 7]
     assert [turned[name][0] for name in ("high", "low", "temp_c", "count")] == [7, 12, 20.0, 10]
     for old, new, pattern in (
-        ('["count", "bits"]', '["count", "bit"]', "message both has no part 'bit'; known are count, bits"),
+        ('["count", "bits"]', '["count", "bit"]', "message both has no part 'bit'; known: count, bits"),
         ('["count", "bits"]', '["count", "bits", "count"]', "message both has a part twice"),
         ("length = 7", "length = 6", "field count ends at byte 7, but message turned has 6"),
         ('at = 1, type = "u8", bits = [3, 0]', 'at = 0, type = "u8", bits = [3, 0]', "kind and field low share byte"),

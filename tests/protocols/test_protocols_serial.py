@@ -98,7 +98,7 @@ def test_a_request_is_one_frame_without_columns():
         ({}, "angles", ShapeError, "columns of rion"),
         (pair, "angles", ShapeError, "columns of rion"),
         ({"yaw": [0.1]}, "angles", ParameterError, "message angles has no field 'yaw' to encode"),
-        ({}, "angle", ParameterError, "rion has no message 'angle'; known are"),
+        ({}, "angle", ParameterError, "rion has no message 'angle'; known:"),
     ):
         with pytest.raises(error, match=match):
             encode(find_format("rion"), columns, message=message)

@@ -115,11 +115,11 @@ def same_as(frame, because):
 
 
 AXES_LACK = ["", "x y", "x x z", "xyz", "x y z z", "--x y z", "+-x y z", "X Y Z", "1 2 3", "x −y −z", "x- y z"]
-NO_FRAME = "is not a navigation frame; known are ENU, NED, NWU"
+NO_FRAME = "is not a navigation frame; known: ENU, NED, NWU"
 REFUSED = [
     *((change, pair, NO_FRAME) for pair in (("XYZ", "XYZ"), (None, Frame.NED), (Frame.NED, 3))),
-    *((Frame.parse, (name,), r"known are ENU, NED, NWU\.") for name in ("", "NEU", "north", "ENU NED")),
-    (North.parse, ("grid",), "'grid' is not a heading reference; known are true, magnetic, free"),
+    *((Frame.parse, (name,), r"known: ENU, NED, NWU\.") for name in ("", "NEU", "north", "ENU NED")),
+    (North.parse, ("grid",), "'grid' is not a heading reference; known: true, magnetic, free"),
     (same_as, (Frame.NED, "a reason"), "frame is NWU, not NED; nothing was relabelled"),
     *((same_as, (Frame.NWU, because), "needs a reason") for because in ("", "  \n")),
     *((body_axes, (spec,), "must name x, y and z once each") for spec in AXES_LACK),

@@ -73,8 +73,8 @@ CASES = [
     # a recording of one unit
     (rod, {"frame": "north"}, FrameError, "ENU"),
     (rod, {"unit": "perfect"}, ParameterError, "random, calibrated"),
-    (rod, {"sensors": "abc"}, ParameterError, "known are"),
-    (rod, {"name": "abc"}, ParameterError, "known are"),
+    (rod, {"sensors": "abc"}, ParameterError, "known:"),
+    (rod, {"name": "abc"}, ParameterError, "known:"),
     (rod, {"frequncy": 1.0}, ParameterError, "no parameter 'frequncy'"),
     (rod, {"rate": -1.0}, ParameterError, "rate"),
     (rod, {"seed": -1}, ParameterError, "seed must be"),
@@ -116,8 +116,8 @@ CASES = [
     (taught, {"attitudes": np.zeros((1, 6))}, ParameterError, "at least two poses"),
     (taught, {"attitudes": np.zeros((2, 5))}, ShapeError, "poses"),
     # scenarios and what they are made of
-    (scenario, {"name": "sailing"}, ParameterError, "known are static, turntable, ball"),
-    (scenario, {"name": "slide", "speed": 1.0}, ParameterError, "no parameter 'speed'; known are peak_speed, stroke"),
+    (scenario, {"name": "sailing"}, ParameterError, "known: static, turntable, ball"),
+    (scenario, {"name": "slide", "speed": 1.0}, ParameterError, "no parameter 'speed'; known: peak_speed, stroke"),
     (scenario, {"name": "slide", "stroke": 0.0}, ParameterError, "stroke must be 0.05 to 60 s"),
     (scenario, {"name": "slide", "strokes": 2.5}, ParameterError, "whole number"),
     (scenario, {"name": "turntable", "peak_rate": "90"}, ParameterError, "needs a unit"),
@@ -135,7 +135,7 @@ CASES = [
     (field, {"dip": 1.6}, ParameterError, "field"),
     (field, {"declination": 4.0}, ParameterError, "field"),
     # sensors
-    (draw_module, {"sensors": "mpu9999", "seed": 1}, ParameterError, "known are .*adxrs290.*mpu6000"),
+    (draw_module, {"sensors": "mpu9999", "seed": 1}, ParameterError, "known: .*adxrs290.*mpu6000"),
     (draw_module, {"sensors": "adis16355:other", "seed": 1}, ParameterError, "not a sensor"),
     (draw_module, {"sensors": "", "seed": 1}, ParameterError, "not a sensor"),
     (draw_module, {"sensors": "adxrs290", "seed": 1}, ParameterError, "add a part with z"),

@@ -135,7 +135,7 @@ def test_an_added_estimator_goes_on_from_the_attitude_now_and_a_removed_one_is_g
 
     take(items[: len(items) // 2])
     for call, name, says in (
-        (feed.add, "mekf", "runs already"),
+        (feed.add, "mekf", "is already running"),
         (feed.add, "nothing", "there is no estimator"),
         (feed.remove, "mahony", "was not added"),
     ):

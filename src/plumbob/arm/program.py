@@ -127,7 +127,7 @@ class Program(Series):
     def from_track(cls, track: JointTrack, recorded: Floats | None = None) -> "Program":
         """Take angles as they are for a program, as one that a file holds; its rates are differences of them."""
         if len(track) < 3:
-            raise ShapeError(f"a program needs 3 samples, but {counted(len(track), 'sample')} came.")
+            raise ShapeError(f"a program needs 3 samples, but it has {len(track)}.")
         velocities = np.gradient(track.angles, track.t, axis=0)
         accelerations = np.gradient(velocities, track.t, axis=0)
         return cls(track.t, track.angles, track.names, velocities, accelerations, recorded)
@@ -271,7 +271,7 @@ def _bounds(limits: "Chain | Limits | Sequence[Limits]", names: Sequence[str]) -
     if not isinstance(limits, Chain):
         bounds = tuple(limits)
         if len(bounds) != len(names):
-            raise ParameterError(f"{counted(len(names), 'angle')} need as many limits, but {len(bounds)} came.")
+            raise ParameterError(f"{counted(len(names), 'angle')} need as many limits, but {len(bounds)} were given.")
         return bounds
     by_name = dict(zip(limits.angles, limits.limits, strict=True))
     unknown = [name for name in names if name not in by_name]
@@ -287,7 +287,7 @@ def _resampled(track: JointTrack, bounds: Sequence[Limits]) -> tuple[Floats, Flo
     finite = np.asarray(np.isfinite(track.angles).all(axis=1))
     rows = np.flatnonzero(finite)
     if rows.size < 8 or not track.names:
-        raise ShapeError(f"a program needs at least 8 samples of known angles, but {rows.size} came.")
+        raise ShapeError(f"a program needs at least 8 samples of known angles, but it has {rows.size}.")
     t = track.t[rows[0] : rows[-1] + 1]
     steps = np.diff(t)
     step = float(np.median(steps))

@@ -174,7 +174,7 @@ def _ordered(joints: Sequence[Joint], links: Sequence[str]) -> list[Joint]:
     while pending:
         ready = [joint for joint in pending if joint.parent in reached]
         if not ready:
-            raise DecodeError(f"the joint '{pending[0].name}' is not connected with the root '{roots[0]}'.")
+            raise DecodeError(f"the joint '{pending[0].name}' is not connected to the root '{roots[0]}'.")
         ordered += ready
         reached |= {joint.child for joint in ready}
         pending = [joint for joint in pending if joint not in ready]

@@ -61,7 +61,7 @@ def mount_by_reference(estimate: AttitudeTrack, reference: AttitudeTrack) -> Mou
     """
     policy = heading_policy(estimate.north, reference.north, aligned=False, declination=None)
     if not policy.comparable:
-        raise FrameError(f"a mounting is found from whole attitudes, but {policy.reason}.")
+        raise FrameError(f"a mounting is found from full attitudes, but {policy.reason}.")
     match = associate(estimate, reference)
     q_nb = change_frame(match.q_ref[match.scored], to=estimate.frame, from_=reference.frame)
     return mount_from_attitudes(estimate.q_nb[match.scored], q_nb)

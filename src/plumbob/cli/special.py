@@ -188,7 +188,7 @@ def verify(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     if args.repair:
         verdict = call(repair, path=args.path, out=args.repair, overwrite=args.force)
         written = {"out": args.repair, "lossy": verdict.lossy}
-        show(args, verb, verdict, f"written      {args.repair}, with every whole row", **written)
+        show(args, verb, verdict, f"written      {args.repair}, with every intact row", **written)
         return 3 if verdict.lossy else 0
     verdict = call()
     show(args, verb, verdict)

@@ -181,7 +181,7 @@ START: Final = {
         },
         ends={"report": (".html", ".htm"), "acceleration": (".csv", ".parquet")},
         more={
-            "drift": ("MODEL", "taken off before a filter of rates: chen2013, the trackball paper's figures"),
+            "drift": ("MODEL", "subtracted before a filter of rates: chen2013, the trackball paper's figures"),
             "rest": ("A..B", "before a filter of rates: take the mean of this stretch off, as 0s..100s"),
             "card": ("FILE", "where to write the card with what was found of the gyroscope"),
             "report": ("HTML", "also write a page about it, as 'plumbob report' does, of this estimate"),
@@ -310,9 +310,9 @@ FILES: Final = {
         "file-formats.md", "plumbob convert sea.mcap sea.csv", run="convert", outputs=(), json=False,
     ),
     "verify": Verb(
-        "check that every row of an MCAP recording is there and undamaged, and save its whole rows",
+        "check that every row of an MCAP recording is there and undamaged, and save its intact rows",
         "recordings.md", "plumbob verify sea.mcap --repair whole.mcap", run="verify", outputs=("repair",),
-        more={"repair": ("MCAP", "also write every whole row to this new, complete file")},
+        more={"repair": ("MCAP", "also write every intact row to this new, complete file")},
         note="Exit code 3 where it is damaged or not complete, or rows are lost.",
     ),
     "compare": Verb(
@@ -329,7 +329,7 @@ CHANGES: Final = {
     "start": ("S", "begin this long after the motion begins, as 20s"),
     "wrong_field": (
         "F:S-S", "add a field in the reference's frame for a time, as 15,-10,20uT:0s-20s; ...@motion counts from the "
-        "begin of the motion; several with ;",
+        "start of the motion; several with ;",
     ),
     "hard_iron": ("F", "add a field in body axes, as 5,0,0uT"),
     "scale": ("R", "make rates too large, as 1%%"),

@@ -132,7 +132,7 @@ def build(cls: type[Built], values: Mapping[str, Any], *, of: str) -> Built:
     for name in values:
         if name not in parameters:
             near = closest(name, parameters)
-            raise ParameterError(f"{of} has no parameter '{name}'; known are {', '.join(parameters)}.{near}")
+            raise ParameterError(f"{of} has no parameter '{name}'; known: {', '.join(parameters)}.{near}")
     return cls(**{name: checked(of, parameters[name], value) for name, value in values.items()})
 
 

@@ -174,7 +174,7 @@ def form(
                 if key not in keys:
                     place = start + key
                     raise DecodeError(
-                        f"{name or where} has no key {excerpt(key)}; known are {', '.join(keys)}.{closest(key, keys)}"
+                        f"{name or where} has no key {excerpt(key)}; known: {', '.join(keys)}.{closest(key, keys)}"
                     )
             for key in required:
                 if key not in raw:
@@ -268,7 +268,7 @@ def _is_number(value: Any) -> bool:
 anything = plain("anything", lambda _: True, lambda value: value)
 """What another place judges."""
 
-text = plain("a text in quotes", lambda value: isinstance(value, str), str, type="string")
+text = plain("text in quotes", lambda value: isinstance(value, str), str, type="string")
 """Text in quotes."""
 
 texts = listed(text, of="texts")

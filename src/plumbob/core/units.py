@@ -250,7 +250,7 @@ def canonical_name(name: str, quantity: Quantity | None = None) -> str:
     fitting = [k for k, u in UNITS.items() if quantity is None or u.quantity is quantity]
     if canonical not in fitting:
         what = "a unit" if quantity is None else f"a unit of {quantity.name.lower()}"
-        raise UnitError(f"{name!r} is not {what}; {_meant(canonical)}known are {', '.join(fitting)}.")
+        raise UnitError(f"{name!r} is not {what}; {_meant(canonical)}known: {', '.join(fitting)}.")
     return canonical
 
 

@@ -83,7 +83,7 @@ def listed_units(tables: Iterable[dict[str, Any]], fetch: Fetch) -> dict[str, Mo
     for table in tables:
         name, card, noise = table["name"], table.get("card"), table.get("noise")
         if name in units:
-            raise DecodeError(f"the unit '{name}' stands twice; keep one of them.")
+            raise DecodeError(f"the unit '{name}' occurs twice; keep one of them.")
         turns = [table[key] for key in _TURNS if key in table]
         if len(turns) > 1:
             raise DecodeError(f"the unit '{name}' has more than one of {', '.join(_TURNS)}; keep one of them.")

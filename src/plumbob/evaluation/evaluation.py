@@ -183,7 +183,7 @@ def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: Evaluatio
         estimate.north, reference.north, aligned="heading" in settings.align, declination=settings.declination
     )
     if "mounting" in settings.align and not policy.comparable:
-        raise ParameterError(f"a mounting is found from whole attitudes, but {policy.reason} together with it.")
+        raise ParameterError(f"a mounting is found from full attitudes, but {policy.reason} together with it.")
     truth = reference  # untouched to the last bit where it has the frame and the north of the estimate
     if reference.frame is not estimate.frame or policy.turn:
         q = change_frame(reference.q_nb, to=estimate.frame, from_=reference.frame)

@@ -279,7 +279,7 @@ def _part(data: memoryview, at: int, order: str) -> tuple[int, memoryview, int]:
     if kind >> 16:  # a small element: size and type in one word, up to 4 bytes in the other
         kind, size, begin = kind & 0xFFFF, kind >> 16, at + 4
     if begin + size > len(data) or (begin == at + 4 and size > 4):
-        raise ValueError(f"the element at its byte {at} states {size} bytes and goes beyond its end")
+        raise ValueError(f"the element at its byte {at} states {size} bytes and extends beyond its end")
     after = at + 8 if begin == at + 4 else begin + size + -size % 8
     return kind, data[begin : begin + size], after
 

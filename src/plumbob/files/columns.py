@@ -249,7 +249,7 @@ def column(name: str) -> ColumnFormat:
     """
     unit, dot, base = name.rpartition(".")
     if base not in COLUMNS or (dot and not (unit and base in OF_UNIT)):
-        raise DecodeError(f"the column {name} is unknown; known are {', '.join(COLUMNS)}.")
+        raise DecodeError(f"the column {name} is unknown; known: {', '.join(COLUMNS)}.")
     return COLUMNS[base]
 
 
@@ -305,7 +305,7 @@ def require(names: Iterable[str], *, imu: bool, track: bool, units: Sequence[str
         if missing := sorted(needed - present):
             raise DecodeError(f"the columns {', '.join(missing)}{of} are missing; write the recording again.")
         if extra := sorted(present - allowed):
-            raise DecodeError(f"the columns {', '.join(extra)}{of} do not belong here; known are {', '.join(COLUMNS)}.")
+            raise DecodeError(f"the columns {', '.join(extra)}{of} do not belong here; known: {', '.join(COLUMNS)}.")
 
 
 def imu_from(columns: Mapping[str, NDArray[Any]], meta: ImuMeta) -> ImuData:

@@ -152,7 +152,7 @@ def profile_text(form: "Format", message: "Message", unit: str | None, time: str
         return ""
     unit = units[0] if unit is None else unit
     if unit not in units:
-        raise ParameterError(f"{message.name} has no unit '{unit}'; known are {', '.join(units)}.")
+        raise ParameterError(f"{message.name} has no unit '{unit}'; known: {', '.join(units)}.")
     titles = {field.name: format_title(field) for field in message.fields}
     titles |= {name: name for name in (f"{u}.flags".lstrip(".") for u in units)}
     prefix, what = (f"{unit}.", f"{message.name}, unit {unit}") if unit else ("", message.name)

@@ -404,7 +404,7 @@ class _DraftWriter:
         places = [self._names.index(ref)] if ref in self._names else [ref - 1] if type(ref) is int else []
         if not places or not 0 <= places[0] < self._sample.width:
             names = ", ".join(filter(None, self._names)) or f"the numbers 1 to {self._sample.width}"
-            raise DecodeError(f"the answer {key} names the column {ref!r}, which is not there; known are {names}.")
+            raise DecodeError(f"the answer {key} names the column {ref!r}, which is not there; known: {names}.")
         return places[0]
 
     def _answered_triads(self) -> dict[str, tuple[int, ...]]:

@@ -389,7 +389,7 @@ def _unknown(path: Path) -> UnknownFormatError:
     hint = " Plain numbers are not a recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
     hint += " Save a spreadsheet's table as .xlsx or .csv." if path.suffix.lower() in (".xls", ".ods") else ""
     return UnknownFormatError(
-        f"{path}: the suffix '{path.suffix}' is unknown; known are {', '.join(suffixes())}; raw bytes are for 'plumbob "
+        f"{path}: the suffix '{path.suffix}' is unknown; known: {', '.join(suffixes())}; raw bytes are for 'plumbob "
         f"record --from'.{hint}"
     )
 

@@ -387,7 +387,7 @@ class Numbers:
             with reading(self.path):  # only here, for what the caller does with a block is not this file's fault
                 block, done = next(blocks, (None, self.size))
                 if block is None and not rows:
-                    raise DecodeError("it holds no whole row of numbers.")
+                    raise DecodeError("it holds no complete row of numbers.")
             if progress is not None:
                 progress(done)
             if block is None:

@@ -219,7 +219,7 @@ def _absent(where: str, key: str) -> PlumbobError:
         return UnitError(f'{where} needs a unit, because a plain number has none. Add {key} = "{example}" or similar.')
     if key in {"frame", "north"}:
         words = ", ".join(Frame if key == "frame" else North)
-        return FrameError(f"{where} needs '{key}', because there is no default; known are {words}.")
+        return FrameError(f"{where} needs '{key}', because there is no default; known: {words}.")
     return DecodeError(f"{where} needs the key '{key}', because nothing is guessed; {GUIDE} explains it.")
 
 
@@ -319,7 +319,7 @@ def _zero_counts(where: str, table: Mapping[str, Any]) -> tuple[float, ...] | No
 def _reference(where: str, table: dict[str, Any]) -> ReferenceSource:
     size = ORDERS[table["order"]]
     if len(table["columns"]) != size:
-        raise DecodeError(f"{where}.order = '{table['order']}' needs {size} columns, but {len(table['columns'])} came.")
+        raise DecodeError(f"{where}.order = '{table['order']}' needs {size} columns, but has {len(table['columns'])}.")
     if (size == 3) != ("unit" in table):
         if size == 3:
             raise _absent(where, "unit")

@@ -790,7 +790,7 @@ def _packed(block: str, layout: TextLayout) -> bytes:
 def _refuse_rows(rows: int, declared: int | None) -> None:
     if declared is not None and rows != declared:
         raise DecodeError(
-            f"there are {rows} whole rows of numbers, but the profile says rows = {declared}; the file is cut or "
+            f"there are {rows} complete rows of numbers, but the profile says rows = {declared}; the file is cut or "
             "another one. If that is intended, correct the profile."
         )
 

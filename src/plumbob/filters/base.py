@@ -547,7 +547,7 @@ def _split_params(name: str, module: FilterModule, values: dict[str, Any]) -> tu
     if unknown:
         names = [p.name for p in (*describe(module.Params), *describe(CommonParams))]
         near = closest(unknown[0], names)
-        raise ParameterError(f"{name} has no parameter '{unknown[0]}'; known are {', '.join(names)}.{near}")
+        raise ParameterError(f"{name} has no parameter '{unknown[0]}'; known: {', '.join(names)}.{near}")
     return (
         build(module.Params, {k: v for k, v in values.items() if k in specific}, of=name),
         build(CommonParams, {k: v for k, v in values.items() if k in shared}, of=name),

@@ -212,7 +212,7 @@ def load(name: str) -> ChannelModule:
         If there is no channel filter of that name.
     """
     if name not in RATE_FILTERS:
-        raise ParameterError(f"there is no channel filter '{name}'; known are {', '.join(RATE_FILTERS)}.")
+        raise ParameterError(f"there is no channel filter '{name}'; known: {', '.join(RATE_FILTERS)}.")
     return cast(ChannelModule, EXTENSIBLE.find(name))
 
 

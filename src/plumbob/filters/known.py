@@ -93,7 +93,7 @@ def load(name: str) -> FilterModule:
     module = EXTENSIBLE.find(name) if isinstance(name, str) else None
     if module is None:
         names = estimator_names()
-        raise ParameterError(f"there is no filter {said(name)}; known are {', '.join(names)}.{closest(name, names)}")
+        raise ParameterError(f"there is no filter {said(name)}; known: {', '.join(names)}.{closest(name, names)}")
     return module
 
 

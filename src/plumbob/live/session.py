@@ -224,7 +224,7 @@ def send_spec(
         If the form or the target is unknown, or one does not fit the other.
     """
     if kind not in SENT_AS:
-        raise ParameterError(f"{check.said(kind)} is not a form of an attitude; known are {', '.join(SENT_AS)}.")
+        raise ParameterError(f"{check.said(kind)} is not a form of an attitude; known: {', '.join(SENT_AS)}.")
     names = tuple(sentences.split(",") if isinstance(sentences, str) else sentences)
     if kind == "nmea":
         from plumbob.protocols.attitude.lines import sentences_for

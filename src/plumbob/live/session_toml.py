@@ -397,7 +397,7 @@ def _stage(tables: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage
         return None
     section = tables["estimate"]
     if frame is None:
-        raise FrameError(f"[estimate] needs imu.frame, because there is no default; known are {', '.join(Frame)}.")
+        raise FrameError(f"[estimate] needs imu.frame, because there is no default; known: {', '.join(Frame)}.")
     noise = NoiseCard.from_text(keep(section["noise"]), section["noise"]) if "noise" in section else None
     stage = Stage(section.get("filter", SMOOTHER), section.get("params", {}), noise=noise, init=section.get("init"))
     if stage.init == TRUTH_WORD and "reference" not in tables:

@@ -218,7 +218,7 @@ def text_sinks(session: Session) -> list[TextSink]:
     """The text that a session asks for, as a list; ParameterError where nothing estimates what it would hold."""
     path = session.output.text
     if path and session.stage is None:
-        raise ParameterError("a text has attitudes, and nothing estimates one; give --filter, or [estimate].")
+        raise ParameterError("a text file gets attitudes, but nothing estimates them; give --filter, or [estimate].")
     return [TextSink(path, session.output.every)] if path else []
 
 

@@ -121,7 +121,7 @@ class AllanStream:
             If less than two samples came.
         """
         if self.count < 2:
-            raise ShapeError(f"{self.count} samples came, but an Allan deviation needs two or more.")
+            raise ShapeError(f"an Allan deviation needs at least 2 samples, but got {self.count}.")
         n = self._n[2 * self._n <= self.count]
         waiting = self._tile[:, : self._waiting]
         per_channel = [

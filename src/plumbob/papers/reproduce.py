@@ -179,7 +179,7 @@ def items(paper: str) -> Sequence[PaperItem]:
 
 def _chosen(papers: Sequence[str]) -> list[str]:
     if unknown := [name for name in papers if name not in (*NAMES, "all")]:
-        raise ParameterError(f"'{unknown[0]}' is not a paper; known are {', '.join(NAMES)}, or all.")
+        raise ParameterError(f"'{unknown[0]}' is not a paper; known: {', '.join(NAMES)}, or all.")
     return list(NAMES) if not papers or "all" in papers else [name for name in NAMES if name in papers]
 
 

@@ -83,7 +83,7 @@ def algorithm(kind: str) -> Algorithm:
         If there is none.
     """
     if kind not in KINDS:
-        raise DecodeError(f"checksum.kind '{kind}' is unknown; known are {', '.join(KINDS)}.")
+        raise DecodeError(f"checksum.kind '{kind}' is unknown; known: {', '.join(KINDS)}.")
     return KINDS[kind]
 
 

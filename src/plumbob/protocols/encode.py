@@ -64,7 +64,7 @@ def _is_value(kind: Message, name: str) -> bool:
     matching = [f for f in kind.fields if f.name == name and not (f.fixed or f.derived)]
     if not matching:
         names = ", ".join(f.name for f in kind.fields if not (f.fixed or f.derived))
-        raise ParameterError(f"message {kind.name} has no field '{name}' to encode; known are {names}.")
+        raise ParameterError(f"message {kind.name} has no field '{name}' to encode; known: {names}.")
     return matching[0].physical
 
 

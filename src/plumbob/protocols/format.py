@@ -250,7 +250,7 @@ class Format:
         """
         matching = [m for m in self.messages if name in ("", m.name)]
         if not matching:
-            raise ParameterError(f"{self.name} has no message '{name}'; known are {', '.join(self._names())}.")
+            raise ParameterError(f"{self.name} has no message '{name}'; known: {', '.join(self._names())}.")
         return matching[0]
 
     def bind(self, chosen: Mapping[str, str] | None = None) -> "Format":
@@ -274,7 +274,7 @@ class Format:
             )
         if unknown := set(given) - set(self.options):
             listed = ", ".join(self.options) or "none"
-            raise ParameterError(f"{self.name} has no option '{min(unknown)}'; known are {listed}.")
+            raise ParameterError(f"{self.name} has no option '{min(unknown)}'; known: {listed}.")
         values = {
             name: option.resolve(f"{self.name} option '{name}'", given.get(name))
             for name, option in self.options.items()

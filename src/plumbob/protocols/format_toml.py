@@ -90,10 +90,10 @@ def _message(raw: Mapping[str, Any], framing: Framing, order: str, parts: Mappin
     fields: list[Field] = []
     wanted = raw.get("parts", ())
     if len(set(wanted)) < len(wanted):
-        raise DecodeError(f"message {raw['name']} has a part twice; each name has one meaning.")
+        raise DecodeError(f"message {raw['name']} has a part twice; give each a name of its own.")
     for name in wanted:
         if name not in parts:
-            raise DecodeError(f"message {raw['name']} has no part '{name}'; known are {', '.join(parts) or 'none'}.")
+            raise DecodeError(f"message {raw['name']} has no part '{name}'; known: {', '.join(parts) or 'none'}.")
         begin = at
         for table in parts[name]:
             fields += _fields(table | {"at": begin + table["at"]} if "at" in table else table, at, order)
@@ -244,7 +244,7 @@ def _require_room(form: Format, message: Message) -> None:
     names = [f.name for f in message.fields]
     _require_one_time(message)
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise DecodeError(f"message {message.name} has field {twice[0]} twice; each name has one meaning.")
+        raise DecodeError(f"message {message.name} has field {twice[0]} twice; give each a name of its own.")
     for f in message.fields:
         if f.at + f.size > message.length:
             raise DecodeError(
@@ -395,7 +395,7 @@ def _device(name: str) -> Format:
     form = _formats("catalog").get(name) or EXTENSIBLE.find(name)
     if form is None:
         raise ParameterError(
-            f"'{name}' is not a known device; known are {', '.join(device_names())}. For another format, give its "
+            f"'{name}' is not a known device; known: {', '.join(device_names())}. For another format, give its "
             f".toml file.{closest(name, (*device_names(), *rig_names()))} Rigs are {', '.join(rig_names())}."
         )
     return form

@@ -33,7 +33,7 @@ class _Named(StrEnum):
         for value in cls:
             if isinstance(name, str) and name.strip().lower() == value.lower():
                 return value
-        raise FrameError(f"{check.said(name)} is not a {_KINDS[cls.__name__]}; known are {', '.join(cls)}.")
+        raise FrameError(f"{check.said(name)} is not a {_KINDS[cls.__name__]}; known: {', '.join(cls)}.")
 
 
 _KINDS = {"Frame": "navigation frame", "North": "heading reference"}

@@ -384,7 +384,7 @@ def _require_known(world: Mapping[str, Any]) -> None:
         if name in {"jitter", "lost"}:
             raise ParameterError(f"the units of a chain share one time line; leave {name} out.")
         if name not in SETTINGS and name not in {"noise", "warm_up"}:
-            raise ParameterError(f"a chain has no setting '{name}'; known are {', '.join(SETTINGS)}.")
+            raise ParameterError(f"a chain has no setting '{name}'; known: {', '.join(SETTINGS)}.")
 
 
 def _bends(

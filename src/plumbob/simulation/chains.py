@@ -129,7 +129,7 @@ def named_chain(name: str) -> Chain:
         If there is none.
     """
     if name not in CHAINS:
-        raise ParameterError(f"'{name}' is not a chain; known are {', '.join(CHAINS)}.")
+        raise ParameterError(f"'{name}' is not a chain; known: {', '.join(CHAINS)}.")
     return CHAINS[name]
 
 

@@ -220,7 +220,7 @@ def preset(name: str) -> Preset:
         If there is none.
     """
     if name not in _index():
-        raise ParameterError(f"'{name}' is not a sensor; known are {', '.join(preset_names())}. Join parts with '+'.")
+        raise ParameterError(f"'{name}' is not a sensor; known: {', '.join(preset_names())}. Join parts with '+'.")
     full, file = _index()[name]
     raw = _load(file)
     variant = raw.get("variants", {}).get(full.partition(":")[2], {})
@@ -341,7 +341,7 @@ def _sheet(part: str, raw: dict[str, Any], triad: str, variant: dict[str, Any]) 
     axes = tables.pop("axes")
     figures = {name: _figure(f"{part} {triad}.{name}", table, raw["sources"]) for name, table in tables.items()}
     if unknown := set(figures) - set(FIGURES):
-        raise ParameterError(f"{part} {triad} has unknown figures {sorted(unknown)}; known are {', '.join(FIGURES)}.")
+        raise ParameterError(f"{part} {triad} has unknown figures {sorted(unknown)}; known: {', '.join(FIGURES)}.")
     return TriadSheet(axes, figures)
 
 

@@ -114,7 +114,7 @@ def waypoints(
         raise ParameterError(
             f"pose {row} takes {chain.angles[column]} to {np.rad2deg(table[row, column]):.1f}°, beyond its limits."
             if beyond.any()
-            else f"a program needs at least two poses, but {len(table)} came."
+            else f"a program needs at least two poses, but it has {len(table)}."
         )
     rest = np.broadcast_to(np.asarray(dwell, dtype=np.float64), len(table))
     steps = np.diff(table, axis=0)
@@ -241,7 +241,7 @@ def named_program(name: str, chain: Chain, *, rng: np.random.Generator, duration
         If the name is unknown, or the duration is not positive.
     """
     if name not in PROGRAMS:
-        raise ParameterError(f"'{name}' is not a program of a chain; known are {', '.join(PROGRAMS)}.")
+        raise ParameterError(f"'{name}' is not a program of a chain; known: {', '.join(PROGRAMS)}.")
     if not 0.0 < duration < math.inf:
         raise ParameterError(f"duration must be positive, but it is {duration:g} s.")
     made = (PROGRAMS[name] if chain.angles else _still)(chain, rng, duration)

@@ -397,5 +397,5 @@ def scenario(name: str, **parameters: float | str) -> Scenario:
 
         hint = f" It is what a chain does: --chain arm, or plumbob.simulate_chain('arm', '{name}')."
         more = hint if name in PROGRAMS else closest(name, SCENARIOS)
-        raise ParameterError(f"'{name}' is not a scenario; known are {', '.join(SCENARIOS)}.{more}")
+        raise ParameterError(f"'{name}' is not a scenario; known: {', '.join(SCENARIOS)}.{more}")
     return build(SCENARIOS[name], parameters, of=name)

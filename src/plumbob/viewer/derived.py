@@ -381,7 +381,7 @@ class Derived:
     def _begin(self, command: Command) -> str:
         kinds = (self._hub.hello or {}).get("guides", ())
         if command.name not in kinds:
-            raise ParameterError(f"'{command.name}' cannot be calibrated here; known are {', '.join(kinds) or 'none'}.")
+            raise ParameterError(f"'{command.name}' cannot be calibrated here; known: {', '.join(kinds) or 'none'}.")
         if self._guided is not None:
             raise ParameterError(f"{self._guided.kind} is being calibrated. End that first.")
         self._flush()

@@ -235,7 +235,7 @@ class Feed:
         """
         frame = self._frame
         if name in (*self._overlays, *self._preparing) or (self._own is not None and name == self._own.name):
-            raise ParameterError(f"{name} runs already.")
+            raise ParameterError(f"{name} is already running.")
         require_addable(name, self._triads, beside=len(self._overlays) + len(self._preparing))
         if frame is None:
             raise ParameterError("the session names no frame, so that nothing can be estimated; give --frame.")

@@ -120,7 +120,7 @@ class Switch:
         """
         text = checked_text(text.strip())
         if not text:
-            raise ParameterError("a mark needs a text.")
+            raise ParameterError("a mark needs text.")
         event = Event(self._clock(), MARK, text)
         self._events.append(event)
         if self._sink is not None:

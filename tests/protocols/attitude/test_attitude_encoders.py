@@ -124,7 +124,7 @@ def test_magnetic_and_true_headings() -> None:
     ((), North.MAGNETIC, None, ("HDG", "PASHR", "XDR", "ROT")),
     (["HDT"], North.FREE, 0.1, (FrameError, "arbitrary zero")),
     (["HDT"], North.MAGNETIC, None, (FrameError, "declination")),
-    (["GGA"], North.TRUE, None, (ParameterError, "known are HDT")),
+    (["GGA"], North.TRUE, None, (ParameterError, "known: HDT")),
 ])  # fmt: skip
 def test_sentences_go_with_what_headings_count_from(names: Any, north: North, declination: Any, sent: Any) -> None:
     if isinstance(sent[0], str):

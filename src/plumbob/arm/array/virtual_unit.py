@@ -232,7 +232,7 @@ def estimate(
         unknown = [name for name in params or {} if name not in noises._fields]
         if unknown:
             raise ParameterError(
-                f"directions has no parameter '{unknown[0]}'; known are {', '.join(noises._fields)}, as numbers in SI."
+                f"directions has no parameter '{unknown[0]}'; known: {', '.join(noises._fields)}, as numbers in SI."
             )
         return ArrayEstimated(track_directions(watched.imu, frame, noises._replace(**(params or {}))), watched)
     noise = watched.noise if takes_noise(filter or SMOOTHER) else None

@@ -259,7 +259,7 @@ def _unfit(acc: Floats, gyr: Floats, parts: Mapping[str, slice], clipped: NDArra
     reasons = []
     for name, part in parts.items():
         if not (np.isfinite(acc[part]).all() and np.isfinite(gyr[part]).all()):
-            raise CalibrationError(f"{name} has samples without a number; cut it so that it is whole.")
+            raise CalibrationError(f"{name} has samples without a number; cut it so that none is missing.")
     short = [name for name, part in parts.items() if part.stop - part.start < 2 * BLOCKS]
     if short:
         text = f"{', '.join(short)} have fewer than {2 * BLOCKS} samples."

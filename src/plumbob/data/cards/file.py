@@ -121,7 +121,7 @@ def built(name: str, cls: type[Any], raw: Any, parts: Mapping[str, type] | None 
     names = {f.name for f in fields(cls)}
     if not isinstance(raw, dict) or not set(raw) <= names:
         unknown = sorted(set(raw) - names) if isinstance(raw, dict) else raw
-        raise DecodeError(f"{name}: {cls.__name__} has no {unknown}; known are {', '.join(sorted(names))}.")
+        raise DecodeError(f"{name}: {cls.__name__} has no {unknown}; known: {', '.join(sorted(names))}.")
     present = {key: part for key, part in (parts or {}).items() if raw.get(key) is not None}
     made = {key: built(name, part, raw[key], getattr(part, "PARTS", None)) for key, part in present.items()}
     try:
@@ -147,7 +147,7 @@ def require_text(**words: Any) -> None:
     """Refuse what is not a text."""
     for name, value in words.items():
         if not isinstance(value, str):
-            raise CalibrationError(f"{name} must be a text, but it is {value!r}.")
+            raise CalibrationError(f"{name} must be text, but it is {value!r}.")
 
 
 def require_part(name: str, value: Any, cls: type) -> None:
@@ -179,5 +179,5 @@ def _finite(digits: str) -> float:
 
 def _no_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(dict(pairs)) != len(pairs):
-        raise ValueError(f"a key stands twice among {', '.join(key for key, _ in pairs)}")
+        raise ValueError(f"a key occurs twice among {', '.join(key for key, _ in pairs)}")
     return dict(pairs)

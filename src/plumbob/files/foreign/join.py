@@ -115,7 +115,7 @@ def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
         stamps = imu.t_ns + (imu.meta.t0_ns if absolute else 0)
         for triad in imu.triads:
             if triad in streams:
-                raise ShapeError(f"{triad} stands in two of the parts; leave one out, or read them one by one.")
+                raise ShapeError(f"{triad} occurs in two of the parts; leave one out, or read them one by one.")
             streams[triad] = Readings(stamps, getattr(imu, triad))
             ranges[f"{triad}_range"] = getattr(imu.meta, f"{triad}_range")
         if imu.temp_c is not None:

@@ -259,7 +259,7 @@ def _bag_records(file: BinaryIO, size: int, bag: Bag | None) -> Iterator[tuple[i
     else:
         return
     if bag is None:
-        raise DecodeError("a record of a chunk goes beyond its end; it is damaged.")
+        raise DecodeError("a record of a chunk extends beyond its end; it is damaged.")
     bag.cut("the file ends within a record", start)
 
 
@@ -414,6 +414,6 @@ def _name(message: bytes, at: int, order: str, cdr: bool) -> tuple[str, int]:
         at += -at % 4
     (length,) = struct.unpack_from(f"{order}I", message, at)
     if length > len(message) - at - 4:
-        raise struct.error("a text goes beyond the message")
+        raise struct.error("a text extends beyond the message")
     text = message[at + 4 : at + 4 + length]
     return (text.rstrip(b"\x00") if cdr else text).decode(), at + 4 + length

@@ -61,7 +61,7 @@ class RecordParser:
                 opcode, length = head(content, at)
                 after = at + 9 + length
                 if after > end:
-                    raise BrokenRecordError("a record in it reaches beyond its end")
+                    raise BrokenRecordError("a record in it extends beyond its end")
                 if opcode == layout.MESSAGE:
                     if length < 22:
                         raise BrokenRecordError("a message in it is too short")

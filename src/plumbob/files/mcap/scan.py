@@ -297,7 +297,7 @@ class Scan:
         if opcode == layout.CHUNK:
             return self._block(at)
         if after > self._source.size:
-            raise BrokenRecordError("a record reaches beyond the end of the file")
+            raise BrokenRecordError("a record extends beyond the end of the file")
         if opcode == layout.DATA_END:
             return self._data_end(at, length), after
         if opcode == layout.FOOTER and not self._ours:  # the other program wrote no end of data
@@ -405,7 +405,7 @@ class Scan:
         if size > (PLAIN_BYTES if self._ours else min(FOREIGN_BYTES, FREE_BYTES + MAX_RATIO * length)):
             raise BrokenRecordError(f"a chunk claims {size} bytes, more than is plausible")
         if after > self._source.size:
-            raise BrokenRecordError("a chunk reaches beyond the end of the file")
+            raise BrokenRecordError("a chunk extends beyond the end of the file")
         if not self._source.may_search(length):
             raise BrokenRecordError("it is not searched any further, because most that looks like a record is not one")
         rest = self._source.read(at + layout.CHUNK_HEAD.size, min(name_size, 16) + 8)
@@ -499,8 +499,8 @@ def identify(path: Path) -> Identity:
         recording = _recording_of_chunks(source)
         if recording is None and magic != layout.MAGIC:
             raise DecodeError(
-                f"{path} is not an MCAP file: it begins with {magic!r}, not with {layout.MAGIC!r}, and holds no whole "
-                "chunk of a recording."
+                f"{path} is not an MCAP file: it begins with {magic!r}, not with {layout.MAGIC!r}, and holds no "
+                "complete chunk of a recording."
             )
         if recording == "":  # chunks of another program, whose header is damaged
             return Identity(path, None)

@@ -112,7 +112,7 @@ class Smoother(AttitudeEstimator):
             if name not in names | shared:
                 possible = (*sorted(names), *sorted(shared))
                 raise ParameterError(
-                    f"{SMOOTHER} has no parameter '{name}'; known are {', '.join(possible)}.{closest(name, possible)}"
+                    f"{SMOOTHER} has no parameter '{name}'; known: {', '.join(possible)}.{closest(name, possible)}"
                 )
         self.params: Params = build(Params, {k: v for k, v in given.items() if k in names}, of=SMOOTHER)
         self.common: CommonParams = build(CommonParams, {k: v for k, v in given.items() if k in shared}, of=SMOOTHER)

@@ -44,7 +44,7 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Any]]]) -> tup
     for name in dict.fromkeys(wanted):
         of = re.split(r"[.(]", name)[0]
         if of not in kinds:
-            raise ParameterError(f"there is no peer '{name}'; known are {', '.join(kinds)}, all and none.")
+            raise ParameterError(f"there is no peer '{name}'; known: {', '.join(kinds)}, all and none.")
         try:
             library = import_module(of)
         except ImportError as error:

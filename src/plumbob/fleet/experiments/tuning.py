@@ -686,7 +686,7 @@ def _fixed(filter: str, fixed: Mapping[str, Any]) -> dict[str, Any]:
     declared = _parameters(filter)
     for name in fixed:
         if name not in declared:
-            raise ParameterError(f"{filter} has no parameter '{name}'; known are {', '.join(declared)}.")
+            raise ParameterError(f"{filter} has no parameter '{name}'; known: {', '.join(declared)}.")
     return {name: checked(filter, declared[name], value) for name, value in fixed.items()}
 
 

@@ -94,7 +94,7 @@ def _wrong_field(imu: ImuData, change: _Change) -> ImuData:
         if not end or since.strip() not in {"", "motion"}:
             raise ParameterError(
                 f"wrong_field needs field and times, as '15,-10,20uT:0s-20s', or '...:30s-90s@motion' where they count "
-                f"from the begin of the motion, but got '{change.text}'."
+                f"from the start of the motion, but got '{change.text}'."
             )
         zero = motion_begins(imu) if since else float(imu.t[0])
         vector, (first, last) = _vector(field, Quantity.FIELD), (zero + parse(t, Quantity.TIME) for t in (begin, end))
@@ -205,7 +205,7 @@ def changed(imu: ImuData, reference: AttitudeTrack, changes: Mapping[str, str], 
         If it cannot be made to this recording.
     """
     if unknown := changes.keys() - _CHANGES.keys():
-        raise ParameterError(f"there is no change '{min(unknown)}'; known are {', '.join(CHANGES)}.")
+        raise ParameterError(f"there is no change '{min(unknown)}'; known: {', '.join(CHANGES)}.")
     for name, make in _CHANGES.items():
         if name in changes:
             imu = make(imu, _Change(reference, changes[name], seed))

@@ -128,7 +128,7 @@ def draw(form: Format, rates: Mapping[str, float], due_ns: NDArray[np.int64], se
     """
     for kind, rate in rates.items():
         if kind not in KINDS:
-            raise ParameterError(f"'{kind}' is not a fault; known are {', '.join(KINDS)}.")
+            raise ParameterError(f"'{kind}' is not a fault; known: {', '.join(KINDS)}.")
         if not 0.0 <= rate <= 1.0:
             raise ParameterError(f"fault {kind} must be a share of the frames, from 0 to 1, but it is {rate:g}.")
     if "length" in rates and form.framing.length_field is None:

@@ -363,7 +363,7 @@ def parse_target(text: str, *, overwrite: bool = False) -> Target:
         if kind == "tcp-listen":
             return TcpServer(host, port)
         return Tcp(host, port) if kind == "tcp" else Udp(host, port, broadcast=kind == "udp-broadcast")
-    raise ParameterError(f"'{text}' is not a target; known are {KINDS}.")
+    raise ParameterError(f"'{text}' is not a target; known: {KINDS}.")
 
 
 def _address(text: str, rest: str, *, listens: bool) -> tuple[str, int]:

@@ -55,7 +55,7 @@ class BodyAxes(StrEnum):
         try:
             return cls(name.strip().upper())
         except (ValueError, AttributeError):
-            raise FrameError(f"{name!r} are not body axes that can be sent; known are {', '.join(cls)}.") from None
+            raise FrameError(f"{name!r} are not body axes that can be sent; known: {', '.join(cls)}.") from None
 
 
 def default_body(frame: Frame) -> BodyAxes:

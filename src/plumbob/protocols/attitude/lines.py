@@ -129,7 +129,7 @@ def sentences_for(requested: Sequence[str], north: North, declination: float | N
     names = tuple(dict.fromkeys(name.strip().upper() for name in requested))
     for name in names:
         if name not in SENTENCES:
-            raise ParameterError(f"{name} is not a sentence that can be sent; known are {', '.join(SENTENCES)}.")
+            raise ParameterError(f"{name} is not a sentence that can be sent; known: {', '.join(SENTENCES)}.")
         if _allowed(name, north, declination):
             continue
         if north is North.FREE:
