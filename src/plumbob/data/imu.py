@@ -318,7 +318,7 @@ class ImuData(Series):
         if step != 1 or stop <= start:
             count = len(range(start, stop, step))
             raise ShapeError(
-                f"a recording must be cut by a non-empty slice of step 1; {rows} has {count} of {len(self)} samples."
+                f"a recording must be cut by a non-empty slice of step 1, but {rows} selects {count} of {len(self)}."
             )
         return start, stop
 
