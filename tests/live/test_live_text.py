@@ -358,6 +358,6 @@ def test_session_names_the_profile_of_its_lines(tmp_path):
 
 def test_text_of_attitudes_that_nothing_estimates_is_refused_before_the_line_opens(tmp_path):
     (tmp_path / "p.toml").write_text(PROFILE)
-    with pytest.raises(ParameterError, match="nothing estimates one"):
+    with pytest.raises(ParameterError, match="nothing estimates them"):
         record(port="/dev/none", profile=tmp_path / "p.toml", text=tmp_path / "a.txt")
     assert not (tmp_path / "a.txt").exists()
