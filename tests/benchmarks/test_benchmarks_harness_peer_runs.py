@@ -121,11 +121,11 @@ def test_a_trial_that_a_peer_refuses_is_skipped_for_all_with_the_peer_named(tmp_
     file_of(tmp_path / "thin.parquet", replace(run, imu=replace(run.imu, mag=mag)))
     found = measure_accuracy(trials_in(tmp_path), [Stage("mahony", {})], peers=[Broken()])
     assert set(found.trials) == {"good"}
-    assert "mag is absent" in found.skipped["thin.parquet"]
+    assert "mag is missing" in found.skipped["thin.parquet"]
     refusing = Broken(ValueError("no field"))
     alone = measure_accuracy([tmp_path / "good.parquet"], [Stage("mahony", {})], peers=[refusing])
     assert set(alone.settings) == {"mahony"}
-    assert alone.absent == {"broken": "broken refuses it: ValueError: no field"}
+    assert alone.absent == {"broken": "broken rejects it: ValueError: no field"}
 
 
 def test_an_attitude_that_is_not_finite_has_no_mean_and_progress_counts_every_run(tmp_path):
