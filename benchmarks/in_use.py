@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.harness.calibration_world import random_axes
+from benchmarks.harness.calibration_world import field_n, in_body, random_axes
 from benchmarks.harness.room import Room, room_of
 from benchmarks.simulated_rooms import turning
 from plumbob.calibration.fit import CaptureRefusedError
@@ -39,7 +39,6 @@ from plumbob.core.errors import PlumbobError
 from plumbob.core.units import deg, dps, to_deg
 from plumbob.data.cards import UNITS, TriadCalibration
 from plumbob.fleet.experiments.trials import read_trial
-from plumbob.papers.buoy.modules import field_n, in_body
 from plumbob.rotations import (
     dcm_from_quat,
     quat_conjugate,

@@ -14,14 +14,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.harness.bar import Bar, bar_lines
-from benchmarks.harness.calibration_world import random_axes
+from benchmarks.harness.calibration_world import field_n, in_body, random_axes
 from benchmarks.harness.room import Room
 from benchmarks.harness.rooms import WAYS, Rooms, trial_of
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps
 from plumbob.data import ImuData, ImuMeta
-from plumbob.papers.buoy.modules import field_n, in_body
 from plumbob.rotations import Frame, quat_from_rotvec, quat_multiply, quat_rotate
 
 GRADIENTS = (0.3, 1.0, 3.0)  # µT/m, root mean square over directions: outdoors, a large room, a laboratory

@@ -52,7 +52,7 @@ and `record` a session (`.session.toml`); `plumbob view --emulate buoy` shows a 
 README: Final = Path(__file__).parents[1] / "README.md"
 SHOWN: Final = {
     ("fin", "three.N.bias"): "error of white noise N, read off Allan plots of 220 s",
-    ("buoy", "static.after.yaw"): "largest heading error at 36 rests, after calibration",
+    ("buoy", "static.yaw"): "heading error at 36 rests, after calibration, that 95 % of units keep",
     ("buoy", "slide.gated.roll"): "largest roll error while it is slid over a desk",
     ("buoy", "sea.roll"): "roll error in waves, rms",
     ("trackball", "ramp.rms"): "rate error while the speed rises, rms",

@@ -14,6 +14,7 @@ from scipy.linalg import sqrtm
 
 from benchmarks.harness.bar import Bar
 from benchmarks.harness.calibration_mag import COVERED
+from benchmarks.harness.calibration_world import Attitudes, force_b, posed, reading
 from benchmarks.harness.section import Section
 from plumbob.calibration.acc import fit_accel
 from plumbob.calibration.fit import CaptureRefusedError
@@ -21,7 +22,6 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, from_si, g, to_deg
 from plumbob.data.cards import TriadCalibration
-from plumbob.papers.buoy.modules import Attitudes, force_b, posed, reading
 from plumbob.simulation import TriadErrors
 from plumbob.simulation.captures import facing, trembling
 

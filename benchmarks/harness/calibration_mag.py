@@ -18,10 +18,19 @@ from scipy.linalg import sqrtm
 from benchmarks.harness.bar import Bar
 from benchmarks.harness.calibration_world import (
     AVERAGED,
+    NOISE,
+    STEP,
+    STRENGTH,
+    Attitudes,
     faced_by_the_field,
+    field_n,
+    force_b,
     heading_error,
+    in_body,
     leaning,
+    posed,
     random_axes,
+    reading,
     small_turn,
 )
 from benchmarks.harness.section import Section
@@ -33,17 +42,6 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps, from_si, to_deg, to_si
 from plumbob.data.cards import TriadCalibration
-from plumbob.papers.buoy.modules import (
-    NOISE,
-    STEP,
-    STRENGTH,
-    Attitudes,
-    field_n,
-    force_b,
-    in_body,
-    posed,
-    reading,
-)
 from plumbob.simulation import Scenario, TriadErrors, scenario
 
 DIP: Final = deg(60.0)

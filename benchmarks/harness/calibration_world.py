@@ -1,20 +1,67 @@
 """What calibrations are benchmarked in: a field, units with known errors, attitudes, and what is read in them."""
 
-from typing import Final
+from collections.abc import Callable
+from typing import Any, Final
 
 import numpy as np
 
 from plumbob.core.check import Floats
+from plumbob.core.constants import G0
 from plumbob.core.units import deg, to_si
-from plumbob.papers.buoy.modules import Attitudes, field_n, in_body, posed
-from plumbob.rotations import dcm_from_quat, quat_from_euler_zyx, quat_from_rotvec, quat_multiply, quat_rotate
-from plumbob.simulation import TriadErrors
+from plumbob.rotations import (
+    Frame,
+    dcm_from_quat,
+    quat_conjugate,
+    quat_from_euler_zyx,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+)
+from plumbob.simulation import TriadErrors, earth_field, scenario
+from plumbob.simulation.errors import measure
 
+Attitudes = Callable[[np.random.Generator], Floats]
+"""Draws attitudes (N, 4)."""
+STRENGTH: Final = to_si(500.0, "mgauss")
+"""Of the field, µT."""
+STEP: Final = to_si(0.73, "mgauss")
+"""Of an HMC5983's scale at ±0.88 Ga, µT."""
+NOISE: Final = to_si(2.0, "mgauss")
+"""Scatter of one of its readings, µT."""
 AVERAGED: Final = to_si(0.2, "mgauss")
 """Scatter of a mean of many readings, whose steps are averaged too, µT."""
 
 _RANGE: Final = deg(45.0)
 _TESTED: Final = 400
+
+
+def field_n(dip: float) -> Floats:
+    """Field in NED, (3,), µT."""
+    return earth_field(Frame.NED, strength=STRENGTH, dip=dip, declination=0.0)
+
+
+def in_body(q_nb: Floats, vector_n: Floats) -> Floats:
+    """Vector of the navigation frame (3,) seen at attitudes (N, 4), (N, 3)."""
+    return quat_rotate(quat_conjugate(q_nb), vector_n)
+
+
+def force_b(q_nb: Floats) -> Floats:
+    """Specific force at rest at attitudes (N, 4), (N, 3), m/s²."""
+    return in_body(q_nb, G0 * Frame.NED.up)
+
+
+def reading(errors: TriadErrors, truth_b: Floats, *, triad: str, rng: np.random.Generator) -> Floats:
+    """What a triad with these errors reads of true vectors (N, 3)."""
+    warm, no_force = np.full(len(truth_b), errors.temp_ref_c), np.zeros((len(truth_b), 3))
+    seed = int(rng.integers(2**32))
+    return measure(errors, truth_b, triad=triad, seed=seed, rate=1.0, temp_c=warm, force_b=no_force).values
+
+
+def posed(name: str, **parameters: float | str) -> Attitudes:
+    """Attitudes of a scenario of poses."""
+    plan: Any = scenario(name, **parameters)
+    attitudes: Attitudes = plan.attitudes
+    return attitudes
 
 
 def faced_by_the_field(dip: float) -> Attitudes:

@@ -10,11 +10,11 @@ from benchmarks.harness import calibration_mag, calibration_world
 from benchmarks.harness.bar import Bar, bar_lines
 from benchmarks.harness.calibration import PARTS, measure_calibration
 from benchmarks.harness.calibration_temperature import SOAKS, measure_temperature
+from benchmarks.harness.calibration_world import STRENGTH, field_n, in_body
 from benchmarks.harness.section import Section
 from plumbob.calibration.predicted import filled
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import deg
-from plumbob.papers.buoy.modules import STRENGTH, field_n, in_body
 from plumbob.simulation import TriadErrors
 
 

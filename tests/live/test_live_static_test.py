@@ -9,7 +9,7 @@ from plumbob import AttitudeTrack, Frame, North
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.core.errors import CalibrationError, FrameError
 from plumbob.core.units import deg
-from plumbob.papers.buoy.static_test import static_test
+from plumbob.papers.static_test import static_test
 from plumbob.simulation import Module, TriadErrors, simulate
 
 IRON = 8.0  # µT along the unit's nose

@@ -8,9 +8,12 @@ import pytest
 from plumbob.calibration.gyr.drift import chen2013
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps, to_deg, to_dps
+from plumbob.data import ImuData
+from plumbob.filters import Filter
 from plumbob.noise import deviation
 from plumbob.papers.studies import errors_deg
 from plumbob.rotations import (
+    Frame,
     dcm_from_quat,
     euler_zyx_from_quat,
     quat_angle,
@@ -162,3 +165,96 @@ def test_units_of_table_1_and_the_sign_of_a_word():
     assert times == pytest.approx([569.0, 143_000.0], rel=0.01)
     signed, unsigned = (np.frombuffer(b"\xff\xff", kind)[0] / 80.0 for kind in (">i2", ">u2"))
     assert (signed, unsigned) == (pytest.approx(-0.0125), pytest.approx(819.1875))
+
+
+# --- buoy [Yu2018], figures of papers.md 001 ----------------------------------------------------------------
+
+TS = 0.01
+
+
+def buoy_rows(x, y, z, *, printed):
+    """Matrix (4, 4) that q is multiplied with in (3), of a rate in rad/s; as printed, or the product of quaternions."""
+    first = [0.0, -x, -y, -z]
+    if printed:  # [Yu2018] (3)
+        return np.array([first, [0.0, x, -y, z], [0.0, x, y, -z], [0.0, -x, y, z]])
+    return np.array([first, [x, 0.0, z, -y], [y, -z, 0.0, x], [z, y, -x, 0.0]])
+
+
+def buoy_steps(rate, steps, *, printed=False):
+    step = np.eye(4) + 0.5 * TS * buoy_rows(*rate, printed=printed)
+    return np.linalg.matrix_power(step, steps) @ [1.0, 0.0, 0.0, 0.0]
+
+
+def test_the_printed_rows_of_the_buoy_never_leave_the_identity_and_a_first_order_step_stretches_and_lags():
+    assert list(buoy_steps((0.3, -0.2, 0.5), 1000, printed=True)) == [1.0, 0.0, 0.0, 0.0]
+    assert np.linalg.norm(buoy_steps((0.62, 0.0, 0.0), 60_000)) == pytest.approx(1.334, abs=5e-4)
+    # |q| grows by √(1 + ω²Ts²/4) a step, exactly
+    assert np.linalg.norm(buoy_steps((0.62, 0.0, 0.0), 60_000)) == pytest.approx((1 + 0.25 * 0.0062**2) ** 30_000)
+    for rate, lag in ((172.0, 0.013), (573.0, 0.48), (2000.0, 20.0)):
+        q = buoy_steps((0.0, 0.0, deg(rate)), 100)
+        turned = quat_angle(q / np.linalg.norm(q), quat_from_euler_zyx([deg(rate), 0.0, 0.0]))
+        assert to_deg(turned) == pytest.approx(lag, rel=0.05)
+
+
+def test_arctan_loses_half_of_the_circle_and_the_text_of_the_buoy_has_another_order_than_its_equations():
+    a, b, c, d = quat_from_euler_zyx([2.0, -0.3, 0.4])
+    assert math.atan(2 * (b * c + a * d) / (a * a + b * b - c * c - d * d)) == pytest.approx(2.0 - math.pi)  # (6)
+    turns = [np.zeros(4) for _ in range(3)]
+    for turn, angle, axis in zip(turns, (1.1, -0.3, 0.4), (3, 1, 2), strict=True):  # Z-X-Y
+        turn[0], turn[axis] = math.cos(0.5 * angle), math.sin(0.5 * angle)
+    q = quat_multiply(quat_multiply(turns[0], turns[1]), turns[2])
+    assert euler_zyx_from_quat(q)[::-1] == pytest.approx([-0.324, 0.381, 0.976], abs=5e-4)
+
+
+def test_the_gate_of_the_buoy_passes_what_pythagoras_says():
+    for gate, across, tilt in ((0.08, 0.408, 22.2), (0.08 / G0, 0.128, 7.3)):
+        passed = math.sqrt((1.0 + gate) ** 2 - 1.0)
+        assert (passed, to_deg(math.atan(passed))) == (pytest.approx(across, abs=1e-3), pytest.approx(tilt, abs=0.05))
+    at_rest = np.abs(0.02 + 0.004 * np.random.default_rng(0).standard_normal(10_000)) * G0  # 20 mg of bias
+    assert np.mean(at_rest < 0.08) < 0.005 and (at_rest < 0.08 * G0).all()
+
+
+def test_the_poles_of_the_buoy_s_loop_and_what_a_zero_rate_output_does_through_them():
+    fast, slow = (float(pole) for pole in np.roots([1.0, 0.5, 0.03]))  # [Yu2018] (7): s² + Kp s + Ki
+    assert (fast, slow) == (pytest.approx(-0.430, abs=5e-4), pytest.approx(-0.0697, abs=5e-5))
+    at = math.log(fast / slow) / (slow - fast)
+    peak = (math.exp(slow * at) - math.exp(fast * at)) / (slow - fast)
+    assert peak == pytest.approx(1.6, abs=0.05)  # s, to its two digits: 5 °/s give 8°
+    still = np.zeros((6000, 3))
+    imu = ImuData(t=TS * np.arange(6000.0), gyr=still + [dps(1.0), 0.0, 0.0], acc=still - [0.0, 0.0, G0])
+    q = Filter("mahony", frame=Frame.NED, params={"mag": False}).process(imu).q_nb
+    assert to_deg(np.arccos(dcm_from_quat(q)[:, 2, 2]).max()) == pytest.approx(peak, rel=0.01)
+
+
+def test_moduli_of_the_products_have_no_direction():
+    """Corrected by the sum of the moduli on every axis, 10° of roll at rest grow; by the vectors they vanish."""
+    up, field = np.array([0.0, 0.0, -1.0]), np.array([math.cos(deg(50.0)), 0.0, math.sin(deg(50.0))])
+    left = {}
+    for printed in (True, False):
+        q, integral = quat_from_euler_zyx([0.0, 0.0, deg(10.0)]), np.zeros(3)
+        for _ in range(3000):
+            e = [np.cross(v, dcm_from_quat(q).T @ v) for v in (up, field)]
+            e = np.full(3, sum(np.linalg.norm(part) for part in e)) if printed else e[0] + e[1]
+            integral += 0.03 * TS * e  # [Yu2018] (7)
+            q = (np.eye(4) + 0.5 * TS * buoy_rows(*(0.5 * e + integral), printed=False)) @ q
+            q /= np.linalg.norm(q)
+        left[printed] = to_deg(math.acos(dcm_from_quat(q)[2, 2]))
+    assert left[False] < 0.5 and left[True] > 10.0
+
+
+def test_the_paper_s_ellipsoid_is_exact_without_noise_and_needs_its_first_row_divided():
+    from plumbob.papers.buoy import ellipsoid
+
+    rng = np.random.default_rng(1)
+    ball = rng.normal(size=(18, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    scale, middle = np.array([480.0, 520.0, 450.0]), np.array([60.0, -40.0, 20.0])
+    matrix, centre = ellipsoid(ball * scale + middle)
+    assert (centre, matrix) == (pytest.approx(middle), pytest.approx(np.diag(1.0 / scale)))
+    level = np.array([[math.cos(turn), math.sin(turn), 0.0] for turn in np.linspace(0.0, 6.0, 36)])
+    printed = level * scale @ (matrix * [480.0, 1.0, 1.0])  # [Yu2018] (14): x − x0, in the unit of the reading
+    headings = np.arctan2(printed[:, 1], printed[:, 0]) - np.arctan2(level[:, 1], level[:, 0])
+    assert to_deg(np.abs((headings + np.pi) % (2.0 * np.pi) - np.pi)).max() > 20.0
+    z, around = rng.normal(size=18), rng.uniform(-math.pi, math.pi, 18)
+    across = np.sqrt(1.0 + z * z)
+    assert ellipsoid(np.stack((across * np.cos(around), across * np.sin(around), z), axis=1)) is None  # F² is −1

@@ -46,6 +46,13 @@ SHORT = {
         r"live\..*|text\.lost|clip\.(missed|share)|three\..*\.cover",
         r"0xFFFF.*|ADXRS\d+ [xyz]|ADXRS\d+|\d+[xyz]|σ.*|/\(πfT\)²?|f ≤ f0?",
     ),
+    "buoy": Short(
+        {"units": 2, "slides": 1, "seas": 1, "captures": 1, "duration": 70.0},
+        {"slide.reduction.roll", "slide.reduction.pitch", "sea.roll", "sea.pitch", "sea.unit.roll", "sea.unit.pitch"},
+        r"static\.share|refused\..*|line\.rate|events\.missed|log\.same|sea\.(output|replay)",
+        r"plumbob .*|filters/.*|calibration/.*|(solid|dashed|dotted).*|arctan|atan2|C#|Plumbob|Flash|Matlab|\w+\.html$"
+        r"|PS-MPU.*|assumed.*|MSP430.*|serial NOR.*",
+    ),
 }  # fmt: skip
 
 

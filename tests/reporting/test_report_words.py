@@ -13,8 +13,8 @@ from plumbob.core.units import Quantity
 from plumbob.data.cards import CalibrationCard, Mount
 from plumbob.filters import CommonParams, load
 from plumbob.noise import ChannelComparison, compare
-from plumbob.papers.buoy.static_test import static_test
 from plumbob.papers.fin_table import fin_report
+from plumbob.papers.static_test import static_test
 from plumbob.reporting.calibration import certificate
 from plumbob.reporting.content import chinese_labels, said
 from plumbob.reporting.evaluation import side_by_side

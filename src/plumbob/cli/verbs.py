@@ -163,7 +163,7 @@ START: Final = {
                 "errors at rest against a reference, before and after a card; writes no card",
                 "calibration.md",
                 "plumbob calibrate statictest table36.parquet --calibration card.json --html statictest.html",
-                "papers.buoy.static_test.static_test", run="calibrate.tested", outputs=(), pages=lambda *_: None,
+                "papers.static_test.static_test", run="calibrate.tested", outputs=(), pages=lambda *_: None,
             ),
         },
     ),

@@ -13,8 +13,8 @@ with a format after a colon if need be, stands for a value that the code gives. 
 ``part``, ``table``, ``figure``
     Parts of the page: title, facts and remarks; title, head and fixed rows; caption, names of the
     lines, height, and labels and limits of the axes.
-``item``
-    What the paper describes, and what became of it.
+``items``
+    What the paper describes, and what became of it: rows of place, noun, where it is done, and why not.
 """
 
 import re
@@ -87,7 +87,8 @@ class Description:
     @property
     def items(self) -> Sequence[PaperItem]:
         """What the paper describes, in its order."""
-        return [PaperItem(**item) for item in self.content["item"]]
+        names = ("where", "what", "by", "reason")
+        return [PaperItem(**dict(zip(names, row, strict=False))) for row in self.content["items"]["rows"]]
 
     def text(self, key: str, **values: Any) -> Both:
         """A text of the table ``text``."""

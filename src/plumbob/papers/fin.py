@@ -353,7 +353,7 @@ def regimes_part(study: Study, runs: int) -> None:
         "squares": lambda a, letter: a.least_squares.terms.get(letter),
         "likelihood": lambda a, letter: a.terms.get(letter),
     }
-    found: dict[str, dict[str, tuple[float, ...]]] = {}
+    scores: dict[str, dict[str, tuple[float, ...]]] = {}
     for name, way in ways.items():
         for letter in "QNB":
             true = UNITS[letter] * THREE[letter]
@@ -366,13 +366,13 @@ def regimes_part(study: Study, runs: int) -> None:
                 else [(c.lo / true, c.hi / true) for c in terms]
             )
             inside = float(np.mean([low <= 1.0 <= high for low, high in ends]))
-            found.setdefault(name, {})[letter] = (
+            scores.setdefault(name, {})[letter] = (
                 100.0 * (values.mean() - 1.0),
                 100.0 * values.std(),
                 inside,
                 len(terms) / len(analyses),
             )
-    line, best = found["lines"], found["likelihood"]
+    line, best = scores["lines"], scores["likelihood"]
     study.rows(
         {
             **{f"three.{letter}.bias": (abs(line[letter][0]), abs(best[letter][0])) for letter in "QNB"},
@@ -382,7 +382,7 @@ def regimes_part(study: Study, runs: int) -> None:
         runs=runs, sd=best["B"][1] / math.sqrt(len(analyses)),
     )  # fmt: skip
     cells = {
-        name: [" / ".join(f"{of[letter][k]:.2f}" for letter in "QNB") for k in range(4)] for name, of in found.items()
+        name: [" / ".join(f"{of[letter][k]:.2f}" for letter in "QNB") for k in range(4)] for name, of in scores.items()
     }
     study.table("estimators_on_records", cells, runs=runs)
 

@@ -10,9 +10,7 @@ import numpy as np
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import write_text
 from plumbob.core.time import to_ns
-from plumbob.data import ImuData
 from plumbob.data.recording import Recording
-from plumbob.door.estimate import opened_samples
 from plumbob.files import write
 from plumbob.live.emulated import emulate
 from plumbob.live.record import record
@@ -49,11 +47,6 @@ class Taken(NamedTuple):
     session: Path
 
 
-def recorded_samples(file: Path) -> ImuData:
-    """Samples of a recording of one unit."""
-    return opened_samples(file, None, None, whole=True)[2]
-
-
 @dataclass
 class Work:
     """What a paper's run works with.
@@ -86,7 +79,7 @@ class Work:
         emulate(rig, **{"seed": self.seed, **how}, write=files.capture, truth=files.truth, overwrite=True)
         return self._record(rig, name, session, text)
 
-    def sent(self, rig: str, name: str, said: Simulation, *, session: str = "") -> Taken:
+    def sent(self, rig: str, name: str, said: Simulation, *, session: str = "", text: Path | None = None) -> Taken:
         """Send the samples of a simulation of your own in the frames of a rig of one unit, and record the bytes.
 
         Values are rounded and cut as the frame's fields do; otherwise as `recorded`.
@@ -97,7 +90,7 @@ class Work:
             encode(form, columns_for(form.messages[0], {"": said}, t_ns, np.arange(t_ns.size))).tobytes()
         )
         write(files.truth, Recording(imu=said.imu, track=said.truth, name=name), overwrite=True)
-        return self._record(rig, name, session)
+        return self._record(rig, name, session, text)
 
     def _files(self, name: str) -> Taken:
         return Taken(*(self.folder / f"{name}{end}" for end in (".mcap", ".truth.parquet", ".bin", ".session.toml")))
