@@ -1,7 +1,7 @@
 """Who does the jobs of a batch: this process, processes of it, or the workers of a Dask cluster.
 
-Processes and a cluster have one interface, futures as of `concurrent.futures`, and are given a few jobs at a time. Most
-of a job on a short recording is Python, which holds the interpreter's lock, so that two threads take as long as one.
+Processes and a cluster are executors as of `concurrent.futures`, and are given a few jobs at a time. Most of a job on a
+short recording is Python, which holds the interpreter's lock, so that two threads take as long as one.
 """
 
 import os
@@ -10,15 +10,13 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from functools import partial
-from multiprocessing import parent_process, resource_tracker
-from multiprocessing.connection import wait as wait_for_some
-from multiprocessing.context import SpawnContext, SpawnProcess
-from types import ModuleType
+from queue import SimpleQueue
+from subprocess import PIPE, Popen, TimeoutExpired
 from typing import Any, Final, NamedTuple
 
 from plumbob.core.errors import LineError, MissingExtraError, one_line
@@ -28,19 +26,21 @@ from plumbob.fleet.places import in_memory
 
 _PATIENCE: Final = 20.0
 """Time that a process has to break off its job, s."""
-_STARTING: Final = threading.Lock()
 _Job = Callable[[], JobOutcome]
 _Answer = Future[JobOutcome | None]
 """None where this process has to do the job."""
 
 
 class _Pool(NamedTuple):
-    """Who does jobs, how many at a time, the error that says that the worker of one is lost, and how that ended."""
+    """Who does jobs, how many at a time, and the error that says how the worker of one was lost."""
 
     submit: Callable[[_Job], _Answer]
     most: int
     lost: type[Exception]
-    how_lost: Callable[[_Answer], str]
+
+
+class _LostProcessError(Exception):
+    """The process of a job has ended before it answered."""
 
 
 def outcomes(
@@ -62,9 +62,8 @@ def outcomes(
     def finished() -> Iterator[JobOutcome]:
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             item = running.pop(future)
-            if isinstance(future.exception(), pool.lost):
-                how = " ".join(pool.how_lost(future).split())
-                reason = f"the process that worked on it was lost: {how}; the next run tries it again."
+            if isinstance(error := future.exception(), pool.lost):
+                reason = f"the process that worked on it was lost: {one_line(error)}; the next run tries it again."
                 yield failed(settings, item, out, reason)
             else:
                 yield future.result() or run_job(settings, item, out)
@@ -96,93 +95,64 @@ def _cluster(address: str) -> Iterator[_Pool]:
     with client:
         executor, most = client.get_executor(pure=False), 4 * max(1, sum(client.nthreads().values()))
         try:
-            yield _Pool(executor.submit, most, untyped.KilledWorker, lambda answer: str(answer.exception()))
+            yield _Pool(executor.submit, most, untyped.KilledWorker)
         finally:
             executor.shutdown(wait=False)
 
 
 @contextmanager
 def processes(jobs: int) -> Iterator[_Pool]:
-    """Processes with a job each; none for one job at a time, or where none can be started."""
-    children, most = list[_Child](), 0
+    """Processes with a job each, and threads that wait for them; none for one job at a time, or where none can start.
+
+    They import this package and never the program that called it. So a script needs no main guard, and a notebook or a
+    prompt will do.
+    """
+    idle, children, over = list[Any](), set[Any](), threading.Event()
+    serving = f"import sys; sys.path[:] = {sys.path!r}; from plumbob.fleet.workers import serve; serve()"
+    command = [sys.executable, "-c", serving]
+
+    def answered(data: bytes) -> JobOutcome | None:
+        try:
+            child = idle.pop() if idle else Popen(command, stdin=PIPE, stdout=PIPE, start_new_session=True)  # no Ctrl-C
+        except OSError:  # the system has no room for a process
+            return None
+        children.add(child)
+        if over.is_set():
+            child.terminate()
+        try:
+            pickle.dump(data, child.stdin)
+            child.stdin.flush()
+            outcome, error = pickle.load(child.stdout)  # noqa: S301 - from a process of this batch
+        except (OSError, EOFError, pickle.UnpicklingError):
+            raise _LostProcessError(_how_ended(child.wait())) from None
+        idle.append(child)
+        if error is not None:
+            raise error
+        return outcome  # type: ignore[no-any-return]
 
     def submit(job: _Job) -> _Answer:
         try:
-            data = pickle.dumps(job)
-            if (child := next((child for child in children if child.answer.done()), None)) is None:
-                children.append(child := _Child())
-            child.answer = child.submit(_answer, data)
-        except Exception:  # whatever a foreign type raises, or the system that has no room for a process
-            return _done_here()
-        return child.answer
+            return threads.submit(answered, pickle.dumps(job))
+        except Exception:  # whatever a foreign type raises
+            (answer := _Answer()).set_result(None)
+            return answer
 
-    def how_lost(answer: _Answer) -> str:
-        child = next(child for child in children if child.answer is answer)
-        children.remove(child)
-        child.shutdown()
-        return _how_ended(child.process.exitcode or 0)
-
+    threads = ThreadPoolExecutor(jobs)
     try:
-        if jobs > 1 and sys.executable and not getattr(sys, "frozen", False):
-            with suppress(OSError, AssertionError, RuntimeError):  # the last two where this process may not have any
-                for _ in range(jobs):
-                    children.append(_Child())
-                children[0].ready.result()
-                most = jobs
-        yield _Pool(submit, most, BrokenProcessPool, how_lost)
+        many = jobs > 1 and sys.executable and not getattr(sys, "frozen", False)
+        yield _Pool(submit, jobs if many else 0, _LostProcessError)
     finally:
+        over.set()
+        for child in [*children]:
+            child.terminate()
+        for child in [*children]:
+            with suppress(TimeoutExpired):
+                child.wait(_PATIENCE)
+            child.kill()
+        threads.shutdown(cancel_futures=True)
         for child in children:
-            child.process.terminate()
-            child.shutdown(wait=False)
-        for child in children:
-            wait_for_some([child.process.sentinel], _PATIENCE)
-            child.process.kill()
-
-
-def _done_here() -> _Answer:
-    answer: _Answer = Future()
-    answer.set_result(None)
-    return answer
-
-
-class _Child(ProcessPoolExecutor):
-    """One process, which imports this package and never the program that called it, and the answer to its last job.
-
-    So a script needs no main guard, and a notebook or a prompt will do. A pool of several processes would be broken as
-    a whole by the death of one.
-    """
-
-    process: SpawnProcess
-
-    def __init__(self) -> None:
-        context = SpawnContext()
-        context.Process = self._made  # type: ignore[misc, assignment]
-        super().__init__(1, context, _prepare)
-        self.answer = _done_here()
-        with _STARTING, _without_interrupt():
-            main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
-            try:
-                self.ready = self.submit(os.getpid)  # the first job starts it
-            finally:
-                sys.modules["__main__"] = main
-
-    def _made(self, *args: Any, **how: Any) -> SpawnProcess:
-        self.process = SpawnProcess(*args, **how)
-        return self.process
-
-
-@contextmanager
-def _without_interrupt() -> Iterator[None]:
-    """Context in which Ctrl-C waits, and that of a process that is started here for good."""
-    if sys.platform == "win32":
-        yield
-        return
-    resource_tracker.ensure_running()  # before, because it lets Ctrl-C through
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            with suppress(OSError), child:  # closes its pipes
+                pass
 
 
 def _how_ended(code: int) -> str:
@@ -193,33 +163,37 @@ def _how_ended(code: int) -> str:
     return f"it was ended by {name}" + (", as the system does where memory runs out" if name == "SIGKILL" else "")
 
 
-# In the process -------------------------------------------------------------------------------------------------------
-
-
-def _prepare() -> None:
-    """Leave Ctrl-C to the batch, end when it ends, and print to standard error."""
+def serve() -> None:
+    """Do the jobs that standard input brings, until it ends with the batch, and answer on what was standard output."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # on its way out it removes what is half written
-    with suppress(OSError):  # the batch has no standard error
-        os.dup2(2, 1)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    jobs = SimpleQueue[bytes]()
+    with open(0, "rb", closefd=False) as given, open(os.dup(1), "wb") as answers:  # noqa: PTH123 - numbers
+        os.dup2(2, 1)  # prints go to standard error
+        threading.Thread(target=_listen, args=(given, jobs.put), daemon=True).start()
+        while True:
+            pickle.dump(_answer(jobs.get()), answers)
+            answers.flush()
 
 
-def _end_with_parent() -> None:
-    if (batch := parent_process()) is not None:
-        batch.join()
-        os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(_PATIENCE)  # where an answer was on its way, its sender has caught that
-        os._exit(128 + signal.SIGTERM)
-
-
-def _answer(data: bytes) -> Any:
-    """What a job gives; None where it cannot be taken, because a type is not known here."""
+def _listen(given: Any, put: Callable[[bytes], object]) -> None:
     try:
-        try:
-            job = pickle.loads(data)  # noqa: S301 - from the batch that started this process
-        except Exception:  # whatever the lack of a type raises
-            return None
-        return job()
-    except SystemExit:  # the executor would catch it, and wait for the next job
+        while True:
+            put(pickle.load(given))  # noqa: S301 - from the batch that started this process
+    finally:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(_PATIENCE)
         os._exit(128 + signal.SIGTERM)
+
+
+def _answer(data: bytes) -> tuple[JobOutcome | None, Exception | None]:
+    """What a job gives, or its error; neither where it cannot be taken, because a type is not known here."""
+    try:
+        job = pickle.loads(data)  # noqa: S301 - from the batch that started this process
+    except Exception:  # whatever the lack of a type raises
+        return None, None
+    try:
+        return job(), None
+    except Exception as error:
+        error.add_note(traceback.format_exc())
+        return None, error
