@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from plumbob.arm.angles import RECORDED, TIME, JointTrack, read_table
 from plumbob.core import check, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.findings import Note, warning
+from plumbob.core.findings import Note, as_json, warning
 from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity, to_deg
@@ -179,6 +179,31 @@ class Program(Series):
             ``position`` (of half the range, from its middle), ``velocity``, ``acceleration`` and ``jerk``.
         """
         return _used(self.angles, 1.0 / self.rate, _bounds(limits, self.names))
+
+    def summary(self, limits: Chain | None = None) -> dict[str, Any]:
+        """All numbers, as JSON can hold them; what is used of the limits of a chain where it is given."""
+        stops = [{"at_s": stop.start, "for_s": stop.end - stop.start, "recorded_s": stop.recorded,
+                  "angles_rad": list(stop.angles)} for stop in self.stops]  # fmt: skip
+        return {
+            "angles": list(self.names), "samples": len(self), "rate_hz": self.rate, "duration_s": float(self.t[-1]),
+            "slowed": self.slowed, "stops": stops, "used": {} if limits is None else dict(self.used(limits)),
+            "notes": as_json(self.notes),
+            "deviation_deg": {name: {"rms": to_deg(deviation.rms), "max": to_deg(deviation.max)}
+                              for name, deviation in (self.deviations or {}).items()},
+        }  # fmt: skip
+
+    def text(self, limits: Chain | None = None) -> str:
+        """What a reader wants to know first, a line each; with the limits of a chain, what is used of them."""
+        numbers = self.summary(limits)
+        lines = [f"{name:12} {value}" for name, value in self.facts().items()]
+        if away := numbers["deviation_deg"]:
+            width = max(map(len, away))
+            lines.append("deviation    of the program from the recording, rms and greatest:")
+            lines += [f"             {name:{width}} {of['rms']:6.2f}° {of['max']:6.2f}°" for name, of in away.items()]
+        if used := numbers["used"]:
+            shares = ", ".join(f"{name} {100.0 * share:.1f} %" for name, share in used.items() if share)
+            lines.append(f"limits       {shares}")
+        return "\n".join(lines)
 
 
 def taught(

@@ -11,13 +11,11 @@ from plumbob.cli.engine import Call, Verb, show
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import write_text
-from plumbob.core.findings import as_json
+from plumbob.core.text import Listed
 from plumbob.core.units import Quantity, parse, to_deg
 
 if TYPE_CHECKING:
-    from plumbob.arm.program import Program
     from plumbob.data.array import ImuArray
-    from plumbob.data.chain import Chain
 
 
 def _read(args: argparse.Namespace, call: Call, note: Callable[[str], object] = common.note) -> "ImuArray":
@@ -65,7 +63,7 @@ def align(args: argparse.Namespace, verb: Verb, call: Call) -> int:
         held = [0.0] * len(chain.angles) if zero else common.numbers("--pose", ",".join(angles), "ANGLE")
         poses.append((parse(start, Quantity.TIME), parse(end, Quantity.TIME), held))
     card = call(chain=chain, array=_read(args, call), poses=poses)
-    return show(args, verb, card, shown=common.Listed(card.table(), {"file": args.out, **card.summary()}))
+    return show(args, verb, card, shown=Listed(card.table(), {"file": args.out, **card.summary()}))
 
 
 def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -74,7 +72,7 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     ends = {name: f"{to_deg(last):8.2f}° ± {to_deg(sd):.2f}° at the end" for name, last, sd in motion.at_end()}
     if not args.json:
         common.note(*map(str, motion.notes))
-    shown = common.Listed(common.rows(motion.facts() | ends, 20), {"out": args.out, **motion.summary()})
+    shown = Listed(common.rows(motion.facts() | ends, 20), {"out": args.out, **motion.summary()})
     return show(args, verb, motion, shown=shown)
 
 
@@ -101,7 +99,8 @@ def export(args: argparse.Namespace, verb: Verb, call: Call) -> int:
         else:
             in_unit = unit if path.suffix.lower() == ".csv" else "rad"
             arm.export(program, path, unit=in_unit, overwrite=args.force)
-    show(args, verb._replace(pages=None), _exported(args, program, chain))
+    text = "\n".join([program.text(chain), *(f"{'file':12} {path}" for path in args.out)])
+    show(args, verb._replace(pages=None), Listed(text, {"files": args.out, **program.summary(chain)}))
     if not args.json:
         common.note(*map(str, program.notes))
     if chain is not None and (args.html or args.plot):
@@ -109,29 +108,6 @@ def export(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
         common.write_pages(args, arm_report(chain, track, program=program))
     return 0
-
-
-def _exported(args: argparse.Namespace, program: "Program", chain: "Chain | None") -> common.Listed:
-    """What became of the angles, as text and for JSON."""
-    used = {} if chain is None else dict(program.used(chain))
-    away = {name: (to_deg(error.rms), to_deg(error.max)) for name, error in (program.deviations or {}).items()}
-    stops = [{"at_s": stop.start, "for_s": stop.end - stop.start, "recorded_s": stop.recorded,
-              "angles_rad": list(stop.angles)} for stop in program.stops]  # fmt: skip
-    values = {
-        "files": args.out, "angles": list(program.names), "samples": len(program),
-        "rate_hz": program.rate, "duration_s": float(program.t[-1]), "slowed": program.slowed, "stops": stops,
-        "used": used, "notes": as_json(program.notes),
-        "deviation_deg": {name: {"rms": rms, "max": most} for name, (rms, most) in away.items()},
-    }  # fmt: skip
-    lines = [common.rows(program.facts())]
-    if away:
-        width = max(map(len, away))
-        lines.append("deviation    of the program from the recording, rms and greatest:")
-        lines += [f"             {name:{width}} {rms:6.2f}° {most:6.2f}°" for name, (rms, most) in away.items()]
-    if used:
-        shares = ", ".join(f"{name} {100.0 * share:.1f} %" for name, share in used.items() if share)
-        lines.append(f"limits       {shares}")
-    return common.Listed("\n".join([*lines, *(f"{'file':12} {path}" for path in args.out)]), values)
 
 
 def replay(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -156,4 +132,4 @@ def replay(args: argparse.Namespace, verb: Verb, call: Call) -> int:
             f"{'hand error':12} rms {1e3 * error.rms:.2f} mm ({100.0 * error.rms_share:.2f} % of the arm), greatest "
             f"{1e3 * error.max:.2f} mm ({100.0 * error.max_share:.2f} %)"
         )
-    return show(args, verb, done, shown=common.Listed("\n".join(lines), numbers))
+    return show(args, verb, done, shown=Listed("\n".join(lines), numbers))

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.text import visible
@@ -33,21 +33,6 @@ def filter_args(verb: str, filter_: str | None, params: str | None) -> dict[str,
 def rows(facts: Mapping[str, object], width: int = 12) -> str:
     """Facts, a line each."""
     return "\n".join(f"{name:{width}} {value}" for name, value in facts.items())
-
-
-class Listed(NamedTuple):
-    """A list as text, and its values."""
-
-    lines: str
-    values: dict[str, Any]
-
-    def text(self, *_details: str) -> str:
-        """What is printed."""
-        return self.lines.rstrip("\n")
-
-    def summary(self) -> dict[str, Any]:
-        """The same as JSON has it."""
-        return self.values
 
 
 class Status:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from plumbob.cli import common
 from plumbob.cli.engine import Call, Verb
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import DecodeError
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity, given
 
@@ -29,6 +29,7 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.files.decoded import TEXTS, DecodedTable
     from plumbob.protocols.decode import decode, prefix_by_unit
     from plumbob.protocols.format_toml import find_format, unassigned_told
+    from plumbob.protocols.page import not_decoded, other_format
 
     form, out = find_format(args.format).bind(args.given.get("options", {})), args.out and Path(args.out)
     if spare := unassigned_told(form, form.message(args.message or "")):
@@ -48,16 +49,16 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     counts = decode(_in_order(args.data, pieces, form) if args.ring else pieces, form, each=take).counts
     if not counts.received:
         raise DecodeError(f"{args.data} is empty. Give a file of raw bytes.")
-    hint = _hint(form, head[:_HINT]) if 2 * counts.framed < counts.received or form.framing.transfers else ""
+    hint = other_format(form, head[:_HINT]) if 2 * counts.framed < counts.received or form.framing.transfers else ""
     if not sum(counts.frames.values()):
         frame = f"a {'transfer' if form.framing.transfers else 'frame'} of {form.name}{counts.why_rejected()}"
-        raise DecodeError(f"{args.data}: none of its {_bytes(counts.received)} is {frame}.{hint}")
+        raise DecodeError(f"{args.data}: none of its {counted(counts.received, 'byte')} is {frame}.{hint}")
     if out is not None:
         table.write(out, counts, args.unit, overwrite=args.force)
         units = prefix_by_unit(form.message(table.message))
         if len(units) > 1 and args.unit is None:
             common.note(f"the file is read as unit {units[0]} of {', '.join(units)}; ask for another with --unit")
-    _tell(form, counts, table.message)
+    common.note(*not_decoded(form, counts, table.message))
     if hint:
         common.note(f"this may not be {form.name} at all.{hint}")
     if table.skipped:
@@ -87,48 +88,3 @@ def _in_order(name: str, pieces: Iterator[bytes], form: "Format") -> Iterator[by
         f"{ring.blank} blank bytes and {ring.torn} torn"
     )
     yield ring.stream
-
-
-def _tell(form: "Format", counts: "Counts", message: str) -> None:
-    """Say on standard error what was not decoded, and why, and what could not be checked."""
-    from plumbob.protocols.overlap import passes_anything
-    from plumbob.protocols.page import UNCHECKED
-
-    if passes_anything(form):
-        common.note(f"checks of {form.name}: {UNCHECKED.format(form.framing.length)}")
-    others = [f"{count} of {name}" for name, count in counts.frames.items() if count and name != message]
-    if others:
-        main = f"{counted(counts.frames[message], 'frame')} of {message}"
-        common.note(f"{main}; also {', '.join(others)}: ask with --message")
-    if counts.unknown:
-        common.note(f"checked, but of no message that {form.name} describes: {counted(counts.unknown, 'frame')}")
-    if counts.junk:
-        common.note(f"{_bytes(counts.junk)} of {counts.received} belong to no frame{counts.why_rejected()}")
-    if form.framing.transfers and (over := counts.received % form.framing.length):
-        common.note(
-            f"{_bytes(counts.received)} are not a multiple of {form.framing.length}, the length of a transfer of "
-            f"{form.name}: {over} too many. If the first transfer is not whole, every row is wrong, and nothing in the "
-            "bytes shows it"
-        )
-
-
-def _hint(form: "Format", head: bytes) -> str:
-    """Which known formats would fit; only those that cannot fit by chance."""
-    from plumbob.protocols.decode import decode
-    from plumbob.protocols.format_toml import EXTENSIBLE, device_names, rig_names
-
-    fitting = []
-    for name, other in EXTENSIBLE.usable((*device_names(), *rig_names())):
-        if name == form.name or not (other.framing.sync and other.framing.checksum):
-            continue
-        try:
-            counts = decode(head, other).counts
-        except ParameterError:  # it has an option that only the user knows
-            continue
-        if sum(counts.frames.values()) >= 2 and 2 * counts.framed > counts.received:
-            fitting.append(f"{name} ({sum(counts.frames.values())} frames)")
-    return f" It looks like {', '.join(fitting)}." if fitting else ""
-
-
-def _bytes(count: int) -> str:
-    return counted(count, "byte")

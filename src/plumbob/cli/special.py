@@ -7,17 +7,14 @@ from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from plumbob.cli import common
 from plumbob.cli.engine import Call, Verb, show
 from plumbob.core import __version__
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
-from plumbob.core.text import counted
+from plumbob.core.text import Listed, counted
 from plumbob.core.units import Quantity, parse
-
-if TYPE_CHECKING:
-    from plumbob.data import AttitudeTrack
 
 __all__ = ["show"]
 
@@ -40,7 +37,7 @@ def profile(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     head = f"{'not written' if is_open else out}: {counted(len(draft.questions), 'question')} to answer {way}"
     lines = [head, *listed(f"{key}: {why}" for key, why in draft.questions)]
     values = {"profile": None if is_open else str(out), **draft.summary()}
-    show(args, verb, draft, shown=common.Listed("\n".join(lines), values))
+    show(args, verb, draft, shown=Listed("\n".join(lines), values))
     return 1 if is_open else 0
 
 
@@ -227,7 +224,7 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.filters.known import RATE_FILTERS, SMOOTHER
 
     name, args.recording = getattr(args, "filter", SMOOTHER), args.recording[0]
-    errors: dict[str, Any] = {}
+    errors, lines = dict[str, Any](), list[str]()
     if name in RATE_FILTERS:
         result = _rates(args, call)
     else:
@@ -245,11 +242,15 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
             from plumbob.overview.overview import of_estimate
 
             of_estimate(result, gatherer, args.recording).write_html(Path(args.report), overwrite=args.force)
-        errors = {} if result.reference is None else _errors(result.track, result.reference)
+        if result.reference is not None:
+            from plumbob.door.evaluate import brief_errors, error_lines
+
+            errors = brief_errors(result.track, result.reference)
+            lines = error_lines(errors)
     numbers = {"file": args.recording, "out": getattr(args, "out", None), **result.summary()}
     head = f"{args.recording}: {counted(numbers['samples'], 'sample')}, {numbers['duration_s']:.3f} s"
-    text = "\n".join([head, result.text(), *_error_lines(errors)])
-    return show(args, verb, result, shown=common.Listed(text, numbers | ({"errors": errors} if errors else {})))
+    shown = Listed("\n".join([head, result.text(), *lines]), numbers | ({"errors": errors} if errors else {}))
+    return show(args, verb, result, shown=shown)
 
 
 def _rates(args: argparse.Namespace, call: Call) -> Any:
@@ -260,36 +261,6 @@ def _rates(args: argparse.Namespace, call: Call) -> Any:
         raise ParameterError(f"{', '.join(beside)}: {args.filter} gives no attitude. Leave it out.")
     rest = None if args.rest is None else common.span("--rest", args.rest)
     return call(filter_rates, drift=args.drift, rest=rest, note=None)
-
-
-def _errors(track: "AttitudeTrack", reference: "AttitudeTrack") -> dict[str, Any]:
-    """Errors against the reference that the recording carries; a word where they cannot be compared.
-
-    Headings from two norths without a declination say nothing, but inclinations do.
-    """
-    from plumbob.door.evaluate import evaluate
-
-    try:
-        summary = evaluate(track, reference).summary()
-    except PlumbobError as error:
-        if track.north is reference.north:
-            return {"not_compared": str(error)}
-        try:
-            aligned = evaluate(track, reference, align=("heading",)).summary()
-        except PlumbobError:
-            return {"not_compared": str(error)}
-        return {"not_compared": str(error), "inclination_rmse_deg": aligned["inclination_rmse_deg"]}
-    keys = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")
-    return {key: summary[key] for key in keys} | {"not_scored": summary["not_scored"]}
-
-
-def _error_lines(errors: dict[str, Any]) -> list[str]:
-    lines = []
-    for name, value in errors.items():
-        if value is not None and name != "not_scored":
-            shown = value if isinstance(value, str) else f"{value:.3f}°"
-            lines.append(f"error        {name.removesuffix('_deg').replace('_', ' ')}: {shown}")
-    return [*lines, *(f"not scored   {name}: {why}" for name, why in errors.get("not_scored", {}).items())]
 
 
 def view(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -334,7 +305,7 @@ def demo(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     table = replace(made.report, facts=(), remarks=(), parts=()).text()
     places = f"certificate  {made.certificate.resolve()}\nreport       {made.page.resolve()}"
     values = {"report": str(made.page), "certificate": str(made.certificate), "filters": numbers}
-    show(args, verb, made, shown=common.Listed(f"\n{table}\n\n{places}", values))
+    show(args, verb, made, shown=Listed(f"\n{table}\n\n{places}", values))
     if args.view and not args.json:
         wait = "600s" if has_display() else "20s"
         print(f"live page    for {wait}, or until Ctrl-C; 'plumbob view --emulate buoy' shows it again", flush=True)
@@ -346,7 +317,7 @@ def demo(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 def control(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Print the answer."""
     answer = call()
-    return show(args, verb, answer, shown=common.Listed(answer, {"verb": args.what, "answer": answer}))
+    return show(args, verb, answer, shown=Listed(answer, {"verb": args.what, "answer": answer}))
 
 
 def allan(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -386,7 +357,7 @@ def _deviation(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     record, report, card = call(open_static)
     curves = deviations(record, report, kind, taus=args.given.get("taus"))
     about = {"file": str(record.path), "calibration": card, "deviation": kind}
-    shown = common.Listed(curves_report(curves).text(), about | {curve.name: curve.summary() for curve in curves})
+    shown = Listed(curves_report(curves).text(), about | {curve.name: curve.summary() for curve in curves})
     return show(args, verb._replace(pages=None), None, shown=shown)
 
 
@@ -403,5 +374,5 @@ def _compare(args: argparse.Namespace, verb: Verb, call: Call) -> int:
         pairs, facts=[("before", record.path.name), ("after", name), ("made by", f"plumbob {__version__}")]
     )
     about = {"before": str(record.path), "after": str(after.path), "calibration": card}
-    shown = common.Listed(report.text(), about | {pair.name: pair.summary() for pair in pairs})
+    shown = Listed(report.text(), about | {pair.name: pair.summary() for pair in pairs})
     return show(args, verb._replace(pages=lambda *_: report), None, shown=shown)

@@ -506,21 +506,23 @@ KNOWLEDGE: Final = {
         kinds={
             "filters": Verb(
                 "filters with their parameters, units, defaults and ranges",
-                "choose-a-filter.md", "plumbob list filters mekf", "cli.list.filters",
+                "choose-a-filter.md", "plumbob list filters mekf", "reporting.catalogue.filters",
             ),
             "devices": Verb(
                 "known devices: framing, fields with units and sources, options, registers; C header",
-                "formats.md", "plumbob list devices mpu6000", "cli.list.devices", repeat=("options",),
+                "formats.md", "plumbob list devices mpu6000", "reporting.catalogue.devices", repeat=("options",),
                 exclusive=(("markdown", "c", "json"),),
             ),
             "references": Verb(
                 "references of filters, as lines or as BibTeX",
                 "equations.md", "plumbob list references mahony --bib", "cite", run="text", json=False,
             ),
-            "rigs": Verb("rigs and faults of 'plumbob emulate'", "acquire.md", "plumbob list rigs", "cli.list.rigs"),
+            "rigs": Verb(
+                "rigs and faults of 'plumbob emulate'", "acquire.md", "plumbob list rigs", "reporting.catalogue.rigs",
+            ),
             "scenarios": Verb(
                 "scenarios, chains, programs and sensors of 'plumbob sim'",
-                "start.md", "plumbob list scenarios", "cli.list.scenarios",
+                "start.md", "plumbob list scenarios", "reporting.catalogue.scenarios",
             ),
         },
     ),

@@ -1,6 +1,6 @@
 """From a capture to a calibration card: `plumbob calibrate`, in Python and on the command line."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from inspect import signature
 from pathlib import Path
@@ -157,6 +157,27 @@ def read_capture(
     # That it is uncalibrated is what a capture is for.
     findings = tuple(finding for finding in warnings(recording.notes) if finding.code != "samples.uncalibrated")
     return replace(captured, found=findings)
+
+
+def require_room(
+    out: Path | None, device: str, made: Collection[str], base: CalibrationCard | None, *, force: bool
+) -> None:
+    """Refuse to write a card over that of another unit, one that has more, or a part over another without --force."""
+    if out is None or not out.is_file():
+        return
+    try:
+        there = CalibrationCard.load(out)
+    except DecodeError:
+        return
+    if there.device != device:
+        raise ParameterError(f"{out} is the card of '{there.device}', not of '{device}'; name another file.")
+    if lost := [name for name in there.parts if name not in {*made, *(base.parts if base else ())}]:
+        raise ParameterError(
+            f"{out} has {' and '.join(lost)}, which this would lose; complete it with --calibration {out}, or name "
+            "another file."
+        )
+    if not force and (again := [name for name in there.parts if name in made]):
+        raise ParameterError(f"{out} has {' and '.join(again)} already. Name another file, or replace it with --force.")
 
 
 def kind_options(kind: str) -> tuple[str, ...]:

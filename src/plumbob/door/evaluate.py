@@ -1,6 +1,6 @@
 """How far an attitude is from a reference (`plumbob eval`), and how two recordings of one motion differ (`compare`)."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from plumbob.core.check import number, said
-from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.core.files import is_same_file
 from plumbob.core.findings import warnings
 from plumbob.core.units import Quantity, given
@@ -96,6 +96,35 @@ def evaluate(
         raise ParameterError(f"{estimate} is both estimate and reference; name the track of 'plumbob run' first.")
     tracks = opened_attitude("estimate", estimate, None, note), opened_attitude("reference", reference, profile, note)
     return judge(*tracks, settings)
+
+
+def brief_errors(track: AttitudeTrack, reference: AttitudeTrack) -> dict[str, Any]:
+    """Errors against the reference that a recording carries, degrees; a word where they cannot be compared.
+
+    Headings from two norths without a declination say nothing, but inclinations do.
+    """
+    try:
+        summary = evaluate(track, reference).summary()
+    except PlumbobError as error:
+        if track.north is reference.north:
+            return {"not_compared": str(error)}
+        try:
+            aligned = evaluate(track, reference, align=("heading",)).summary()
+        except PlumbobError:
+            return {"not_compared": str(error)}
+        return {"not_compared": str(error), "inclination_rmse_deg": aligned["inclination_rmse_deg"]}
+    keys = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")
+    return {key: summary[key] for key in keys} | {"not_scored": summary["not_scored"]}
+
+
+def error_lines(errors: Mapping[str, Any]) -> list[str]:
+    """What `brief_errors` gives, a line each."""
+    lines = []
+    for name, value in errors.items():
+        if value is not None and name != "not_scored":
+            shown = value if isinstance(value, str) else f"{value:.3f}°"
+            lines.append(f"error        {name.removesuffix('_deg').replace('_', ' ')}: {shown}")
+    return [*lines, *(f"not scored   {name}: {why}" for name, why in errors.get("not_scored", {}).items())]
 
 
 def opened_attitude(

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -26,6 +26,8 @@ from plumbob.fleet.places import in_memory
 
 _PATIENCE: Final = 20.0
 """Time that a process has to break off its job, s."""
+_CHILD: Final[Mapping[str, Any]] = {"stdin": PIPE, "stdout": PIPE, "start_new_session": True}
+"""How a process is started: in a session of its own, which Ctrl-C does not reach."""
 _Job = Callable[[], JobOutcome]
 _Answer = Future[JobOutcome | None]
 """None where this process has to do the job."""
@@ -113,7 +115,7 @@ def processes(jobs: int) -> Iterator[_Pool]:
 
     def answered(data: bytes) -> JobOutcome | None:
         try:
-            child = idle.pop() if idle else Popen(command, stdin=PIPE, stdout=PIPE, start_new_session=True)  # no Ctrl-C
+            child: Any = idle.pop() if idle else Popen(command, **_CHILD)
         except OSError:  # the system has no room for a process
             return None
         children.add(child)

@@ -1,14 +1,19 @@
 """A format as a page to read: framing, fields with units and marks, options, registers, facts and sources."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
+from plumbob.core.errors import ParameterError
+from plumbob.core.text import counted
 from plumbob.core.units import unit
 from plumbob.protocols.field import MARKS, Field, Provenance
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.overlap import passes_anything
+
+if TYPE_CHECKING:
+    from plumbob.protocols.decode import Counts
 
 UNCHECKED: Final = "NONE: no sync, checksum or constant, so any {} bytes pass for a sample, even noise"
 """What is said of a format without any check, of its length."""
@@ -188,3 +193,40 @@ def _aligned(table: PageTable) -> str:
 def _piped(table: PageTable) -> str:
     rows = [table.head, ("---",) * len(table.head), *table.rows]
     return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n" for row in rows)
+
+
+def not_decoded(form: Format, counts: "Counts", message: str) -> Iterator[str]:
+    """What was not decoded of bytes of which one kind of message is taken, and why, and what could not be checked."""
+    if passes_anything(form):
+        yield f"checks of {form.name}: {UNCHECKED.format(form.framing.length)}"
+    if others := [f"{count} of {name}" for name, count in counts.frames.items() if count and name != message]:
+        main = f"{counted(counts.frames[message], 'frame')} of {message}"
+        yield f"{main}; also {', '.join(others)}: ask with --message"
+    if counts.unknown:
+        yield f"checked, but of no message that {form.name} describes: {counted(counts.unknown, 'frame')}"
+    if counts.junk:
+        yield f"{counted(counts.junk, 'byte')} of {counts.received} belong to no frame{counts.why_rejected()}"
+    if form.framing.transfers and (over := counts.received % form.framing.length):
+        yield (
+            f"{counted(counts.received, 'byte')} are not a multiple of {form.framing.length}, the length of a transfer "
+            f"of {form.name}: {over} too many. If the first transfer is incomplete, every row is wrong, and nothing in "
+            "the bytes shows it"
+        )
+
+
+def other_format(form: Format, head: bytes) -> str:
+    """Which known formats would fit the first bytes better; only those that cannot fit by chance."""
+    from plumbob.protocols.decode import decode
+    from plumbob.protocols.format_toml import EXTENSIBLE, device_names, rig_names
+
+    fitting = []
+    for name, other in EXTENSIBLE.usable((*device_names(), *rig_names())):
+        if name == form.name or not (other.framing.sync and other.framing.checksum):
+            continue
+        try:
+            counts = decode(head, other).counts
+        except ParameterError:  # it has an option that only the user knows
+            continue
+        if sum(counts.frames.values()) >= 2 and 2 * counts.framed > counts.received:
+            fitting.append(f"{name} ({sum(counts.frames.values())} frames)")
+    return f" It looks like {', '.join(fitting)}." if fitting else ""

@@ -1,13 +1,28 @@
-"""How a guide's progress is shown: drawn on a terminal while a unit is moved, or printed at the end."""
+"""A guided capture from a line, and its progress: drawn on a terminal while a unit is moved, or printed at the end."""
 
 import shutil
 import sys
 import textwrap
 import time
-from typing import Any, Final, TextIO
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TextIO
 
+from plumbob.calibration.calibration import Capture, capture
 from plumbob.calibration.predicted import NAMES, REGIONS, region_names
+from plumbob.core.errors import CalibrationError
+from plumbob.data import ImuMeta
 from plumbob.live.guide.guide import Guide, Progress
+from plumbob.live.guide.guides import GUIDES, GuideSink
+from plumbob.live.record import record
+from plumbob.live.session import OutputSpec, RecordSpec, Session
+from plumbob.live.session_toml import capture_session
+from plumbob.live.sinks import Collected, Sink
+from plumbob.live.transports.transport import Stop
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import CalibrationCard
 
 _EVERY: Final = 0.25
 _SELDOM: Final = 5.0
@@ -136,3 +151,56 @@ def guide_text(guide: Guide, progress: Progress) -> str:
     if not progress.done:
         lines.append(f"what to add  {progress.next_step}")
     return "\n".join([*lines, ""])
+
+
+def session_of(file: Path | None, start: Any, device: str | None, raw: str | None, **line: Any) -> Session:
+    """Session of a capture: nothing is estimated, and it is recorded to `raw` alone.
+
+    A unit that is called like its format was not named, and a card needs a name.
+    """
+    session = capture_session(file, capture=start, device=device if file is None else None, **line)
+    recorded = None if raw is None else replace(session.record or RecordSpec(""), path=raw)
+    unit = session.meta.device
+    if unit == session.form.name:
+        unit = device or ImuMeta().device
+    meta = replace(session.meta, device=unit)
+    return replace(session, meta=meta, stage=None, record=recorded, output=OutputSpec(), send=())
+
+
+def guided_capture(
+    session: Session,
+    kind: str,
+    triads: tuple[str, ...],
+    *,
+    device: str | None,
+    base: "CalibrationCard | None",
+    stop: Stop,
+    note: Callable[[str], object],
+) -> tuple[Capture, dict[str, Any]]:
+    """Capture from a line, until the guide or somebody says stop, and what the guide says of it.
+
+    Raises
+    ------
+    CalibrationError
+        If the line lacks one of the triads, or no sample arrives.
+    """
+    parts = [field.triad.rpartition(".") for field in session.form.message(session.message).fields if field.triad]
+    present = {triad for unit, _, triad in parts if unit == session.unit}
+    if missing := [name for name in triads if name not in present]:
+        raise CalibrationError(f"the line has no {', '.join(missing)}, only {', '.join(sorted(present))}.")
+    guide, collected = GUIDES[kind](), Collected()
+    board = Board(f"calibrate {kind}", guide)
+
+    def say(text: str) -> None:
+        board.erase()
+        note(text)
+
+    sinks: list[Sink] = [collected, GuideSink(guide, stop, board.show)]
+    note("waiting for samples; the capture ends when it is good, or by Ctrl-C with what there is")
+    record(session, sinks=sinks, stop=stop, note=say)
+    board.erase()
+    if (imu := collected.imu(calibrated=False)) is None:
+        raise CalibrationError(
+            "no sample arrived over the line, so there is nothing to calibrate. See 'plumbob record'."
+        )
+    return capture(imu, triads=triads, device=device, base=base), guide_summary(guide, guide.progress())

@@ -6,9 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final
 
-from plumbob.cli.common import Listed
 from plumbob.core.errors import ParameterError
-from plumbob.core.text import visible
+from plumbob.core.text import Listed, visible
 
 if TYPE_CHECKING:
     from plumbob.core.params import Parameter
