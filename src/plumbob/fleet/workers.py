@@ -170,18 +170,19 @@ def serve() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # on its way out it removes what is half written
     jobs = SimpleQueue[bytes]()
-    with open(0, "rb", closefd=False) as given, open(os.dup(1), "wb") as answers:  # noqa: PTH123 - numbers
+    with open(os.dup(1), "wb") as answers:  # noqa: PTH123 - a number
         os.dup2(2, 1)  # prints go to standard error
-        threading.Thread(target=_listen, args=(given, jobs.put), daemon=True).start()
+        threading.Thread(target=_listen, args=(jobs.put,), daemon=True).start()
         while True:
             pickle.dump(_answer(jobs.get()), answers)
             answers.flush()
 
 
-def _listen(given: Any, put: Callable[[bytes], object]) -> None:
+def _listen(put: Callable[[bytes], object]) -> None:
     try:
-        while True:
-            put(pickle.load(given))  # noqa: S301 - from the batch that started this process
+        with open(0, "rb", closefd=False) as given:  # its own, which no other thread closes
+            while True:
+                put(pickle.load(given))  # noqa: S301 - from the batch that started this process
     finally:
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(_PATIENCE)
