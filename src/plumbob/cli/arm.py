@@ -11,8 +11,8 @@ from plumbob.cli.engine import Call, Verb, show
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import write_text
-from plumbob.core.text import Listed
 from plumbob.core.units import Quantity, parse, to_deg
+from plumbob.reporting.catalogue import Listed
 
 if TYPE_CHECKING:
     from plumbob.data.array import ImuArray

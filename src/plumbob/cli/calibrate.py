@@ -10,7 +10,8 @@ from plumbob.cli.engine import Call, Verb, show
 from plumbob.cli.verbs import OF_LINES
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import is_same_file
-from plumbob.core.text import Listed, visible
+from plumbob.core.text import visible
+from plumbob.reporting.catalogue import Listed
 
 if TYPE_CHECKING:
     from plumbob.calibration.calibration import Capture
@@ -108,13 +109,13 @@ def _live(
     """Guided capture from a line, until the guide or somebody says stop; what would spoil its end is refused before."""
     from plumbob.calibration.calibration import unit_of
     from plumbob.door.calibrate import require_room
-    from plumbob.live.guide.board import guided_capture, session_of
+    from plumbob.live.guide.board import bare_session, guided_capture
     from plumbob.live.transports.transport import Stop
 
     if out is None or not out.parent.is_dir():
         raise ParameterError(f"--live needs --out, a card to write in a folder that exists, but it is {out}.")
     device, line = args.given.get("device"), {name: args.given[name] for name in OF_LINES if name in args.given}
-    session = session_of(args.file, args.given.get("start"), device, args.raw, **line)
+    session = bare_session(args.file, args.given.get("start"), device, args.raw, **line)
     card = base or session.card
     require_room(out, unit_of(session.meta.device, device, card), how.triads, card, force=args.force)
     stop = Stop()

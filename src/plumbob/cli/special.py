@@ -13,8 +13,9 @@ from plumbob.cli import common
 from plumbob.cli.engine import Call, Verb, show
 from plumbob.core import __version__
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
-from plumbob.core.text import Listed, counted
+from plumbob.core.text import counted
 from plumbob.core.units import Quantity, parse
+from plumbob.reporting.catalogue import Listed
 
 __all__ = ["show"]
 

@@ -6,7 +6,6 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
 from operator import xor
-from typing import Any, NamedTuple
 
 WIDTH = 80
 _STEERING = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
@@ -126,21 +125,6 @@ class FactsText:
 
     def _repr_html_(self) -> str:
         return small_table(type(self).__name__, self.facts())
-
-
-class Listed(NamedTuple):
-    """A list as text, and its values."""
-
-    lines: str
-    values: dict[str, Any]
-
-    def text(self, *_details: str) -> str:
-        """What is printed."""
-        return self.lines.rstrip("\n")
-
-    def summary(self) -> dict[str, Any]:
-        """The same as JSON has it."""
-        return self.values
 
 
 def one_line(kind: str, facts: Mapping[str, str]) -> str:

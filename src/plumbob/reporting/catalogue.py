@@ -4,14 +4,29 @@ import inspect
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from plumbob.core.errors import ParameterError
-from plumbob.core.text import Listed, visible
+from plumbob.core.text import visible
 
 if TYPE_CHECKING:
     from plumbob.core.params import Parameter
     from plumbob.protocols.format import Format
+
+
+class Listed(NamedTuple):
+    """A list as text, and its values."""
+
+    lines: str
+    values: dict[str, Any]
+
+    def text(self, *_details: str) -> str:
+        """What is printed."""
+        return self.lines.rstrip("\n")
+
+    def summary(self) -> dict[str, Any]:
+        """The same as JSON has it."""
+        return self.values
 
 
 def filters(name: str | None = None) -> Listed:

@@ -153,7 +153,7 @@ def guide_text(guide: Guide, progress: Progress) -> str:
     return "\n".join([*lines, ""])
 
 
-def session_of(file: Path | None, start: Any, device: str | None, raw: str | None, **line: Any) -> Session:
+def bare_session(file: Path | None, start: Any, device: str | None, raw: str | None, **line: Any) -> Session:
     """Session of a capture: nothing is estimated, and it is recorded to `raw` alone.
 
     A unit that is called like its format was not named, and a card needs a name.
