@@ -96,7 +96,7 @@ def test_a_chain_is_read_back_from_its_urdf(tmp_path: Path, units, merge: bool, 
     ('<parent link="base"/>', '<parent link="tip"/>', "must be the root|not connected"),
     ('velocity="3.5"', 'velocity="fast"', "not a number"),
     ('lower="-1.5"', 'lower="low"', "that can be read: .*low"),
-    ('lower="-1.5"', 'lower="3"', "must go up"),
+    ('lower="-1.5"', 'lower="3"', "must increase"),
     ("</robot>", "", "not complete XML"),
     ("<robot", "<sdf", "XML"),
     # entities in entities, the 'billion laughs': expat (since 2.4.1) stops them

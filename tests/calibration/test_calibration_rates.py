@@ -104,7 +104,7 @@ def test_what_does_not_go_together_is_refused():
         (lambda: filtered(imu, "mahony"), ParameterError, "no channel filter 'mahony'"),
         (lambda: filtered(warming(gyr=None)[0], scalar), ShapeError, "has no gyroscope"),
         (lambda: filtered(imu, scalar, calibration=CARD, drift=GyroDrift()), ParameterError, "Give one of them"),
-        (lambda: filtered(imu, scalar, drift="mine"), ParameterError, "'mine' is not a drift model; known is chen2013"),
+        (lambda: filtered(imu, scalar, drift="mine"), ParameterError, "'mine' is not a drift model; known: chen2013"),
         (lambda: filtered(imu, scalar, rest=(50.0, 60.0)), ParameterError, "goes from 0 to 39.9 s"),
         (lambda: filtered(imu, scalar, params={"q": 1}), ParameterError, "scalar has no parameter 'q'"),
     ):

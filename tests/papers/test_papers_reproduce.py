@@ -136,7 +136,7 @@ def test_what_is_not_recorded_whole_is_refused(tmp_path, monkeypatch):
         return SimpleNamespace(lossy=True)
 
     monkeypatch.setattr("plumbob.papers.workspace.record", full)
-    with pytest.raises(DecodeError, match=r"x\.mcap was not recorded whole: stopped: no space\."):
+    with pytest.raises(DecodeError, match=r"x\.mcap was not recorded completely: stopped: no space\."):
         Work(tmp_path).recorded("rod", "x", duration=0.1)
 
 

@@ -184,7 +184,7 @@ def _require_limits(name: str, limits: Limits) -> None:
     """Refuse a range without room, and rates that allow no motion."""
     if not limits.low < limits.high:
         raise ParameterError(
-            f"the range of the joint '{name}' must go up, but it is {limits.low:.6g} to {limits.high:.6g} rad."
+            f"the range of the joint '{name}' must increase, but it is {limits.low:.6g} to {limits.high:.6g} rad."
         )
     for what in ("velocity", "acceleration", "jerk"):
         if not getattr(limits, what) > 0.0:

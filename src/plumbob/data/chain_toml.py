@@ -150,7 +150,7 @@ def _one_of_two(where: str, table: Mapping[str, Any], key: str, other: str) -> Q
 def _segment(where: str, table: Mapping[str, Any]) -> Segment:
     lacking = [key for key in _MOUNT if key in table and "unit" not in table]
     if lacking:
-        raise DecodeError(f"{where}.{lacking[0]} is of a unit, but {where} names none; add unit, or leave it out.")
+        raise DecodeError(f"{where}.{lacking[0]} belongs to a unit, but {where} names none; add unit, or leave it out.")
     mount = UnitMount(
         q_bs=_normed(f"{where}.q_bs", _one_of_two(where, table, "q_bs", "axes")),
         lever_b=table.get("lever", (0.0, 0.0, 0.0)),

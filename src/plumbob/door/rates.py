@@ -165,7 +165,7 @@ def filter_rates(
     model = _model(drift)
     if calibration is not None:
         if drift is not None:
-            raise ParameterError("drift and calibration both take the bias off. Give one of them.")
+            raise ParameterError("drift and calibration both subtract the bias. Give one of them.")
         imu = apply_card(CalibrationCard.of(calibration), imu)
     model = _usable(model, imu, say)
     if rest is not None:
@@ -185,7 +185,7 @@ def _model(drift: str | GyroDrift | None) -> GyroDrift:
         return drift or GyroDrift()
     if drift not in DRIFTS:
         raise ParameterError(
-            f"'{drift}' is not a drift model; known is {', '.join(DRIFTS)}. That of your own unit is a calibration "
+            f"'{drift}' is not a drift model; known: {', '.join(DRIFTS)}. That of your own unit is a calibration "
             "card, as 'plumbob calibrate gyro' and 'plumbob calibrate temperature' write it: --calibration."
         )
     return DRIFTS[drift]()

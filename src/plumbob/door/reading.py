@@ -211,7 +211,7 @@ def _mounted(array: "ImuArray", mounts: "Source | Mapping[str, UnitMount]") -> "
         if not mounted.keys() & units.keys():
             raise ParameterError(
                 f"the units of '{mounts}' are {', '.join(mounted)}, but those of the array are {', '.join(units)}; "
-                "name them so, or the files, or write a mount for each in a TOML file."
+                "rename the mounts or the files, or write a mount for each in a TOML file."
             )
         mounted = {name: unit for name, unit in mounted.items() if name in units}  # one that died has been left out
     for name in mounted.keys() & units.keys():

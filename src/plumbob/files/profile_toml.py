@@ -210,7 +210,7 @@ def _require_sense(profile: Profile) -> None:
         raise DecodeError("place already gives the declination; keep one of the two.")
     repeated = [ref for i, ref in enumerate(profile.used) if ref in profile.used[:i]]
     if repeated:
-        raise DecodeError(f"column {excerpt(str(repeated[0]))} is declared twice; each column has one meaning.")
+        raise DecodeError(f"column {excerpt(str(repeated[0]))} is declared twice; declare it once.")
 
 
 def _absent(where: str, key: str) -> PlumbobError:

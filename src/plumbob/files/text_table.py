@@ -105,7 +105,7 @@ def object_cells(text: str, line: int) -> dict[str, str]:
     """Cells of an object of JSON, which is a line, by their names; DecodeError where it is none."""
     content = _loaded(text, line)
     if not isinstance(content, dict):
-        raise DecodeError(f"line {line}: {excerpt(text)} is not an object of JSON.")
+        raise DecodeError(f"line {line}: {excerpt(text)} is not a JSON object.")
     return flat_cells("", content)
 
 
@@ -325,7 +325,7 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
     try:
         return next(csv.reader([row], delimiter=separator, strict=True))
     except csv.Error as error:
-        raise DecodeError(f"line {line}: {excerpt(row)} cannot be split in cells ({one_line(error)}).") from error
+        raise DecodeError(f"line {line}: {excerpt(row)} cannot be split into cells ({one_line(error)}).") from error
 
 
 _IN_BRACKETS: Final = re.compile(r"[\[({][-+\d.,;\seEnaN]*[\])}]")
@@ -790,8 +790,8 @@ def _packed(block: str, layout: TextLayout) -> bytes:
 def _refuse_rows(rows: int, declared: int | None) -> None:
     if declared is not None and rows != declared:
         raise DecodeError(
-            f"there are {rows} complete rows of numbers, but the profile says rows = {declared}; the file is cut or "
-            "another one. If that is intended, correct the profile."
+            f"there are {rows} complete rows of numbers, but the profile says rows = {declared}; the file is cut, or "
+            "is not the one that was described. If that is intended, correct the profile."
         )
 
 
@@ -815,7 +815,7 @@ def _refuse_shared(places: dict[ColumnRef, int]) -> None:
     for ref, place in places.items():
         other = next(r for r, p in places.items() if p == place)
         if other != ref:
-            raise DecodeError(f"{other!r} and {ref!r} are the same column; each column has one meaning.")
+            raise DecodeError(f"{other!r} and {ref!r} are the same column; declare it once.")
 
 
 def _number(cell: str, line: int, ref: ColumnRef, layout: TextLayout) -> float:

@@ -103,5 +103,5 @@ class Work:
         notes: list[str] = []
         done = record(files.session, out=files.recording, text=text, note=notes.append)
         if done.lossy:  # a figure of what is left would be wrong without a word
-            raise DecodeError(f"{files.recording} was not recorded whole: {'; '.join(notes)}.")
+            raise DecodeError(f"{files.recording} was not recorded completely: {'; '.join(notes)}.")
         return files

@@ -157,7 +157,7 @@ REFUSED = {  # files of the device, how it is opened, what is said
     "no buffer": ({}, {"which": "adxrs453"}, "has no buffer, so it can only be polled"),
     "no trigger": ({}, {"trigger": "x"}, "has no trigger/current_trigger"),
     "no device": ({}, {"which": "mpu6050"}, r"no IIO device mpu6050; .*: iio:device0 \(adxrs290\), iio:device1 \(oth"),
-    "two": ({}, {"which": "other"}, "is 2 devices"),
+    "two": ({}, {"which": "other"}, "2 devices match"),
     "no machine": ({}, {"sys_root": "/nowhere"}, "the devices of this machine: none"),
     "unit of a channel": (VOLTAGE, {"channels": ["voltage0"]}, "the unit of 'voltage0' is not known"),
     "no channel": ({}, {"channels": ["accel_x"]}, "has no accel_x; its channels: anglvel_x"),

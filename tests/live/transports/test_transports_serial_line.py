@@ -297,7 +297,7 @@ def test_by_path_pattern_and_usb_identity(tmp_path, monkeypatch):
     (tmp_path / "ttyX2").touch()
     listed = r"There is no serial port .*/dev/ttyUSB1 \(FT232R\), /dev/ttyACM0 \(Pico\)"
     for port, kind, words in (
-        (str(tmp_path / "ttyX*"), "ambiguous", "is 2 serial ports"),
+        (str(tmp_path / "ttyX*"), "ambiguous", "2 serial ports match"),
         ("auto:0403:6001", "ambiguous", "/dev/ttyUSB0, /dev/ttyUSB1; name one"),
         *((port, "absent", listed) for port in ("auto:0403:6001:A3", "auto:ffff:0001", "/dev/ttyNONE*", "none")),
     ):

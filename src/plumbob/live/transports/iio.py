@@ -81,7 +81,7 @@ def find_device(which: str | int, sys_root: Path, dev_root: Path) -> IioDevice:
         listed = ", ".join(map(str, there)) or "none"
         raise NoLine("absent", f"There is no IIO device {which}; the devices of this machine: {listed}.")
     if len(named) > 1:
-        raise NoLine("ambiguous", f"{which} is {len(named)} devices, {', '.join(map(str, named))}; give the number.")
+        raise NoLine("ambiguous", f"{len(named)} devices match {which}: {', '.join(map(str, named))}; give the number.")
     return named[0]
 
 
@@ -413,7 +413,7 @@ class IioWire:
         """All whole scans that are there."""
         data = os.read(self._fd, TAKE_LIMIT)
         if not data:
-            raise OSError(errno.ENODEV, "the device has hung up")
+            raise OSError(errno.ENODEV, "the device has disconnected")
         now = self._clock()
         data = self._rest + data
         end = len(data) - len(data) % self._size

@@ -299,7 +299,7 @@ class FileTarget:
         for start in range(0, len(data), _PIPE):
             if not _is_writable(self._fd, patience):
                 if start:
-                    raise OSError("it takes no more bytes, and a message was cut off")
+                    raise OSError("it accepts no more data, and a message was cut off")
                 return 1
             part = data[start : start + _PIPE]
             while part:

@@ -150,7 +150,7 @@ def _single(port: str, matching: list[str], ports: ListPorts) -> str:
         there = ", ".join(f"{p.device} ({p.description})" for p in ports()) or "none"
         raise NoLine("absent", f"There is no serial port {port}; the ports of this machine: {there}.")
     if len(matching) > 1:
-        raise NoLine("ambiguous", f"{port} is {len(matching)} serial ports, {', '.join(matching)}; name one of them.")
+        raise NoLine("ambiguous", f"{len(matching)} serial ports match {port}: {', '.join(matching)}; name one.")
     return matching[0]
 
 
@@ -275,7 +275,7 @@ class SerialWire:
         """All bytes that are there; OSError where a ready port has none, for that is how one that is gone looks."""
         data = os.read(self._port.fileno(), _CHUNK)
         if not data:
-            raise OSError(errno.EIO, "the device is gone or has hung up")
+            raise OSError(errno.EIO, "the device is gone or has disconnected")
         chunks, size = [data], len(data)
         while size < TAKE_LIMIT and (data := self._more()):
             chunks.append(data)
