@@ -318,7 +318,7 @@ def _slow(imu: ImuData) -> NDArray[np.bool_]:
 def _in_use(imu: ImuData) -> tuple[str, str]:
     """What helps a unit at work, and why, in words."""
     if imu.gyr is None:
-        raise CalibrationError("the record has no gyr, by which a magnetometer is calibrated in use; turn it by hand.")
+        raise CalibrationError("calibration in use needs gyr, which the record lacks; turn the unit by hand instead.")
     return "in use", "Fitted in use, as asked for: with the gyroscope, from moment to moment."
 
 

@@ -263,7 +263,7 @@ def _require_room(form: Format, message: Message) -> None:
             )
         least, most = f.limits
         if unheard := [count for count in f.says if not least <= count <= most]:
-            raise DecodeError(f"field {f.name} says something of {unheard[0]}, but counts only {least} to {most}.")
+            raise DecodeError(f"field {f.name} gives a meaning to {unheard[0]}, but counts only {least} to {most}.")
         for name in f.of:
             if not any(name in (other.triad, other.name) for other in message.fields):
                 raise DecodeError(f"field {f.name} refers to '{name}', which message {message.name} does not have.")

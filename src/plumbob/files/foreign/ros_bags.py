@@ -193,7 +193,7 @@ def _zstd(stream: BinaryIO, what: str, bag: Bag) -> bytes:
                 bag.room(len(piece))
                 pieces.append(piece)
     except zstandard.ZstdError as error:
-        raise DecodeError(f"{what} that is compressed by zstd is damaged: {error}.") from error
+        raise DecodeError(f"{what} that is compressed with zstd is damaged: {error}.") from error
     return b"".join(pieces)
 
 
@@ -205,7 +205,7 @@ def _unpacked(data: bytes, how: str, size: int, bag: Bag) -> bytes:
             return inflate(data, b"" if how == "none" else how.encode(), size)
         chunk = bz2.BZ2Decompressor().decompress(data, max_length=size + 1)
     except (BrokenRecordError, OSError, ValueError) as error:
-        raise DecodeError(f"a chunk that is compressed by {how[:20]} is damaged: {error}.") from error
+        raise DecodeError(f"a chunk that is compressed with {how[:20]} is damaged: {error}.") from error
     if len(chunk) != size:
         raise DecodeError(f"a chunk does not inflate to the {size} bytes that it states; it is damaged.")
     return chunk

@@ -44,7 +44,7 @@ def motion_begins(imu: ImuData) -> float:
     """
     moving = turning(imu) > MOVING
     if not moving.any():
-        raise ShapeError(f"there is no motion in it: over no second the mean rate exceeds {to_dps(MOVING):.0f} °/s.")
+        raise ShapeError(f"there is no motion in it: the mean rate of a second never exceeds {to_dps(MOVING):.0f} °/s.")
     return float(imu.t[np.argmax(moving)])
 
 
@@ -76,7 +76,7 @@ def _gaps(imu: ImuData, change: _Change) -> ImuData:
     length = parse(text, Quantity.TIME)
     low, high = motion_begins(imu) + MARGIN, float(imu.t[-1]) - MARGIN
     if not low < high:
-        raise ShapeError(f"it is too short for gaps: they lie {MARGIN:g} s from begin and end of its motion.")
+        raise ShapeError(f"it is too short for gaps: they lie {MARGIN:g} s from the start and the end of its motion.")
     keep = np.ones(len(imu), dtype=np.bool_)
     for begin in np.random.default_rng(change.seed).uniform(low, high, int(count)):
         keep &= ~((imu.t > begin) & (imu.t < begin + length))
