@@ -15,7 +15,7 @@ import plumbob
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError
 from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import Outcome, restored, table
-from plumbob.papers.reproduce import DEFINITIONS, NAMES, items, reproduce
+from plumbob.papers.reproduce import DEFINITIONS, NAMES, claims, items, reproduce
 from plumbob.papers.workspace import Work
 from plumbob.reporting.content import Both, said
 from plumbob.reporting.report import Report
@@ -46,6 +46,21 @@ def outcome(**how):
 ])  # fmt: skip
 def test_a_verdict_says_apart_whether_the_paper_is_reached_and_whether_our_bars_are_kept(how, reached, kept):
     assert outcome(**how).verdict[:2] == (reached, kept)
+
+
+@pytest.mark.parametrize(("how", "claim"), [
+    ({}, "reproduced"),
+    ({"by": Both("arithmetic", "算术")}, "arithmetic holds"),
+    ({"faithful": 10.0}, "not reached"),
+    ({"faithful": 10.0, "reason": Both("it is bounded", "有界")}, "refuted"),
+    ({"reproducible": False, "reason": Both("it is bounded", "有界")}, "cannot be had"),
+    ({"paper": "grows"}, None),
+])  # fmt: skip
+def test_a_number_of_a_paper_is_reproduced_refuted_or_cannot_be_had(how, claim):
+    made = outcome(**how)
+    assert made.claim == claim == made.summary()["claim"]
+    listed = claims([made])
+    assert (listed and listed.rows[0][3]) == claim
 
 
 def test_an_outcome_says_something_reaches_another_process_whole_and_is_json():

@@ -116,7 +116,7 @@ def paper_way(capture: Any, acc: Any, mag: Any, *, force: bool = True) -> Correc
     return correct
 
 
-def card_of(capture: Any, raised: Any, kinds: Iterable[str] = ("accel", "gyro", "mag")) -> Any:
+def make_card(capture: Any, raised: Any, kinds: Iterable[str] = ("accel", "gyro", "mag")) -> Any:
     """Card of a capture, and of the mounting by two poses."""
     card: Any = None
     for kind in kinds:
@@ -124,16 +124,16 @@ def card_of(capture: Any, raised: Any, kinds: Iterable[str] = ("accel", "gyro", 
     return pb.calibrate(raised, "mount", calibration=card, frame="NED").card
 
 
-def ways_of(capture: Any, raised: Any) -> tuple[dict[str, Any], Any]:
+def calibrations(capture: Any, raised: Any) -> tuple[dict[str, Any], Any]:
     """Calibrations of a unit, the paper's and ours, and our card."""
-    card = card_of(capture, raised)
+    card = make_card(capture, raised)
     ways = {"paper": paper_way(capture, readings(capture, "acc"), readings(capture, "mag"))}
     return {**ways, "ours": lambda imu: pb.apply_card(card, imu)}, card
 
 
-def ways_of_drawn(unit: Any, seed: int) -> dict[str, Any]:
+def drawn_calibrations(unit: Any, seed: int) -> dict[str, Any]:
     """Calibrations of a drawn unit."""
-    return ways_of(capture_poses(unit, seed, 25.0).imu, simulate_unit("raise", unit, seed).imu)[0]
+    return calibrations(capture_poses(unit, seed, 25.0).imu, simulate_unit("raise", unit, seed).imu)[0]
 
 
 def estimates(imu: Any, ways: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
@@ -171,7 +171,7 @@ def table_errors(seeds: Sequence[int], cross: float) -> Any:
         acc, mag, wrong = readings(capture, "acc"), readings(capture, "mag"), reference_error(seed)
         both, alone = (paper_way(capture, acc, mag, force=force) for force in (True, False))
         assert both is not None and alone is not None  # six faces and twelve edges
-        card = card_of(capture, raised, ("accel", "mag"))
+        card = make_card(capture, raised, ("accel", "mag"))
         looks = (table.imu, both(table.imu), alone(table.imu), pb.apply_card(card, table.imu))
         rows.append([largest(static_errors(imu, table.truth, wrong)) for imu in looks])
     return np.array(rows)
@@ -210,7 +210,7 @@ def unit_part(study: Study) -> tuple[Any, dict[str, Any]]:
     seed, unit = study.seed, draw_unit(study.seed)
     capture = pb.read(through_bytes(study, "capture", capture_poses(unit, seed)).recording).imu
     raised = pb.read(through_bytes(study, "raised", simulate_unit("raise", unit, seed)).recording).imu
-    ways, card = ways_of(capture, raised)
+    ways, card = calibrations(capture, raised)
     card.save(study.folder / "card.json", overwrite=True)
     readings_, table = readings(capture, "mag"), simulate_unit("table36", unit, seed)
     shape, centre = ellipsoid(readings_) or (np.eye(3), np.zeros(3))
@@ -301,7 +301,7 @@ def slide_part(study: Study, unit: Any, ways: Mapping[str, Any], count: int) -> 
     slid: dict[tuple[float, float], dict[str, Any]] = {pair: {name: [] for name in SLID} for pair in STROKES}
     for number in study.seeds(count):
         drawn = draw_unit(number)
-        cards = ways_of_drawn(drawn, number)
+        cards = drawn_calibrations(drawn, number)
         for pair, by_name in slid.items():
             made = simulate_unit("slide", drawn, number, peak_speed=pair[0], stroke=pair[1])
             for name, of in estimates(made.imu, cards, SLID).items():
@@ -420,7 +420,7 @@ def sea_part(study: Study, unit: Any, ways: Mapping[str, Any], seas: int, durati
     for number in study.seeds(seas):
         drawn = draw_unit(number)
         sailed = simulate_unit("buoy", drawn, number, duration=duration)
-        for name, of in estimates(sailed.imu, ways_of_drawn(drawn, number), METHODS).items():
+        for name, of in estimates(sailed.imu, drawn_calibrations(drawn, number), METHODS).items():
             e = errors_deg(of, sailed.truth)[settled]
             rows[name].append(rms(e, 0)[::-1])
             if name in ("gated", "mekf"):

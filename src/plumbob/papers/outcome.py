@@ -17,6 +17,8 @@ OPEN: Final[Bar] = (-math.inf, math.inf)
 
 _UNSAID: Final = Both("", "")
 YES, NO, NOT_STATED = Both("yes", "是"), Both("no", "否"), Both("not stated", "未给出")
+REPRODUCED, BY_ARITHMETIC = Both("reproduced", "已复现"), Both("arithmetic holds", "算术成立")
+REFUTED, UNREACHED, CANNOT = Both("refuted", "不成立"), Both("not reached", "未达到"), Both("cannot be had", "无法得到")
 KEPT, MISSED, NO_BAR = Both("kept", "满足"), Both("missed", "未达标"), Both("none", "无")
 
 
@@ -76,6 +78,15 @@ class Outcome:
         return abs(self.faithful - self.paper) <= self.reach
 
     @property
+    def claim(self) -> Both | None:
+        """What became of a number that the paper prints; refuted where a reason says why; None where there is none."""
+        if self.reached is None:
+            return None
+        if self.reached:
+            return BY_ARITHMETIC if self.by.startswith("arithmetic") else REPRODUCED
+        return CANNOT if not self.reproducible else REFUTED if self.reason else UNREACHED
+
+    @property
     def verdict(self) -> tuple[Both, Both, Both]:
         """Whether the paper's figure is reached, whether our bars are kept, and with what."""
         barred = (self.faithful_bar, self.best_bar) != (OPEN, OPEN)
@@ -97,6 +108,7 @@ class Outcome:
             **{name: [end if math.isfinite(end) else None for end in bar] for name, bar in bars.items()},
             "reached": self.reached,
             "met": self.met,
+            "claim": self.claim and str(self.claim),
             "with": str(self.by),
             "verdict": [str(word) for word in self.verdict[:2]],
             "reason": None if self.reason is None else str(self.reason),

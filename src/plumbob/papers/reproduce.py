@@ -19,7 +19,7 @@ from plumbob.core.files import write_text
 from plumbob.core.series import needed
 from plumbob.core.text import counted
 from plumbob.papers.description import PAPERS
-from plumbob.papers.outcome import HEAD, MISSED, NO, NOT_STATED, YES, Outcome, PaperItem, restored, table
+from plumbob.papers.outcome import HEAD, MISSED, NO, NOT_STATED, YES, Outcome, PaperItem, restored, shown, table
 from plumbob.papers.studies import Study
 from plumbob.reporting.content import LANGUAGES, Both, Table
 from plumbob.reporting.page import part_links
@@ -109,10 +109,10 @@ def _counted(outcomes: Sequence[Outcome]) -> Both:
 
 def _first_tables(name: str, outcomes: Sequence[Outcome]) -> list[Table]:
     """Main figures, what cannot be had, and all figures, which a page folds away."""
-    why = not_had(outcomes)
+    lists = [part for part in (not_had(outcomes), claims(outcomes)) if part]
     title = Both(f"All {len(outcomes)} figures with their bars", f"全部 {len(outcomes)} 项指标及限值")
     every = replace(table(outcomes, title), detail="all")
-    return [main_figures(name, outcomes), *([why] if why else []), every]
+    return [main_figures(name, outcomes), *lists, every]
 
 
 def reproduce(
@@ -308,6 +308,16 @@ def not_had(outcomes: Sequence[Outcome]) -> Table | None:
     head = (HEAD[0], HEAD[1], *HEAD[6:8], Both("why", "原因"))
     title = Both("What cannot be had as the paper prints it, and why", "无法按论文原样复现的内容及原因")
     return Table(title, head, rows, words=(1, 2, 3, 4)) if rows else None
+
+
+def claims(outcomes: Sequence[Outcome]) -> Table | None:
+    """Table of the numbers that the paper prints, and what became of each; None where it prints none."""
+    rows = [[o.where or "-", o.what, shown(o.paper, o.digits), o.claim, o.by] for o in outcomes if o.claim is not None]
+    title = Both(
+        "Which of the paper's numbers are reproduced, refuted, or cannot be had", "论文数值：已复现、不成立或无法得到"
+    )
+    head = (*HEAD[:2], HEAD[3], Both("claim", "结论"), HEAD[8])
+    return Table(title, head, rows, words=(1, 3, 4), detail="all") if rows else None
 
 
 def counts(outcomes: Sequence[Outcome]) -> Sequence[int]:

@@ -63,9 +63,8 @@ class PlotCurve(NamedTuple):
             ax.errorbar(x, y, np.abs(self.to - y), fmt="none", ecolor=colour, capsize=2, linewidth=0.8)
         if x.size > 2 * _COLUMNS and (np.diff(x) > 0.0).all():
             x, y = envelope(x, y, _COLUMNS, jump=180.0)
-        ax.plot(
-            x, y, linestyle=_DASHES[self.dash], color=colour, linewidth=self.width, marker=self.mark, markersize=2.5
-        )
+        how: dict[str, Any] = {"linestyle": _DASHES[self.dash], "linewidth": self.width, "marker": self.mark}
+        ax.plot(x, y, color=colour, markersize=2.5, solid_capstyle="butt", **how)
 
 
 def errors_deg(track: AttitudeTrack | Floats, truth: AttitudeTrack | Floats) -> Floats:
