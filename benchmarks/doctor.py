@@ -221,8 +221,8 @@ def _shown(recording: Recording, size: float) -> bool:
     return unrest(right, wrong) > SEEN
 
 
-def _factor(label: str, recording: Recording, rng: np.random.Generator, all_: Score) -> None:
-    """Count whether a planted factor is named, and whether anything else is called wrong and sure."""
+def _factor(label: str, recording: Recording, rng: np.random.Generator, before: Examination, all_: Score) -> None:
+    """Count whether a planted factor is named, and whether anything is called wrong and sure that was not before."""
     what, k = FACTORS[rng.integers(len(FACTORS))]
     imu, size = _with_factor(recording.imu, what, k)
     if "acc" not in imu.triads or abs(np.log(size)) <= np.log(GAIN):
@@ -237,7 +237,7 @@ def _factor(label: str, recording: Recording, rng: np.random.Generator, all_: Sc
             sd = it.finding.values.get("sd", 0.0) / factor
             right |= (named := abs(off) < np.log(GAIN) + 3.0 * sd or what == "force")
             wrong += [] if named else [it]
-        else:
+        elif not before.answers[it.sensor, it.question].wrong:
             wrong.append(it)
     tally = all_.tallies.setdefault(f"{label.split('/', maxsplit=1)[0]} factor of {what}", Tally())
     seen = what == "force" or _shown(recording, size)
@@ -274,7 +274,7 @@ def main() -> None:
         after.diagnosis()
         _axes(label, recording, before, after, changed, all_)
         _units(label, after, changed[2], all_)
-        _factor(label, recording, second, all_)
+        _factor(label, recording, second, before, all_)
     for name, tally in all_.tallies.items():
         other = "" if name.endswith("unit") else f", {tally.hidden_found} of {tally.hidden} others"
         what = "answered" if name.endswith("unit") else "observable"

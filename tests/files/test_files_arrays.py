@@ -87,6 +87,23 @@ def test_numpy_archives(tmp_path, save):
     assert any("gyr has its samples side by side" in str(note) for note in recording.notes)
 
 
+@pytest.mark.parametrize("name", ["log.h5", "log.npy"])
+def test_fields_of_structs_are_arrays_by_their_paths(tmp_path, name):
+    table = np.zeros(ROWS, [("t", "f8"), ("gyr", "f8", 3), ("acc", "f4", 3), ("name", "S4"), ("temp", "i2")])
+    table["t"], table["gyr"], table["acc"], table["temp"] = T, GYR, ACC, 21
+    path, at = tmp_path / name, "imu" if name.endswith("5") else "log"
+    if name.endswith("5"):
+        with h5py.File(path, "w") as file:
+            file["imu"] = table
+    else:
+        np.save(path, table)
+    refused(read, path, match=rf"{at}/gyr {ROWS}×3.*{at}/name \(data set that is not of numbers\)")
+    text = f'arrays = true\n[time]\ncolumn = "{at}/t"\nunit = "s"\n[gyr]\ncolumns = "{at}/gyr"\nunit = "rad/s"\n'
+    imu = read(path, profile=parse_profile(text)).imu
+    np.testing.assert_array_equal(imu.t, T)
+    np.testing.assert_array_equal(imu.gyr, GYR)
+
+
 def test_unix_time_in_whole_nanoseconds_keeps_every_one(tmp_path):
     stamps = 1_700_000_000_123_456_789 + np.arange(ROWS) * 10_000_001
     np.savez(tmp_path / "a.npz", t=stamps, gyr=GYR)

@@ -27,6 +27,7 @@ SENSORS = [  # name, cell of a row of units, sensor, axis, unit by our name
     ("Pelvis Accel Sensor X,mG", "", "acc", "x", "mg"),  # Noraxon
     ("gyro_x_milli_dps", "", "gyr", "x", "mdeg/s"),  # not deg/s
     ("ax_mps2", "", "acc", "x", "m/s2"), ("mx_uT", "", "mag", "x", "uT"),
+    ("('gyr', 'x')", "", "gyr", "x", ""),  # pandas, of columns in two rows
     ("ω_y / °/s", "", "gyr", "y", "deg/s"),  # ISO 80000-1: a quantity divided by its unit
     ("gx_deg/s", "", "gyr", "x", "deg/s"), ("GYRO_X[mDPS]", "", "gyr", "x", "mdeg/s"),
     ("VerticalAcc", "g", "acc", "z", "g"),  # AiM

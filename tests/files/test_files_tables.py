@@ -295,7 +295,7 @@ REFUSED = [
     (hdf5_with(lambda hdf5: hdf5.create_group("imu_acc")), "'imu_acc' is not in the file"),
     (dataset(data=h5py.Empty("f8")), "data set that is not of numbers"),
     (dataset(data=np.array(["text"], object), dtype=h5py.string_dtype()), "data set that is not of numbers"),
-    (dataset((ROWS, 3), [("a", "f8"), ("b", "f8")]), "data set that is not of numbers"),
+    (dataset((ROWS, 3), [("a", "f8"), ("b", "f8")]), "'imu_acc' is not in the file; the file holds imu_acc/a"),
     (huge, r"unpack to 48\d{9}, but"),
     (dataset((ROWS, 3), "f8", chunks=(2**24, 3), maxshape=(None, 3)), "claims chunks"),
     (unwritten, "sampling_rate must be one number"),

@@ -97,7 +97,7 @@ COUNTED, TIMED = ["PacketCounter", *SENSORS], ["PacketCounter", "SampleTimeFine"
 REFUSED = [
     (NEW, COUNTED, [[1, *VALUES]] * 5, "add that line"),
     (OLD, TIMED, [[1, "x", *VALUES]] * 5, "line 6, column 'Sample"),
-    (OLD, COUNTED, [[1.5, *VALUES]] * 5, "whole numbers from 0 to 65535"),
+    (OLD, COUNTED, [[1.5, *VALUES]] * 5, "time: PacketCounter has cells that are not whole numbers below 65536"),
     (OLD, COUNTED, [["", *VALUES]] * 5, "neither SampleTimeFine nor"),
     (OLD, COUNTED, [[7, *VALUES]] * 5, "all 5 time stamps are 0", ClockError),
     # microseconds, as Xsens DOT has them

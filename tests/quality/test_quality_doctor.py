@@ -273,6 +273,9 @@ def test_strides_that_push_harder_than_gravity_do_not_mislead() -> None:
     found = fit_force(data["t"], [gyr], acc, (1.0,))
     assert found is not None and found.margin > 7.0 and found.agrees and not found.torn
     assert (ARRANGEMENTS[found.best] == np.eye(3)).all()
+    push = 15.0 * np.sin(stride)[:, np.newaxis] * [0.0, 0.3, 1.0]
+    for mostly, answer in ((0.1, "sure"), (1.0, "likely")):  # most of what is measured is not gravity
+        assert answers(diagnosed(data | {"acc": data["acc"] + mostly * push}))["acc axes"] == (answer, False)
 
 
 def test_pauses_of_the_gyroscope_do_not_count() -> None:

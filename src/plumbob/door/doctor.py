@@ -28,8 +28,7 @@ def doctor(
     Parameters
     ----------
     what : Recording, ImuData or path
-        The recording, its samples, or its file, read as it is declared and with the card of its session; wrong units
-        are not refused.
+        The recording, its samples, or its file, read as declared, with its session's card; wrong units are not refused.
     profile : Profile or path, optional
         What the columns of a text file mean; one that lies beside it is found.
     unit : str, optional

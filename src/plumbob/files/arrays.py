@@ -37,6 +37,8 @@ PROFILE: Final = "plumbob_profile"
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 MAT5_SIGNATURE: Final = b"MATLAB 5.0"
 MAX_VARIABLES: Final = 10_000
+NUMBERS: Final = "fiub"
+"""Kinds of NumPy's types that are numbers."""
 HEADER_BYTES: Final = 128
 _CHUNK_SLACK: Final = 1_000_000  # values; a writer may choose chunks larger than a short data set
 _BEGINNING_BYTES: Final = 1024
@@ -81,12 +83,18 @@ def require_whole_chunks(h5py: Any, key: str, dataset: Any, size: int) -> None:
             raise DecodeError(f"a chunk of {key} unpacks to more than the {most} bytes that it states.")
 
 
+def is_numeric(h5py: Any, node: Any) -> bool:
+    """Whether a node of HDF5 is a data set of numbers, or of structs, whose fields may be."""
+    is_set = isinstance(node, h5py.Dataset) and node.shape is not None
+    return is_set and (node.dtype.kind in NUMBERS or bool(node.dtype.names))
+
+
 def own_dataset(h5py: Any, hdf5: Any, key: str) -> Any:
     """Return a plain numeric data set stored in this very file."""
     if hdf5.id.links.get_info(key.encode()).type != h5py.h5l.TYPE_HARD:  # asked without following it
         raise DecodeError(f"{key} is a link, which may lead to another file; links are refused.")
     dataset = hdf5[key]
-    if not isinstance(dataset, h5py.Dataset) or dataset.shape is None or dataset.dtype.kind not in "fiub":
+    if not is_numeric(h5py, dataset):
         raise DecodeError(f"{key} is not a numeric data set.")
     if dataset.external or dataset.is_virtual:
         raise DecodeError(f"{key} is stored in another file; external and virtual data are refused.")

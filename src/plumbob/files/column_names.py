@@ -229,7 +229,8 @@ _INDEX: Final = r"([\dxyzwXYZ])(?:[ -]?axis)?"
 
 
 def taken_apart(name: str, unit: str = "") -> ColumnName:
-    """Take a name apart; `unit` is what a row of units has below it."""
+    """Take a name apart, which pandas may write as ``('acc', 'x')``; `unit` is what a row of units has below it."""
+    name = " ".join(re.findall("'(.*?)'", name)) if name.startswith("('") else name
     index = re.findall(rf"[\[(]{_INDEX}[\])]", name)
     brackets = [text for text in _BRACKETS.findall(name) if not re.fullmatch(_INDEX, text)]
     inner = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", unit)

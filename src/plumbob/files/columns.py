@@ -123,23 +123,10 @@ def to_seconds(columns: Sequence[Sequence[str]], zone: int | None) -> tuple[Floa
 
 
 def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
-    """Time of each cell, ns.
+    """Time of each cell, ns, since 1970 (UTC) or since some midnight of the clock, and whether it is since 1970.
 
-    Raises StampError if a cell is not a clock time, or some have a date or a zone and others do not.
-
-    Parameters
-    ----------
-    cells : sequence of str
-        Dates with clock times, or clock times alone.
-    zone : int or None
-        What the clock is ahead of UTC, ns, where the cells do not say so.
-
-    Returns
-    -------
-    times : list of int
-        Since 1970 (UTC) where that is known, or since some midnight of the clock, ns.
-    absolute : bool
-        Whether they count from 1970.
+    Cells are dates with clock times, or clock times alone; `zone` is what the clock is ahead of UTC, ns, where they do
+    not say so. Raises StampError if a cell is not a clock time, or some have a date or a zone and others do not.
     """
     times: list[int] = []
     first: tuple[bool, bool] | None = None

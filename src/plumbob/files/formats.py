@@ -86,7 +86,7 @@ def read_table(path: Path, profile: "Profile | str | Path | None") -> Recording:
 
 def refuse_stream(path: Path) -> Recording:
     """Refuse a recording of a line, which the session that it holds decodes."""
-    raise DecodeError(f"{path}: a recording of a line is decoded by plumbob.read, not by plumbob.files.read.")
+    raise DecodeError(f"{path} is a recording of a line: read it alone, in Python with plumbob.read.")
 
 
 def _foreign(name: str, module: str, *suffixes: str, takes_unit: bool = False, most: int | None = None) -> FileFormat:
@@ -389,8 +389,8 @@ def _unknown(path: Path) -> UnknownFormatError:
     hint = " Plain numbers are not a recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
     hint += " Save a spreadsheet's table as .xlsx or .csv." if path.suffix.lower() in (".xls", ".ods") else ""
     return UnknownFormatError(
-        f"{path}: the suffix '{path.suffix}' is unknown; known: {', '.join(suffixes())}; raw bytes are for 'plumbob "
-        f"record --from'.{hint}"
+        f"{path}: the suffix '{path.suffix}' is unknown; known: {', '.join(suffixes())}; tables "
+        f"called otherwise take --profile (plumbob profile drafts one), raw bytes 'plumbob record --from'.{hint}"
     )
 
 

@@ -57,28 +57,17 @@ def _row(row: int) -> str:
 
 def falls(times: Floats) -> bool:
     """Whether a clock goes back from the first row to the last, in several steps: the newest row stands first."""
-    steps = np.diff(times)
+    steps = np.diff(times if times.size and times[-1] < times[0] else times[:0])
     return bool(np.count_nonzero(steps < 0.0) > 1 and (steps <= 0.0).all())
 
 
 def time_line(
     stamps: Floats | NDArray[np.int64], unit_ns: float = 1.0, place: Callable[[int], str] = _row
 ) -> SampleTimes:
-    """Times of samples by their stamps.
+    """Times of samples by their stamps (N,) in the order of the samples, in units of `unit_ns` ns.
 
-    Parameters
-    ----------
-    stamps : ndarray (N,)
-        In the order of the samples.
-    unit_ns : float
-        What one of them is, ns.
-    place : callable
-        Says for messages where a row is, which counts from 0.
-
-    Raises
-    ------
-    ClockError
-        If a stamp is not a number, all are one, or time begins again.
+    `place` says for messages where a row is, which counts from 0. Raises ClockError if a stamp is not a number, all are
+    one, or time begins again.
     """
     if not np.isfinite(stamps).all():
         raise ClockError(f"{place(int(np.argmin(np.isfinite(stamps))))} has no time stamp.")

@@ -58,25 +58,11 @@ _UPTIME = float(1 << 22)
 
 
 def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | Path | None = None) -> Recording:
-    """Read a CSV or TXT file, or several with a sensor each.
+    """Read a CSV or TXT file, or several with a sensor each; without a profile, ``NAME.toml`` beside it is taken.
 
-    Parameters
-    ----------
-    path : path or sequence of paths
-        The file or the files.
-    profile : Profile or path, optional
-        What it does not say about itself; without one, ``NAME.toml`` or ``NAME.profile.toml`` beside it is taken.
-
-    Raises
-    ------
-    DecodeError
-        If there is no profile, it is invalid, or the file does not fit it.
-    UnitError
-        If the values cannot be in the declared units.
-    ClockError
-        If time is missing or begins again, or sensors do not overlap.
-    ShapeError
-        If a declared triad holds no number.
+    Raises DecodeError if there is no profile, it is invalid, or the file does not fit it; UnitError if the values
+    cannot be in the declared units; ClockError if time is missing or begins again, or sensors do not overlap;
+    ShapeError if a declared triad holds no number.
     """
     files = [existing_file(item) for item in as_list(path)]
     declared, note = text_profile(files[0], profile)
@@ -99,18 +85,23 @@ def _read_one(file: Path, declared: Profile, note: Note) -> Recording:
     with reading(file):
         time = declared.time
         exact = time.exact if isinstance(time, TimeColumn) else None
-        names = declared.used, exact, declared.texts
-        return table_recording(declared, read_table(text_bytes(file), declared.layout, *names), file.stem, note)
+        # no name and no *arguments: a large file is in memory only while it is needed
+        return table_recording(
+            declared,
+            read_table(text_bytes(file), declared.layout, declared.used, exact, declared.texts),
+            file.stem,
+            note,
+        )
 
 
 def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -> Recording:
-    """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
+    """Recording of a table, whose columns are used up, by its profile; `note` says which. Errors as in `read_text`."""
     table = _oldest_first(profile, table)
     t, t0_ns, clock = _time(profile, table)
     if not profile.flag_words:
         table = replace(table, line_of=int)  # no error names a line any more, and the text can go
-    imu, clock = _in_turns(*_imu(profile, table, t, t0_ns, clock)) if profile.triads else (None, clock)
     track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
+    imu, clock = _in_turns(*_imu(profile, table, t, t0_ns, clock)) if profile.triads else (None, clock)
     notes = (*lasting(as_findings("notes", profile.notes)), note, *table.notes, *clock, *_changes(profile, t0_ns))
     return Recording(imu=imu, track=track, name=name, notes=notes)
 
@@ -225,16 +216,14 @@ def _imu(
     if (mag := triads.get("mag")) is not None and 0 < (zeros := int(np.sum(~mag.any(axis=1)))) < len(mag):
         triads["mag"] = np.where(mag.any(axis=1, keepdims=True), mag, np.nan)
         notes = (*notes, warning("reading.mag_zeros", zeros=zeros))
-    temperature = profile.temperature
-    time = profile.time
+    temperature, time, bits = profile.temperature, profile.time, row_flags(profile, table)
+    temp_c = None if temperature is None else inside(table.columns[temperature.columns[0]], temperature.unit)
+    table.columns.clear()  # as large as the triads, which nobody else writes to
+    for values in triads.values():
+        values.flags.writeable = False
     implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns}
-    imu = ImuData(
-        t=t,
-        temp_c=None if temperature is None else inside(table.columns[temperature.columns[0]], temperature.unit),
-        flags=row_flags(profile, table),  # type: ignore[arg-type]
-        meta=ImuMeta(**{**implied, **profile.meta}),
-        **triads,
-    )
+    meta = ImuMeta(**{**implied, **profile.meta})
+    imu = ImuData(t=t, temp_c=temp_c, flags=bits, meta=meta, **triads)  # type: ignore[arg-type]
     if profile.place is not None:
         from plumbob.data.earth_field import located
 
@@ -366,22 +355,7 @@ SPANS = ("part", "from_s", "to_s")
 
 
 def read_labels(path: str | Path, column: ColumnRef, profile: Profile | str | Path | None = None) -> list[str]:
-    """Cells of one column, one for each sample that `plumbob.files.text.read_text` gives.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    column : int or str
-        The column.
-    profile : Profile or path, optional
-        As for `read_text`.
-
-    Raises
-    ------
-    DecodeError
-        If there is no such column, or as `read_text`.
-    """
+    """Cells of one column, one for each sample of `read_text`; errors as of that, and without such a column."""
     file = existing_file(path)
     declared = text_profile(file, profile)[0]
     with reading(file):

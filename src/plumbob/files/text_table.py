@@ -8,6 +8,7 @@ cannot be read is refused with the first of them.
 import csv
 import json
 import re
+from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -514,7 +515,8 @@ class Reading:
     exact: ColumnRef | None
     texts: dict[ColumnRef, list[str]]
     zero: Decimal | None = None
-    numbers: dict[ColumnRef, list[Floats]] = field(default_factory=dict)
+    numbers: dict[ColumnRef, "array[float]"] = field(default_factory=dict)
+    """They grow where they lie: a list of blocks would need as much again to become one."""
     rows: int = 0
     """Rows so far, with those that were left out."""
     left_out: dict[int, tuple[int, DecodeError]] = field(default_factory=dict)
@@ -558,7 +560,8 @@ class Reading:
             if ref in self.texts:
                 self.texts[ref] += column.to_pylist()
             else:
-                self.numbers.setdefault(ref, []).append(np.asarray(column_numbers(column), dtype=np.float64))
+                values = np.asarray(column_numbers(column), dtype=np.float64)
+                self.numbers.setdefault(ref, array("d")).frombytes(values.tobytes())
         self.rows += table.num_rows
         return True
 
@@ -578,7 +581,7 @@ class Reading:
                 self.left_out[self.rows] = line, error
             self.rows += 1
         for ref, some in numbers.items():
-            self.numbers.setdefault(ref, []).append(np.array(some, dtype=np.float64))
+            self.numbers.setdefault(ref, array("d")).extend(some)
 
     def add(self, words: Sequence[str], line: int, numbers: dict[ColumnRef, list[float]]) -> None:
         """Add the numbers and texts of a row in cells, all or none; DecodeError where a cell is not a number."""
@@ -623,25 +626,11 @@ def read_table(
     exact: ColumnRef | None = None,
     texts: Sequence[ColumnRef] = (),
 ) -> TextTable:
-    """Read columns of a text file.
+    """Read columns of a text file, by number from 1 or by name; `texts` are those that are not numbers.
 
-    Parameters
-    ----------
-    raw : bytes
-        The file.
-    layout : TextLayout
-        How it is laid out.
-    refs : sequence of int or str
-        Columns, by number from 1 or by name.
-    exact : int or str, optional
-        One of them whose first value is subtracted before it is rounded to float64, as Unix time in nanoseconds needs.
-    texts : sequence of int or str
-        Those of them that are not numbers.
-
-    Raises
-    ------
-    DecodeError
-        If a column is missing, or too many rows cannot be read; the message names the first line and column.
+    Of the `exact` one its first value is subtracted before it is rounded to float64, as Unix time in nanoseconds needs.
+    Raises DecodeError if a column is missing, or too many rows cannot be read; the message names the first line and
+    column.
     """
     text = decode(raw, layout.encoding)
     del raw  # which is as large
@@ -669,11 +658,11 @@ def read_table(
         if not (plain and reading.add_fast(text[start:end])):
             reading.add_slow(body.rows(start, end, line))
     reading.refuse_too_many()
-    columns = {ref: np.concatenate(reading.numbers.pop(ref)) for ref in list(reading.numbers)}
     count = reading.rows - len(reading.left_out)
     _refuse_rows(count, layout.rows)
     if not count:
         raise DecodeError("there is no row of numbers; check the profile's [header].")
+    columns: dict[ColumnRef, Floats] = {ref: np.frombuffer(values) for ref, values in reading.numbers.items()}
     places_read = np.delete(np.arange(float(reading.rows)), list(reading.left_out)) if reading.left_out else None
     lines = {line for line, _ in reading.left_out.values()}
 

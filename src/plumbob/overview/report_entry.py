@@ -311,12 +311,12 @@ def _recorded(path: Path, how: Mapping[str, Any]) -> "Iterator[tuple[Recording, 
     from plumbob.live.recorded import read_recorded
     from plumbob.live.session_toml import SESSION, of_unit, recorded_session
 
-    log, unit, own = open_log(path), how.get("unit"), how.get("filter") == OWN
+    log, unit, is_done = open_log(path), how.get("unit"), how.get("filter") == OWN
     session = recorded_session(log.metadata, path.stem) if SESSION in log.metadata else None
     if session is not None and unit is not None:
         session = replace(of_unit(session, unit), units=())
-    if session is None or sum(file.stat().st_size for file in log.paths) <= LARGE or session.units or own:
-        recording = read_recorded(path, estimated=own, calibrated=own, unit=unit).of_unit(None)
+    if session is None or sum(file.stat().st_size for file in log.paths) <= LARGE or session.units or is_done:
+        recording = read_recorded(path, estimated=is_done, calibrated=is_done, unit=unit).of_unit(None)
         yield replace(recording, name=path.name), log.paths, session
         return
     with TemporaryDirectory(prefix="plumbob-") as folder:

@@ -50,6 +50,9 @@ _SLOWEST, _FASTEST = 0.003, 30.0  # usual rates of bodies that turn at all, rad/
 _GAIN: Final = math.log(1.03)
 """What the gain of a gyroscope may be off by, of parts as they leave the line (MPU-6000: ±3 %, PS-MPU-6000A, 6.1)."""
 _VAGUE, _VAGUE_DELAY = 0.3, 0.05  # of a scale, and of a delay, s
+_PUSHED: Final = 0.25
+"""Part of the usual specific force by which half of the samples differ from it where pushes rule, as of a runner's arm:
+pushes that are in step with the turning imitate gravity in other axes."""
 _LEAST_DIP: Final = 0.17
 """Part of the field along the vertical below which its sign says nothing."""
 EXAMINED: Final = 300.0
@@ -345,7 +348,10 @@ class Examination:
                 signs = (-1.0,) if mag.mirrored else (1.0,)
             else:
                 scales = self._scales(gyr, acc)
-            self.sensors["acc"] = _Sensor("acc", fit_force(self.t, trials, acc, scales, signs))
+            self.sensors["acc"] = force = _Sensor("acc", fit_force(self.t, trials, acc, scales, signs))
+            size = norms(acc)
+            if force.known and np.nanmedian(np.abs(size - np.nanmedian(size))) > _PUSHED * np.nanmedian(size):
+                force.answer = Trust.LIKELY if force.usual else Trust.UNKNOWN
         for sensor in self.sensors.values():
             self._doubt_two_faults(sensor)
 

@@ -99,13 +99,11 @@ def info(
 ) -> Info:
     """Say what a recording, a track or a card holds, and grade it.
 
-    A recorded stream is taken with the card of its session, as it was estimated with.
-
     Parameters
     ----------
     what : Recording, path or sequence of paths
-        The recording, or a file: a recording, a track, a calibration card or a noise card; or files of one recording,
-        with a sensor each.
+        The recording, or a file: a recording, of a line with its session's card, a track, a calibration card or a noise
+        card; or files of one recording, with a sensor each.
     profile : path, optional
         What the columns of a text file mean.
     unit : str, optional

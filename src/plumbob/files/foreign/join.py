@@ -58,23 +58,10 @@ class Joined(NamedTuple):
 def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | None = None) -> Joined:
     """Samples of several sensors on the time line of the gyroscope, or of the fastest where there is none.
 
-    Raises ShapeError if no triad is among the streams, or shapes differ; ClockError if the time of a stream begins
-    again, or recordings do not overlap.
-
-    Parameters
-    ----------
-    streams : mapping of str to Readings
-        By ``gyr``, ``acc``, ``mag`` and ``temp_c``; at least one of the triads.
-    meta : ImuMeta
-        What is known besides; its `t0_ns` is set to the UTC of the first row, where that is known.
-    epoch_ns : int or None
-        UTC of the stamp 0, ns since 1970; 0 where stamps are UTC themselves; None where it is unknown.
-
-    Returns
-    -------
-    Joined
-        The samples, whose time begins at 0 with the first row, the rows' own stamps, and what was done, a line for each
-        stream that needed it.
+    Streams are ``gyr``, ``acc``, ``mag`` and ``temp_c``; `epoch_ns` is the UTC of the stamp 0, ns since 1970, None
+    where it is unknown. Time begins at 0 with the first row, whose UTC is put into `meta`. Raises ShapeError if no
+    triad is among them, or shapes differ; ClockError if the time of a stream begins again, or recordings do not
+    overlap.
     """
     ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[Finding]()
     for name, stream in streams.items():

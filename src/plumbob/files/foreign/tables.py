@@ -1,9 +1,9 @@
 """Named arrays of MATLAB (v5 and v7.3), HDF5, NetCDF-4 and NumPy (.npz, .npy), described by a profile in TOML.
 
 The container says names, shapes and types, and nothing of units, frames or clocks; the profile says these. An array is
-named by its path: ``imu/gyr`` is the data set of a group in HDF5, and the field of a struct in MATLAB. MATLAB v7.3
-keeps its tables transposed in HDF5, which is undone here [MathWorks, MAT-File Versions]. In a table of several columns,
-its longer side is that of time.
+named by its path: ``imu/gyr`` is the data set of a group in HDF5, and the field of a struct in MATLAB, HDF5 or NumPy.
+MATLAB v7.3 keeps its tables transposed in HDF5, which is undone here [MathWorks, MAT-File Versions]. In a table of
+several columns, its longer side is that of time.
 """
 
 import io
@@ -11,7 +11,7 @@ import math
 import re
 import zipfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from itertools import islice
@@ -29,9 +29,11 @@ from plumbob.data.recording import Recording
 from plumbob.files.arrays import (
     HDF5_SIGNATURE,
     MAT5_SIGNATURE,
+    NUMBERS,
     NUMERIC,
     PROFILE,
     Variable,
+    is_numeric,
     mat_array,
     mat_fields,
     mat_order,
@@ -57,6 +59,7 @@ _MAT73_AT: Final = 512
 _COLUMN: Final = re.compile(r"(?P<name>.+?)\[(?P<number>[1-9]\d{0,3})(?: of (?P<count>\d+))?\]")
 _LISTED: Final = 20
 _DIMENSIONS: Final = 2
+_NO_NUMBERS: Final = "data set that is not of numbers"
 _DEEPEST: Final = 6
 _INSIDE: Final = "in the file itself"
 """Origin of a profile that a file of Plumbob holds."""
@@ -70,6 +73,15 @@ class _Listed:
     others: dict[str, str] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
 
+    def add_fields(self, name: str, shape: Sequence[int], dtype: np.dtype[Any]) -> dict[str, tuple[str, str]]:
+        """Add the fields of a structured array as ``name/field``; where each lies."""
+        for field_ in dtype.names or ():
+            if dtype[field_].base.kind in NUMBERS:
+                self.shapes[f"{name}/{field_}"] = (*shape, *dtype[field_].shape)
+            else:
+                self.others[f"{name}/{field_}"] = _NO_NUMBERS
+        return {f"{name}/{field_}": (name, field_) for field_ in dtype.names or ()}
+
     def summary(self) -> str:
         """Names and shapes for a message."""
         entries = [f"{name} {'×'.join(map(str, shape)) or '1'}" for name, shape in self.shapes.items()]
@@ -80,22 +92,10 @@ class _Listed:
 def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
     """Read named arrays as their profile describes them.
 
-    Parameters
-    ----------
-    path : Path
-        ``.mat``, ``.h5``, ``.hdf5``, ``.npz`` or ``.npy``, whose array is called as the file is.
-    profile : Profile or path, optional
-        With ``arrays = true``; without one, ``NAME.toml`` or ``NAME.profile.toml`` beside the file is taken, and arrays
-        that are known by their names need none.
-
-    Raises
-    ------
-    DecodeError
-        If there is no profile, an array is missing or not of numbers, lengths differ, or the file is damaged.
-    MissingExtraError
-        If it is HDF5 and h5py is not installed.
-    UnitError, ClockError, ShapeError, FrameError
-        If the numbers cannot be what they are declared to be.
+    A ``.npy`` array is called as the file is. Without a profile, ``NAME.toml`` or ``NAME.profile.toml`` beside the file
+    is taken, and arrays that are known by their names need none. Raises DecodeError if there is no profile, an array is
+    missing or not of numbers, lengths differ, or the file is damaged; MissingExtraError if it is HDF5 and h5py is not
+    installed; UnitError, ClockError, ShapeError or FrameError if the numbers cannot be what they are declared to be.
     """
     file = existing_file(path)
     with reading(file):
@@ -262,15 +262,17 @@ class Hdf5Arrays(_Container):
 
     def __init__(self, file: Path, *, transposed: bool) -> None:
         self._file, self._transposed = file, transposed
-        self.listed = _Listed()
+        self.listed, self._fields = _Listed(), dict[str, tuple[str, str]]()
         with opened_hdf5(file) as (h5py, hdf5):
             for name, kind, node in islice(_walk(h5py, hdf5), MAX_ARRAYS):
                 if kind:
                     self.listed.others[name] = kind
-                    continue
-                self.listed.shapes[name] = tuple(node.shape)[:: -1 if transposed else 1]
-                said = next((node.attrs[key] for key in ("unit", "units") if key in node.attrs), "")
-                self.listed.units[name] = said.decode("utf-8", "replace") if isinstance(said, bytes) else str(said)
+                elif node.dtype.names:
+                    self._fields |= self.listed.add_fields(name, node.shape, node.dtype)
+                else:
+                    self.listed.shapes[name] = tuple(node.shape)[:: -1 if transposed else 1]
+                    said = next((node.attrs[key] for key in ("unit", "units") if key in node.attrs), "")
+                    self.listed.units[name] = said.decode("utf-8", "replace") if isinstance(said, bytes) else str(said)
             self.profile = str(hdf5.attrs.get(PROFILE, ""))
             attributes = {key: np.asarray(hdf5.attrs[key]) for key in hdf5.attrs if key not in self.listed.shapes}
         self._single = {
@@ -282,14 +284,16 @@ class Hdf5Arrays(_Container):
         """Load arrays, each in its own type."""
         size = self._file.stat().st_size
         with opened_hdf5(self._file) as (h5py, hdf5):
+            places = {name: self._fields.get(name, (name, ())) for name in set(names) - self._single.keys()}
             sets = {}
-            for name in set(names) - self._single.keys():
-                group, _, key = name.rpartition("/")
-                sets[name] = own_dataset(h5py, hdf5[group] if group else hdf5, key)
+            for path, _ in places.values():
+                group, _, key = path.rpartition("/")
+                sets[path] = own_dataset(h5py, hdf5[group] if group else hdf5, key)
             require_room(sum(dataset.size * dataset.dtype.itemsize for dataset in sets.values()), size)
-            for name, dataset in sets.items():
-                require_whole_chunks(h5py, name, dataset, size)
-            arrays = {name: dataset[()].T if self._transposed else dataset[()] for name, dataset in sets.items()}
+            for path, dataset in sets.items():
+                require_whole_chunks(h5py, path, dataset, size)
+            arrays = {name: sets[path][part] for name, (path, part) in places.items()}
+            arrays = {name: array.T if self._transposed else array for name, array in arrays.items()}
             return arrays | {name: self._single[name] for name in names if name in self._single}
 
 
@@ -305,28 +309,32 @@ def _walk(h5py: Any, group: Any, prefix: str = "") -> Iterator[tuple[str, str, A
         elif isinstance(node := group[key], h5py.Group):
             if prefix.count("/") < _DEEPEST:
                 yield from _walk(h5py, node, f"{name}/")
-        elif isinstance(node, h5py.Dataset) and node.shape is not None and node.dtype.kind in "fiub":
+        elif is_numeric(h5py, node):
             yield name, "", node
         else:
-            yield name, "data set that is not of numbers", None
+            yield name, _NO_NUMBERS, None
 
 
 class _Npz(_Container):
     def __init__(self, file: Path) -> None:
         self._parts = Parts(file)
-        self.listed = _Listed()
+        self.listed, self._fields = _Listed(), dict[str, tuple[str, str]]()
         for name in self._parts.names:
             key = name.removesuffix(".npy")
             shape, dtype = _npy_head(name, self._parts.start(name))
-            if dtype.kind in "fiub":
+            if dtype.names:
+                self._fields |= self.listed.add_fields(key, shape, dtype)
+            elif dtype.kind in NUMBERS:
                 self.listed.shapes[key] = shape
             else:
                 self.listed.others[key] = "array of objects or texts"
 
     def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
-        require_room(sum(self._parts.size(f"{name}.npy") for name in names), self._parts.path.stat().st_size)
-        arrays = {}
-        for name in names:
+        places = {name: self._fields.get(name, (name, ())) for name in names}
+        arrays: dict[str, NDArray[Any]] = {}
+        of_files = dict.fromkeys(path for path, _ in places.values())
+        require_room(sum(self._parts.size(f"{name}.npy") for name in of_files), self._parts.path.stat().st_size)
+        for name in of_files:
             raw = self._parts.read(f"{name}.npy")
             shape, dtype = _npy_head(name, raw)
             if int(np.prod(shape, dtype=object)) * dtype.itemsize > len(raw):
@@ -335,7 +343,7 @@ class _Npz(_Container):
                 arrays[name] = np.lib.format.read_array(io.BytesIO(raw), allow_pickle=False)
             except (ValueError, EOFError) as error:
                 raise DecodeError(f"{name} is cut or damaged: {error}") from error
-        return arrays
+        return {name: arrays[path][part] for name, (path, part) in places.items()}
 
 
 def _npy_head(name: str, raw: bytes) -> tuple[tuple[int, ...], Any]:

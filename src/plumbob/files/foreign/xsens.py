@@ -295,7 +295,7 @@ def _unwrapped(columns: Columns, column: str, wraps: int) -> NDArray[np.int64] |
     if values is None or not np.isfinite(values).any():
         return None
     if not np.isfinite(values).all() or not ((values >= 0) & (values < wraps)).all() or (values % 1.0).any():
-        raise DecodeError(f"{column} has cells that are not whole numbers from 0 to {wraps - 1}; export it again.")
+        raise DecodeError(f"time: {column} has cells that are not whole numbers below {wraps}; export it again.")
     counts = values.astype(np.int64)
     turns = np.cumsum(np.concatenate([[0], (np.diff(counts) < -wraps // 2).astype(np.int64)]))
     return np.asarray(counts + wraps * turns)

@@ -57,18 +57,9 @@ class Contents:
 
 
 def closing(contents: Contents, channels: Mapping[int, tuple[bytes, bytes]], offset: int, data_crc: int) -> bytes:
-    """Everything from the end of the data to the end of the file.
+    """Everything from the end of the data, which is at `offset` and has the CRC `data_crc`, to the end of the file.
 
-    Parameters
-    ----------
-    contents : Contents
-        What the data section holds.
-    channels : mapping of int to (bytes, bytes)
-        Schema and channel records of the channels.
-    offset : int
-        Where the data section ends.
-    data_crc : int
-        CRC of everything before `offset`.
+    `channels` are schema and channel records by number.
     """
     from mcap import records
 
