@@ -146,6 +146,7 @@ _SIDE: Final = 0.5  # cosine: each axis must have been up, and down, within 60°
 _WRONG_UNFITTED: Final = 0.4  # before the bias is known
 _SINGULAR: Final = 1e10
 _RESTLESS: Final = 3.0
+_NAMED: Final = 12  # poses
 _WORDS: Final = {
     Shape.SPHERE: "bias and one scale, 4 parameters",
     Shape.AXES: "bias and scale, 6 parameters",
@@ -282,7 +283,7 @@ def _unusable(poses: Floats, shape: str, noise: float, gravity: float) -> list[R
     if not np.isfinite(poses).all():
         raise CaptureRefusedError(Reason("not-still", "a pose has no finite mean.", "Leave it out."))
     sizes = np.linalg.norm(poses, axis=1)
-    wrong = _wrong_gravity(float(np.median(sizes)) if sizes.size else gravity, gravity, _WRONG_UNFITTED)
+    wrong = wrong_gravity(float(np.median(sizes)) if sizes.size else gravity, gravity, _WRONG_UNFITTED)
     return [r for r in (wrong, _sides(poses, sizes), _too_few(len(poses), shape, noise)) if r is not None]
 
 
@@ -311,7 +312,8 @@ def _sides(poses: Floats, sizes: Floats) -> Reason | None:
     )
 
 
-def _wrong_gravity(size: float, gravity: float, limit: float) -> Reason | None:
+def wrong_gravity(size: float, gravity: float, limit: float) -> Reason | None:
+    """Reason to refuse a gravity that measures `size`, m/s², and is off by more than `limit`, relative."""
     ratio = size / gravity
     if abs(ratio - 1.0) <= limit:
         return None
@@ -325,7 +327,7 @@ def _wrong_gravity(size: float, gravity: float, limit: float) -> Reason | None:
 
 def _untrue(fit: NormFit, tilt: float, gravity: float) -> list[Reason]:
     """Reasons not to believe a fit."""
-    reasons = [_wrong_gravity(mean_radius(fit.ellipsoid.shape), gravity, WRONG)]
+    reasons = [wrong_gravity(mean_radius(fit.ellipsoid.shape), gravity, WRONG)]
     out = np.flatnonzero(~fit.used)
     if out.size > MOST_OUTLIERS * fit.used.size:
         text = f"{out.size} of {fit.used.size} poses do not fit the others (poses {_numbers(fit)})."
@@ -370,18 +372,15 @@ def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[Note
     return tuple(notes)
 
 
-def _far_scale(ratio: float) -> tuple[str, ...]:
+def _far_scale(ratio: float) -> tuple[Note, ...]:
     if abs(ratio - 1.0) <= FAR_SCALE:
         return ()
-    return (
-        f"SCALE OFF BY {100.0 * (ratio - 1.0):+.1f} %: at rest the sensor measures {ratio:.3f} times gravity, and data "
-        "sheets allow 3 %. A factor like that is usually a wrong unit, range or count per g; check them in the profile "
-        "or format before the card takes it out.",
-    )
+    return (warning("calibration.far_scale", percent=100.0 * (ratio - 1.0), ratio=ratio),)
 
 
 def _numbers(fit: NormFit) -> str:
-    return ", ".join(str(i + 1) for i in np.flatnonzero(~fit.used))
+    out = (np.flatnonzero(~fit.used) + 1).tolist()
+    return ", ".join(map(str, out[:_NAMED])) + (", …" if out[_NAMED:] else "")
 
 
 LENGTHS: Final = (1.0, 2.0, 4.0, 8.0)
@@ -448,8 +447,7 @@ def fit_accel_moving(
     if not fits:
         raise refused or CaptureRefusedError(_too_fast(t, gyr))
     length, best = min(fits, key=_predicted)
-    note = f"Never at rest: {len(best.used)} windows of {length:g} s stand for poses, turned together by the gyroscope."
-    return replace(best, remarks=(note, *best.remarks))
+    return replace(best, remarks=(info("calibration.moving", windows=len(best.used), length=length), *best.remarks))
 
 
 def _predicted(pair: tuple[float, Fitted]) -> float:
@@ -513,10 +511,7 @@ def _widened(fitted: Fitted, rate: float, gravity: float, tilt_range: float) -> 
         text = f"the motion leaves an inclination error of {to_deg(tilt):.2g}° (1 sd), {_speed(rate)}."
         raise CaptureRefusedError(Reason("ill-conditioned", text, _TUMBLED))
     quality = replace(calibration.quality, tilt_sd=tilt, grade=grade)
-    remark = (
-        f"The unit turned with {_speed(rate)}; about a point {ARM:g} m away that is an acceleration of "
-        f"{unseen / G0 * 1e3:.2g} mg along each axis, which looks like a bias and is in the prediction."
-    )
+    remark = info("calibration.centripetal", speed=_speed(rate), arm=ARM, unseen_mg=unseen / G0 * 1e3)
     method = calibration.method.replace("poses", "windows of slow tumbling")
     triad = replace(calibration, covariance=covariance, quality=quality, method=method)
     return replace(fitted, calibration=triad, remarks=(remark, *fitted.remarks))

@@ -25,6 +25,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, DecodeError, ParameterError, one_line
 from plumbob.core.files import text_of
+from plumbob.core.findings import Note, warning
 from plumbob.core.units import dps, g, to_dps
 from plumbob.data import TITLES, ImuData
 from plumbob.data.cards import TriadCalibration
@@ -61,10 +62,8 @@ def ferraris_session(capture: Capture, parts: Mapping[str, slice] | None, *, ang
     located = find_parts(imu.t, imu.acc, _gyr(capture)) if parts is None else parts
     clipped = _clipped(capture, flags.GYR_CLIPPED | flags.ACC_CLIPPED)
     fits = fit_ferraris(imu.t, imu.acc, _gyr(capture), located, angle=angle, clipped=clipped)
-    if _gyr_base(capture).bias_per_k.any():
-        remark = "The card's polynomial of temperature is gone; 'plumbob calibrate temperature' finds it again."
-        fits["gyr"] = replace(fits["gyr"], remarks=(*fits["gyr"].remarks, remark))
-    return fits
+    gyr = fits["gyr"]
+    return {**fits, "gyr": replace(gyr, remarks=(*gyr.remarks, *_lost_terms(capture)))}
 
 
 def gyro_of_trackball(capture: Capture) -> dict[str, Fitted]:
@@ -347,11 +346,9 @@ def _of_force(capture: Capture, triad: TriadCalibration) -> tuple[str, ...]:
     return ("the accelerometer is not calibrated: g-sensitivity is wrong by as many per cent as its scale.",)
 
 
-def _lost_terms(capture: Capture) -> tuple[str, ...]:
+def _lost_terms(capture: Capture) -> tuple[Note, ...]:
     """Say that the card so far had a polynomial of temperature, which belonged to another fit."""
-    if capture.base is None or capture.base.gyr is None or not capture.base.gyr.bias_per_k.any():
-        return ()
-    return ("The card's polynomial of temperature is gone; 'plumbob calibrate temperature' finds it again.",)
+    return (warning("calibration.temperature_lost"),) if _gyr_base(capture).bias_per_k.any() else ()
 
 
 def _temperature(imu: ImuData, rows: Sequence[slice]) -> float:

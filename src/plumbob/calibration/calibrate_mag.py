@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plumbob.calibration.ellipsoid_fit import Shape
 from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.axes import LEAST_SLOPE, agreement
-from plumbob.calibration.mag.checks import WEAKEST, stuck
+from plumbob.calibration.mag.checks import WEAKEST, clipped, stuck
 from plumbob.calibration.mag.ellipsoid import fit_mag, unturned
 from plumbob.calibration.mag.in_use import fit_mag_in_use
 from plumbob.calibration.mag.planar import fit_mag_level
@@ -22,7 +22,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, ParameterError
-from plumbob.core.findings import info
+from plumbob.core.findings import info, warning
 from plumbob.core.units import dps, to_deg, to_dps
 from plumbob.data import ImuData
 from plumbob.quality.static_periods import stills
@@ -32,9 +32,6 @@ HELPERS: Final = ("auto", "none", "acc", "gyr")
 
 SHAPES: Final = {"sphere": Shape.SPHERE, "axes": Shape.AXES, "ellipsoid": Shape.ELLIPSOID}
 """Shapes that may be asked for, by name; "auto" chooses, and "level" is for what only turns level."""
-
-MOST_CLIPPED: Final = 0.01
-"""Share of clipped samples above which a capture is refused."""
 
 STEADY: Final = 0.03
 """Departure of the specific force from gravity, of itself, beyond which a sample tells no vertical: 1.7° at worst."""
@@ -174,8 +171,7 @@ class _Work:
         elif helper == "acc":
             fit = fit_mag_acc(mag[self.steady], acc[self.steady], strength=self.strength, tilt_range=self.tilt_range)
             if not self.acc_calibrated:
-                remark = "UNCALIBRATED accelerometer: its errors turn the field; calibrate it first, and give its card."
-                fit = replace(fit, remarks=(remark, *fit.remarks))
+                fit = replace(fit, remarks=(warning("calibration.uncalibrated_force"), *fit.remarks))
         else:
             fit = self._with_rates(in_use=helper == "in use")
         remarks = told_by_others(self.imu, fit, self.steady, helper=helper, dip=self.dip)
@@ -285,13 +281,9 @@ def _require_choices(with_: str, shape: str, *, in_use: bool) -> None:
 def _magnetic_rows(imu: ImuData) -> NDArray[np.bool_]:
     """Samples (N,) with a field that is not clipped."""
     present = np.isfinite(imu.usable("mag")).all(axis=1)
-    clipped = present & ((imu.flags & np.uint32(flags.MAG_CLIPPED)) != 0)
-    share = float(np.count_nonzero(clipped)) / max(1, int(np.count_nonzero(present)))
-    if share > MOST_CLIPPED:
-        most = f"at most {100.0 * MOST_CLIPPED:.0f} % may be"
-        what = f"{100.0 * share:.1f} % of the samples are at the end of the range; {most}."
-        refuse([Reason("clipping", what, "Choose a wider range, and remove magnets and steel from around the sensor.")])
-    return np.asarray(present & ~clipped)
+    at_end = (imu.flags & np.uint32(flags.MAG_CLIPPED)) != 0
+    refuse([*filter(None, (clipped(at_end[present]),))])
+    return np.asarray(present & ~at_end)
 
 
 def _complete(force: Floats) -> Floats | None:

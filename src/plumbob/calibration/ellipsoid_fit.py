@@ -126,9 +126,13 @@ _EXACT: Final = 1e-13  # of the vectors' size, where there is no noise
 
 
 class Shape(Enum):
-    """What the ellipsoid may be; the value is the number of parameters, three of them for the centre."""
+    """What the ellipsoid may be; the value is the number of parameters, three of them for the centre.
+
+    An ellipse lies across the third axis, along which all vectors are zero.
+    """
 
     SPHERE = 4
+    ELLIPSE = 5
     AXES = 6
     ELLIPSOID = 9
 
@@ -136,6 +140,7 @@ class Shape(Enum):
 _SYMMETRIC: Final = {  # columns: parameters; rows: xx, yy, zz, xy, xz, yz of T
     Shape.SPHERE: np.array([[1.0], [1.0], [1.0], [0.0], [0.0], [0.0]]),
     Shape.AXES: np.eye(6)[:, :3],
+    Shape.ELLIPSE: np.eye(6)[:, [0, 1, 3]],
     Shape.ELLIPSOID: np.eye(6),
 }
 
@@ -275,11 +280,13 @@ class _Descent:
         self.points, self.shape, self.p = points, shape, start
         self.used = np.ones(len(points), dtype=np.bool_)
         self.residuals, self.normal = np.empty(len(points)), np.empty((9, 10))
-        space = np.zeros((9, shape.value))
-        space[:3, :3] = np.eye(3)
-        space[3:, 3:] = _SYMMETRIC[shape]
-        self.space = space
-        self.p = space @ np.linalg.lstsq(space, start, rcond=None)[0]
+        centre = shape.value - _SYMMETRIC[shape].shape[1]  # of the centre
+        self.space = np.zeros((9, shape.value))
+        self.space[:centre, :centre] = np.eye(centre)
+        self.space[3:, centre:] = _SYMMETRIC[shape]
+        fixed = np.zeros(9)
+        fixed[5] = float(shape is Shape.ELLIPSE)
+        self.p = fixed + self.space @ np.linalg.lstsq(self.space, start, rcond=None)[0]
 
     def run(self, soft: float, *, steps: int = _STEPS) -> bool:
         """Go to the minimum; False where it was not reached."""
@@ -411,37 +418,34 @@ for _column, (_i, _j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 
     _SYMMETRIC_PARTS[3 + 3 * _i + _j, _column] = _SYMMETRIC_PARTS[3 + 3 * _j + _i, _column] = 1.0
 
 
-def mean_radius(matrix: Floats) -> float:
-    """Length that a matrix (3, 3) brings to 1, on average, in the sensor's own scale."""
-    return float(1.0 / np.cbrt(np.linalg.det(matrix)))
+def mean_radius(matrix: Floats, *, axes: int = 3) -> float:
+    """Length that a matrix (3, 3) brings to 1, on average over so many axes, in the sensor's own scale."""
+    return float(abs(np.linalg.det(matrix)) ** (-1.0 / axes))
 
 
 def scaled(fit: NormFit, size: float | None, *, alike: float) -> tuple[Floats, Floats]:
     """Matrix and covariance of a calibration from a symmetric fit, as `to_size`.
 
-    Parameters
-    ----------
-    fit : NormFit
-        The fit.
-    size : float or None
-        As in `to_size`.
-    alike : float
-        How many samples count as one, by which the covariance is widened.
+    The covariance is widened by how many samples count as one (`alike`). An ellipse leaves the third axis as measured.
     """
     spread = _SYMMETRIC_PARTS @ (fit.covariance * alike) @ _SYMMETRIC_PARTS.T
-    return to_size(fit.ellipsoid.shape, spread, size)
+    if fit.shape is not Shape.ELLIPSE:
+        return to_size(fit.ellipsoid.shape, spread, size)
+    matrix, covariance = to_size(fit.ellipsoid.shape, spread, size, axes=2)
+    matrix[2, 2], covariance[11], covariance[:, 11] = 1.0, 0.0, 0.0
+    return matrix, covariance
 
 
-def to_size(matrix: Floats, covariance: Floats, size: float | None) -> tuple[Floats, Floats]:
+def to_size(matrix: Floats, covariance: Floats, size: float | None, *, axes: int = 3) -> tuple[Floats, Floats]:
     """Matrix (3, 3) of a calibration, and covariance (12, 12) of bias and matrix, from those of a fit to length 1.
 
     `size` is the length of the calibrated vector; where None, the matrix gets the determinant 1, and so keeps the
-    sensor's scale.
+    sensor's scale: of so many `axes`, others being known.
     """
-    factor = size or mean_radius(matrix)
+    factor = size or mean_radius(matrix, axes=axes)
     by_fit = np.eye(9)
     if not size:
-        by_fit -= np.outer(matrix.ravel(), np.linalg.inv(matrix).T.ravel()) / 3.0
+        by_fit -= np.outer(matrix.ravel(), np.linalg.inv(matrix).T.ravel()) / axes
     jacobian = np.eye(12)
     jacobian[3:, 3:] = factor * by_fit
     return factor * matrix, jacobian @ covariance @ jacobian.T

@@ -24,14 +24,9 @@ def calibrate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.calibration.fit import CaptureRefusedError
 
     args.file = Path(args.recording) if hasattr(args, "recording") else None
-    if getattr(args, "counts", False):
-        from plumbob.door.calibrate import calibrate_counts
-
-        sensor = "acc" if args.kind == "accel" else args.kind
-        return show(args, verb._replace(pages=None), calibrate_counts(args.file, sensor))
     about: dict[str, Any] = {"file": args.file and str(args.file), "out": args.out, "html": args.html}
     try:
-        return _find(args, verb, about)
+        return (_find_counts if getattr(args, "counts", False) else _find)(args, verb, about)
     except CaptureRefusedError as why:
         from plumbob.reporting.calibration import refusal_text
 
@@ -41,6 +36,20 @@ def calibrate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
             reasons = visible(refusal_text(why), keep="\n")
             print(f"plumbob calibrate {args.kind}: {reasons}", file=sys.stderr)
         return 1
+
+
+def _find_counts(args: argparse.Namespace, verb: Verb, _about: dict[str, Any]) -> int:
+    """Calibrate bare triples, and print what was found or what to paste."""
+    from plumbob.door.calibrate import calibrate_counts
+
+    if args.file is None:
+        raise ParameterError(f"name the file of the triples: 'plumbob calibrate {args.kind} raw.txt --counts'.")
+    sensor = "acc" if args.kind == "accel" else args.kind
+    corrected = calibrate_counts(args.file, sensor, strength=vars(args).get("strength"), scale=args.scale)
+    if vars(args)["as"] is None:
+        return show(args, verb._replace(pages=None), corrected)
+    print(corrected.lines(vars(args)["as"]))
+    return 0
 
 
 def _find(args: argparse.Namespace, verb: Verb, about: dict[str, Any]) -> int:

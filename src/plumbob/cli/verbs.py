@@ -80,7 +80,12 @@ def _calibrate(
 ) -> Verb:
     guided = kind in ("mag", "accel", "gyro")
     if kind in ("mag", "accel"):
-        more = {**more, "counts": ("", "the file holds bare triples in counts: no time, unit or rate; no card is made")}
+        more = {
+            **more,
+            "counts": ("", "the file holds bare triples in counts: no time, unit or rate; no card is made"),
+            "as": ("FORM", "with --counts, what to paste: c, arduino, magneto, motioncal, ardupilot, px4, json"),
+            "scale": ("LSB", "with --counts: what one count is, as '0.15 uT', which flight controllers need"),
+        }
     line_only = (*_LINE, *(() if kind == "mag" else ("place",))) if guided else ()
     functions = also or (f"door.calibrate._{kind}",)
     out = {"out": ("JSON", "card to write; that of --calibration is completed")}
@@ -91,8 +96,11 @@ def _calibrate(
         hidden=("kind", "labels", "force", *line_only), outputs=(), note=note,
         optional=("recording",) if guided else (),
         pages=lambda calibrated, args: calibrated.report(recording=args.file.name if args.file else "live"),
-        needs=dict.fromkeys(("raw", *OF_LINES), ("live",)) if guided else {},
+        needs={**dict.fromkeys(("raw", *OF_LINES), ("live",)), **dict.fromkeys(("as", "scale"), ("counts",))}
+        if guided else {},
         apart={
+            "counts": ("live", "guide", "calibration", "device", "start", "stop", "profile", "with_", "shape", "place",
+                       "tilt", "in_use", "moving", "gravity", "latitude", "height", "out", "html", "plot"),
             "live": ("profile", "stop"), "in_use": ("live",), "preset": ("method",), "parts": ("part_column",),
             "part_column": ("start", "stop"),
         },

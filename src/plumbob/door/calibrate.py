@@ -450,7 +450,9 @@ def read_track(given: str | Path | Recording) -> AttitudeTrack:
     return track
 
 
-def calibrate_counts(source: "str | Path | ArrayLike", sensor: str = "mag") -> "CountsCalibration":
+def calibrate_counts(
+    source: "str | Path | ArrayLike", sensor: str = "mag", *, strength: Value = None, scale: Value = None
+) -> "CountsCalibration":
     """Calibrate bare triples in counts: without time, unit or rate, in many attitudes.
 
     Parameters
@@ -459,12 +461,16 @@ def calibrate_counts(source: "str | Path | ArrayLike", sensor: str = "mag") -> "
         Readings; or a text file of them, three numbers a line or with others beside, as MotionCal's ``Raw:`` lines have
         accelerometer, gyroscope and magnetometer.
     sensor : {"mag", "acc"}
-        Of which sensor; of an accelerometer one averaged row for each pose at rest will do.
+        Of which sensor. Of an accelerometer one averaged row for each pose at rest will do, or slow tumbling.
+    strength : float or str, optional
+        Of a magnetometer: strength of the field at the place, µT, to which the matrix then leads.
+    scale : float or str, optional
+        What one count is, µT or m/s2, as ``"0.15 uT"`` or ``"0.061 mg"``: for programs that take offsets in a unit.
 
     Returns
     -------
     CountsCalibration
-        Bias in counts and the matrix; ``true = matrix @ (raw − bias)``.
+        Bias in counts and the matrix; ``true = matrix @ (raw − bias)``. Its `lines` are what to paste.
 
     Raises
     ------
@@ -483,4 +489,9 @@ def calibrate_counts(source: "str | Path | ArrayLike", sensor: str = "mag") -> "
         from plumbob.files.draft import read_triples
 
         source = read_triples(source, sensor)
-    return fit_counts(np.asarray(source, dtype=np.float64), sensor)
+    return fit_counts(
+        np.asarray(source, dtype=np.float64),
+        sensor,
+        strength=given("strength", strength, Quantity.FIELD),
+        scale=given("scale", scale, Quantity.FIELD if sensor == "mag" else Quantity.ACCELERATION, positive=True),
+    )

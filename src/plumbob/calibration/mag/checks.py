@@ -1,13 +1,14 @@
 """What the fits of a magnetometer share: arguments, the calibration they end in, reasons to refuse it, and remarks."""
 
 import math
+from collections.abc import Iterable
 from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob.calibration.autocorrelation import Alike
-from plumbob.calibration.fit import HEADING, Reason, grade_of
+from plumbob.calibration.fit import HEADING, Fitted, Reason, grade_of, refuse
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.predicted import filled
 from plumbob.core import check
@@ -85,8 +86,22 @@ WEAKEST, STRONGEST = 15.0, 90.0
 _MOST_UNEQUAL: Final = 3.0
 
 
-def stuck(mag: Floats) -> Reason | None:
-    """Reason to refuse a field (N, 3), µT, one or two axes of which always read the same; None where none does."""
+MOST_CLIPPED: Final = 0.01
+"""Share of clipped samples above which a capture is refused."""
+
+
+def clipped(at_end: NDArray[np.bool_]) -> Reason | None:
+    """Reason to refuse samples (N,) too many of which are at the end of the range; None where few are."""
+    share = float(np.mean(at_end)) if len(at_end) else 0.0
+    if share <= MOST_CLIPPED:
+        return None
+    most = f"at most {100.0 * MOST_CLIPPED:.0f} % may be"
+    what = f"{100.0 * share:.1f} % of the samples are at the end of the range; {most}."
+    return Reason("clipping", what, "Choose a wider range, and remove magnets and steel from around the sensor.")
+
+
+def stuck(mag: Floats, title: str = "magnetometer", unit: str = "µT") -> Reason | None:
+    """Reason to refuse vectors (N, 3) one or two axes of which always read the same; None where none does."""
     same = np.ptp(mag, axis=0) == 0.0
     if not same.any() or same.all():
         return None
@@ -94,8 +109,8 @@ def stuck(mag: Floats) -> Reason | None:
     read = " and ".join(f"{value:.4g}" for value in mag[0, same].tolist())
     return Reason(
         "implausible",
-        f"{axes} of the magnetometer always {'reads' if same.sum() == 1 else 'read'} {read} µT.",
-        "That axis is defective, or the profile names a wrong column; look at the recording with 'plumbob info'.",
+        f"{axes} of the {title} always {'reads' if same.sum() == 1 else 'read'} {read} {unit}.",
+        "That axis is defective, or a wrong column is read; look at the recording with 'plumbob info'.",
     )
 
 
@@ -170,45 +185,87 @@ class Doubt(NamedTuple):
         return cls(sd, even, field, shared.memory, shared.unevenness > shared.memory)
 
 
-def mag_calibration(
-    *,
-    matrix: Floats,
-    bias: Floats,
-    covariance: Floats,
-    residuals: Floats,
-    used: NDArray[np.bool_],
-    radius: float,
-    strength: float | None,
-    method: str,
-    condition: float,
-    heading_sd: float,
-    tilt_range: float,
-    directions: Floats | None = None,
-) -> TriadCalibration:
-    """Calibration of a magnetometer with its bias (3,), matrix (3, 3), their covariance (12, 12), and its `Quality`.
+class FieldEstimate(NamedTuple):
+    """Result of a fit of a magnetometer.
 
-    `residuals` (N, ...) are in the sensor's own scale, µT, as is the strength `radius` of the field; `strength` is that
-    to which it was scaled. `directions` (N, 3), where they count, are of the measured field from its centre.
+    Attributes
+    ----------
+    matrix, bias : ndarray (3, 3), (3,)
+        Of the calibration; bias in µT.
+    covariance : ndarray (12, 12)
+        Of bias and matrix.
+    residuals : ndarray (N, ...)
+        Of the samples, in the sensor's own scale, µT.
+    used : ndarray (N,) of bool
+        False for outliers.
+    radius : float
+        Strength of the field in the sensor's own scale, µT.
+    condition : float
+        Of the normal matrix scaled to a diagonal of one.
+    strength : float or None
+        Strength of the field to which the matrix leads, µT; None where it keeps the sensor's scale.
+    solid : bool
+        Whether all axes were fitted, so that directions count.
     """
-    return TriadCalibration(
-        matrix=matrix,
-        bias=bias,
-        unit_in=UNITS["mag"],
-        unit_out=UNITS["mag"],
-        residual_rms=float(np.sqrt(np.mean(residuals[used] ** 2))) * (strength or radius) / radius,
-        covariance=covariance,
-        reference=strength,
-        method=method,
-        quality=Quality(
-            grade=grade_of(heading_sd, HEADING) or "poor",
+
+    matrix: Floats
+    bias: Floats
+    covariance: Floats
+    residuals: Floats
+    used: NDArray[np.bool_]
+    radius: float
+    condition: float
+    strength: float | None
+    solid: bool = True
+
+    def finished(
+        self,
+        measured: Floats,
+        sd: float,
+        *,
+        tilt_range: float,
+        method: str,
+        reasons: Iterable[Reason | None],
+        remarks: tuple[Note, ...],
+    ) -> Fitted:
+        """Fit of the measured field (N, 3), µT, whose heading error is `sd`, rad; or the reasons to refuse it."""
+        refuse([reason for reason in reasons if reason is not None])
+        used = self.used
+        quality = Quality(
+            grade=grade_of(sd, HEADING) or "poor",
             samples=int(np.count_nonzero(used)),
             outliers=int(np.count_nonzero(~used)),
-            regions=None if directions is None else int(np.count_nonzero(filled(directions[used]))),
-            condition=condition,
-            heading_sd=heading_sd,
+            regions=int(np.count_nonzero(filled((measured - self.bias)[used]))) if self.solid else None,
+            condition=self.condition,
+            heading_sd=sd,
             tilt_range=tilt_range,
-        ),
-    )
+        )
+        size = (self.strength or self.radius) / self.radius
+        calibration = TriadCalibration(
+            matrix=self.matrix,
+            bias=self.bias,
+            unit_in=UNITS["mag"],
+            unit_out=UNITS["mag"],
+            residual_rms=float(np.sqrt(np.mean(self.residuals[used] ** 2))) * size,
+            covariance=self.covariance,
+            reference=self.strength,
+            method=method,
+            quality=quality,
+        )
+        return Fitted(calibration, measured, self.residuals, used, remarks)
+
+    def unlikely(self, sd: float) -> tuple[Reason | None, ...]:
+        """Reasons that rest on the result; none where its heading error, rad, is beyond *poor*."""
+        return where_known(sd, unequal(self.matrix), wrong_field(self.radius, self.strength))
+
+    def remarks(self, stride: int = 1) -> tuple[Note, ...]:
+        """Remarks on the scale, on samples that were left out, and on outliers."""
+        unscaled = self.strength is None and self.solid
+        scale = (info("calibration.own_scale", size=self.radius),) if unscaled else ()
+        thinned = (info("calibration.thinned", stride=stride),) if stride > 1 else ()
+        count = int(np.count_nonzero(~self.used))
+        aside = (info("calibration.set_aside", count=count, samples=len(self.used)),) if count else ()
+        return (*scale, *thinned, *aside)
 
 
 def outliers(used: NDArray[np.bool_], advice: str, most: float = MOST_OUTLIERS) -> Reason | None:
@@ -273,24 +330,6 @@ def uneven_told(doubt: Doubt) -> tuple[Note, ...]:
     if doubt.memory > _LONG_MEMORY:
         remarks.append(info("calibration.autocorrelated", memory=doubt.memory))
     return tuple(remarks)
-
-
-def own_scale(strength: float | None, size: float) -> tuple[str, ...]:
-    """Remark where the strength of the field was not given, and is `size`, µT, by the sensor."""
-    if strength is not None:
-        return ()
-    return (f"Field strength: {size:.4g} µT, the sensor's own scale; only the directions are calibrated.",)
-
-
-def thinned(stride: int) -> tuple[str, ...]:
-    """Remark where not every sample was fitted."""
-    return (f"One of every {stride} samples was fitted.",) if stride > 1 else ()
-
-
-def set_aside(used: NDArray[np.bool_]) -> tuple[str, ...]:
-    """Remark on outliers (N,)."""
-    count = int(np.count_nonzero(~used))
-    return (f"Set aside as outliers: {count} of {len(used)} samples.",) if count else ()
 
 
 def dip_angle(field: Floats, force: Floats) -> float:

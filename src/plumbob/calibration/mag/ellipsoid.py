@@ -15,28 +15,8 @@ import numpy as np
 from plumbob.calibration.autocorrelation import LONG, alike
 from plumbob.calibration.ellipsoid_fit import SPARE, NormFit, Shape, choose, fit_norm, linearised, mean_radius, scaled
 from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
-from plumbob.calibration.mag.checks import (
-    DIP,
-    EVEN,
-    MOST_OUTLIERS,
-    STEEL,
-    WEAKEST,
-    Doubt,
-    dip_angle,
-    finite_rows,
-    forces,
-    heading_told,
-    mag_calibration,
-    outliers,
-    own_scale,
-    require_figures,
-    set_aside,
-    unequal,
-    uneven,
-    uneven_told,
-    where_known,
-    wrong_field,
-)
+from plumbob.calibration.mag import checks
+from plumbob.calibration.mag.checks import Doubt, FieldEstimate
 from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenness
 from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, region_names
 from plumbob.core.check import Floats
@@ -68,7 +48,7 @@ def moved(vectors: Floats, fit: NormFit) -> Reason | None:
     rows, residuals = linearised(vectors[some], fit.ellipsoid)
     radius = 3.0 / float(np.trace(fit.ellipsoid.shape))
     jump = _largest(rows, residuals, radius)
-    if jump is not None and jump.place <= MOST_OUTLIERS:
+    if jump is not None and jump.place <= checks.MOST_OUTLIERS:
         rows, residuals = rows[fit.used[some]], residuals[fit.used[some]]
         jump = _largest(rows, residuals, radius)
     if jump is None:
@@ -178,6 +158,7 @@ LEAST_CHANGE: Final = 5.0
 
 _HARDLY: Final = 0.5  # root mean square change of the field over its mean; turned through all attitudes, it is large
 _ADVICE: Final = "Turn the unit slowly through all attitudes: each face and each edge once up, as if it were a cube."
+_MOVED: Final = "Look for switched currents, moving iron and steel nearby, or capture where the field is even."
 _WORDS: Final = {
     Shape.SPHERE: "sphere, 4 parameters",
     Shape.AXES: "axis-aligned ellipsoid, 6 parameters",
@@ -223,14 +204,14 @@ def fit_mag(
     if shape is not None and not isinstance(shape, Shape):
         shapes = ", ".join(str(each) for each in Shape)
         raise ParameterError(f"shape must be one of {shapes}, or None to have it chosen, but it is {shape!r}.")
-    require_figures(strength=strength, dip=dip, tilt_range=tilt_range)
-    mag = finite_rows("mag", mag)
-    acc = None if acc is None else forces(acc, len(mag))
+    checks.require_figures(strength=strength, dip=dip, tilt_range=tilt_range)
+    mag = checks.finite_rows("mag", mag)
+    acc = None if acc is None else checks.forces(acc, len(mag))
     least = (shape or Shape.ELLIPSOID).value + SPARE
     if len(mag) < least:
         refuse([Reason("too-few", f"{len(mag)} samples, but this shape needs {least} at least.", _ADVICE)])
     # a field that hardly changed; a weak one, of whatever scale, by as large a share of it
-    share = min(1.0, math.sqrt(float(np.mean(np.sum(mag * mag, axis=1)))) / WEAKEST)
+    share = min(1.0, math.sqrt(float(np.mean(np.sum(mag * mag, axis=1)))) / checks.WEAKEST)
     constant = unturned(mag, _ADVICE) if _change(mag) <= LEAST_CHANGE * share else None
     if (narrow := constant or one_axis(mag, acc)) is not None:
         refuse([narrow])
@@ -240,7 +221,7 @@ def fit_mag(
     radius = mean_radius(fit.ellipsoid.shape)
     size = strength or radius
     if dip is None:
-        dip = DIP if acc is None else dip_angle(fit.ellipsoid.to_sphere(mag)[fit.used], acc[fit.used])
+        dip = checks.DIP if acc is None else checks.dip_angle(fit.ellipsoid.to_sphere(mag)[fit.used], acc[fit.used])
     directions, place = full.ellipsoid.to_sphere(mag), ReferenceField(size, dip, tilt_range)
     shared = alike(full.residuals, directions, full.used)
     field = unevenness(full.residuals, directions, full.used)
@@ -251,22 +232,22 @@ def fit_mag(
     covariance = covariance * widening(mag, full, field, shared.memory, place)
     sd, even = (heading_sd(matrix, c, **place._asdict()) for c in (covariance, independent * shared.memory))
     doubt = Doubt.from_fit(sd, even, field, shared)
-    _check(mag, fit, doubt, strength)
-    calibration = mag_calibration(
-        matrix=matrix,
-        bias=fit.ellipsoid.centre,
-        covariance=covariance,
-        residuals=fit.residuals,
-        used=fit.used,
-        radius=radius,
-        strength=strength,
-        method=f"magnetometer alone: {_WORDS[fit.shape]}",
-        condition=fit.condition,
-        heading_sd=sd,
-        tilt_range=tilt_range,
-        directions=mag - fit.ellipsoid.centre,
+    estimate = FieldEstimate(
+        matrix, fit.ellipsoid.centre, covariance, fit.residuals, fit.used, radius, fit.condition, strength
     )
-    return Fitted(calibration, mag, fit.residuals, fit.used, _remarks(fit, why, strength, size, doubt))
+    return estimate.finished(
+        mag,
+        sd,
+        tilt_range=tilt_range,
+        method=f"magnetometer alone: {_WORDS[fit.shape]}",
+        reasons=(
+            moved(mag, fit),
+            checks.outliers(fit.used, _MOVED),
+            checks.uneven(doubt) or _coverage(mag, fit, sd),
+            *estimate.unlikely(sd),
+        ),
+        remarks=(*_remarks(fit, why), *estimate.remarks(), *checks.uneven_told(doubt)),
+    )
 
 
 def unturned(mag: Floats, advice: str) -> Reason | None:
@@ -291,29 +272,15 @@ def _shapeless(mag: Floats) -> Reason:
             what = f"no ellipsoid fits; the field changed by {change:.2g} µT about a mean of {mean:.2g} µT"
             return Reason("too-few-regions", f"{what}, as if the unit was hardly turned.", _ADVICE)
         what = f"no ellipsoid fits, although all {len(NAMES)} directions were seen: the field itself changed."
-        return Reason("uneven-field", what, f"{STEEL} {EVEN}")
+        return Reason("uneven-field", what, f"{checks.STEEL} {checks.EVEN}")
     return Reason("too-few-regions", f"no ellipsoid fits; {_regions_told(directions)}.", _ADVICE)
-
-
-def _check(mag: Floats, fit: NormFit, doubt: Doubt, strength: float | None) -> None:
-    """Refuse a fit that says nothing, or something that cannot be."""
-    shape = fit.ellipsoid.shape
-    reasons = (
-        moved(mag, fit),
-        outliers(
-            fit.used, "Look for switched currents, moving iron and steel nearby, or capture where the field is even."
-        ),
-        uneven(doubt) or _coverage(mag, fit, doubt.sd),
-        *where_known(doubt.sd, unequal(shape), wrong_field(mean_radius(shape), strength)),
-    )
-    refuse([reason for reason in reasons if reason is not None])
 
 
 def _coverage(mag: Floats, fit: NormFit, sd: float) -> Reason | None:
     if sd <= HEADING.poor:
         return None
     regions = _regions_told((mag - fit.ellipsoid.centre)[fit.used])
-    return Reason("too-few-regions", f"the capture leaves {heading_told(sd)}; {regions}.", _ADVICE)
+    return Reason("too-few-regions", f"the capture leaves {checks.heading_told(sd)}; {regions}.", _ADVICE)
 
 
 def _regions_told(directions: Floats) -> str:
@@ -323,10 +290,10 @@ def _regions_told(directions: Floats) -> str:
     return f"{text}, missing {region_names(empty)}" if empty else text
 
 
-def _remarks(fit: NormFit, why: str, strength: float | None, size: float, doubt: Doubt) -> tuple[Note, ...]:
-    notes: list[Note] = [info("calibration.shape", shape=_WORDS[fit.shape], why=why)]
-    if fit.shape is not Shape.ELLIPSOID and why != "asked for":
-        notes.append(info("calibration.general_ellipsoid"))
-    notes += own_scale(strength, size)
-    notes.append(info("calibration.field_length"))
-    return (*notes, *uneven_told(doubt), *set_aside(fit.used))
+def _remarks(fit: NormFit, why: str) -> tuple[Note, ...]:
+    larger = fit.shape is not Shape.ELLIPSOID and why != "asked for"
+    return (
+        info("calibration.shape", shape=_WORDS[fit.shape], why=why),
+        *((info("calibration.general_ellipsoid"),) if larger else ()),
+        info("calibration.field_length"),
+    )

@@ -22,23 +22,8 @@ from numpy.typing import NDArray
 from plumbob.calibration.autocorrelation import memory_of_each
 from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, distortion_to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
-from plumbob.calibration.mag.checks import (
-    DIP,
-    STEEL,
-    Doubt,
-    dip_angle,
-    mag_calibration,
-    outliers,
-    own_scale,
-    require_figures,
-    set_aside,
-    stuck,
-    uncertain,
-    unequal,
-    where_known,
-    with_rates,
-    wrong_field,
-)
+from plumbob.calibration.mag import checks
+from plumbob.calibration.mag.checks import Doubt, FieldEstimate
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.mag.windows import (
     Gyroscope,
@@ -548,10 +533,10 @@ def fit_mag_in_use(
     strength, dip, tilt_range
         As of `plumbob.calibration.mag.ellipsoid.fit_mag`.
     """
-    require_figures(strength=strength, dip=dip, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
-    t, mag, gyr, acc = with_rates(t, mag, gyr, acc)
+    checks.require_figures(strength=strength, dip=dip, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
+    t, mag, gyr, acc = checks.with_rates(t, mag, gyr, acc)
     fields = mag[np.isfinite(mag).all(axis=1)]
-    refuse([dead] if len(fields) and (dead := stuck(fields)) is not None else [])
+    refuse([dead] if len(fields) and (dead := checks.stuck(fields)) is not None else [])
     fit = fit_in_use(t, mag, gyr, gyr_gain_sd=gyr_gain_sd)
     if fit is None:
         raise CaptureRefusedError(_unsettled(t))
@@ -559,23 +544,19 @@ def fit_mag_in_use(
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
     size, dip = strength or radius, _dip((mag - fit.bias) @ matrix.T, acc) if dip is None else dip
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
-    refuse(_reasons(fit, sd, radius, strength))
-    calibration = mag_calibration(
-        matrix=matrix,
-        bias=fit.bias,
-        covariance=covariance,
-        residuals=fit.residuals,
-        used=fit.used,
-        radius=radius,
-        strength=strength,
-        method="magnetometer in use, with gyroscope: the field from moment to moment",
-        condition=fit.condition,
-        heading_sd=sd,
+    estimate = FieldEstimate(matrix, fit.bias, covariance, fit.residuals, fit.used, radius, fit.condition, strength)
+    return estimate.finished(
+        fit.fields,
+        sd,
         tilt_range=tilt_range,
-        directions=fit.fields - fit.bias,
+        method="magnetometer in use, with gyroscope: the field from moment to moment",
+        reasons=(
+            checks.outliers(fit.used, checks.STEEL, MOST_OUTLIERS),
+            checks.uncertain(Doubt(sd, sd, Unevenness(), 1.0, shown=False), _ADVICE),
+            *estimate.unlikely(sd),
+        ),
+        remarks=(*_remarks(fit, float(t[-1] - t[0]), size), *estimate.remarks()),
     )
-    remarks = (*_remarks(fit, float(t[-1] - t[0]), size), *own_scale(strength, size), *set_aside(fit.used))
-    return Fitted(calibration, fit.fields, fit.residuals, fit.used, remarks)
 
 
 def _unsettled(t: Floats) -> Reason:
@@ -585,15 +566,6 @@ def _unsettled(t: Floats) -> Reason:
         return Reason("too-few", f"{lasting:.3g} s of field and rates, but {needed:g} s are needed.", _ADVICE)
     what = f"no bias and matrix fit how the field turned in {lasting:.3g} s, beside the rates."
     return Reason("ill-conditioned", what, _ADVICE)
-
-
-def _reasons(fit: InUseFit, sd: float, radius: float, strength: float | None) -> list[Reason]:
-    reasons = [
-        outliers(fit.used, STEEL, MOST_OUTLIERS),
-        uncertain(Doubt(sd, sd, Unevenness(), 1.0, shown=False), _ADVICE),
-        *where_known(sd, unequal(fit.distortion), wrong_field(radius, strength)),
-    ]
-    return [reason for reason in reasons if reason is not None]
 
 
 def _remarks(fit: InUseFit, lasting: float, size: float) -> tuple[Note, ...]:
@@ -616,6 +588,6 @@ def _remarks(fit: InUseFit, lasting: float, size: float) -> tuple[Note, ...]:
 def _dip(field: Floats, acc: Floats | None) -> float:
     """Dip of a calibrated field (N, 3), rad, by the specific force; an assumed one without it."""
     if acc is None:
-        return DIP
+        return checks.DIP
     valid = np.isfinite(field).all(axis=1) & np.isfinite(acc).all(axis=1) & acc.any(axis=1)
-    return dip_angle(field[valid], acc[valid]) if valid.any() else DIP
+    return checks.dip_angle(field[valid], acc[valid]) if valid.any() else checks.DIP

@@ -23,22 +23,8 @@ from numpy.typing import NDArray
 from plumbob.calibration.autocorrelation import alike
 from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, Shape, mean_radius, to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, invert, refuse
-from plumbob.calibration.mag.checks import (
-    Doubt,
-    finite_rows,
-    forces,
-    mag_calibration,
-    outliers,
-    own_scale,
-    require_figures,
-    set_aside,
-    thinned,
-    uncertain,
-    unequal,
-    uneven_told,
-    where_known,
-    wrong_field,
-)
+from plumbob.calibration.mag import checks
+from plumbob.calibration.mag.checks import Doubt, FieldEstimate
 from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.mag.field_gradient import unevenness
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
@@ -330,9 +316,9 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     strength, tilt_range
         As of `plumbob.calibration.mag.ellipsoid.fit_mag`.
     """
-    require_figures(strength=strength, tilt_range=tilt_range)
-    mag = finite_rows("mag", mag)
-    acc = forces(acc, len(mag))
+    checks.require_figures(strength=strength, tilt_range=tilt_range)
+    mag = checks.finite_rows("mag", mag)
+    acc = checks.forces(acc, len(mag))
     if len(mag) < FEWEST:
         what = f"{len(mag)} samples, but the joint fit needs {FEWEST} at least."
         refuse([Reason("too-few", what, "Hold the unit in more attitudes: 18 faces and edges, or turn it slowly.")])
@@ -359,24 +345,23 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
         for c in (covariance, independent * shared.memory)
     )
     doubt = Doubt.from_fit(sd, even, field, shared)
-    refuse(_reasons(fit, doubt, strength))
-    calibration = mag_calibration(
-        matrix=matrix,
-        bias=fit.centre,
-        covariance=covariance,
-        residuals=fit.residuals[:, 0],
-        used=fit.used,
-        radius=radius,
-        strength=strength,
-        method="magnetometer with accelerometer: ellipsoid, turn and dip, 13 parameters",
-        condition=fit.condition,
-        heading_sd=sd,
-        tilt_range=tilt_range,
-        directions=points - fit.centre,
+    estimate = FieldEstimate(
+        matrix, fit.centre, covariance, fit.residuals[:, 0], fit.used, radius, fit.condition, strength
     )
     dip_sd = fit.dip_sd * math.sqrt(shared.memory + field.spread(residuals))
-    remarks = (*_remarks(fit, dip_sd, strength, size, stride), *uneven_told(doubt))
-    return Fitted(calibration, points, fit.residuals[:, 0], fit.used, remarks)
+    return estimate.finished(
+        points,
+        sd,
+        tilt_range=tilt_range,
+        method="magnetometer with accelerometer: ellipsoid, turn and dip, 13 parameters",
+        reasons=(
+            checks.outliers(fit.used, "Move less, and look for moving iron and switched currents nearby."),
+            _unsteady(fit.down_sd),
+            checks.uncertain(doubt, "Turn the unit through all attitudes: each face and edge up."),
+            *estimate.unlikely(sd),
+        ),
+        remarks=(*_remarks(fit, dip_sd), *estimate.remarks(stride), *checks.uneven_told(doubt)),
+    )
 
 
 def turn_angle(matrix: Floats) -> float:
@@ -398,16 +383,6 @@ def _wrong_gravity(force: Floats) -> list[Reason]:
     return [Reason("wrong-gravity", what, "Check the accelerometer's unit and range, and calibrate it first.")]
 
 
-def _reasons(fit: DipFit, doubt: Doubt, strength: float | None) -> list[Reason]:
-    reasons = [
-        outliers(fit.used, "Move less, and look for moving iron and switched currents nearby."),
-        _unsteady(fit.down_sd),
-        uncertain(doubt, "Turn the unit through all attitudes: each face and edge up."),
-        *where_known(doubt.sd, unequal(fit.matrix), wrong_field(mean_radius(fit.matrix), strength)),
-    ]
-    return [reason for reason in reasons if reason is not None]
-
-
 def _unsteady(sd: float) -> Reason | None:
     if sd <= UNSTEADY:
         return None
@@ -415,12 +390,11 @@ def _unsteady(sd: float) -> Reason | None:
     return Reason("not-still", what, _ADVICE)
 
 
-def _remarks(fit: DipFit, dip_sd: float, strength: float | None, size: float, stride: int) -> tuple[Note, ...]:
+def _remarks(fit: DipFit, dip_sd: float) -> tuple[Note, ...]:
     dip, sd = to_deg(fit.dip), to_deg(dip_sd)
-    remarks: list[Note] = [
+    return (
         info(
             "calibration.dip_with_acc", dip=measured(dip, dip - sd, dip + sd), turn_deg=to_deg(turn_angle(fit.matrix))
         ),
         info("calibration.noise_with_acc", mag_sd=fit.mag_sd, down_sd_deg=to_deg(fit.down_sd)),
-    ]
-    return (*remarks, *own_scale(strength, size), *thinned(stride), *set_aside(fit.used))
+    )

@@ -19,23 +19,8 @@ from numpy.typing import NDArray
 from plumbob.calibration.autocorrelation import Alike, memory_of_each
 from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, distortion_to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
-from plumbob.calibration.mag.checks import (
-    DIP,
-    STEEL,
-    Doubt,
-    mag_calibration,
-    outliers,
-    own_scale,
-    require_figures,
-    set_aside,
-    thinned,
-    uncertain,
-    unequal,
-    uneven_told,
-    where_known,
-    with_rates,
-    wrong_field,
-)
+from plumbob.calibration.mag import checks
+from plumbob.calibration.mag.checks import Doubt, FieldEstimate
 from plumbob.calibration.mag.ellipsoid import unturned
 from plumbob.calibration.mag.field_gradient import PATCH, Unevenness, unevenness
 from plumbob.calibration.mag.windows import by_error, floored_inverse, leaning, tightness
@@ -414,8 +399,8 @@ def fit_mag_gyr(
     strength, tilt_range
         As of `plumbob.calibration.mag.ellipsoid.fit_mag`.
     """
-    require_figures(strength=strength, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
-    t, mag, gyr, acc = with_rates(t, mag, gyr, acc)
+    checks.require_figures(strength=strength, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
+    t, mag, gyr, acc = checks.with_rates(t, mag, gyr, acc)
     present = np.flatnonzero(np.isfinite(mag).all(axis=1))
     stride = max(1, -(-len(present) // _SOME))
     samples = present[::stride]
@@ -431,23 +416,20 @@ def fit_mag_gyr(
     size, dip = strength or radius, _dip(fit, None if acc is None else acc[samples])
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
     doubt = _doubt(fit, sd)
-    refuse(_reasons(fit, doubt, radius, strength, first))
-    calibration = mag_calibration(
-        matrix=matrix,
-        bias=fit.bias,
-        covariance=covariance,
-        residuals=fit.residuals,
-        used=fit.used,
-        radius=radius,
-        strength=strength,
-        method=f"magnetometer with gyroscope: one field, {PARAMETERS} parameters delay included, and random walk",
-        condition=fit.condition,
-        heading_sd=sd,
+    estimate = FieldEstimate(matrix, fit.bias, covariance, fit.residuals, fit.used, radius, fit.condition, strength)
+    return estimate.finished(
+        mag[samples],
+        sd,
         tilt_range=tilt_range,
-        directions=mag[samples] - fit.bias,
+        method=f"magnetometer with gyroscope: one field, {PARAMETERS} parameters delay included, and random walk",
+        reasons=(
+            _wandering(fit.walk),
+            checks.outliers(fit.used, first + checks.STEEL),
+            checks.uncertain(doubt, first + _ADVICE),
+            *estimate.unlikely(sd),
+        ),
+        remarks=(*_remarks(fit, dip, acc is not None), *estimate.remarks(stride), *checks.uneven_told(doubt)),
     )
-    remarks = (*_remarks(fit, strength, size, dip, acc is not None, stride), *uneven_told(doubt))
-    return Fitted(calibration, mag[samples], fit.residuals, fit.used, remarks)
 
 
 def _require_rates(t: Floats) -> None:
@@ -469,7 +451,7 @@ def _unfit(mag: Floats) -> list[Reason]:
 def _dip(fit: FieldFit, acc: Floats | None) -> float:
     """Dip of the field, rad: by the mean specific force in the axes of the start, or an assumed one."""
     if acc is None:
-        return DIP
+        return checks.DIP
     up = np.nanmean(np.einsum("nij,nj->ni", fit.turns, acc), axis=0)
     return float(-np.arcsin(np.clip(up @ fit.field_s / np.linalg.norm(up), -1.0, 1.0)))
 
@@ -480,17 +462,6 @@ def _doubt(fit: FieldFit, sd: float) -> Doubt:
     return Doubt(sd, sd * math.sqrt(fit.alike.memory / fit.alike.factor), fit.field, fit.alike.memory, shown)
 
 
-def _reasons(fit: FieldFit, doubt: Doubt, radius: float, strength: float | None, first: str) -> list[Reason]:
-    """Reasons to refuse a fit; `first` is what to do before anything else."""
-    reasons = [
-        _wandering(fit.walk),
-        outliers(fit.used, first + STEEL),
-        uncertain(doubt, first + _ADVICE),
-        *where_known(doubt.sd, unequal(fit.distortion), wrong_field(radius, strength)),
-    ]
-    return [reason for reason in reasons if reason is not None]
-
-
 def _wandering(walk: float) -> Reason | None:
     if walk <= WORST_WALK:
         return None
@@ -499,18 +470,11 @@ def _wandering(walk: float) -> Reason | None:
     return Reason("magnet-moved", what, keep)
 
 
-def _remarks(
-    fit: FieldFit, strength: float | None, size: float, dip: float, measured: bool, stride: int
-) -> tuple[Note, ...]:
+def _remarks(fit: FieldFit, dip: float, measured: bool) -> tuple[Note, ...]:
     bias = ", ".join(f"{value:.3f}" for value in to_dps(fit.gyr_bias).tolist())
-    remarks: list[Note] = [
-        info(
-            "calibration.with_gyroscope",
-            bias=bias,
-            walk_dps=to_dps(fit.walk),
-            turn_deg=to_deg(turn_angle(fit.distortion)),
-        ),
+    turned, walk = to_deg(turn_angle(fit.distortion)), to_dps(fit.walk)
+    return (
+        info("calibration.with_gyroscope", bias=bias, walk_dps=walk, turn_deg=turned),
         info("calibration.mag_delay", delay_ms=1000.0 * fit.delay),
-        f"Dip of the field: {to_deg(dip):.1f}°, {'by the mean specific force' if measured else 'assumed'}.",
-    ]
-    return (*remarks, *own_scale(strength, size), *thinned(stride), *set_aside(fit.used))
+        info(f"calibration.dip_{'measured' if measured else 'assumed'}", dip_deg=to_deg(dip)),
+    )
