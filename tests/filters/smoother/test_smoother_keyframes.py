@@ -13,7 +13,7 @@ from plumbob import ImuData, flags
 from plumbob.filters.smoother import Smoother, keyframes, samples
 from plumbob.filters.smoother.keyframes import Keyframes, between, bridge
 from plumbob.filters.smoother.samples import MARGIN, stretches
-from plumbob.rotations import quat_angle, quat_chained, quat_from_rotvec, quat_multiply
+from plumbob.rotations import quat_angle, quat_chained, quat_from_rotvec, quat_multiply, quat_rotate, quat_slerp
 from tests.helpers import examples, slow_as_python
 from tests.helpers.hand_motion import by_hand
 
@@ -297,3 +297,31 @@ def test_a_lag_brings_the_estimate_nearer_to_the_truth():
         for params in ({"lag": 2.0}, {"lag": 8.0}, {})
     ]
     assert off[0] > 2.0 * off[1] > 4.0 * off[2]
+
+
+@given(damaged(), st.sampled_from([0.049, 0.099, 0.3]))
+@examples(0.6)
+def test_samples_that_are_taken_together_turn_push_and_show_as_much(given_, spacing):
+    """Attitude and integral of the force at each of them, and the sum of squares of the field, by definition."""
+    imu, _ = given_
+    if (frames := Keyframes.from_imu(imu, spacing)) is None:
+        return
+    few = frames.together()
+    assert (few.time == frames.time).all()
+    at = np.searchsorted(frames.rows, few.rows)
+
+    def followed(of):
+        q = np.empty((of.t.size, 4))
+        keyframes.path(of.t, of.gyr, q)
+        half = np.concatenate((q[:1], quat_slerp(q[:-1], q[1:], 0.5)))
+        dt = np.diff(of.t, prepend=of.t[0])[:, np.newaxis]
+        return q, np.cumsum(dt * quat_rotate(half, of.acc), axis=0)
+
+    (q, force), (few_q, few_force) = followed(frames), followed(few)
+    assert (quat_angle(q[at], few_q) < 1e-7).all()
+    np.testing.assert_allclose(few_force, force[at], rtol=1e-9, atol=1e-6)
+    if at.size < frames.t.size:
+        square = np.cumsum(np.where(np.isfinite(frames.mag), frames.mag, 0.0)[1:] ** 2, axis=0).sum(axis=1)
+        count = np.diff(np.cumsum(np.isfinite(frames.mag[:, 0]))[at])
+        few_square = np.where(count > 0, np.nansum(few.mag[1:] ** 2, axis=1) + few.scatter[1:], 0.0)
+        np.testing.assert_allclose(np.cumsum(count * few_square), square[at[1:] - 1], rtol=1e-9, atol=1e-6)

@@ -218,7 +218,7 @@ def test_missing_values_are_foreseen_and_made_up_for_by_the_next_ones(size):
     imu = h.imu(gyr=gyr, acc=acc)
     stream, kept = arrived(imu, size)
     assert kept.all()
-    ahead, held = Keyframes.from_imu(imu, 0.049), stream.frames(slice(0, stream.steps))
+    ahead, held = Keyframes.from_imu(imu, Params().keyframe), stream.frames(slice(0, stream.steps))
     gone, n = lost[: held.t.size], held.t.size
     assert gone.sum() > 30
     for name in ("gyr", "acc"):

@@ -51,13 +51,13 @@ def test_it_gives_the_bits_of_the_stream(case):
 
 
 def test_between_keyframes_samples_wait(monkeypatch):
-    """Of five samples at 100 Hz four are no keyframe, 49 ms apart."""
+    """Of ten samples at 100 Hz nine are no keyframe, 99 ms apart."""
     h, taken, take = by_hand(4.0, seed=1), [], Live.take
     monkeypatch.setattr(Live, "take", lambda self, data: taken.append(len(data)) or take(self, data))
     stream = FixedLag(frame="ENU")
     for sample in h.imu().samples():
         stream.update(sample)
-    assert sum(taken) > h.t.size - 5 and len(taken) < 0.3 * h.t.size
+    assert sum(taken) > h.t.size - 10 and len(taken) < 0.2 * h.t.size
     stream.reset()
 
 

@@ -252,11 +252,12 @@ def onward(
             field = taken(other, field)
             other[TAKEN], other[BEGAN], other[SEEN], other[DOUBT] = 1.0, end - other[SEEN], 0.0, 0.0
             proven = True
-        keep(k + 1, attitude, now, p, q, x, cov)
         tilt2 = unlikely_tilt(learned)
-        doubt(cov[k + 1], doubt2, tilt2, other[DOUBT] ** 2)
         if tilt2 > LOST * LOST:
             begin_anew(standing, end, attitude, now, p, learned)
+            tilt2 = 0.0
+        keep(k + 1, attitude, now, p, q, x, cov)
+        doubt(cov[k + 1], doubt2, tilt2, other[DOUBT] ** 2)
         word[k] = (flags.AT_REST if kind == RESTING else 0) | (flags.INCONSISTENT if end < standing[UNTIL] else 0)
 
 

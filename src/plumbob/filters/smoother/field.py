@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Final, Self
 
 import numpy as np
@@ -334,22 +333,19 @@ def _drift(frames: Keyframes, azimuth: Floats, weight: Floats, sd: float) -> flo
     """Rate, rad/s, at which the phasors of the field stand still longest: the peak of their periodogram."""
     if sd < LEAST_DRIFT:
         return 0.0
-    time = frames.time[1:]
-    length = float(time[-1] - time[0])
+    since = frames.time[1:] - frames.time[1]
+    length = float(since[-1])
     patches = min(max(1, int(length // PATCH)), PATCHES)
-    edges = np.searchsorted(time, np.linspace(time[0], time[-1], patches + 1))
-    limit = min(DRIFT_SD * sd, MOST_DRIFT)
-    rates = np.arange(-limit, limit, min(dps(0.05) * PATCH / min(PATCH, max(length, 1.0)), dps(0.5)))
-    strength = np.zeros(rates.size)
+    count = max(math.ceil(length / patches / SHORT), 1)
+    place = np.minimum((since / SHORT).astype(np.intp), patches * count - 1)
     phasor = weight * frames.step * np.exp(1j * azimuth)
-    for low, high in pairwise(edges):
-        if low == high:
-            continue
-        since = time[low:high] - time[low]
-        first = np.flatnonzero(np.diff(since // SHORT, prepend=-1.0))
-        middle = np.add.reduceat(since, first) / np.diff(first, append=high - low)
-        strength += np.abs(np.exp(-1j * np.outer(rates, middle)) @ np.add.reduceat(phasor[low:high], first))
-    return float(rates[np.argmax(strength)])
+    short = np.bincount(place, phasor.real, patches * count) + 1j * np.bincount(place, phasor.imag, patches * count)
+    apart = min(dps(0.05) * PATCH / min(PATCH, max(length, 1.0)), dps(0.5))
+    points = max(1 << math.ceil(math.log2(2.0 * math.pi / (SHORT * apart))), count)
+    rates = 2.0 * math.pi * np.fft.fftfreq(points, SHORT)
+    near = np.abs(rates) <= min(DRIFT_SD * sd, MOST_DRIFT)
+    strength = np.abs(np.fft.fft(short.reshape(patches, count), points, axis=1)[:, near]).sum(axis=0)
+    return float(rates[near][np.argmax(strength)])
 
 
 def _wrapped(angle: Floats) -> Floats:

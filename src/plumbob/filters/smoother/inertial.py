@@ -446,7 +446,7 @@ def _level(
     noise, start = ModelVariances.from_params(p, 0.0), tilt.copy()
     free = p.gyr_scale > Params().gyr_scale
     again = ((NARROW, 1.0),) if free else ()  # what a scale explains was taken for speed before
-    for wide, matrix in ((WIDE, FIXED_MATRIX), (NARROW, FIXED_MATRIX), *again, (NARROW, 1.0)):
+    for wide, matrix in ((WIDE, FIXED_MATRIX), *again, (NARROW, 1.0)):
         bias_sd = sd if wide == WIDE else min(sd, AGAIN_BIAS)
         p0 = start_covariance(
             p, tilt=wide, heading=FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit

@@ -77,12 +77,12 @@ from plumbob.rotations import quat_from_rotvec, quat_multiply
 SOONEST: Final = 0.25
 """The past is smoothed for the first time after this, s, then each time later by"""
 GROWS: Final = 1.5
-EVERY: Final = 10.0
+EVERY: Final = 20.0
 """up to this, s."""
-LEAST_PAUSE: Final = 2.0
+LEAST_PAUSE: Final = 4.0
 """And at once, but not sooner than this, s,"""
 AGAINST: Final = 2.0
-"""when the unit has turned for so long, s, in fields that are not the one of the place."""
+"""when the unit has turned for so long, s, in fields that are not the one of the place; that one too takes as long."""
 PROVEN: Final = 3.0
 """The field of the place counts for so many times the time in which the unit turned in it,"""
 YOUNG: Final = 10.0
@@ -169,7 +169,7 @@ class Proven:
     @property
     def settled(self) -> bool:
         """Whether it is not the field in which the unit merely lay."""
-        return self.turning > LEAST_TURNING or not self.rest
+        return self.turning > AGAINST or not self.rest
 
     def prior(self, unit: Floats | None, turned: float, begin: float) -> Known:
         """What a look at the past takes for known, which begins then, s, and in which the unit turned for this, s."""

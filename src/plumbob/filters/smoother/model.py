@@ -110,7 +110,7 @@ class Params(NamedTuple):
         float | None,
         Spec(Quantity.TIME, "a sample knows nothing that comes later than this after it; off: all", 0, 1e6),
     ] = None
-    keyframe: Annotated[float, Spec(Quantity.TIME, "time between two corrections", 1e-3, 1)] = 0.049
+    keyframe: Annotated[float, Spec(Quantity.TIME, "time between two corrections", 1e-3, 1)] = 0.099
 
 
 def from_noise(card: "NoiseCard") -> dict[str, float]:

@@ -44,7 +44,7 @@ from plumbob.filters.smoother.model import (
 )
 from plumbob.filters.smoother.sensor_fixed_field import Attached, attached_field
 from plumbob.filters.smoother.sweeps import Sweep, sweep
-from plumbob.rotations import Frame, dcm_from_quat, quat_slerp
+from plumbob.rotations import Frame, dcm_from_quat
 from plumbob.rotations.headings import turn_heading
 
 AGAIN_TILT: Final = deg(3.0)
@@ -195,7 +195,8 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
         p = p._replace(bias_start=min(p.bias_start, sd))
     else:
         p = for_digit(p, frames.digit)
-    frames = frames.drifting()
+    whole = frames.drifting()
+    frames = whole.together()
     inertial = level(frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before)
     if np.isfinite(frames.mag[:, 0]).any():
         field = inertial.sweep.field
@@ -207,11 +208,12 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
             headed = _headed(frames, p, inertial, field, attached.doubtful, prior)
         if headed is not None:
             smoothed = _with_field(frames, p, inertial, field, headed, attached, prior)
-            return replace(smoothed, iron_turn=_iron_turn(frames, p, inertial, headed, attached, prior))
+            turn = _iron_turn(frames, p, inertial, headed, attached, prior)
+            return replace(smoothed, frames=whole, iron_turn=turn)
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=prior.unit)
     unused = np.zeros(frames.gap.size)
     return Smoothed(
-        frames, inertial.sweep, inertial.resting, None, unused, None, p0, bias_sd=inertial.bias_sd,
+        whole, inertial.sweep, inertial.resting, None, unused, None, p0, bias_sd=inertial.bias_sd,
         tilt_var=inertial.tilt_var,
     )  # fmt: skip
 
@@ -264,15 +266,22 @@ def _headed(
 
 
 def _attitude_paths(frames: Keyframes, inertial: Inertial, headed: _Headed | None) -> Iterator[Floats]:
-    """Attitudes at every sample, (N, 4): the one without heading, and the same with a heading that follows the field.
+    """Attitudes halfway to every sample, (N, 4): the one without heading, and one whose heading follows the field.
 
     An unknown vertical bias turns a field of the place in the first, and what turns evenly in a few seconds looks like
     a field of the sensor; and the second follows a field of the sensor.
     """
-    q = at_samples(frames, inertial.sweep, inertial.resting)
+    q = _halfway(at_samples(frames, inertial.sweep, inertial.resting))
     yield q
     if headed is not None:
         yield turn_heading(q, -np.interp(frames.t, frames.middle, headed.turn), Frame.ENU)
+
+
+def _halfway(q: Floats) -> Floats:
+    """Attitudes (N, 4) halfway from the sample before, to which a sample belongs; the first has none before it."""
+    both = np.concatenate((2.0 * q[:1], q[:-1] + q[1:]))
+    half: Floats = both / np.linalg.norm(both, axis=1, keepdims=True)
+    return half
 
 
 def _with_field(
@@ -380,8 +389,7 @@ def at_samples(frames: Keyframes, estimate: Sweep, resting: Bools, rate: Floats 
 
 def _mean_field(frames: Keyframes, estimate: Sweep, resting: Bools) -> Floats:
     """Mean field of each step in navigation axes, (K, 3), NaN where there was none."""
-    q = at_samples(frames, estimate, resting)
-    middle = quat_slerp(q[:-1], q[1:], 0.5)
+    middle = _halfway(at_samples(frames, estimate, resting))[1:]
     has_field = np.isfinite(frames.mag[1:, 0])
     field = (dcm_from_quat(middle) @ np.where(has_field[:, np.newaxis], frames.mag[1:], 0.0)[:, :, np.newaxis])[:, :, 0]
     start = frames.first[:-1]

@@ -138,7 +138,7 @@ class _Windows:
 
 
 def attached_field(frames: Keyframes, *attitudes: Floats) -> Attached:
-    """Field that turns with the sensor, by attitudes (N, 4) of the samples, each of any heading that drifts slowly."""
+    """Field that turns with the sensor, by attitudes (N, 4) halfway to each sample, of a heading that drifts slowly."""
     steps = frames.gap.size
     windows = _Windows.from_attitudes(frames, attitudes)
     if windows is None:
@@ -214,7 +214,8 @@ def _fit(frames: Keyframes, q: Floats, mask: Bools, low: NDArray[np.int64], high
     c_nb = np.empty((len(q), 3, 3))
     for i in range(0, len(q), BLOCK):
         c_nb[i : i + BLOCK] = dcm_from_quat(q[i : i + BLOCK])
-    h, m, power = mean((c_nb @ mag[:, :, np.newaxis])[:, :, 0]), mean(mag), mean((mag**2).sum(axis=1))
+    h, m = mean((c_nb @ mag[:, :, np.newaxis])[:, :, 0]), mean(mag)
+    power = mean((mag**2).sum(axis=1) + frames.scatter)
     turn = np.stack([mean(c_nb[:, i]) for i in range(3)], axis=1)  # row by row, which takes less room
     # The field of the place eliminated: (I − R̄ᵀR̄) c = m̄ − R̄ᵀ h̄
     normal = np.eye(3, dtype=np.float64) - np.swapaxes(turn, 1, 2) @ turn

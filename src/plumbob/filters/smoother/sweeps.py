@@ -22,7 +22,7 @@ from plumbob.filters.smoother.keyframes import Keyframes, turned_by
 from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, ModelVariances, V
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rows
 
-BLOCK: Final = 256
+BLOCK: Final = 2400
 """Steps of which all is kept at a time, 3 kB each: a recording of a day would need a gigabyte."""
 MEASURED: Final = 6
 """Scalar measurements at a keyframe, at most: level velocity (2), heading, rates at rest (3)."""
