@@ -31,7 +31,8 @@ TEMPCO: Final = np.array([0.004, -0.006, 0.004])
 """Bias per kelvin that is assumed for x, y and z, °/s/K: no sheet at hand states one."""
 REST: Final = "20 s"
 """How long the unit rests before it swims."""
-UNITS: Final = {"Q": math.pi / 180.0 / 3600.0, "N": math.pi / 180.0 / 3600.0, "B": math.pi / 180.0 / 3600.0}
+ARC_SECOND: Final = float(pb.units.deg(1.0)) / 3600.0
+UNITS: Final = dict.fromkeys("QNB", ARC_SECOND)
 """Units in which Table 1 fits together: seconds of arc, °/h at 1 s, and °/h."""
 READ_AT: Final = {"Q": math.sqrt(3.0), "N": 1.0, "B": math.sqrt(3.0)}
 """Averaging time of each ± of the paper, s; B of 453z has that of Q."""
