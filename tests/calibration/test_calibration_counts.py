@@ -58,12 +58,12 @@ def test_captures_agree_with_an_independent_fit(tmp_path, seed):
     bias, raw = captured(seed)
     path = tmp_path / "mag.txt"
     path.write_text("".join(FORMS[seed % 3].format(*row) for row in raw.astype(int)))
-    found = plumbob.calibrate_counts(path)
-    assert found.bias == pytest.approx(independent(raw), abs=3.0)
-    assert (np.abs(found.bias - bias) < 4.0 * found.bias_sd).all()  # of 54 figures one in 16 000 lies beyond
-    assert found.residual_sd == pytest.approx(30.0, rel=0.2)
-    assert (found.counts_per_g, found.unit) == (None, "counts")
-    assert found.summary()["counts"]["bias"] == found.bias.tolist()
+    fitted = plumbob.calibrate_counts(path)
+    assert fitted.bias == pytest.approx(independent(raw), abs=3.0)
+    assert (np.abs(fitted.bias - bias) < 4.0 * fitted.bias_sd).all()  # of 54 figures one in 16 000 lies beyond
+    assert fitted.residual_sd == pytest.approx(30.0, rel=0.2)
+    assert (fitted.counts_per_g, fitted.unit) == (None, "counts")
+    assert fitted.summary()["counts"]["bias"] == fitted.bias.tolist()
 
 
 @needs("../cases")
@@ -75,12 +75,12 @@ def test_public_captures_agree_with_an_independent_fit(name):
 
 
 def test_the_strength_of_the_field_gives_the_matrix_its_unit():
-    found, own = (plumbob.calibrate_counts(readings(), strength=strength) for strength in ("48 uT", None))
-    corrected = (readings() - found.bias) @ found.matrix
+    fitted, unscaled = (plumbob.calibrate_counts(readings(), strength=strength) for strength in ("48 uT", None))
+    corrected = (readings() - fitted.bias) @ fitted.matrix
     assert np.linalg.norm(corrected, axis=1).mean() == pytest.approx(48.0, rel=1e-3)
-    assert (found.unit, own.unit) == ("µT", "counts")
-    assert np.linalg.det(own.matrix) == pytest.approx(1.0)
-    assert own.matrix == pytest.approx(SOFT / np.cbrt(np.linalg.det(SOFT)), abs=2e-3)
+    assert (fitted.unit, unscaled.unit) == ("µT", "counts")
+    assert np.linalg.det(unscaled.matrix) == pytest.approx(1.0)
+    assert unscaled.matrix == pytest.approx(SOFT / np.cbrt(np.linalg.det(SOFT)), abs=2e-3)
 
 
 def value(lines, name):
@@ -95,33 +95,33 @@ def symmetric(lines, diagonal, off):
 def test_what_is_pasted_corrects_as_the_other_program_does():
     """ArduPilot adds its offsets, in milligauss, and PX4 takes its, in gauss, away; both keep a symmetric matrix."""
     raw = readings()
-    found = plumbob.calibrate_counts(raw, scale="0.025 uT")
-    wanted = (raw - found.bias) @ found.matrix * 0.025
-    lines = found.lines("ardupilot")
+    fitted = plumbob.calibrate_counts(raw, scale="0.025 uT")
+    wanted = (raw - fitted.bias) @ fitted.matrix * 0.025
+    lines = fitted.lines("ardupilot")
     offsets = np.array([value(lines, f"COMPASS_OFS_{axis}") for axis in "XYZ"])
     names = [[f"COMPASS_{kind}_{axis}" for axis in "XYZ"] for kind in ("DIA", "ODI")]
     assert (raw * 0.25 + offsets) @ symmetric(lines, *names) / 10.0 == pytest.approx(wanted, abs=1e-3)
-    lines = found.lines("px4")
+    lines = fitted.lines("px4")
     offsets = np.array([value(lines, f"CAL_MAG0_{axis}OFF") for axis in "XYZ"])
     names = [[f"CAL_MAG0_{axis}{kind}" for axis in "XYZ"] for kind in ("SCALE", "ODIAG")]
     assert (raw * 2.5e-4 - offsets) @ symmetric(lines, *names) * 100.0 == pytest.approx(wanted, abs=1e-3)
     for form, count in (("c", 1.0), ("arduino", 1.0), ("magneto", 1.0), ("motioncal", 0.025)):
-        text = found.lines(form).partition("field and offset in uT, one count is 0.025 uT")[2] or found.lines(form)
+        text = fitted.lines(form).partition("field and offset in uT, one count is 0.025 uT")[2] or fitted.lines(form)
         numbers = np.array(
             re.findall(r"-?\d+\.\d+(?:e-\d+)?", re.sub(r"(//|#|/\*).*\n|.*\*/\n", "", text)), dtype=float
         )
         bias, matrix = numbers[:3], numbers[3:12].reshape(3, 3)
         assert (raw * count - bias) @ matrix * (0.025 / count) == pytest.approx(wanted, abs=1e-3)
-    assert json.loads(found.lines("json")) == found.summary()
+    assert json.loads(fitted.lines("json")) == fitted.summary()
     refused(plumbob.calibrate_counts(raw).lines, "px4", match="what one count is", error=ParameterError)
-    refused(found.lines, "excel", match="ardupilot", error=ShapeError)
+    refused(fitted.lines, "excel", match="ardupilot", error=ShapeError)
 
 
 def test_what_is_pasted_of_an_accelerometer():
     up = np.vstack([np.eye(3), -np.eye(3), directions(12)])
-    found = plumbob.calibrate_counts(up * [2040.0, 2060.0, 2100.0] + [30.0, -50.0, 80.0], "acc", scale="0.488 mg")
+    fitted = plumbob.calibrate_counts(up * [2040.0, 2060.0, 2100.0] + [30.0, -50.0, 80.0], "acc", scale="0.488 mg")
     for form, names in (("ardupilot", "INS_ACC{1}_{0}"), ("px4", "CAL_ACC0_{0}{1}")):
-        lines, kinds = found.lines(form), ("OFFS", "SCAL") if form == "ardupilot" else ("OFF", "SCALE")
+        lines, kinds = fitted.lines(form), ("OFFS", "SCAL") if form == "ardupilot" else ("OFF", "SCALE")
         offset, scale = (np.array([value(lines, names.format(axis, kind)) for axis in "XYZ"]) for kind in kinds)
         assert offset == pytest.approx(np.array([30.0, -50.0, 80.0]) * 0.488e-3 * G0, abs=1e-5)
         assert scale == pytest.approx(1.0 / np.array([2040.0, 2060.0, 2100.0]) / 0.488e-3, rel=1e-5)
@@ -143,26 +143,26 @@ def test_slow_tumbling_stands_for_poses():
     course = np.column_stack((np.cos(around), np.sin(around), up / np.sqrt(1.0 - 0.99 * up * up)))
     push = np.apply_along_axis(np.convolve, 0, rng.normal(0.0, 0.01, (4009, 3)), np.ones(10), "valid")
     raw = np.rint(4096.0 * (course / np.linalg.norm(course, axis=1)[:, None] + push) @ SOFT + [120.0, -80.0, 40.0])
-    found = plumbob.calibrate_counts(raw, "acc")
-    assert (np.abs(found.bias - [120.0, -80.0, 40.0]) < 3.0 * found.bias_sd).all()
-    assert found.matrix * 4096.0 == pytest.approx(np.linalg.inv(SOFT), abs=0.01)
+    fitted = plumbob.calibrate_counts(raw, "acc")
+    assert (np.abs(fitted.bias - [120.0, -80.0, 40.0]) < 3.0 * fitted.bias_sd).all()
+    assert fitted.matrix * 4096.0 == pytest.approx(np.linalg.inv(SOFT), abs=0.01)
 
 
 def test_nine_parameters_of_poses_by_row():
     """18 averaged rows with half a count of rounding of 4096: the matrix to 1e-3, the bias to 1e-3 of 1 g."""
     up = np.vstack([np.eye(3), -np.eye(3), directions(12)])
-    found = plumbob.calibrate_counts(np.rint(4096.0 * up @ SOFT + [120.0, -80.0, 40.0]), "acc")
-    assert found.matrix * 4096.0 == pytest.approx(np.linalg.inv(SOFT), abs=1e-3)
-    assert found.bias == pytest.approx([120.0, -80.0, 40.0], abs=4.0)
+    fitted = plumbob.calibrate_counts(np.rint(4096.0 * up @ SOFT + [120.0, -80.0, 40.0]), "acc")
+    assert fitted.matrix * 4096.0 == pytest.approx(np.linalg.inv(SOFT), abs=1e-3)
+    assert fitted.bias == pytest.approx([120.0, -80.0, 40.0], abs=4.0)
 
 
 @pytest.mark.parametrize("poses", [6, 18, 40])
 def test_one_averaged_row_a_pose_gives_the_counts_of_1_g(poses):
     scale, bias = np.array([2040.0, 2060.0, 2100.0]), np.array([30.0, -50.0, 80.0])
     up = np.vstack([np.eye(3), -np.eye(3), directions(poses)])[:poses]
-    found = plumbob.calibrate_counts(up * scale + bias, "acc")
-    assert (found.counts_per_g, found.bias) == (pytest.approx(scale, rel=1e-6), pytest.approx(bias, abs=1e-3))
-    assert np.linalg.norm((up * scale) @ found.matrix, axis=1) == pytest.approx(1.0, abs=1e-6)
+    fitted = plumbob.calibrate_counts(up * scale + bias, "acc")
+    assert (fitted.counts_per_g, fitted.bias) == (pytest.approx(scale, rel=1e-6), pytest.approx(bias, abs=1e-3))
+    assert np.linalg.norm((up * scale) @ fitted.matrix, axis=1) == pytest.approx(1.0, abs=1e-6)
 
 
 FLAT = np.column_stack((np.cos(np.arange(300.0)), np.sin(np.arange(300.0)), np.zeros(300)))
@@ -190,6 +190,6 @@ def test_what_does_not_determine_it_is_refused(raw, options, error, match):
 
 def test_few_readings_at_the_end_of_the_range_are_left_out():
     bias, raw = np.array([3200.0, 0.0, 0.0]), directions(600) * 30000.0
-    found = plumbob.calibrate_counts(np.clip(np.rint(raw + bias), -32768, 32767))
-    assert found.quality.samples < 600
-    assert found.bias == pytest.approx(bias, abs=0.5)
+    fitted = plumbob.calibrate_counts(np.clip(np.rint(raw + bias), -32768, 32767))
+    assert fitted.quality.samples < 600
+    assert fitted.bias == pytest.approx(bias, abs=0.5)

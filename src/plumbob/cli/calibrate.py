@@ -88,7 +88,7 @@ def _recorded(
     args: argparse.Namespace, out: Path | None, how: "Kind", base: "CalibrationCard | None", about: dict[str, Any]
 ) -> "Capture":
     """Capture of a recording, for the triads that are calibrated, some of them only where it has them."""
-    from plumbob.door.calibrate import as_span, read_capture, require_room
+    from plumbob.door.calibrate import as_span, read_capture, require_card_place
 
     option = vars(args).get
     if args.file is None:
@@ -99,7 +99,7 @@ def _recorded(
     )  # fmt: skip
     common.note(*(f"{args.file.name}: {line}" for line in captured.found))
     made = {*how.triads, *(name for name in how.if_present if name in captured.imu.triads)} or {"mount"}
-    require_room(out, captured.device, made, base, force=args.force)
+    require_card_place(out, captured.device, made, base, force=args.force)
     if option("guide"):
         from plumbob.live.guide.board import guide_summary, guide_text
         from plumbob.live.guide.guides import GUIDES, guided
@@ -117,7 +117,7 @@ def _live(
 ) -> "Capture":
     """Guided capture from a line, until the guide or somebody says stop; what would spoil its end is refused before."""
     from plumbob.calibration.calibration import unit_of
-    from plumbob.door.calibrate import require_room
+    from plumbob.door.calibrate import require_card_place
     from plumbob.live.guide.board import bare_session, guided_capture
     from plumbob.live.transports.transport import Stop
 
@@ -126,7 +126,7 @@ def _live(
     device, line = args.given.get("device"), {name: args.given[name] for name in OF_LINES if name in args.given}
     session = bare_session(args.file, args.given.get("start"), device, args.raw, **line)
     card = base or session.card
-    require_room(out, unit_of(session.meta.device, device, card), how.triads, card, force=args.force)
+    require_card_place(out, unit_of(session.meta.device, device, card), how.triads, card, force=args.force)
     stop = Stop()
     with common.stopped_by_signals(stop):
         captured, summary = guided_capture(

@@ -67,7 +67,7 @@ def page_path(page: str) -> Path:
     name = Path(page).name.removesuffix(".md") if isinstance(page, str) else ""
     name = name if name in pages else _page_of_verb(name, pages)
     if name not in pages:
-        raise ParameterError(f"There is no page {page!r}; there are {', '.join(pages)}.{closest(page, pages)}")
+        raise ParameterError(f"There is no page {page!r}; known: {', '.join(pages)}.{closest(page, pages)}")
     return pages[name]
 
 

@@ -159,7 +159,7 @@ def read_capture(
     return replace(captured, found=findings)
 
 
-def require_room(
+def require_card_place(
     out: Path | None, device: str, made: Collection[str], base: CalibrationCard | None, *, force: bool
 ) -> None:
     """Refuse to write a card over that of another unit, one that has more, or a part over another without --force."""

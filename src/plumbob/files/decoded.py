@@ -113,7 +113,7 @@ class DecodedTable:
             pq.write_table(pa.table(columns).replace_schema_metadata(metadata), temporary)
 
     def _blocks(self) -> "Iterator[dict[str, list[Any]]]":
-        """Columns by name with unit, block by block; None where there is no value, or it is beyond all numbers."""
+        """Columns by name with unit, block by block; None where a value is missing or not finite."""
         from plumbob.core import flags
         from plumbob.protocols.decode import format_title
 

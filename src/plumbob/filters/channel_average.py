@@ -27,6 +27,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.kernels import kernel
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity
+from plumbob.filters.channel_scalar import require_gain
 from plumbob.filters.layout import OWN, RATE
 
 SUMMARY: Final = "moving average of each rate, the control of the same bandwidth"
@@ -84,6 +85,5 @@ def step(c: Floats, x: Floats, dt: float, y: float) -> None:
 
 def same_noise(gain: float) -> int:
     """Window that leaves as much white noise as a scalar Kalman filter of that gain: 1/n = K / (2 − K), rounded."""
-    if not 0.0 < gain <= 1.0:
-        raise ParameterError(f"a gain must be above 0 and at most 1, but it is {gain:g}.")
+    require_gain(gain)
     return round((2.0 - gain) / gain)

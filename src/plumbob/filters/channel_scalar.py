@@ -118,7 +118,7 @@ def ramp_lag(gain: float, slope: float, dt: float) -> float:
     dt : float
         Step, s.
     """
-    _require_gain(gain)
+    require_gain(gain)
     return slope * dt * (1.0 - gain) / gain
 
 
@@ -128,6 +128,7 @@ def _require_positive(**values: float) -> None:
             raise ParameterError(f"{name} must be positive and finite, but it is {value:g}.")
 
 
-def _require_gain(gain: float) -> None:
+def require_gain(gain: float) -> None:
+    """Raise ParameterError unless a gain is above 0 and at most 1."""
     if not 0.0 < gain <= 1.0:
         raise ParameterError(f"a gain must be above 0 and at most 1, but it is {gain:g}.")

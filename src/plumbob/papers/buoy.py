@@ -413,7 +413,7 @@ def sea_part(study: Study, unit: Any, ways: Mapping[str, Any], seas: int, durati
     imu: Any = pb.read(taken.recording).imu
     errors = {name: errors_deg(of, made.truth) for name, of in estimates(imu, ways, METHODS).items()}
     settled = made.imu.t >= SETTLE
-    own = {name: rms(of[settled], 0)[::-1] for name, of in errors.items()}
+    live_rms = {name: rms(of[settled], 0)[::-1] for name, of in errors.items()}
     study.step()
     rows: dict[str, list[Any]] = {name: [] for name in METHODS}
     worst = [largest(errors[name][settled]).max() for name in ("gated", "mekf")]
@@ -429,13 +429,13 @@ def sea_part(study: Study, unit: Any, ways: Mapping[str, Any], seas: int, durati
     study.rows(
         {
             **{f"sea.{name}": (median["gated"][i], median["mekf"][i]) for i, name in enumerate(ANGLES[::-1])},
-            **{f"sea.unit.{name}": (own["gated"][i], own["mekf"][i]) for i, name in enumerate(ANGLES[::-1])},
+            **{f"sea.unit.{name}": (live_rms["gated"][i], live_rms["mekf"][i]) for i, name in enumerate(ANGLES[::-1])},
             "sea.output": (None, float(lines / imu.t[-1])),
             "sea.replay": (None, 100.0 * again.comparison.equal),
         },
         seas=seas,
     )
-    study.table("sea", {name: [*median[name], *own[name]] for name in METHODS}, seas=seas)
+    study.table("sea", {name: [*median[name], *live_rms[name]] for name in METHODS}, seas=seas)
     last, shown = imu.t >= imu.t[-1] - 60.0, (("compass", "soft"), ("gated", "blue"), ("mekf", "green"))
     roll = pb.units.to_deg(pb.rotations.euler_zyx_from_quat(made.truth.q_nb)[:, 2])
     below = [PlotCurve(imu.t[last], errors[name][last, 2], colour) for name, colour in (*shown, ("smoother", "amber"))]

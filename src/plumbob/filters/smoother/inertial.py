@@ -441,7 +441,7 @@ def _level(
     frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, tilt_sd: float,
     tilt_var: float, sd: float, *, unit: Floats | None, sure: bool,
 ) -> Inertial:  # fmt: skip
-    """Passes, each from the smoothed start of the one before; the first ones without scale and misalignment."""
+    """Passes, each from the smoothed start of the one before; the first one without scale and misalignment."""
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
     noise, start = ModelVariances.from_params(p, 0.0), tilt.copy()
     free = p.gyr_scale > Params().gyr_scale

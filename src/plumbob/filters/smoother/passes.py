@@ -195,8 +195,8 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
         p = p._replace(bias_start=min(p.bias_start, sd))
     else:
         p = for_digit(p, frames.digit)
-    whole = frames.drifting()
-    frames = whole.together()
+    original = frames.drifting()
+    frames = original.together()
     inertial = level(frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before)
     if np.isfinite(frames.mag[:, 0]).any():
         field = inertial.sweep.field
@@ -209,11 +209,11 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
         if headed is not None:
             smoothed = _with_field(frames, p, inertial, field, headed, attached, prior)
             turn = _iron_turn(frames, p, inertial, headed, attached, prior)
-            return replace(smoothed, frames=whole, iron_turn=turn)
+            return replace(smoothed, frames=original, iron_turn=turn)
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=prior.unit)
     unused = np.zeros(frames.gap.size)
     return Smoothed(
-        whole, inertial.sweep, inertial.resting, None, unused, None, p0, bias_sd=inertial.bias_sd,
+        original, inertial.sweep, inertial.resting, None, unused, None, p0, bias_sd=inertial.bias_sd,
         tilt_var=inertial.tilt_var,
     )  # fmt: skip
 
@@ -280,8 +280,7 @@ def _attitude_paths(frames: Keyframes, inertial: Inertial, headed: _Headed | Non
 def _halfway(q: Floats) -> Floats:
     """Attitudes (N, 4) halfway from the sample before, to which a sample belongs; the first has none before it."""
     both = np.concatenate((2.0 * q[:1], q[:-1] + q[1:]))
-    half: Floats = both / np.linalg.norm(both, axis=1, keepdims=True)
-    return half
+    return np.asarray(both / np.linalg.norm(both, axis=1, keepdims=True))
 
 
 def _with_field(
