@@ -120,7 +120,7 @@ export interface State {
   guide: string | null;
 }
 
-/** An event, which queues: of the line, of the recording, a mark, a flag that rose or fell, a command that was done. */
+/** An event, which queues: of the line, the recording, a mark, a flag that rose or fell, a command that was done. */
 export interface Happened {
   type: "event";
   id: number;

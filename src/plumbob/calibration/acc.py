@@ -404,24 +404,12 @@ _TUMBLED: Final = (
 
 
 class EqualStretches(NamedTuple):
-    """Stretches of equal length.
+    """Stretches of equal length."""
 
-    Attributes
-    ----------
-    rows : ndarray (W, n) of int64
-        Samples of each.
-    turns : ndarray (W, n, 4)
-        Rotation of each sample's body axes to those of the middle.
-    weights : ndarray (n,)
-        Hann's, of sum 1.
-    rate : ndarray (W,)
-        Mean square of the rate, rad²/s².
-    """
-
-    rows: NDArray[np.int64]
-    turns: Floats
-    weights: Floats
-    rate: Floats
+    rows: NDArray[np.int64]  # (W, n), samples of each
+    turns: Floats  # (W, n, 4), rotation of each sample's body axes to those of the middle
+    weights: Floats  # (n,), Hann's, of sum 1
+    rate: Floats  # (W,), mean square of the rate, rad²/s²
 
 
 def fit_accel_moving(

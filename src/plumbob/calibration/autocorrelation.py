@@ -58,21 +58,11 @@ def correlation(values: Floats) -> float:
 
 
 class Staying(NamedTuple):
-    """What residuals keep while the unit turns, beyond noise, as variances.
+    """What residuals keep while the unit turns, beyond noise, as variances."""
 
-    Attributes
-    ----------
-    variance : float
-        Kept within visits, or from one to the next, beyond chance; 0 where it is nothing.
-    neighbours : float
-        Shared from each visit to the next, significant or not.
-    chance : float
-        Standard deviation of that by chance.
-    """
-
-    variance: float
-    neighbours: float
-    chance: float
+    variance: float  # kept within visits, or from one to the next, beyond chance; 0 where it is nothing
+    neighbours: float  # shared from each visit to the next, significant or not
+    chance: float  # standard deviation of that by chance
 
 
 class _Process(NamedTuple):

@@ -28,24 +28,12 @@ _PARTS: Final = 4  # of a pose, whose scatter says how well its mean is known
 
 
 class RestPeriods(NamedTuple):
-    """Stretches at rest.
+    """Stretches at rest."""
 
-    Attributes
-    ----------
-    means : ndarray (N, 3)
-        Mean specific force of each, m/s².
-    noise : float
-        Standard deviation of a mean's length, m/s², by what the parts of each pose scatter.
-    spans : tuple of (float, float)
-        First and last time of each, s.
-    temp_c : ndarray (M,)
-        Temperatures at rest, °C; empty where unknown.
-    """
-
-    means: Floats
-    noise: float
-    spans: tuple[tuple[float, float], ...]
-    temp_c: Floats
+    means: Floats  # (N, 3), mean specific force of each, m/s²
+    noise: float  # standard deviation of a mean's length, m/s², by what the parts of each pose scatter
+    spans: tuple[tuple[float, float], ...]  # first and last time of each, s
+    temp_c: Floats  # (M,), temperatures at rest, °C; empty where unknown
 
 
 def calibrate_accel(

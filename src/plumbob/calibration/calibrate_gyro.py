@@ -254,22 +254,13 @@ _ADVICE = "Check the nominal rates and the recording's unit of rate, or say what
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Plateau:
-    """Stretch of constant rate.
+    """Stretch of constant rate."""
 
-    Attributes
-    ----------
-    start, stop : float
-        When it begins and ends, s.
-    rate : ndarray (3,)
-        True rate in the axes of the unit, rad/s.
-    force : ndarray (3,) or None
-        Specific force, m/s², where it is known otherwise than by the accelerometer.
-    """
-
+    # start, stop: when it begins and ends, s
     start: float
     stop: float
-    rate: Floats
-    force: Floats | None = None
+    rate: Floats  # (3,), true rate in the axes of the unit, rad/s
+    force: Floats | None = None  # (3,), specific force, m/s², where it is known otherwise than by the accelerometer
 
 
 def found_plateaus(imu: ImuData, nominal: Sequence[float]) -> tuple[list[Plateau], list[str]]:

@@ -22,27 +22,13 @@ _UNNAMED = "unknown"
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """A recording that was made to calibrate a unit.
+    """A recording that was made to calibrate a unit."""
 
-    Attributes
-    ----------
-    imu : ImuData
-        Samples; triads of the card so far are applied, others are as measured.
-    device : str
-        The unit that the card will belong to.
-    base : CalibrationCard or None
-        The card so far, which the new one completes.
-    date : str
-        Day of the capture, ISO 8601.
-    found : tuple of Finding
-        What the reader found wrong with the recording.
-    """
-
-    imu: ImuData
-    device: str
-    base: CalibrationCard | None
-    date: str
-    found: tuple[Finding, ...] = ()
+    imu: ImuData  # samples; triads of the card so far are applied, others are as measured
+    device: str  # the unit that the card will belong to
+    base: CalibrationCard | None  # the card so far, which the new one completes
+    date: str  # day of the capture, ISO 8601
+    found: tuple[Finding, ...] = ()  # what the reader found wrong with the recording
 
     @property
     def acc_calibrated(self) -> bool:

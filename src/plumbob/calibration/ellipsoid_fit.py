@@ -146,36 +146,16 @@ _SYMMETRIC: Final = {  # columns: parameters; rows: xx, yy, zz, xy, xz, yz of T
 
 
 class NormFit(NamedTuple):
-    """Fit of a shape.
+    """Fit of a shape."""
 
-    Attributes
-    ----------
-    shape : Shape
-        What was fitted.
-    ellipsoid : Ellipsoid
-        Centre b, in the unit of the measurement, and T, its inverse unit.
-    covariance : ndarray (9, 9)
-        Of b and of xx, yy, zz, xy, xz, yz of T; zero for what the shape has not.
-    sd : float
-        Standard deviation of the residuals, parameters counted, unit of the measurement.
-    residuals : ndarray (N,)
-        Orthogonal distances, positive outward.
-    used : ndarray (N,) of bool
-        False for outliers.
-    condition : float
-        Of the normal matrix scaled to a diagonal of one.
-    cost : float
-        Sum of the squares of the residuals that are used.
-    """
-
-    shape: Shape
-    ellipsoid: Ellipsoid
-    covariance: Floats
-    sd: float
-    residuals: Floats
-    used: NDArray[np.bool_]
-    condition: float
-    cost: float
+    shape: Shape  # what was fitted
+    ellipsoid: Ellipsoid  # centre b, in the unit of the measurement, and T, its inverse unit
+    covariance: Floats  # (9, 9), of b and of xx, yy, zz, xy, xz, yz of T; zero for what the shape has not
+    sd: float  # standard deviation of the residuals, parameters counted, unit of the measurement
+    residuals: Floats  # (N,), orthogonal distances, positive outward
+    used: NDArray[np.bool_]  # (N,), false for outliers
+    condition: float  # of the normal matrix scaled to a diagonal of one
+    cost: float  # sum of the squares of the residuals that are used
 
 
 @kernel

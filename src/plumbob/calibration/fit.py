@@ -23,27 +23,13 @@ _UNITS: Final = {**UNITS, "angles": "rad"}
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Fit of one triad.
+    """Fit of one triad."""
 
-    Attributes
-    ----------
-    calibration : TriadCalibration
-        The result, with covariance and quality.
-    measured : ndarray (N, 3)
-        What was fitted: samples, or means of poses or plateaus, unit of the triad.
-    residuals : ndarray (N,) or (N, 3)
-        Residual of each, in the unit of the triad.
-    used : ndarray (N,) of bool
-        False for outliers.
-    remarks : tuple of str
-        What to know about it, each a sentence.
-    """
-
-    calibration: TriadCalibration
-    measured: Floats
-    residuals: Floats
-    used: NDArray[np.bool_]
-    remarks: tuple[Note, ...] = ()
+    calibration: TriadCalibration  # the result, with covariance and quality
+    measured: Floats  # (N, 3), what was fitted: samples, or means of poses or plateaus, unit of the triad
+    residuals: Floats  # (N,), residual of each, in the unit of the triad
+    used: NDArray[np.bool_]  # (N,), false for outliers
+    remarks: tuple[Note, ...] = ()  # what to know about it, each a sentence
 
 
 class GradeLimits(NamedTuple):
@@ -134,21 +120,11 @@ KINDS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """One reason.
+    """One reason."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    text : str
-        What is wrong, with figures.
-    advice : str
-        What to do.
-    """
-
-    kind: str
-    text: str
-    advice: str
+    kind: str  # one of `KINDS`
+    text: str  # what is wrong, with figures
+    advice: str  # what to do
 
 
 class CaptureRefusedError(CalibrationError):
@@ -177,24 +153,12 @@ def refuse(reasons: Sequence[Reason]) -> None:
 
 
 class SensingAxes(NamedTuple):
-    """Axes of a triad as its inverse matrix has them: row i of ``inv(matrix)`` is what axis i answers to.
+    """Axes of a triad as its inverse matrix has them: row i of ``inv(matrix)`` is what axis i answers to."""
 
-    Attributes
-    ----------
-    scale : ndarray (3,)
-        Gain of each axis minus 1: 0.01 reads 1 % too much.
-    scale_sd : ndarray (3,) or None
-        Standard deviations to first order, where the covariance is known.
-    misalignment : ndarray (3,)
-        Angle between each sensing axis and the axis of the case that it is called after, rad.
-    skew : ndarray (3,)
-        Angles between the sensing axes x and y, x and z, y and z, less a right angle, rad.
-    """
-
-    scale: Floats
-    scale_sd: Floats | None
-    misalignment: Floats
-    skew: Floats
+    scale: Floats  # (3,), gain of each axis minus 1: 0.01 reads 1 % too much
+    scale_sd: Floats | None  # (3,), standard deviations to first order, where the covariance is known
+    misalignment: Floats  # (3,), angle between each sensing axis and the axis of the case that it is called after, rad
+    skew: Floats  # (3,), angles between the sensing axes x and y, x and z, y and z, less a right angle, rad
 
 
 def sensing_axes(calibration: TriadCalibration) -> SensingAxes:
@@ -223,22 +187,13 @@ def _gain_sd(calibration: TriadCalibration, response: Floats, unit: Floats) -> F
 
 
 class Sizes(NamedTuple):
-    """Sizes of what was measured, and of what became of it.
+    """Sizes of what was measured, and of what became of it."""
 
-    Attributes
-    ----------
-    before, after : ndarray (N,)
-        Of each sample, unit of the triad.
-    expected : float
-        What they should be: the reference, or the mean of those after where none is known.
-    used : ndarray (N,) of bool
-        Those that were fitted.
-    """
-
+    # before, after: (N,), of each sample, unit of the triad
     before: Floats
     after: Floats
-    expected: float
-    used: NDArray[np.bool_]
+    expected: float  # what they should be: the reference, or the mean of those after where none is known
+    used: NDArray[np.bool_]  # (N,), those that were fitted
 
     def rms(self) -> tuple[float, float]:
         """Root mean square by which used samples miss what they should be, before and after."""

@@ -39,24 +39,14 @@ TUMBLED: Final = 0.2
 
 @dataclass(frozen=True, eq=False)
 class _Fault:
-    """Wrong axes of a triad.
+    """Wrong axes of a triad."""
 
-    Attributes
-    ----------
-    suspect : Suspect
-        The triad, and its arrangement but for the sign that a dip tells.
-    dip : float or None
-        Dip that the right-handed arrangement gives, rad, positive where it is as it must be; None where nothing tells.
-    placed : bool
-        Whether the place tells on which side of the horizon the field must be, and not the north of the equator.
-    body_axes : str
-        Body axes in those of the case.
-    """
-
-    suspect: Suspect
+    suspect: Suspect  # the triad, and its arrangement but for the sign that a dip tells
+    # dip that the right-handed arrangement gives, rad, positive where it is as it must be; None where nothing tells
     dip: float | None
+    # whether the place tells on which side of the horizon the field must be, and not the north of the equator
     placed: bool
-    body_axes: str
+    body_axes: str  # body axes in those of the case
 
     @property
     def way(self) -> Floats:

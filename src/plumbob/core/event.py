@@ -5,21 +5,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened to a line or to a recording; a gap is data.
+    """Something that happened to a line or to a recording; a gap is data."""
 
-    Attributes
-    ----------
-    t_ns : int
-        Host's monotonic clock, ns.
-    kind : str
-        One word, such as ``"opened"``, ``"lost"``, ``"dropped"``, ``"stalled"``, ``"wall-clock"``.
-    text : str
-        What happened, in a sentence.
-    count : int
-        How many bytes, datagrams or rows it cost; 0 where that does not apply or is not known.
-    """
-
-    t_ns: int
-    kind: str
-    text: str
-    count: int = 0
+    t_ns: int  # host's monotonic clock, ns
+    kind: str  # one word, such as ``"opened"``, ``"lost"``, ``"dropped"``, ``"stalled"``, ``"wall-clock"``
+    text: str  # what happened, in a sentence
+    count: int = 0  # how many bytes, datagrams or rows it cost; 0 where that does not apply or is not known

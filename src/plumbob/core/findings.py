@@ -37,20 +37,11 @@ _OPTIONAL = re.compile(r"\[\[(?:(\w+)\?)?(.*?)\]\]", re.S)
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was seen in data, or done to them.
+    """What was seen in data, or done to them."""
 
-    Attributes
-    ----------
-    code : str
-        Its kind: a family, a dot and a name, as ``samples.gaps``.
-    severity : {"info", "warning", "error"}
-        How much a reader must care.
-    values : mapping
-        Numbers in SI units, or the unit that the name says, and words; ``about`` names the sensors or units.
-    """
-
-    code: str
-    severity: Severity = "info"
+    code: str  # its kind: a family, a dot and a name, as ``samples.gaps``
+    severity: Severity = "info"  # how much a reader must care
+    # numbers in SI units, or the unit that the name says, and words; ``about`` names the sensors or units
     values: Mapping[str, Value] = field(default_factory=dict)
 
     def __hash__(self) -> int:

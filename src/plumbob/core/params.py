@@ -30,24 +30,12 @@ _OFF, _ON = ("off", "none", "false"), ("on", "true")
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """What a parameter is.
+    """What a parameter is."""
 
-    Attributes
-    ----------
-    quantity : Quantity
-        What it measures; its value is the unit inside.
-    meaning : str
-        One line, with when to change it.
-    low : float
-        Smallest allowed value, in the unit inside.
-    high : float
-        Largest allowed value, in the unit inside.
-    """
-
-    quantity: Quantity
-    meaning: str
-    low: float = -math.inf
-    high: float = math.inf
+    quantity: Quantity  # what it measures; its value is the unit inside
+    meaning: str  # one line, with when to change it
+    low: float = -math.inf  # smallest allowed value, in the unit inside
+    high: float = math.inf  # largest allowed value, in the unit inside
 
 
 class Parameter(NamedTuple):

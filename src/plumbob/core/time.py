@@ -46,30 +46,14 @@ GAP_FACTOR = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """What the time stamps of a recording say.
+    """What the time stamps of a recording say."""
 
-    Attributes
-    ----------
-    samples : int
-        Number of samples.
-    duration : float
-        From the first to the last, s.
-    rate : float
-        One over the median step, Hz; NaN for fewer than two samples.
-    jitter : float
-        Standard deviation of the steps that are not gaps, s.
-    gaps : int
-        Number of steps longer than `GAP_FACTOR` median steps.
-    longest : float
-        Longest step, s.
-    """
-
-    samples: int
-    duration: float
-    rate: float
-    jitter: float
-    gaps: int
-    longest: float
+    samples: int  # number of samples
+    duration: float  # from the first to the last, s
+    rate: float  # one over the median step, Hz; NaN for fewer than two samples
+    jitter: float  # standard deviation of the steps that are not gaps, s
+    gaps: int  # number of steps longer than `GAP_FACTOR` median steps
+    longest: float  # longest step, s
 
 
 def timing(t: Floats) -> Timing:

@@ -24,24 +24,12 @@ Quat = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class UnitMount:
-    """How a unit sits on its body.
+    """How a unit sits on its body."""
 
-    Attributes
-    ----------
-    q_bs : tuple of 4 floats
-        From the unit's axes s to those of the body b, wxyz.
-    lever_b : tuple of 3 floats
-        From the body's reference point to the unit's accelerometer, body axes, m.
-    clock_offset : float
-        By how much later than the time line says its values were taken, s.
-    noise : NoiseCard or None
-        Its noise, where known.
-    """
-
-    q_bs: Quat = (1.0, 0.0, 0.0, 0.0)
-    lever_b: Vec = (0.0, 0.0, 0.0)
-    clock_offset: float = 0.0
-    noise: "NoiseCard | None" = field(default=None, repr=False)
+    q_bs: Quat = (1.0, 0.0, 0.0, 0.0)  # from the unit's axes s to those of the body b, wxyz
+    lever_b: Vec = (0.0, 0.0, 0.0)  # from the body's reference point to the unit's accelerometer, body axes, m
+    clock_offset: float = 0.0  # by how much later than the time line says its values were taken, s
+    noise: "NoiseCard | None" = field(default=None, repr=False)  # its noise, where known
 
     def __post_init__(self) -> None:
         """Validate, and normalise the rotation."""

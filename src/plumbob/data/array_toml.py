@@ -26,24 +26,12 @@ Fetch = Callable[[str], str]
 
 @dataclass(frozen=True, slots=True)
 class MountedUnit:
-    """What a table ``[[unit]]`` says.
+    """What a table ``[[unit]]`` says."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the unit.
-    mount : UnitMount
-        How it sits on its body, with its noise card.
-    card : CalibrationCard or None
-        Its calibration card.
-    device : str
-        Name of this unit, to which its calibration card belongs; empty where it is not said.
-    """
-
-    name: str
-    mount: UnitMount = field(default_factory=UnitMount)
-    card: "CalibrationCard | None" = None
-    device: str = ""
+    name: str  # name of the unit
+    mount: UnitMount = field(default_factory=UnitMount)  # how it sits on its body, with its noise card
+    card: "CalibrationCard | None" = None  # its calibration card
+    device: str = ""  # name of this unit, to which its calibration card belongs; empty where it is not said
 
 
 def load_units(path: str | Path) -> dict[str, MountedUnit]:

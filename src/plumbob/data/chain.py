@@ -48,20 +48,11 @@ class Limits(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """One rigid part.
-
-    Attributes
-    ----------
-    name : str
-        Name.
-    unit : str
-        Name of the unit on it; empty where it has none.
-    mount : UnitMount
-        How that unit sits on it, as far as is known: axes and lever from the segment's origin, in segment axes.
-    """
+    """One rigid part."""
 
     name: str
-    unit: str = ""
+    unit: str = ""  # name of the unit on it; empty where it has none
+    # how that unit sits on it, as far as is known: axes and lever from the segment's origin, in segment axes
     mount: UnitMount = field(default_factory=UnitMount)
 
 
@@ -70,34 +61,20 @@ class Joint:
     """Connection of two segments. The child's origin is the joint's centre.
 
     The child's attitude in the parent's axes is ``q_pc ⊗ turn(axes[0], angle[0]) ⊗ turn(axes[1], angle[1]) ⊗ …``.
-
-    Attributes
-    ----------
-    name : str
-        Name.
-    parent, child : str
-        Names of the segments.
-    kind : str
-        "hinge", "universal", "ball" or "fixed".
-    origin : tuple of 3 floats or None
-        Its centre from the parent's origin, parent axes, m; None where neither it nor the axes are known.
-    q_pc : tuple of 4 floats
-        From the child's axes to the parent's where all angles are zero, wxyz.
-    axes : tuple of tuples of 3 floats
-        Axis of each angle, in the child's axes where the angles behind it are zero; unit vectors. Neighbours are at
-        right angles. A ball joint without any has yaw, pitch and roll of the child in the parent.
-    limits : tuple of Limits
-        Of each angle; none: without limits.
     """
 
     name: str
+    # parent, child: names of the segments
     parent: str
     child: str
-    kind: str = "hinge"
+    kind: str = "hinge"  # "hinge", "universal", "ball" or "fixed"
+    # its centre from the parent's origin, parent axes, m; None where neither it nor the axes are known
     origin: Vec | None = (0.0, 0.0, 0.0)
-    q_pc: Quat = (1.0, 0.0, 0.0, 0.0)
+    q_pc: Quat = (1.0, 0.0, 0.0, 0.0)  # from the child's axes to the parent's where all angles are zero, wxyz
+    # Axis of each angle, in the child's axes where the angles behind it are zero; unit vectors. Neighbours are at right
+    # angles. A ball joint without any has yaw, pitch and roll of the child in the parent.
     axes: tuple[Vec, ...] = ()
-    limits: tuple[Limits, ...] = ()
+    limits: tuple[Limits, ...] = ()  # of each angle; none: without limits
 
     def __post_init__(self) -> None:
         """Validate, and normalise axes and rotation."""

@@ -39,19 +39,12 @@ LEAST: Final = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Delay:
-    """By how much the gyroscope lags the accelerometer.
+    """By how much the gyroscope lags the accelerometer."""
 
-    Attributes
-    ----------
-    delay, sd : float
-        Delay and its standard deviation, s; negative where the accelerometer lags.
-    correlation : float
-        Of what both say at that delay, 0 to 1.
-    """
-
+    # delay, sd: delay and its standard deviation, s; negative where the accelerometer lags
     delay: float
     sd: float
-    correlation: float
+    correlation: float  # of what both say at that delay, 0 to 1
 
     @property
     def found(self) -> bool:

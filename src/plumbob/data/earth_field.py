@@ -19,24 +19,12 @@ HIGHEST, LOWEST = 850e3, -1e3
 
 
 class EarthField(NamedTuple):
-    """Field at a place.
+    """Field at a place."""
 
-    Attributes
-    ----------
-    strength : float
-        Strength, µT.
-    dip : float
-        Angle below the horizon, rad.
-    declination : float
-        Angle of magnetic north from true north, east positive, rad.
-    model : str
-        Name of the model, and the day that it was asked for.
-    """
-
-    strength: float
-    dip: float
-    declination: float
-    model: str
+    strength: float  # strength, µT
+    dip: float  # angle below the horizon, rad
+    declination: float  # angle of magnetic north from true north, east positive, rad
+    model: str  # name of the model, and the day that it was asked for
 
     @property
     def told(self) -> str:

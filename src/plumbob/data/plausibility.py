@@ -42,25 +42,15 @@ STUCK_SAMPLES: Final = 50
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Statistics:
-    """What the usable samples of a triad are, in its unit.
+    """What the usable samples of a triad are, in its unit."""
 
-    Attributes
-    ----------
-    samples : int
-        How many there are.
-    mean, std : ndarray (3,)
-        Their mean and standard deviation; NaN where there are none.
-    norm : float
-        The median of their magnitudes; NaN where there are none.
-    repeats : ndarray (N,) of uint8
-        Of each sample of the recording, which axes repeat their last known value to the bit, as bits 0 to 2, `ALL_AXES`
-        being all of them; or `NOT_KNOWN`.
-    """
-
-    samples: int
+    samples: int  # how many there are
+    # mean, std: (3,), their mean and standard deviation; NaN where there are none
     mean: Floats
     std: Floats
-    norm: float
+    norm: float  # the median of their magnitudes; NaN where there are none
+    # (N,), of each sample of the recording, which axes repeat their last known value to the bit, as bits 0 to 2,
+    # `ALL_AXES` being all of them; or `NOT_KNOWN`
     repeats: NDArray[np.uint8]
 
 
@@ -222,24 +212,12 @@ ENOUGH_CORRELATION: Final = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Turning:
-    """How the direction of the acceleration follows the rates.
+    """How the direction of the acceleration follows the rates."""
 
-    Attributes
-    ----------
-    factor : float
-        Seen turning over that which the rates say; 1 where both are right.
-    correlation : float
-        Of the two, −1 to 1; the constant bias of the gyroscope is taken out first.
-    windows : int
-        Pairs of neighbouring windows that count.
-    effective : float
-        How many pairs the rates are spread over: 1 where a single one has them all.
-    """
-
-    factor: float
-    correlation: float
-    windows: int
-    effective: float = 0.0
+    factor: float  # seen turning over that which the rates say; 1 where both are right
+    correlation: float  # of the two, −1 to 1; the constant bias of the gyroscope is taken out first
+    windows: int  # pairs of neighbouring windows that count
+    effective: float = 0.0  # how many pairs the rates are spread over: 1 where a single one has them all
 
     @property
     def tells(self) -> bool:

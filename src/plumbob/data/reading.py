@@ -15,24 +15,14 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A track read at given times.
+    """A track read at given times."""
 
-    Attributes
-    ----------
-    q_nb : ndarray (N, 4)
-        Attitude; NaN where the track does not tell it.
-    low, high : ndarray (N,)
-        Rows of the track on both sides; equal where the stamp is the track's own.
-    exact : ndarray (N,) of bool
-        The time is one of the track's own stamps.
-    outside, gap : ndarray (N,) of bool
-        Why it is not known: beyond the ends, or between stamps farther apart than the largest gap.
-    """
-
-    q_nb: Floats
+    q_nb: Floats  # (N, 4), attitude; NaN where the track does not tell it
+    # low, high: (N,), rows of the track on both sides; equal where the stamp is the track's own
     low: NDArray[np.intp]
     high: NDArray[np.intp]
-    exact: Mask
+    exact: Mask  # (N,), the time is one of the track's own stamps
+    # outside, gap: (N,), why it is not known: beyond the ends, or between stamps farther apart than the largest gap
     outside: Mask
     gap: Mask
 

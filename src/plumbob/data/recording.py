@@ -28,29 +28,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Stamps:
-    """Times of frames, one entry each.
+    """Times of frames, one entry each."""
 
-    Attributes
-    ----------
-    t_ns : int64 (N,)
-        Time on the host's monotonic clock, ns. Increases from frame to frame, except where TIME_FAULT is set.
-    step : int64 (N,)
-        Counts of the device clock, or frames, since the last frame that was used, with all turns of the counter; 0
-        where there is no count.
-    flags : uint32 (N,)
-        `flags.GAP` where frames are missing before this one, or time starts again; `flags.TIME_FAULT`
-        where the frame repeats or contradicts others: its time is that of the frame before, and must not be used.
-    lost : int64 (N,)
-        Frames missing before this one: exact where there is a counter, else what time has room for.
-    kind : uint8 (N,)
-        What became of the frame: bits named in `plumbob.live.timing.counter`, 0 for most.
-    """
-
+    # Time on the host's monotonic clock, ns. Increases from frame to frame, except where TIME_FAULT is set.
     t_ns: NDArray[np.int64]
+    # counts of the device clock, or frames, since the last frame that was used, with all turns of the counter; 0 where
+    # there is no count
     step: NDArray[np.int64]
+    # `flags.GAP` where frames are missing before this one, or time starts again; `flags.TIME_FAULT` where the frame
+    # repeats or contradicts others: its time is that of the frame before, and must not be used
     flags: NDArray[np.uint32]
+    # frames missing before this one: exact where there is a counter, else what time has room for
     lost: NDArray[np.int64]
-    kind: NDArray[np.uint8]
+    kind: NDArray[np.uint8]  # what became of the frame: bits named in `plumbob.live.timing.counter`, 0 for most
 
 
 @dataclass(frozen=True, slots=True)

@@ -322,24 +322,12 @@ def earth_acceleration(
 
 @dataclass(slots=True)
 class Outline:
-    """What is known of a track whose parts have come by: its length, its end, and its flags.
+    """What is known of a track whose parts have come by: its length, its end, and its flags."""
 
-    Attributes
-    ----------
-    samples : int
-        Number of samples.
-    begin : float
-        Time of the first, s.
-    last : AttitudeTrack
-        The last sample.
-    flags : Counter
-        How many samples carry each flag, by name.
-    """
-
-    samples: int = 0
-    begin: float = 0.0
-    last: AttitudeTrack = field(init=False)
-    flags: Counter[str] = field(default_factory=Counter)
+    samples: int = 0  # number of samples
+    begin: float = 0.0  # time of the first, s
+    last: AttitudeTrack = field(init=False)  # the last sample
+    flags: Counter[str] = field(default_factory=Counter)  # how many samples carry each flag, by name
 
     @property
     def duration(self) -> float:

@@ -72,24 +72,12 @@ _MEANING = {
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """A reference at the times of an estimate of N samples.
+    """A reference at the times of an estimate of N samples."""
 
-    Attributes
-    ----------
-    q_ref : ndarray (N, 4)
-        The reference there; NaN where it is not known.
-    fate : ndarray (N,) of uint8
-        A `Fate` for each sample.
-    exact : ndarray (N,) of bool
-        The reference has this very time stamp; elsewhere it is interpolated.
-    max_gap : float
-        Largest step of the reference that was bridged, s.
-    """
-
-    q_ref: Floats
-    fate: NDArray[np.uint8]
-    exact: Mask
-    max_gap: float
+    q_ref: Floats  # (N, 4), the reference there; NaN where it is not known
+    fate: NDArray[np.uint8]  # (N,), a `Fate` for each sample
+    exact: Mask  # (N,), the reference has this very time stamp; elsewhere it is interpolated
+    max_gap: float  # largest step of the reference that was bridged, s
 
     @property
     def scored(self) -> Mask:
@@ -185,25 +173,15 @@ _RESOLUTION = 1e-9  # s, that of a time stamp
 
 @dataclass(frozen=True, slots=True)
 class TimeOffset:
-    """A time offset and how sure it is.
+    """A time offset and how sure it is."""
 
-    Attributes
-    ----------
-    offset : float
-        Added to the reference's stamps, s. Positive: the estimate shows a motion later than the reference does.
-    correlation : float
-        Of the two angular rates at that offset.
-    rival : float or None
-        Correlation at the next best peak; one near `correlation` says that the motion repeats and the offset may be
-        wrong by a period.
-    rival_at : float or None
-        Offset of it, s.
-    """
-
+    # Added to the reference's stamps, s. Positive: the estimate shows a motion later than the reference does.
     offset: float
-    correlation: float
+    correlation: float  # of the two angular rates at that offset
+    # correlation at the next best peak; one near `correlation` says that the motion repeats and the offset may be wrong
+    # by a period
     rival: float | None = None
-    rival_at: float | None = None
+    rival_at: float | None = None  # offset of it, s
 
 
 def find_time_offset(
@@ -359,24 +337,14 @@ _MIN_CONCENTRATION = 0.01
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Alignment:
-    """What was found and applied to the reference; None where not asked for.
+    """What was found and applied to the reference; None where not asked for."""
 
-    Attributes
-    ----------
-    time : TimeOffset or None
-        Added to the reference's stamps.
-    heading : float or None
-        How much more the estimate's heading reads than the reference's, clockwise seen from above, rad.
-    mounting : ndarray (4,) or None
-        Rotation q_re from the estimate's body axes to the reference's.
-    tilt_spread : float or None
-        Where mounting and heading were sought together: rms angle of the vertical, seen from the body, about its mean,
-        rad. The heading is known 1 / tilt_spread times worse than a single attitude.
-    """
-
-    time: TimeOffset | None = None
+    time: TimeOffset | None = None  # added to the reference's stamps
+    # how much more the estimate's heading reads than the reference's, clockwise seen from above, rad
     heading: float | None = None
-    mounting: Floats | None = None
+    mounting: Floats | None = None  # (4,), rotation q_re from the estimate's body axes to the reference's
+    # Where mounting and heading were sought together: rms angle of the vertical, seen from the body, about its mean,
+    # rad. The heading is known 1 / tilt_spread times worse than a single attitude.
     tilt_spread: float | None = None
 
     def apply(self, q_ref: Floats, frame: Frame) -> Floats:

@@ -49,26 +49,16 @@ _SEGMENTS: Final = 8
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """Clock of b against that of a.
+    """Clock of b against that of a."""
 
-    Attributes
-    ----------
-    offset, offset_sd : float
-        What is added to b's stamps at the middle of the common time, s, and its standard deviation.
-    drift, drift_sd : float
-        How much more an interval is by a's clock than by b's, relative.
-    middle : float
-        That middle, by b's clock, s.
-    correlation : float
-        Of the sizes of the rates, at the grid step nearest to the offset.
-    """
-
+    # offset, offset_sd: what is added to b's stamps at the middle of the common time, s, and its standard deviation
     offset: float
     offset_sd: float
+    # drift, drift_sd: how much more an interval is by a's clock than by b's, relative
     drift: float
     drift_sd: float
-    middle: float
-    correlation: float
+    middle: float  # that middle, by b's clock, s
+    correlation: float  # of the sizes of the rates, at the grid step nearest to the offset
 
     def at(self, t: Floats) -> Floats:
         """Times of b (N,), s, by the clock of a."""
@@ -81,18 +71,10 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class Mounting:
-    """Rotation between the bodies.
+    """Rotation between the bodies."""
 
-    Attributes
-    ----------
-    q_ab : ndarray (4,)
-        From the body axes of b to those of a.
-    sd : ndarray (3,)
-        Its standard deviation about each axis of a, rad.
-    """
-
-    q_ab: Floats
-    sd: Floats
+    q_ab: Floats  # (4,), from the body axes of b to those of a
+    sd: Floats  # (3,), its standard deviation about each axis of a, rad
 
 
 SAME: Final = Clock(0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -100,36 +82,16 @@ SAME: Final = Clock(0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class TriadDifference:
-    """How a triad of b differs from that of a, after what was aligned; b less a, in body axes of a.
+    """How a triad of b differs from that of a, after what was aligned; b less a, in body axes of a."""
 
-    Attributes
-    ----------
-    samples : int
-        Compared.
-    bias : ndarray (3,)
-        Mean difference, in the unit of the triad.
-    scale : ndarray (3,) or None
-        Scale of b over that of a, of each axis that varies; NaN of others.
-    rms : float
-        Root mean square of the difference, all axes together.
-    relative : float
-        The same over the root mean square of a.
-    residual : float
-        Root mean square without bias and scale.
-    bandwidth : float or None
-        Frequency up to which the two are coherent, Hz; None where they are nowhere.
-    ratio_db : float or None
-        Spectrum of b over that of a in this band, dB.
-    """
-
-    samples: int
-    bias: Floats
-    scale: Floats
-    rms: float
-    relative: float
-    residual: float
-    bandwidth: float | None
-    ratio_db: float | None
+    samples: int  # compared
+    bias: Floats  # (3,), mean difference, in the unit of the triad
+    scale: Floats  # (3,), scale of b over that of a, of each axis that varies; NaN of others
+    rms: float  # root mean square of the difference, all axes together
+    relative: float  # the same over the root mean square of a
+    residual: float  # root mean square without bias and scale
+    bandwidth: float | None  # frequency up to which the two are coherent, Hz; None where they are nowhere
+    ratio_db: float | None  # spectrum of b over that of a in this band, dB
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -93,28 +93,15 @@ them, whose import would take longer than the whole judgement."""
 
 @dataclass(frozen=True, slots=True)
 class Consistency:
-    """Agreement of errors with their claimed covariance.
+    """Agreement of errors with their claimed covariance."""
 
-    Attributes
-    ----------
-    mean : float
-        Mean of dᵀ P⁻¹ d; `DOF` is expected.
-    lower, upper : float
-        Bounds that hold a consistent sample with probability `CONFIDENCE`.
-    share_inside : float
-        Share of samples between them.
-    count : int
-        Samples used.
-    unusable : int
-        Samples left out because their covariance is not positive definite.
-    """
-
-    mean: float
+    mean: float  # mean of dᵀ P⁻¹ d; `DOF` is expected
+    # lower, upper: bounds that hold a consistent sample with probability `CONFIDENCE`
     lower: float
     upper: float
-    share_inside: float
-    count: int
-    unusable: int
+    share_inside: float  # share of samples between them
+    count: int  # samples used
+    unusable: int  # samples left out because their covariance is not positive definite
 
 
 def nees(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Floats:
@@ -189,30 +176,17 @@ PERCENTILES = (50, 95, 99)
 
 @dataclass(frozen=True, slots=True)
 class Stats:
-    """What is reported about an error; angles in rad.
+    """What is reported about an error; angles in rad."""
 
-    Attributes
-    ----------
-    count : int
-        Samples.
-    rmse : float
-        Root mean square: the constant part is in it.
-    mean, std : float
-        The constant part, and what remains without it: rmse² = mean² + std². A std alone hides a constant error.
-    max_abs : float
-        Largest magnitude.
-    max_at : float
-        Time of it, s.
-    p50, p95, p99 : float
-        Percentiles of the magnitude, interpolated linearly.
-    """
-
-    count: int
-    rmse: float
+    count: int  # samples
+    rmse: float  # root mean square: the constant part is in it
+    # mean, std: The constant part, and what remains without it: rmse² = mean² + std². A std alone hides a constant
+    # error.
     mean: float
     std: float
-    max_abs: float
-    max_at: float
+    max_abs: float  # largest magnitude
+    max_at: float  # time of it, s
+    # p50, p95, p99: percentiles of the magnitude, interpolated linearly
     p50: float
     p95: float
     p99: float

@@ -74,27 +74,13 @@ _ALL: Final = (*QUANTITY_BY_TRIAD.values(), Quantity.TIME, Quantity.TEMPERATURE,
 
 @dataclass(frozen=True, slots=True)
 class ColumnName:
-    """A name taken apart.
+    """A name taken apart."""
 
-    Attributes
-    ----------
-    base : str
-        Its words, lower case, without axis and unit.
-    axis : str
-        ``x``, ``y``, ``z``, a number of one, or ``w`` of a quaternion; empty where there is none.
-    unit : str
-        As it stands there.
-    stated : bool
-        Whether brackets or a row of units say the unit, instead of a word of the name.
-    scale : float
-        How many of the unit one count is, as in ``t [10us]``.
-    """
-
-    base: str
-    axis: str
-    unit: str
-    stated: bool
-    scale: float = 1.0
+    base: str  # its words, lower case, without axis and unit
+    axis: str  # ``x``, ``y``, ``z``, a number of one, or ``w`` of a quaternion; empty where there is none
+    unit: str  # as it stands there
+    stated: bool  # whether brackets or a row of units say the unit, instead of a word of the name
+    scale: float = 1.0  # how many of the unit one count is, as in ``t [10us]``
 
     def unit_as(self, kind: Quantity) -> str:
         """Its unit by our name, where that is one of a quantity."""

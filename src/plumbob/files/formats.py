@@ -24,38 +24,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FileFormat:
-    """A file format.
+    """A file format."""
 
-    Attributes
-    ----------
-    name : str
-        What it is called.
-    suffixes : tuple of str
-        File names that end so are taken for it.
-    reader : str or callable
-        Its reader, or module and function of it, as ``"parquet.read_parquet"``; of a path, and a profile where it takes
-        one.
-    takes_in_memory : bool
-        Whether the reader also takes whether all is to be in memory; otherwise samples may stay in the file.
-    takes_profile : bool
-        Whether a profile describes such files.
-    takes_unit : bool
-        Whether the reader itself chooses one of several units, whose clocks may differ.
-    accepts : str, callable or None
-        As `reader`: whether a path is of this format, by its content; asked where several formats share a suffix, or it
-        is a folder.
-        None: the suffix says it all.
-    writers : tuple of (str, str or callable)
-        Suffixes that can be written, with their writers, as `reader`, which also take whether a file may be replaced.
-    """
-
-    name: str
-    suffixes: tuple[str, ...]
+    name: str  # what it is called
+    suffixes: tuple[str, ...]  # file names that end so are taken for it
+    # its reader, or module and function of it, as ``"parquet.read_parquet"``; of a path, and a profile where it takes
+    # one
     reader: str | Callable[..., Any]
+    # whether the reader also takes whether all is to be in memory; otherwise samples may stay in the file
     takes_in_memory: bool = False
-    takes_profile: bool = False
-    takes_unit: bool = False
+    takes_profile: bool = False  # whether a profile describes such files
+    takes_unit: bool = False  # whether the reader itself chooses one of several units, whose clocks may differ
+    # As `reader`: whether a path is of this format, by its content; asked where several formats share a suffix, or it
+    # is a folder. None: the suffix says it all.
     accepts: str | Callable[..., Any] | None = None
+    # suffixes that can be written, with their writers, as `reader`, which also take whether a file may be replaced
     writers: tuple[tuple[str, str | Callable[..., Any]], ...] = ()
 
     def claims(self, path: Path) -> bool:

@@ -10,26 +10,13 @@ from plumbob.files.sniff import Sample
 
 @dataclass(frozen=True, slots=True)
 class KnownLog:
-    """A kind of log.
+    """A kind of log."""
 
-    Attributes
-    ----------
-    name : str
-        What writes it.
-    names : tuple of str
-        Columns that it has, each a regular expression of a whole name.
-    answers : mapping of str to object
-        Keys of a profile; ``{key}`` is what the lines before the table give for it.
-    facts : tuple of str
-        What the lines before the table have, as keys.
-    has_reader : bool
-        Whether a reader of its own reads it; then the answers are for a draft, where that one refuses it.
-    """
-
-    name: str
-    names: tuple[str, ...]
-    answers: Mapping[str, Any]
-    facts: tuple[str, ...] = ()
+    name: str  # what writes it
+    names: tuple[str, ...]  # columns that it has, each a regular expression of a whole name
+    answers: Mapping[str, Any]  # keys of a profile; ``{key}`` is what the lines before the table give for it
+    facts: tuple[str, ...] = ()  # what the lines before the table have, as keys
+    # whether a reader of its own reads it; then the answers are for a draft, where that one refuses it
     has_reader: bool = False
 
     def is_named_in(self, text: str) -> bool:
@@ -117,21 +104,11 @@ KNOWN: Final = (
 
 @dataclass(frozen=True, slots=True)
 class KnownArrays:
-    """A data set of named arrays.
+    """A data set of named arrays."""
 
-    Attributes
-    ----------
-    name : str
-        What it is called.
-    names : frozenset of str
-        Arrays by which it is known; the others must be there too when it is read.
-    profile : str
-        Its profile; ``{name}`` is the single number that the file has under that name.
-    """
-
-    name: str
-    names: frozenset[str]
-    profile: str
+    name: str  # what it is called
+    names: frozenset[str]  # arrays by which it is known; the others must be there too when it is read
+    profile: str  # its profile; ``{name}`` is the single number that the file has under that name
 
 
 KNOWN_ARRAYS: Final = (

@@ -335,24 +335,12 @@ _LARGEST: Final = 1e30
 
 @dataclass(frozen=True)
 class Numbers:
-    """An open file of numbers, which can be read again and again.
+    """An open file of numbers, which can be read again and again."""
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    kind : str
-        ``"npy"``, ``"text"`` or the type of raw values.
-    size : int
-        Length of the file, bytes.
-    source : Binary or Text
-        How it is read.
-    """
-
-    path: Path
-    kind: str
-    size: int
-    source: Binary | Text = field(repr=False)
+    path: Path  # the file
+    kind: str  # ``"npy"``, ``"text"`` or the type of raw values
+    size: int  # length of the file, bytes
+    source: Binary | Text = field(repr=False)  # how it is read
 
     @property
     def columns(self) -> int:

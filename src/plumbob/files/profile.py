@@ -79,99 +79,50 @@ _WHERE: Final = schema.described(_where, type="array", minItems=2, maxItems=2)
 
 @dataclass(frozen=True, slots=True)
 class TextLayout:
-    """How the text is laid out.
+    """How the text is laid out."""
 
-    Attributes
-    ----------
-    separator : str
-        Between cells: comma, semicolon, tab, a blank for runs of blanks and tabs, ``blank`` for each single one, or
-        ``quoted`` or ``json``.
-    decimal : str
-        Point or comma.
-    encoding : str
-        Of the file, as Python names it.
-    comment : str
-        Lines that begin with it are left out; empty for none.
-    missing : tuple of str
-        Cells that stand for "no value".
-    marker : str
-        The table starts after this line; empty for none.
-    occurrence : int
-        Which one, where the marker comes more than once.
-    skip : int
-        Lines to leave out after the marker, or at the top.
-    names : bool
-        Whether a row of column names follows.
-    after_names : int
-        Lines to leave out after that row, such as one of units.
-    end : str
-        Line before which the table ends; empty for the end of the file.
-    rows : int or None
-        Rows of numbers that the file must have.
-    mark : str
-        What stands before the first name, as ``%`` or ``#``.
-    words : bool
-        Whether numbers stand among words, as in ``acc x = 0.1 y = 0.2`` and JSON. Then each number or clock time is a
-        cell, and the words before the first number are one behind them.
-    checksum : bool
-        Whether a row ends with ``*`` and the exclusive or of its characters, as NMEA has it; else it cannot be read.
-    where : tuple of (int or str, str), or empty
-        A column and a word: only rows that have it there belong to the table.
-    thousands : str
-        Between groups of three digits; empty for none.
-    cells : tuple of str
-        What each cell of a row holds: ``[3]`` is a vector of three numbers, whose columns are then ``acc[1]`` to
-        ``acc[3]``; ``imu> #`` is a number behind these words; a unit stands behind the number; empty is a number alone.
-        Empty where all cells are so.
-    channels : tuple of int or str, or empty
-        Of a table with a row for each number: the columns of time, of the words that name its sensor and axis, and of
-        the number. Then the columns are called by these words, a unit among them in brackets, as ``acc x [g]``.
-    """
-
+    # between cells: comma, semicolon, tab, a blank for runs of blanks and tabs, ``blank`` for each single one, or
+    # ``quoted`` or ``json``
     separator: Annotated[str, schema.converted(lambda word: SEPARATORS[word], schema.one_of(*SEPARATORS))]
-    decimal: Annotated[str, schema.one_of(".", ",")] = "."
-    encoding: Annotated[str, schema.converted(_encoding)] = "utf-8"
-    comment: str = ""
-    missing: tuple[str, ...] = ("", "NaN")
-    marker: str = ""
-    occurrence: Annotated[int, schema.whole(1)] = 1
-    skip: Annotated[int, schema.whole(0)] = 0
-    names: bool = True
-    after_names: Annotated[int, schema.whole(0)] = 0
-    end: str = ""
-    rows: Annotated[int | None, schema.whole(1)] = None
-    mark: str = ""
+    decimal: Annotated[str, schema.one_of(".", ",")] = "."  # point or comma
+    encoding: Annotated[str, schema.converted(_encoding)] = "utf-8"  # of the file, as Python names it
+    comment: str = ""  # lines that begin with it are left out; empty for none
+    missing: tuple[str, ...] = ("", "NaN")  # cells that stand for "no value"
+    marker: str = ""  # the table starts after this line; empty for none
+    occurrence: Annotated[int, schema.whole(1)] = 1  # which one, where the marker comes more than once
+    skip: Annotated[int, schema.whole(0)] = 0  # lines to leave out after the marker, or at the top
+    names: bool = True  # whether a row of column names follows
+    after_names: Annotated[int, schema.whole(0)] = 0  # lines to leave out after that row, such as one of units
+    end: str = ""  # line before which the table ends; empty for the end of the file
+    rows: Annotated[int | None, schema.whole(1)] = None  # rows of numbers that the file must have
+    mark: str = ""  # what stands before the first name, as ``%`` or ``#``
+    # Whether numbers stand among words, as in ``acc x = 0.1 y = 0.2`` and JSON. Then each number or clock time is a
+    # cell, and the words before the first number are one behind them.
     words: bool = False
+    # whether a row ends with ``*`` and the exclusive or of its characters, as NMEA has it; else it cannot be read
     checksum: bool = False
+    # a column and a word: only rows that have it there belong to the table
     where: Annotated[tuple[ColumnRef, str] | tuple[()], _WHERE] = ()
-    thousands: Annotated[str, schema.one_of(",", ".", "'", " ")] = ""
+    thousands: Annotated[str, schema.one_of(",", ".", "'", " ")] = ""  # between groups of three digits; empty for none
+    # What each cell of a row holds: ``[3]`` is a vector of three numbers, whose columns are then ``acc[1]`` to
+    # ``acc[3]``; ``imu> #`` is a number behind these words; a unit stands behind the number; empty is a number alone.
+    # Empty where all cells are so.
     cells: tuple[str, ...] = ()
+    # Of a table with a row for each number: the columns of time, of the words that name its sensor and axis, and of the
+    # number. Then the columns are called by these words, a unit among them in brackets, as ``acc x [g]``.
     channels: Annotated[tuple[ColumnRef, ...], columns(3, 4, 5)] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class TimeColumn:
-    """Time from a column.
-
-    Attributes
-    ----------
-    column : int or str
-        The column.
-    unit : str
-        Its unit.
-    unix : bool
-        Whether it counts from 1970 (UTC).
-    unit_per_count : float
-        What one count is worth in that unit; 1 where the file holds the unit itself.
-    week, seconds : int or str or None
-        Column with the number of the GPS week that the time is of, and then it is GPS time; or one with the whole
-        seconds, of which the time is the rest.
-    """
+    """Time from a column."""
 
     column: ColumnRef
-    unit: str
-    unix: bool = False
-    unit_per_count: float = 1.0
+    unit: str  # its unit
+    unix: bool = False  # whether it counts from 1970 (UTC)
+    unit_per_count: float = 1.0  # what one count is worth in that unit; 1 where the file holds the unit itself
+    # week, seconds: column with the number of the GPS week that the time is of, and then it is GPS time; or one with
+    # the whole seconds, of which the time is the rest
     week: ColumnRef | None = None
     seconds: ColumnRef | None = None
 
@@ -207,82 +158,41 @@ class TimeRate:
 
 @dataclass(frozen=True, slots=True)
 class GroupSource:
-    """Columns of one vector.
+    """Columns of one vector."""
 
-    Attributes
-    ----------
-    columns : tuple of int or str
-        One for each component.
-    unit : str
-        Their unit.
-    unit_per_count : float
-        What one count is worth in that unit; 1 where the file holds the unit itself.
-    zero : tuple of float or None
-        Counts that mean zero, one for each component; None for 0.
-    axes : str
-        Where the vector's own axes are not those of the sensor case: which of them the case's x, y and z are. They may
-        be left-handed.
-    gravity : bool
-        Whether the columns point down at rest, as gravity does, instead of up.
-    full_scale : float or tuple of 3 floats or None
-        Measuring range, in the unit used inside; of each column where they differ.
-    delay : float
-        By how much the stamps of its rows are late, s; negative: early.
-    plus : tuple of int or str
-        Columns that are added, as gravity is to an acceleration without it; empty for none.
-    """
-
-    columns: tuple[ColumnRef, ...]
-    unit: str
-    unit_per_count: float = 1.0
-    zero: tuple[float, ...] | None = None
+    columns: tuple[ColumnRef, ...]  # one for each component
+    unit: str  # their unit
+    unit_per_count: float = 1.0  # what one count is worth in that unit; 1 where the file holds the unit itself
+    zero: tuple[float, ...] | None = None  # counts that mean zero, one for each component; None for 0
+    # Where the vector's own axes are not those of the sensor case: which of them the case's x, y and z are. They may be
+    # left-handed.
     axes: str = AS_MOUNTED
-    gravity: bool = False
-    full_scale: Range = None
-    delay: float = 0.0
+    gravity: bool = False  # whether the columns point down at rest, as gravity does, instead of up
+    full_scale: Range = None  # measuring range, in the unit used inside; of each column where they differ
+    delay: float = 0.0  # by how much the stamps of its rows are late, s; negative: early
+    # columns that are added, as gravity is to an acceleration without it; empty for none
     plus: tuple[ColumnRef, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceSource:
-    """Columns of a reference attitude.
+    """Columns of a reference attitude."""
 
-    Attributes
-    ----------
-    columns : tuple of int or str
-        Four for a quaternion, three for angles.
-    order : str
-        ``"wxyz"``, ``"xyzw"`` or ``"yaw pitch roll"``.
-    frame : Frame
-        Navigation frame.
-    north : North
-        What the heading counts from.
-    unit : str or None
-        Unit of the angles.
-    of : str or None
-        Whose attitude it is, ``"body"`` or ``"case"``; needed only where the body axes are remapped.
-    source : str
-        Where it comes from.
-    score, flags, mag_weight : int, str or None
-        Columns with the samples that count (1 or 0), with flags, and with how far the field was believed.
-    bias : GroupSource or None
-        Columns of the gyroscope bias.
-    covariance : GroupSource or None
-        Nine columns, row by row; `unit` is the angle's, whose square they are in.
-    """
-
-    columns: Annotated[tuple[ColumnRef, ...], columns(3, 4)]
-    order: Annotated[str, schema.one_of(*ORDERS)]
-    frame: Frame
-    north: North
-    unit: Annotated[str | None, schema.unit_of(Quantity.ANGLE)] = None
+    columns: Annotated[tuple[ColumnRef, ...], columns(3, 4)]  # four for a quaternion, three for angles
+    order: Annotated[str, schema.one_of(*ORDERS)]  # ``"wxyz"``, ``"xyzw"`` or ``"yaw pitch roll"``
+    frame: Frame  # navigation frame
+    north: North  # what the heading counts from
+    unit: Annotated[str | None, schema.unit_of(Quantity.ANGLE)] = None  # unit of the angles
+    # whose attitude it is, ``"body"`` or ``"case"``; needed only where the body axes are remapped
     of: Annotated[str | None, schema.one_of("body", "case")] = None
-    source: str = ""
+    source: str = ""  # where it comes from
+    # score, flags, mag_weight: columns with the samples that count (1 or 0), with flags, and with how far the field was
+    # believed
     score: ColumnRef | None = None
     flags: ColumnRef | None = None
     mag_weight: ColumnRef | None = None
-    bias: GroupSource | None = None
-    covariance: GroupSource | None = None
+    bias: GroupSource | None = None  # columns of the gyroscope bias
+    covariance: GroupSource | None = None  # nine columns, row by row; `unit` is the angle's, whose square they are in
 
     @property
     def used(self) -> tuple[ColumnRef, ...]:
@@ -294,56 +204,27 @@ class ReferenceSource:
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """Everything that a text file or a file of arrays does not say about itself.
+    """Everything that a text file or a file of arrays does not say about itself."""
 
-    Attributes
-    ----------
-    layout : TextLayout
-        How the text is laid out.
-    time : TimeColumn, TimeStamps or TimeRate
-        Where time comes from.
-    triads : mapping of str to GroupSource
-        ``gyr``, ``acc``, ``mag``, as far as the file has them.
-    temperature : GroupSource or None
-        Temperature, one column.
-    flags : int, str or None
-        Column of flags in Plumbob's own meaning.
-    flag_words : bool
-        Whether their names stand there, joined by ``+``, instead of their bits.
-    reference : ReferenceSource or None
-        Attitude.
-    meta : mapping
-        Fields of `ImuMeta` that the profile declares.
-    notes : tuple of str
-        Provenance.
-    axes_applied : bool
-        Whether the columns are in body axes already, and the axes are only kept.
-    place, date : str or None
-        Where it was recorded, as `data.earth_field.parse_place` reads it, and on which day, ISO 8601, where the file
-        does not say.
-    origin : str
-        Name of the profile's file, for messages.
-    arrays : bool
-        Whether it describes named arrays; then `layout` means nothing.
-    streams : tuple of (str, Profile)
-        Sensors that have a file or rows of their own: how the names of their files look, as ``*_gyro.csv``, and their
-        profiles. Then nothing above is used but `origin`.
-    """
-
-    layout: TextLayout
-    time: TimeColumn | TimeStamps | TimeRate
+    layout: TextLayout  # how the text is laid out
+    time: TimeColumn | TimeStamps | TimeRate  # where time comes from
+    # ``gyr``, ``acc``, ``mag``, as far as the file has them
     triads: Mapping[str, GroupSource] = field(default_factory=dict)
-    temperature: GroupSource | None = None
-    flags: ColumnRef | None = None
-    flag_words: bool = False
-    reference: ReferenceSource | None = None
-    meta: Mapping[str, Any] = field(default_factory=dict)
-    notes: tuple[Finding | str, ...] = ()
-    axes_applied: bool = False
+    temperature: GroupSource | None = None  # temperature, one column
+    flags: ColumnRef | None = None  # column of flags in Plumbob's own meaning
+    flag_words: bool = False  # whether their names stand there, joined by ``+``, instead of their bits
+    reference: ReferenceSource | None = None  # attitude
+    meta: Mapping[str, Any] = field(default_factory=dict)  # fields of `ImuMeta` that the profile declares
+    notes: tuple[Finding | str, ...] = ()  # provenance
+    axes_applied: bool = False  # whether the columns are in body axes already, and the axes are only kept
+    # place, date: where it was recorded, as `data.earth_field.parse_place` reads it, and on which day, ISO 8601, where
+    # the file does not say
     place: str | None = None
     date: str | None = None
-    origin: str = "profile"
-    arrays: bool = False
+    origin: str = "profile"  # name of the profile's file, for messages
+    arrays: bool = False  # whether it describes named arrays; then `layout` means nothing
+    # Sensors that have a file or rows of their own: how the names of their files look, as ``*_gyro.csv``, and their
+    # profiles. Then nothing above is used but `origin`.
     streams: "tuple[tuple[str, Profile], ...]" = ()
 
     @property

@@ -85,34 +85,18 @@ _UNIT_CELL: Final = re.compile(r"[\[(].*[\])]")
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The first rows of a text file.
+    """The first rows of a text file."""
 
-    Attributes
-    ----------
-    layout : TextLayout
-        How the file is laid out.
-    names, units : tuple of str
-        Names of the columns, as far as the file has any, and the cells of a row of units below them.
-    by_name : bool
-        Whether a profile may name the columns so; otherwise it must number them.
-    rows : list of list of str
-        Cells.
-    facts : mapping of str to str
-        What lines before the table say, by key, lower case; the lines themselves where they say no key.
-    others : tuple of Sample
-        Rows of other kinds that stand between them, or tables below.
-    sensor : str
-        Sensor of the table by its title; empty where none says it.
-    """
-
-    layout: TextLayout
+    layout: TextLayout  # how the file is laid out
+    # names, units: names of the columns, as far as the file has any, and the cells of a row of units below them
     names: tuple[str, ...]
     units: tuple[str, ...]
-    by_name: bool
-    rows: list[list[str]]
+    by_name: bool  # whether a profile may name the columns so; otherwise it must number them
+    rows: list[list[str]]  # cells
+    # what lines before the table say, by key, lower case; the lines themselves where they say no key
     facts: Mapping[str, str]
-    others: "tuple[Sample, ...]" = ()
-    sensor: str = ""
+    others: "tuple[Sample, ...]" = ()  # rows of other kinds that stand between them, or tables below
+    sensor: str = ""  # sensor of the table by its title; empty where none says it
 
     @property
     def width(self) -> int:

@@ -198,21 +198,11 @@ _LONGEST_ROW = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """What comes before the numbers.
+    """What comes before the numbers."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Column names; empty where the file has none.
-    start : int
-        Index of the first character after the head.
-    line : int
-        Number of the line that begins there, counted from 1.
-    """
-
-    names: tuple[str, ...]
-    start: int
-    line: int
+    names: tuple[str, ...]  # column names; empty where the file has none
+    start: int  # index of the first character after the head
+    line: int  # number of the line that begins there, counted from 1
 
 
 def decode(raw: bytes, encoding: str) -> str:
@@ -472,32 +462,15 @@ line, a full buffer or a second writer does to a log spoils few."""
 
 @dataclass(frozen=True, slots=True)
 class TextTable:
-    """Columns of numbers.
+    """Columns of numbers."""
 
-    Attributes
-    ----------
-    columns : dict
-        A vector (N,) for each column asked for; NaN where missing.
-    zero : Decimal
-        What was taken from the exact column, so that its differences keep every digit; 0 without one.
-    rows : int
-        N.
-    notes : tuple of Finding
-        What was left out.
-    texts : dict
-        Cells of the columns that are not numbers.
-    line_of : callable
-        Number of the line of a row that counts from 0.
-    places : ndarray (N,) or None
-        Numbers of the rows, from 0, with those that were left out counted; None where none was.
-    """
-
-    columns: dict[ColumnRef, Floats]
-    zero: Decimal
-    rows: int
-    notes: tuple[Any, ...]
-    texts: dict[ColumnRef, list[str]]
-    line_of: Callable[[int], int]
+    columns: dict[ColumnRef, Floats]  # a vector (N,) for each column asked for; NaN where missing
+    zero: Decimal  # what was taken from the exact column, so that its differences keep every digit; 0 without one
+    rows: int  # N
+    notes: tuple[Any, ...]  # what was left out
+    texts: dict[ColumnRef, list[str]]  # cells of the columns that are not numbers
+    line_of: Callable[[int], int]  # number of the line of a row that counts from 0
+    # (N,), numbers of the rows, from 0, with those that were left out counted; None where none was
     places: Floats | None = None
 
     def place(self, row: int) -> str:

@@ -37,18 +37,10 @@ from plumbob.filters.layout import COUNT, OWN, RATE, tick
 
 
 class ChannelEstimates(NamedTuple):
-    """What a channel filter made of some samples.
+    """What a channel filter made of some samples."""
 
-    Attributes
-    ----------
-    rate : ndarray (N,) or (N, k)
-        Rate at each sample, rad/s; NaN until a channel has had its first good one.
-    flags : ndarray (N,)
-        Flags of each sample, of all channels together.
-    """
-
-    rate: Floats
-    flags: NDArray[np.uint32]
+    rate: Floats  # (N,), rate at each sample, rad/s; NaN until a channel has had its first good one
+    flags: NDArray[np.uint32]  # (N,), flags of each sample, of all channels together
 
 
 class ChannelModule(Protocol):

@@ -54,27 +54,15 @@ CHUNK = 1 << 14
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """One way to estimate: a filter, its parameters, and a label for tables.
+    """One way to estimate: a filter, its parameters, and a label for tables."""
 
-    Attributes
-    ----------
-    filter : str
-        Name of the filter, or "smoother", which has no lag on a stream unless its parameters say one.
-    params : Mapping
-        Its parameters; numbers in SI, text with its unit.
-    label : str
-        How results are called; the filter's name where empty.
-    noise : NoiseCard or None
-        Noise of the unit, for a filter that takes its parameters from it; `params` has the last word.
-    init : str or None
-        What it starts from: "level", "ROLL,PITCH,HEADING" with units, or "truth", the reference's first attitude;
-        None: its first samples.
-    """
-
-    filter: str
-    params: Mapping[str, Any]
-    label: str = ""
+    filter: str  # name of the filter, or "smoother", which has no lag on a stream unless its parameters say one
+    params: Mapping[str, Any]  # its parameters; numbers in SI, text with its unit
+    label: str = ""  # how results are called; the filter's name where empty
+    # noise of the unit, for a filter that takes its parameters from it; `params` has the last word
     noise: "NoiseCard | None" = None
+    # what it starts from: "level", "ROLL,PITCH,HEADING" with units, or "truth", the reference's first attitude; None:
+    # its first samples
     init: str | None = None
 
     @property

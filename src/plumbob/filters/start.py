@@ -117,17 +117,10 @@ TRUTH_WORD: Final = "truth"
 
 
 class Start(NamedTuple):
-    """An attitude to start from.
+    """An attitude to start from."""
 
-    Attributes
-    ----------
-    q_nb : ndarray (4,)
-        Body to navigation, wxyz.
-    north : North or None
-        What its heading counts from; FREE: it says the tilt alone; None: what the filter's headings count from.
-    """
-
-    q_nb: Floats
+    q_nb: Floats  # (4,), body to navigation, wxyz
+    # what its heading counts from; FREE: it says the tilt alone; None: what the filter's headings count from
     north: North | None = None
 
 

@@ -35,18 +35,11 @@ _OF_RECORDINGS: Final = frozenset(suffix for kind in FORMATS for suffix in kind.
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """One recording of a batch.
+    """One recording of a batch."""
 
-    Attributes
-    ----------
-    name : str
-        What the dataset calls it: of a file its path in the folder, or behind the pattern's fixed part, that was given.
-    source : str or Recording
-        Its path or URL, or the recording itself.
-    """
-
+    # what the dataset calls it: of a file its path in the folder, or behind the pattern's fixed part, that was given
     name: str
-    source: str | Recording
+    source: str | Recording  # its path or URL, or the recording itself
 
     @property
     def where(self) -> str:

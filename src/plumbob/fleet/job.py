@@ -155,24 +155,12 @@ class BatchSettings:
 
 
 class JobOutcome(NamedTuple):
-    """What a job says when it is over.
+    """What a job says when it is over."""
 
-    Attributes
-    ----------
-    name : str
-        Of the recording.
-    verdict : str
-        One of `VERDICTS`.
-    reason : str
-        Why it is not done.
-    skipped : bool
-        Whether it was so already.
-    """
-
-    name: str
-    verdict: str
-    reason: str
-    skipped: bool
+    name: str  # of the recording
+    verdict: str  # one of `VERDICTS`
+    reason: str  # why it is not done
+    skipped: bool  # whether it was so already
 
 
 class _JobResult(NamedTuple):

@@ -64,18 +64,11 @@ _MEMORY: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class LineFormat(Format):
-    """Format of text lines.
+    """Format of text lines."""
 
-    Attributes
-    ----------
-    profile : Profile or None
-        What they mean.
-    midway : bool
-        Whether the source may begin within a line, as a serial port does, so that what comes before the first line end
-        is left out.
-    """
-
-    profile: Profile | None = None
+    profile: Profile | None = None  # what they mean
+    # whether the source may begin within a line, as a serial port does, so that what comes before the first line end is
+    # left out
     midway: bool = False
 
 

@@ -261,20 +261,11 @@ def _estimated(
 
 @dataclass(frozen=True, slots=True)
 class ReplayComparison:
-    """Replay against what was recorded live.
+    """Replay against what was recorded live."""
 
-    Attributes
-    ----------
-    compared : int
-        Attitudes that both have at the same place in time.
-    different : int
-        Those of them of which a bit differs, in attitude, bias or flags.
-    only_live, only_replayed : int
-        Attitudes that only one of the two has at that place.
-    """
-
-    compared: int
-    different: int
+    compared: int  # attitudes that both have at the same place in time
+    different: int  # those of them of which a bit differs, in attitude, bias or flags
+    # only_live, only_replayed: attitudes that only one of the two has at that place
     only_live: int
     only_replayed: int
 

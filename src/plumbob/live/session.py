@@ -19,63 +19,34 @@ from plumbob.rotations import Frame, North
 
 @dataclass(frozen=True, slots=True)
 class SourceSpec:
-    """Where the bytes come from.
+    """Where the bytes come from."""
 
-    Attributes
-    ----------
-    kind : str
-        ``"serial"``, ``"stdin"``, ``"file"``, ``"udp"``, ``"tcp"``, ``"iio"``, ``"iio-poll"`` or ``"spi"``.
-    settings : mapping
-        What that kind needs: ``port`` and ``baud``, or ``host`` and ``port``, and so on; of a device of the kernel also
-        the ``layout`` of its bytes.
-    """
-
-    kind: str
+    kind: str  # ``"serial"``, ``"stdin"``, ``"file"``, ``"udp"``, ``"tcp"``, ``"iio"``, ``"iio-poll"`` or ``"spi"``
+    # what that kind needs: ``port`` and ``baud``, or ``host`` and ``port``, and so on; of a device of the kernel also
+    # the ``layout`` of its bytes
     settings: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class RecordSpec:
-    """Where the recording goes, and when it is cut.
+    """Where the recording goes, and when it is cut."""
 
-    Attributes
-    ----------
-    path : str
-        Name of the recording, ``.mcap``; ``{utc}`` in it stands for the time of the start.
-    rotate : float or None
-        Time after which a new part begins, s.
-    rotate_bytes : int or None
-        Size after which a new part begins.
-    reserve : int or None
-        Bytes of the disk that stay free; by default the smaller of 1 GiB and 5 % of it.
-    samples : bool
-        Whether decoded samples and attitudes stand beside the raw bytes, for viewers.
-    next_part : bool
-        Whether a start goes on with the next part where the name exists, as after a crash, instead of refusing.
-    """
-
-    path: str
-    rotate: Annotated[float | None, schema.size(Quantity.TIME)] = None
-    rotate_bytes: Annotated[int | None, schema.whole(1)] = None
+    path: str  # name of the recording, ``.mcap``; ``{utc}`` in it stands for the time of the start
+    rotate: Annotated[float | None, schema.size(Quantity.TIME)] = None  # time after which a new part begins, s
+    rotate_bytes: Annotated[int | None, schema.whole(1)] = None  # size after which a new part begins
+    # bytes of the disk that stay free; by default the smaller of 1 GiB and 5 % of it
     reserve: Annotated[int | None, schema.whole(0)] = None
-    samples: bool = True
+    samples: bool = True  # whether decoded samples and attitudes stand beside the raw bytes, for viewers
+    # whether a start goes on with the next part where the name exists, as after a crash, instead of refusing
     next_part: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceSpec:
-    """A reference whose roll, pitch and heading stand in the same frames.
+    """A reference whose roll, pitch and heading stand in the same frames."""
 
-    Attributes
-    ----------
-    north : North
-        What its heading counts from, clockwise.
-    unit : str
-        Prefix of its fields.
-    """
-
-    north: North
-    unit: str = ""
+    north: North  # what its heading counts from, clockwise
+    unit: str = ""  # prefix of its fields
 
 
 def reference_names(spec: ReferenceSpec) -> tuple[str, ...]:
@@ -85,17 +56,10 @@ def reference_names(spec: ReferenceSpec) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class OutputSpec:
-    """What is handed on while the line runs.
+    """What is handed on while the line runs."""
 
-    Attributes
-    ----------
-    every : float
-        Least time between two outputs, s.
-    text : str or None
-        Text file that gets a line for each, as the hosts of the papers wrote it; ``{utc}`` as in the recording.
-    """
-
-    every: Annotated[float, schema.size(Quantity.TIME)] = 0.05
+    every: Annotated[float, schema.size(Quantity.TIME)] = 0.05  # least time between two outputs, s
+    # text file that gets a line for each, as the hosts of the papers wrote it; ``{utc}`` as in the recording
     text: str | None = None
 
 
@@ -105,49 +69,23 @@ SENT_AS: Final = ("nmea", "tss1", "mavlink", "json", "ros2")
 
 @dataclass(frozen=True, slots=True)
 class SendSpec:
-    """An attitude that is sent to another program.
+    """An attitude that is sent to another program."""
 
-    Attributes
-    ----------
-    kind : str
-        Form of the messages, of `SENT_AS`.
-    to : str
-        Target, as ``udp:127.0.0.1:10110``.
-    rate : float or None
-        Attitudes per second at most, Hz.
-    sentences : tuple of str
-        NMEA sentences; empty for all that the heading allows.
-    body : str or None
-        Body axes, ``"FRD"`` or ``"FLU"``; None for those that go with the frame.
-    """
-
-    kind: str
-    to: str
-    rate: float | None = None
-    sentences: tuple[str, ...] = ()
-    body: str | None = None
+    kind: str  # form of the messages, of `SENT_AS`
+    to: str  # target, as ``udp:127.0.0.1:10110``
+    rate: float | None = None  # attitudes per second at most, Hz
+    sentences: tuple[str, ...] = ()  # NMEA sentences; empty for all that the heading allows
+    body: str | None = None  # body axes, ``"FRD"`` or ``"FLU"``; None for those that go with the frame
 
 
 @dataclass(frozen=True, slots=True)
 class UnitSpec:
-    """One of several units of the same frames.
+    """One of several units of the same frames."""
 
-    Attributes
-    ----------
-    unit : str
-        Prefix of its fields.
-    meta : ImuMeta
-        Device, ranges, axes and so on of its samples.
-    card : CalibrationCard or None
-        Its calibration; None says uncalibrated.
-    mount : UnitMount
-        How it sits on its body.
-    """
-
-    unit: str
-    meta: ImuMeta
-    card: CalibrationCard | None = None
-    mount: UnitMount = field(default_factory=UnitMount)
+    unit: str  # prefix of its fields
+    meta: ImuMeta  # device, ranges, axes and so on of its samples
+    card: CalibrationCard | None = None  # its calibration; None says uncalibrated
+    mount: UnitMount = field(default_factory=UnitMount)  # how it sits on its body
 
 
 @dataclass(frozen=True, slots=True)

@@ -120,15 +120,9 @@ def _nowhere(_: object) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Ran(FactsText):
-    """What a stream gave, live or replayed.
+    """What a stream gave, live or replayed."""
 
-    Attributes
-    ----------
-    watch : Watch
-        What was counted, and said on the way.
-    """
-
-    watch: Watch
+    watch: Watch  # what was counted, and said on the way
 
     @property
     def stream(self) -> Stream:

@@ -39,27 +39,14 @@ _INSIDE = 4.0  # times must a process's corner lie below the highest frequency; 
 
 
 class Choice(NamedTuple):
-    """A model of a record.
+    """A model of a record."""
 
-    Attributes
-    ----------
-    best : LikelihoodFit
-        The fit that was chosen.
-    markov : GaussMarkov or None
-        Its Gauss–Markov process.
-    candidates : tuple of Candidate
-        What was weighed.
-    notes : tuple of str
-        What a reader must know of it.
-    smoothed : float or None
-        Where nothing but that process is left at high frequencies: the time constant, s, of the filter that would make
-        it of white noise. A sensor without any white noise is yet to be built.
-    """
-
-    best: LikelihoodFit
-    markov: GaussMarkov | None
-    candidates: tuple[Candidate, ...]
-    notes: tuple[str, ...]
+    best: LikelihoodFit  # the fit that was chosen
+    markov: GaussMarkov | None  # its Gauss–Markov process
+    candidates: tuple[Candidate, ...]  # what was weighed
+    notes: tuple[str, ...]  # what a reader must know of it
+    # Where nothing but that process is left at high frequencies: the time constant, s, of the filter that would make it
+    # of white noise. A sensor without any white noise is yet to be built.
     smoothed: float | None = None
 
 

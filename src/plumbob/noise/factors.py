@@ -120,21 +120,11 @@ def stream_factors(n: ArrayLike) -> Factors:
 
 
 class DeviationKind(NamedTuple):
-    """How a deviation is made of the cumulative sum.
+    """How a deviation is made of the cumulative sum."""
 
-    Attributes
-    ----------
-    order : int
-        Of the differences: 2 for Allan's, 3 for Hadamard's.
-    averaged : bool
-        Whether the sum is averaged over n points first, as the modified deviation does.
-    overlapping : bool
-        Whether every difference is used, or every n-th.
-    """
-
-    order: int
-    averaged: bool
-    overlapping: bool
+    order: int  # of the differences: 2 for Allan's, 3 for Hadamard's
+    averaged: bool  # whether the sum is averaged over n points first, as the modified deviation does
+    overlapping: bool  # whether every difference is used, or every n-th
 
     @property
     def levels(self) -> tuple[int, ...]:

@@ -92,25 +92,14 @@ class Sinusoid:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A narrow band of motion or interference, which no fit used: limits, Hz, and power as a standard deviation.
+    """A narrow band of motion or interference, which no fit used: limits, Hz, and power as a standard deviation."""
 
-    Attributes
-    ----------
-    low, high : float
-        Where it ends, Hz.
-    sd : float
-        Root of the power that it has above the noise, in the unit of the samples.
-    places : tuple of float
-        Frequencies between which equal shares of its power lie, Hz.
-    dt : float
-        Sampling time, s.
-    """
-
+    # low, high: where it ends, Hz
     low: float
     high: float
-    sd: float
-    places: tuple[float, ...]
-    dt: float
+    sd: float  # root of the power that it has above the noise, in the unit of the samples
+    places: tuple[float, ...]  # frequencies between which equal shares of its power lie, Hz
+    dt: float  # sampling time, s
 
     @property
     def middle(self) -> float:
@@ -324,18 +313,10 @@ def shown(analysis: Analysis) -> dict[str, Coefficient]:
 
 
 class Triad(NamedTuple):
-    """Channels of one sensor.
+    """Channels of one sensor."""
 
-    Attributes
-    ----------
-    name : str
-        What their names share, such as "gyr"; the whole name of a channel that stands alone.
-    channels : mapping of str to Analysis
-        By axis; the axis is empty for a channel that stands alone.
-    """
-
-    name: str
-    channels: Mapping[str, Analysis]
+    name: str  # what their names share, such as "gyr"; the whole name of a channel that stands alone
+    channels: Mapping[str, Analysis]  # by axis; the axis is empty for a channel that stands alone
 
     @property
     def quantity(self) -> Quantity:

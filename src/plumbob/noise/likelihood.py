@@ -42,49 +42,27 @@ _AHEAD: Final = 1e-4  # in the logarithm of a correlation time, for a slope by d
 
 
 class Bins(NamedTuple):
-    """What a likelihood needs of a spectrum of m bins.
+    """What a likelihood needs of a spectrum of m bins."""
 
-    Attributes
-    ----------
-    rows : ndarray (r, m)
-        Densities of the random terms for coefficients of 1.
-    terms, power, cross, ramp : ndarray (m,)
-        As in `plumbob.noise.spectrum.Spectrum`.
-    process : MarkovBins
-        For the density of a Gauss–Markov process.
-    """
-
-    rows: Floats
+    rows: Floats  # (r, m), densities of the random terms for coefficients of 1
+    # terms, power, cross, ramp: (m,), as in `plumbob.noise.spectrum.Spectrum`
     terms: Floats
     power: Floats
     cross: Floats
     ramp: Floats
-    process: MarkovBins
+    process: MarkovBins  # for the density of a Gauss–Markov process
 
 
 class Iterate(NamedTuple):
-    """Logarithms of coefficients (p,), and what the likelihood is there; `evaluate` fills it in.
+    """Logarithms of coefficients (p,), and what the likelihood is there; `evaluate` fills it in."""
 
-    Attributes
-    ----------
-    logs, gradient : ndarray (p,)
-        The logarithms, and the gradient of half the deviance.
-    information : ndarray (p, p)
-        Fisher information.
-    density : ndarray (m,)
-        Of the model.
-    relative : ndarray (p, m)
-        Derivatives of its logarithm.
-    sums : ndarray (3,)
-        Half the deviance; the ramp R; 1 / variance of R.
-    """
-
+    # logs, gradient: (p,), the logarithms, and the gradient of half the deviance
     logs: Floats
     gradient: Floats
-    information: Floats
-    density: Floats
-    relative: Floats
-    sums: Floats
+    information: Floats  # (p, p), fisher information
+    density: Floats  # (m,), of the model
+    relative: Floats  # (p, m), derivatives of its logarithm
+    sums: Floats  # (3,), half the deviance; the ramp R; 1 / variance of R
 
 
 def point(logs: Floats, bins: int) -> Iterate:
@@ -266,31 +244,17 @@ _DEPARTS = 2.326  # standard deviations of what chance makes of a misfit: once i
 
 @dataclass(frozen=True, eq=False)
 class LikelihoodFit:
-    """A maximum of the restricted likelihood.
+    """A maximum of the restricted likelihood."""
 
-    Attributes
-    ----------
-    logs : ndarray (p,)
-        Logarithms of Q, N, B, K and, with a Gauss–Markov process, of its standard deviation and correlation time.
-    information : ndarray (p, p)
-        Fisher information about them.
-    deviance : float
-        −2 ln likelihood, up to a constant of the record.
-    ramp, ramp_sd : float
-        R, which has a sign, and its standard deviation, unit/s.
-    density : ndarray (m,)
-        Of the model in each bin.
-    relative : ndarray (p, m)
-        Derivatives of its logarithm by `logs`.
-    """
-
+    # (p,), logarithms of Q, N, B, K and, with a Gauss–Markov process, of its standard deviation and correlation time
     logs: Floats
-    information: Floats
-    deviance: float
+    information: Floats  # (p, p), fisher information about them
+    deviance: float  # −2 ln likelihood, up to a constant of the record
+    # ramp, ramp_sd: R, which has a sign, and its standard deviation, unit/s
     ramp: float
     ramp_sd: float
-    density: Floats
-    relative: Floats
+    density: Floats  # (m,), of the model in each bin
+    relative: Floats  # (p, m), derivatives of its logarithm by `logs`
 
     @property
     def squares(self) -> Floats:

@@ -33,34 +33,18 @@ _PER_DECADE = 60  # bins: within one of 4 % width no spectrum of the terms chang
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Cosine coefficients of one channel, the zeroth left out, summed in m bins.
+    """Cosine coefficients of one channel, the zeroth left out, summed in m bins."""
 
-    Attributes
-    ----------
-    dt : float
-        Sampling time of the record, s.
-    count : int
-        Samples that were transformed, N.
-    averaged : int
-        How many samples of the record each of them is the mean of.
-    start, stop : ndarray (m,) of int64
-        First coefficient of each bin, and the one after its last. Bins that have been left out leave a gap.
-    power : ndarray (m,)
-        Sum of the squared coefficients of each bin, unit² / Hz.
-    cross : ndarray (m,)
-        Sum of coefficient times that of a ramp of 1 unit/s.
-    ramp : ndarray (m,)
-        Sum of the squared coefficients of such a ramp.
-    """
-
-    dt: float
-    count: int
-    averaged: int
+    dt: float  # sampling time of the record, s
+    count: int  # samples that were transformed, N
+    averaged: int  # how many samples of the record each of them is the mean of
+    # start, stop: (m,), First coefficient of each bin, and the one after its last. Bins that have been left out leave a
+    # gap.
     start: NDArray[np.int64]
     stop: NDArray[np.int64]
-    power: Floats
-    cross: Floats
-    ramp: Floats
+    power: Floats  # (m,), sum of the squared coefficients of each bin, unit² / Hz
+    cross: Floats  # (m,), sum of coefficient times that of a ramp of 1 unit/s
+    ramp: Floats  # (m,), sum of the squared coefficients of such a ramp
 
     @property
     def terms(self) -> Floats:
@@ -157,26 +141,13 @@ def densities(spectrum: Spectrum) -> Floats:
 
 
 class MarkovBins(NamedTuple):
-    """What the density of a first-order Gauss–Markov process needs of a spectrum of m bins.
+    """What the density of a first-order Gauss–Markov process needs of a spectrum of m bins."""
 
-    Attributes
-    ----------
-    cosine : ndarray (m,)
-        Of the middle frequencies, as angles from one transformed sample to the next.
-    angle : ndarray (m,)
-        π times the middle number j of the coefficients of each bin.
-    sign : ndarray (m,)
-        (−1)^j.
-    lags : ndarray (d,)
-        0, 1 … of the d samples that each transformed one is the mean of.
-    dt, step, length : float
-        Sampling time, time between the transformed samples, and length of the record, s.
-    """
-
-    cosine: Floats
-    angle: Floats
-    sign: Floats
-    lags: Floats
+    cosine: Floats  # (m,), of the middle frequencies, as angles from one transformed sample to the next
+    angle: Floats  # (m,), π times the middle number j of the coefficients of each bin
+    sign: Floats  # (m,), (−1)^j
+    lags: Floats  # (d,), 0, 1 … of the d samples that each transformed one is the mean of
+    # dt, step, length: sampling time, time between the transformed samples, and length of the record, s
     dt: float
     step: float
     length: float

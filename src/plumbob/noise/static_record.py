@@ -60,36 +60,17 @@ class PlainNumbers(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Channels:
-    """Channels of one sensor at one rate.
+    """Channels of one sensor at one rate."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Such as "gyr x".
-    quantity : Quantity
-        What they measure.
-    dt : float
-        Sampling time, s.
-    start : float
-        Time of the first sample in the file's own time, s.
-    triad : bool
-        Whether they are the axes of one sensor.
-    source : ndarray (N, k) or PlainNumbers
-        The samples, in inside units; or a file of numbers that are scaled as they are read.
-    factor : float
-        What 1 in the source is worth inside.
-    rows : (int, int or None)
-        First row of the source, and the one after the last.
-    """
-
-    names: tuple[str, ...]
-    quantity: Quantity
-    dt: float
-    start: float
-    triad: bool
+    names: tuple[str, ...]  # such as "gyr x"
+    quantity: Quantity  # what they measure
+    dt: float  # sampling time, s
+    start: float  # time of the first sample in the file's own time, s
+    triad: bool  # whether they are the axes of one sensor
+    # (N, k), the samples, in inside units; or a file of numbers that are scaled as they are read
     source: "Floats | PlainNumbers" = field(repr=False)
-    factor: float = 1.0
-    rows: tuple[int, int | None] = (0, None)
+    factor: float = 1.0  # what 1 in the source is worth inside
+    rows: tuple[int, int | None] = (0, None)  # first row of the source, and the one after the last
 
     def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[Floats]:
         """Samples (n, k) in inside units, block by block, from the start each time; as `PlainNumbers.blocks`."""
@@ -113,27 +94,13 @@ class Channels:
 
 @dataclass(frozen=True, eq=False)
 class StaticRecord:
-    """What a file holds for a noise analysis.
+    """What a file holds for a noise analysis."""
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    size : int
-        Its bytes, of which `Channels.blocks` reports the progress.
-    groups : tuple of Channels
-        One for each sensor that can be used.
-    refused : mapping of str to str
-        Sensors or channels that cannot, and why.
-    notes : tuple of str
-        What was done to the data, and what a reader must know.
-    """
-
-    path: Path
-    size: int
-    groups: tuple[Channels, ...]
-    refused: Mapping[str, str]
-    notes: tuple[Note, ...]
+    path: Path  # the file
+    size: int  # its bytes, of which `Channels.blocks` reports the progress
+    groups: tuple[Channels, ...]  # one for each sensor that can be used
+    refused: Mapping[str, str]  # sensors or channels that cannot, and why
+    notes: tuple[Note, ...]  # what was done to the data, and what a reader must know
 
 
 def check_static(
@@ -270,24 +237,13 @@ FEWEST: Final = 3
 
 @dataclass
 class Sensors:
-    """What a recording has.
+    """What a recording has."""
 
-    Attributes
-    ----------
-    dt : float
-        Sampling time of its rows, s.
-    groups : list of Channels
-        Triads, or those of their axes, that can be used: evenly spaced, without a missing sample.
-    refused : dict
-        Triads and channels that cannot, and why.
-    notes : list of Finding
-        What was done.
-    """
-
-    dt: float
+    dt: float  # sampling time of its rows, s
+    # triads, or those of their axes, that can be used: evenly spaced, without a missing sample
     groups: list[Channels] = field(default_factory=list)
-    refused: dict[str, str] = field(default_factory=dict)
-    notes: list[Note] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)  # triads and channels that cannot, and why
+    notes: list[Note] = field(default_factory=list)  # what was done
 
 
 def usable_sensors(

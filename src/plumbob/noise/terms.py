@@ -65,22 +65,15 @@ def grid(count: int, dt: float, size: int = 1 << 14) -> tuple[Floats, Floats]:
 
 
 class Term(NamedTuple):
-    """A term whose Allan variance is ``coefficient² · share · τ^power``.
+    """A term whose Allan variance is ``coefficient² · share · τ^power``."""
 
-    Attributes
-    ----------
-    letter, name : str
-        Q, N, B, K or R, and in words.
-    share, power : float
-        Of the Allan variance.
-    read_at : float or None
-        Averaging time at which the coefficient is read off its line, s; None where the line is flat.
-    """
-
+    # letter, name: Q, N, B, K or R, and in words
     letter: str
     name: str
+    # share, power: of the Allan variance
     share: float
     power: int
+    # averaging time at which the coefficient is read off its line, s; None where the line is flat
     read_at: float | None
 
     @property

@@ -65,42 +65,18 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """One recording of a page.
+    """One recording of a page."""
 
-    Attributes
-    ----------
-    name : str
-        Of the recording.
-    files : tuple of Path
-        Its files; none where it came from memory.
-    gathered : Gathered
-        Statistics and traces.
-    facts : tuple of (str, str)
-        Provenance, a name and a value each.
-    remarks : tuple of Finding
-        What a reader must know.
-    calibrated : bool
-        Whether a card was applied to the sensor values, or there are none.
-    north : North or None
-        What headings count from; None without an attitude.
-    numbers : mapping
-        Of the estimate, as JSON can hold them.
-    grade : Grade or None
-        Of the samples that the filter was given, calibrated where they were; None where nobody asked.
-    t0_ns : int
-        UTC of t = 0, ns since 1970; 0 where not known.
-    """
-
-    name: str
-    files: tuple[Path, ...]
-    gathered: Gathered
-    facts: tuple[tuple[str, str], ...]
-    remarks: tuple[Finding, ...]
-    calibrated: bool
-    north: North | None
-    numbers: Mapping[str, Any]
-    grade: Grade | None
-    t0_ns: int = 0
+    name: str  # of the recording
+    files: tuple[Path, ...]  # its files; none where it came from memory
+    gathered: Gathered  # statistics and traces
+    facts: tuple[tuple[str, str], ...]  # provenance, a name and a value each
+    remarks: tuple[Finding, ...]  # what a reader must know
+    calibrated: bool  # whether a card was applied to the sensor values, or there are none
+    north: North | None  # what headings count from; None without an attitude
+    numbers: Mapping[str, Any]  # of the estimate, as JSON can hold them
+    grade: Grade | None  # of the samples that the filter was given, calibrated where they were; None where nobody asked
+    t0_ns: int = 0  # UTC of t = 0, ns since 1970; 0 where not known
 
     def utc(self, t: float) -> str | None:
         """UTC of a time, ISO 8601 to the second; None where it is not known."""

@@ -38,24 +38,12 @@ Singles = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Traces:
-    """Channels over time.
+    """Channels over time."""
 
-    Attributes
-    ----------
-    t : ndarray (M,)
-        Times, s; in a long recording two for each stretch.
-    values : ndarray (M, C) of float32
-        By channel, SI; a row of NaN where the line breaks.
-    names : tuple of str
-        Of the channels.
-    each : int
-        How many samples a pair of rows stands for; 1 where every row is a sample.
-    """
-
-    t: Floats
-    values: Singles
-    names: tuple[str, ...]
-    each: int
+    t: Floats  # (M,), times, s; in a long recording two for each stretch
+    values: Singles  # (M, C), by channel, SI; a row of NaN where the line breaks
+    names: tuple[str, ...]  # of the channels
+    each: int  # how many samples a pair of rows stands for; 1 where every row is a sample
 
     def channel(self, name: str) -> Floats:
         """One channel (M,)."""
@@ -247,81 +235,37 @@ class FlagRuns:
 
 @dataclass(frozen=True, eq=False)
 class Burst:
-    """What one burst gave.
+    """What one burst gave."""
 
-    Attributes
-    ----------
-    begin, end : float
-        Its time, s; the last one ends with the recording, and may be half as long or half as long again.
-    samples : int
-        Samples in it.
-    tilt : TiltStatistics
-        Roll, pitch and inclination.
-    headings : Headings
-        Headings.
-    verdicts : dict of str to Verdict
-        Quality of each channel.
-    """
-
+    # begin, end: its time, s; the last one ends with the recording, and may be half as long or half as long again
     begin: float
     end: float
-    samples: int
-    tilt: TiltStatistics
+    samples: int  # samples in it
+    tilt: TiltStatistics  # roll, pitch and inclination
     headings: Headings
-    verdicts: Mapping[str, quality.BurstVerdict]
+    verdicts: Mapping[str, quality.BurstVerdict]  # quality of each channel
 
 
 @dataclass(eq=False)
 class Gathered:
-    """All that was gathered of a recording.
+    """All that was gathered of a recording."""
 
-    Attributes
-    ----------
-    begin, end : float
-        Times of the first and the last sample, s.
-    step : float
-        Usual time between samples, s.
-    triads : tuple of str
-        Sensors.
-    burst : float
-        Length of a burst, s.
-    samples : int
-        How many.
-    gaps : list of (float, float)
-        Times of the samples before and behind each gap, s.
-    missing : int
-        Samples that gaps lack, by the usual step.
-    bursts : list of Burst
-        In order.
-    tilt : TiltStatistics or None
-        Of the whole; None without an attitude.
-    headings : Headings or None
-        Of the whole.
-    spectra : Spectra or None
-        Of `SPECTRAL`.
-    traces : Traces
-        Values over time.
-    moments : Moments
-        Of the traced channels.
-    flags : dict of str to FlagRuns
-        Those that occur.
-    """
-
+    # begin, end: times of the first and the last sample, s
     begin: float
     end: float
-    step: float
-    triads: tuple[str, ...]
-    burst: float
-    samples: int = 0
-    gaps: list[tuple[float, float]] = field(default_factory=list)
-    missing: int = 0
-    bursts: list[Burst] = field(default_factory=list)
-    tilt: TiltStatistics | None = None
-    headings: Headings | None = None
-    spectra: Spectra | None = None
-    traces: Traces = NOTHING
-    moments: Moments = field(default_factory=partial(Moments.empty, len(TRACED)))
-    flags: dict[str, FlagRuns] = field(default_factory=dict)
+    step: float  # usual time between samples, s
+    triads: tuple[str, ...]  # sensors
+    burst: float  # length of a burst, s
+    samples: int = 0  # how many
+    gaps: list[tuple[float, float]] = field(default_factory=list)  # times of the samples before and behind each gap, s
+    missing: int = 0  # samples that gaps lack, by the usual step
+    bursts: list[Burst] = field(default_factory=list)  # in order
+    tilt: TiltStatistics | None = None  # of the whole; None without an attitude
+    headings: Headings | None = None  # of the whole
+    spectra: Spectra | None = None  # of `SPECTRAL`
+    traces: Traces = NOTHING  # values over time
+    moments: Moments = field(default_factory=partial(Moments.empty, len(TRACED)))  # of the traced channels
+    flags: dict[str, FlagRuns] = field(default_factory=dict)  # those that occur
 
     @property
     def duration(self) -> float:

@@ -23,29 +23,17 @@ SUM16_REST: Final = 9
 
 
 class Algorithm(NamedTuple):
-    """One way to check.
+    """One way to check."""
 
-    Attributes
-    ----------
-    code : int
-        Family.
-    width : int
-        Bits of the check.
-    polynomial, start, final : int
-        Of a cyclic redundancy check: generator, first remainder, and what the last is combined with.
-    reflected : bool
-        Whether bits go lowest first.
-    meaning : str
-        In words.
-    """
-
-    code: int
-    width: int
+    code: int  # family
+    width: int  # bits of the check
+    # polynomial, start, final: of a cyclic redundancy check: generator, first remainder, and what the last is combined
+    # with
     polynomial: int = 0
     start: int = 0
     final: int = 0
-    reflected: bool = False
-    meaning: str = ""
+    reflected: bool = False  # whether bits go lowest first
+    meaning: str = ""  # in words
 
     @property
     def size(self) -> int:

@@ -60,32 +60,16 @@ class Frames:
 
 @dataclass(slots=True)
 class Counts:
-    """What became of every byte, and why frames were rejected.
+    """What became of every byte, and why frames were rejected."""
 
-    Attributes
-    ----------
-    received : int
-        Bytes handed in.
-    framed : int
-        Bytes of frames, unknown messages included.
-    junk : int
-        Bytes that belong to no frame.
-    pending : int
-        Bytes that wait for more.
-    frames : dict of str to int
-        Frames by message.
-    unknown : int
-        Frames that pass their check and are of no known message.
-    bad_checksum, bad_content, bad_length : int
-        Candidates rejected for their check; for constants, digits or parity; for an impossible length.
-    """
-
-    received: int = 0
-    framed: int = 0
-    junk: int = 0
-    pending: int = 0
-    frames: dict[str, int] = field(default_factory=dict)
-    unknown: int = 0
+    received: int = 0  # bytes handed in
+    framed: int = 0  # bytes of frames, unknown messages included
+    junk: int = 0  # bytes that belong to no frame
+    pending: int = 0  # bytes that wait for more
+    frames: dict[str, int] = field(default_factory=dict)  # frames by message
+    unknown: int = 0  # frames that pass their check and are of no known message
+    # bad_checksum, bad_content, bad_length: candidates rejected for their check; for constants, digits or parity; for
+    # an impossible length
     bad_checksum: int = 0
     bad_content: int = 0
     bad_length: int = 0

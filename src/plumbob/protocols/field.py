@@ -52,21 +52,11 @@ def _says(where: str, value: Any) -> dict[int, str]:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """Where a fact comes from.
+    """Where a fact comes from."""
 
-    Attributes
-    ----------
-    source : str
-        Tag of a source of the format; empty in a format of your own.
-    mark : str
-        How sure it is, from `MARKS`.
-    note : str
-        What else to know.
-    """
-
-    source: str = ""
-    mark: Annotated[str, schema.one_of(*MARKS)] = ""
-    note: str = ""
+    source: str = ""  # tag of a source of the format; empty in a format of your own
+    mark: Annotated[str, schema.one_of(*MARKS)] = ""  # how sure it is, from `MARKS`
+    note: str = ""  # what else to know
 
 
 UNSAID: Final = Provenance()
@@ -74,25 +64,14 @@ UNSAID: Final = Provenance()
 
 @dataclass(frozen=True, slots=True)
 class Checksum:
-    """Check at the end or elsewhere of a frame.
+    """Check at the end or elsewhere of a frame."""
 
-    Attributes
-    ----------
-    kind : str
-        Name from `checksum.KINDS`, or of an option.
-    at : int
-        Where it stands; negative counts from the end of the frame.
-    start, stop : int
-        Bytes that it covers, `stop` exclusive; 0 or negative counts from the end.
-    order : str
-        Of its own bytes.
-    """
-
-    kind: str
-    at: int
+    kind: str  # name from `checksum.KINDS`, or of an option
+    at: int  # where it stands; negative counts from the end of the frame
+    # start, stop: bytes that it covers, `stop` exclusive; 0 or negative counts from the end
     start: int = 0
     stop: int = 0
-    order: str = "big"
+    order: str = "big"  # of its own bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,74 +79,43 @@ class Field:
     """One number of a message.
 
     ``value = ((raw + raw_offset) lsb times / counts + offset) unit``, where `counts` and `times` may be options.
-
-    Attributes
-    ----------
-    name : str
-        ``gyr.x``, ``acc.z``, ``mag.y``, ``temp_c``, ``roll``, or any other; several units in one frame have a prefix,
-        ``u1.gyr.x``.
-    at : int
-        Byte in the frame at which its word begins.
-    type : str
-        From `SIZES`, or what says of `size` bytes whether they are sound: ``"parity"``, 1 where they hold an odd number
-        of ones, `bits` being what sees to it; ``"check"``, 1 where `check` fits.
-    size : int
-        Bytes of the word.
-    order : str
-        ``"big"`` or ``"little"``.
-    bits : tuple of int or None
-        Highest and lowest bit of the word that belong to it; all where None.
-    unit : str
-        Unit of the value; empty for a bare whole number.
-    lsb, counts, times : float or str
-        Size of a count: `lsb` times `times` over `counts`; a text names an option.
-    raw_offset, offset : float
-        Added to the count, and to the value in its unit.
-    role : str
-        From `ROLES`. A frame whose constant differs is another message; of a match the frame says 1 where it is as it
-        should be, else 0.
-    value : int
-        What a constant or a match is; what else is encoded where nothing is given.
-    clip : tuple of int or None
-        Counts at and beyond which the sensor is at the end of its range.
-    overflow : tuple of int
-        Counts that stand for "beyond the range": the value is absent and flagged as clipped.
-    range : tuple of int or None
-        Least and greatest count of a frame that can be believed, where the check alone is weak.
-    wrap : bool
-        Whether its counts go round, as those of an angle do of which 360° are all counts.
-    says : mapping of int to str
-        Of a status: which counts mean a word of `WORDS` for the triads `of`.
-    of : tuple of str
-        Names of triads, or of single fields such as ``gyr.x`` and ``temp_c``, with their prefix.
-    check : Checksum or None
-        Of a check, with places counted from `at`.
-    origin : Provenance
-        Where it comes from.
     """
 
+    # ``gyr.x``, ``acc.z``, ``mag.y``, ``temp_c``, ``roll``, or any other; several units in one frame have a prefix,
+    # ``u1.gyr.x``
     name: str
-    at: Annotated[int, schema.whole(0)]
+    at: Annotated[int, schema.whole(0)]  # byte in the frame at which its word begins
+    # from `SIZES`, or what says of `size` bytes whether they are sound: ``"parity"``, 1 where they hold an odd number
+    # of ones, `bits` being what sees to it; ``"check"``, 1 where `check` fits
     type: Annotated[str, schema.one_of(*SIZES, "parity")]
-    size: Annotated[int, schema.whole(1, 8)]
-    order: Annotated[str, ORDER] = "big"
+    size: Annotated[int, schema.whole(1, 8)]  # bytes of the word
+    order: Annotated[str, ORDER] = "big"  # ``"big"`` or ``"little"``
+    # highest and lowest bit of the word that belong to it; all where None
     bits: Annotated[tuple[int, int] | None, _PAIR] = None
-    unit: str = ""
+    unit: str = ""  # unit of the value; empty for a bare whole number
+    # lsb, counts, times: size of a count: `lsb` times `times` over `counts`; a text names an option
     lsb: Annotated[float, schema.either(str, schema.converted(_fraction), schema.nonzero)] = 1.0
     counts: Annotated[float | str, _OPTION] = 1.0
     times: Annotated[float | str, _OPTION] = 1.0
+    # raw_offset, offset: added to the count, and to the value in its unit
     raw_offset: float = 0.0
     offset: float = 0.0
+    # From `ROLES`. A frame whose constant differs is another message; of a match the frame says 1 where it is as it
+    # should be, else 0.
     role: Annotated[str, schema.one_of(*ROLES)] = "value"
-    value: int = 0
+    value: int = 0  # what a constant or a match is; what else is encoded where nothing is given
+    # counts at and beyond which the sensor is at the end of its range
     clip: Annotated[tuple[int, int] | None, _PAIR] = None
+    # counts that stand for "beyond the range": the value is absent and flagged as clipped
     overflow: Annotated[tuple[int, ...], _NUMBERS] = ()
+    # least and greatest count of a frame that can be believed, where the check alone is weak
     range: Annotated[tuple[int, int] | None, _PAIR] = None
-    wrap: bool = False
+    wrap: bool = False  # whether its counts go round, as those of an angle do of which 360° are all counts
+    # of a status: which counts mean a word of `WORDS` for the triads `of`
     says: Annotated[Mapping[int, str], schema.described(_says, type="object")] = field(default_factory=dict)
-    of: tuple[str, ...] = ()
-    check: "Checksum | None" = None
-    origin: Provenance = UNSAID
+    of: tuple[str, ...] = ()  # names of triads, or of single fields such as ``gyr.x`` and ``temp_c``, with their prefix
+    check: "Checksum | None" = None  # of a check, with places counted from `at`
+    origin: Provenance = UNSAID  # where it comes from
 
     @property
     def signed(self) -> bool:

@@ -28,64 +28,36 @@ _PARITY: Final = schema.listed(schema.listed(schema.whole(), 3, of="numbers: fir
 
 @dataclass(frozen=True, slots=True)
 class LengthField:
-    """Length of a frame that stands in it.
+    """Length of a frame that stands in it."""
 
-    Attributes
-    ----------
-    at, size : int
-        Where, and of how many bytes.
-    add : int
-        What to add to get the length of the whole frame.
-    least, most : int
-        Lengths that are believed.
-    order : str
-        Of its bytes.
-    """
-
+    # at, size: where, and of how many bytes
     at: Annotated[int, schema.whole(0)]
     size: Annotated[int, schema.whole(1, 4)]
-    add: int
+    add: int  # what to add to get the length of the whole frame
+    # least, most: lengths that are believed
     least: Annotated[int, schema.whole(1)]
     most: Annotated[int, schema.whole(1, 65535)]
-    order: Annotated[str, ORDER] = ""
+    order: Annotated[str, ORDER] = ""  # of its bytes
 
 
 @dataclass(frozen=True, slots=True)
 class Framing:
-    """How frames are found in a stream.
+    """How frames are found in a stream."""
 
-    Attributes
-    ----------
-    sync : tuple of bytes
-        What a frame begins with, one of several of equal length; empty for a bus, where each transfer is one frame.
-    end : bytes
-        What every frame ends with, behind its check; empty where nothing.
-    length : int
-        Bytes of every frame; 0 where `length_field` says it.
-    length_field : LengthField or None
-        Where the length stands.
-    checksum : Checksum or None
-        Check of the whole.
-    parity : tuple of (int, int, int)
-        First byte and end of what must hold an odd number of ones, and the bit that makes it so, counted from the
-        range's last bit.
-    confirm : bool
-        After a disturbance, believe a frame only once another begins right behind it: for weak checks.
-    rate : float or None
-        Frames per second as the device sends them, Hz.
-    baud : int or None
-        Usual speed of the line.
-    """
-
+    # what a frame begins with, one of several of equal length; empty for a bus, where each transfer is one frame
     sync: Annotated[tuple[bytes, ...], _SYNC] = ()
-    end: Annotated[bytes, HEX] = b""
-    length: Annotated[int, schema.whole(1, 65535)] = 0
-    length_field: LengthField | None = None
-    checksum: Checksum | None = None
+    end: Annotated[bytes, HEX] = b""  # what every frame ends with, behind its check; empty where nothing
+    length: Annotated[int, schema.whole(1, 65535)] = 0  # bytes of every frame; 0 where `length_field` says it
+    length_field: LengthField | None = None  # where the length stands
+    checksum: Checksum | None = None  # check of the whole
+    # first byte and end of what must hold an odd number of ones, and the bit that makes it so, counted from the range's
+    # last bit
     parity: Annotated[tuple[tuple[int, int, int], ...], _PARITY] = ()
+    # after a disturbance, believe a frame only once another begins right behind it: for weak checks
     confirm: bool = False
+    # frames per second as the device sends them, Hz
     rate: Annotated[float | None, schema.size(Quantity.FREQUENCY)] = None
-    baud: Annotated[int | None, schema.whole(1)] = None
+    baud: Annotated[int | None, schema.whole(1)] = None  # usual speed of the line
 
     @property
     def transfers(self) -> bool:
@@ -126,24 +98,13 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """Something that the bytes do not say: a range setting, a model's constant.
+    """Something that the bytes do not say: a range setting, a model's constant."""
 
-    Attributes
-    ----------
-    meaning : str
-        One line.
-    choices : mapping of str to float or str
-        What each choice stands for; empty where it is any number above 0.
-    default : str or None
-        None where it must be given.
-    origin : Provenance
-        Where it comes from.
-    """
-
-    meaning: str
+    meaning: str  # one line
+    # what each choice stands for; empty where it is any number above 0
     choices: Annotated[Mapping[str, float | str], _CHOICES] = field(default_factory=dict)
-    default: Annotated[str | None, schema.text] = None
-    origin: Provenance = UNSAID
+    default: Annotated[str | None, schema.text] = None  # none where it must be given
+    origin: Provenance = UNSAID  # where it comes from
 
     def resolve(self, where: str, choice: str | None) -> float | str:
         """Number or word that a choice stands for.
@@ -174,30 +135,14 @@ class Option:
 
 @dataclass(frozen=True, slots=True)
 class Register:
-    """One register of a chip.
+    """One register of a chip."""
 
-    Attributes
-    ----------
-    address : int
-        First address.
-    name : str
-        As the data sheet calls it.
-    meaning : str
-        Bits and scale in words.
-    reset : int or None
-        Value after power-up, where it is known.
-    word : Field or None
-        How its bytes make a number, where they make one.
-    origin : Provenance
-        Where it comes from.
-    """
-
-    address: Annotated[int, schema.whole(0)]
-    name: str
-    meaning: str
-    reset: Annotated[int | None, schema.whole(0)] = None
-    word: Field | None = None
-    origin: Provenance = UNSAID
+    address: Annotated[int, schema.whole(0)]  # first address
+    name: str  # as the data sheet calls it
+    meaning: str  # bits and scale in words
+    reset: Annotated[int | None, schema.whole(0)] = None  # value after power-up, where it is known
+    word: Field | None = None  # how its bytes make a number, where they make one
+    origin: Provenance = UNSAID  # where it comes from
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,21 +21,11 @@ UNCHECKED: Final = "NONE: no sync, checksum or constant, so any {} bytes pass fo
 
 @dataclass(frozen=True, slots=True)
 class PageTable:
-    """Part of a page.
+    """Part of a page."""
 
-    Attributes
-    ----------
-    title : str
-        Its heading.
-    head : tuple of str
-        What its columns are.
-    rows : tuple of tuple of str
-        Cells.
-    """
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    title: str  # its heading
+    head: tuple[str, ...]  # what its columns are
+    rows: tuple[tuple[str, ...], ...]  # cells
 
 
 def tables(form: Format) -> list[PageTable]:

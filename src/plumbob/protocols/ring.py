@@ -13,23 +13,12 @@ BLANK: Final = 0xFF
 
 
 class Ring(NamedTuple):
-    """What an image of a log holds.
+    """What an image of a log holds."""
 
-    Attributes
-    ----------
-    stream : bytes
-        Its frames, the oldest first, and nothing else.
-    records : int
-        Number of them.
-    missing : int
-        Numbers between the first and the last that no frame has.
-    blank, torn : int
-        Bytes that belong to no frame: erased ones, and others.
-    """
-
-    stream: bytes
-    records: int
-    missing: int
+    stream: bytes  # its frames, the oldest first, and nothing else
+    records: int  # number of them
+    missing: int  # numbers between the first and the last that no frame has
+    # blank, torn: bytes that belong to no frame: erased ones, and others
     blank: int
     torn: int
 

@@ -167,46 +167,21 @@ _CONTRADICTS: Final = 4.6  # 100 to 1
 
 @dataclass(frozen=True)
 class VectorFit:
-    """One vector sensor against the gyroscope.
+    """One vector sensor against the gyroscope."""
 
-    Attributes
-    ----------
-    log_odds : ndarray (48,)
-        Logarithm of each arrangement's likelihood less that of the best.
-    halves : tuple of ndarray (48,)
-        The same of each half of the recording's turning alone.
-    delay : float
-        By how much the sensor's stamps are late, s.
-    delay_sd : float
-        Its standard deviation, s.
-    delay_halves : tuple of float
-        The delay by each half.
-    scale, scale_sd : float
-        What the rates have to be multiplied by.
-    bias : ndarray (3,)
-        Bias of the rates in the axes of the sensor, in the rates' unit times the scale.
-    offset : ndarray (3,)
-        Offset of the sensor, in its unit.
-    explained : float
-        Part of the change that the best arrangement explains, 0 to 1.
-    contradicted : bool
-        Whether windows of another length say something else.
-    in_step : float
-        Delay that pushes feign where they come in step with the turning, s.
-    """
-
-    log_odds: Floats
-    halves: tuple[Floats, Floats]
-    delay: float
-    delay_sd: float
-    delay_halves: tuple[float, float]
+    log_odds: Floats  # (48,), logarithm of each arrangement's likelihood less that of the best
+    halves: tuple[Floats, Floats]  # (48,), the same of each half of the recording's turning alone
+    delay: float  # by how much the sensor's stamps are late, s
+    delay_sd: float  # its standard deviation, s
+    delay_halves: tuple[float, float]  # the delay by each half
+    # scale, scale_sd: what the rates have to be multiplied by
     scale: float
     scale_sd: float
-    bias: Floats
-    offset: Floats
-    explained: float
-    contradicted: bool = False
-    in_step: float = 0.0
+    bias: Floats  # (3,), bias of the rates in the axes of the sensor, in the rates' unit times the scale
+    offset: Floats  # (3,), offset of the sensor, in its unit
+    explained: float  # part of the change that the best arrangement explains, 0 to 1
+    contradicted: bool = False  # whether windows of another length say something else
+    in_step: float = 0.0  # delay that pushes feign where they come in step with the turning, s
 
     @property
     def best(self) -> int:

@@ -78,21 +78,11 @@ def fit_force(
 
 @dataclass(frozen=True)
 class _EqualWindows:
-    """Windows of one length.
+    """Windows of one length."""
 
-    Attributes
-    ----------
-    size : int
-        Bins of a window.
-    residual : ndarray (scales, shifts, 48, blocks)
-        Mean square change of gravity.
-    counts : ndarray (blocks,)
-        Windows that count.
-    """
-
-    size: int
-    residual: Floats
-    counts: Floats
+    size: int  # bins of a window
+    residual: Floats  # (scales, shifts, 48, blocks), mean square change of gravity
+    counts: Floats  # (blocks,), windows that count
 
     def likely(self, rows: NDArray[np.bool_] | None = None) -> Floats:
         """Log-likelihood (scales, shifts, 48), by some of the blocks.

@@ -71,33 +71,15 @@ class Trust(StrEnum):
 
 @dataclass(frozen=True)
 class Convention:
-    """One question about a convention, and its answer.
+    """One question about a convention, and its answer."""
 
-    Attributes
-    ----------
-    sensor : str
-        ``gyr``, ``acc`` or ``mag``.
-    question : str
-        ``unit``, ``axes``, ``sign`` or ``delay``.
-    answer : Trust
-        How far it can be trusted.
-    finding : Finding
-        The best hypothesis.
-    log_odds : float
-        Natural logarithm of its odds against the next.
-    wrong : bool
-        Whether it contradicts what the recording is read as.
-    reasons : tuple of Finding
-        What it is known by, or what would tell.
-    """
-
-    sensor: str
-    question: str
-    answer: Trust
-    finding: Finding
-    log_odds: float = 0.0
-    wrong: bool = False
-    reasons: tuple[Finding, ...] = ()
+    sensor: str  # ``gyr``, ``acc`` or ``mag``
+    question: str  # ``unit``, ``axes``, ``sign`` or ``delay``
+    answer: Trust  # how far it can be trusted
+    finding: Finding  # the best hypothesis
+    log_odds: float = 0.0  # natural logarithm of its odds against the next
+    wrong: bool = False  # whether it contradicts what the recording is read as
+    reasons: tuple[Finding, ...] = ()  # what it is known by, or what would tell
 
     @property
     def value(self) -> str:

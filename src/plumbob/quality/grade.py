@@ -65,30 +65,15 @@ FASTEST: Final = float(dps(4000.0))
 
 @dataclass(frozen=True, slots=True)
 class Criterion:
-    """One reason of a grade.
+    """One reason of a grade."""
 
-    Attributes
-    ----------
-    name : str
-        Its name.
-    points : float
-        What it can cost at most.
-    lost : float
-        What it costs here.
-    findings : tuple of Finding
-        What was measured.
-    limits : mapping
-        Numbers of its rule: when it costs nothing, and when everything.
-    value : float or None
-        The number that the rule judges; None where it is not one number.
-    """
-
-    name: str
-    points: float
-    lost: float
-    findings: tuple[Finding, ...]
+    name: str  # its name
+    points: float  # what it can cost at most
+    lost: float  # what it costs here
+    findings: tuple[Finding, ...]  # what was measured
+    # numbers of its rule: when it costs nothing, and when everything
     limits: Mapping[str, Any] = field(default_factory=dict)
-    value: float | None = None
+    value: float | None = None  # the number that the rule judges; None where it is not one number
 
     @property
     def measured(self) -> str:
@@ -113,18 +98,10 @@ class Criterion:
 
 @dataclass(frozen=True)
 class Grade:
-    """How much a recording is worth, with the reasons.
+    """How much a recording is worth, with the reasons."""
 
-    Attributes
-    ----------
-    criteria : tuple of Criterion
-        All that apply; of several units those of the worst.
-    units : mapping of str to Grade
-        The grade of each of several units.
-    """
-
-    criteria: tuple[Criterion, ...]
-    units: Mapping[str, "Grade"] = field(default_factory=dict)
+    criteria: tuple[Criterion, ...]  # all that apply; of several units those of the worst
+    units: Mapping[str, "Grade"] = field(default_factory=dict)  # the grade of each of several units
 
     @property
     def points(self) -> float:

@@ -67,21 +67,11 @@ _BEYOND: Final = {
 
 @dataclass(frozen=True, slots=True)
 class BurstVerdict:
-    """Flag of a channel in a burst.
+    """Flag of a channel in a burst."""
 
-    Attributes
-    ----------
-    flag : int
-        The worst of its tests, 1, 2, 3, 4 or 9.
-    tests : dict of str to int
-        Flags of the tests, by name.
-    good : float
-        Share of good samples, 0 to 1.
-    """
-
-    flag: int
-    tests: dict[str, int] = field(default_factory=dict)
-    good: float = 0.0
+    flag: int  # the worst of its tests, 1, 2, 3, 4 or 9
+    tests: dict[str, int] = field(default_factory=dict)  # flags of the tests, by name
+    good: float = 0.0  # share of good samples, 0 to 1
 
     @property
     def why(self) -> str:

@@ -26,30 +26,14 @@ UNEVEN: Final = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Spectra:
-    """Densities of several channels.
+    """Densities of several channels."""
 
-    Attributes
-    ----------
-    frequency : ndarray (F,)
-        From one step above zero to half the rate, Hz.
-    density : ndarray (F, C)
-        One-sided, unit²/Hz; NaN where a channel has no segment.
-    segments : ndarray (C,) of int64
-        How many segments of each channel were averaged.
-    step : float
-        Between samples, s.
-    length : int
-        Samples of a segment.
-    interpolated : int
-        Segments whose samples were not even in time.
-    """
-
-    frequency: Floats
-    density: Floats
-    segments: NDArray[np.int64]
-    step: float
-    length: int
-    interpolated: int = 0
+    frequency: Floats  # (F,), from one step above zero to half the rate, Hz
+    density: Floats  # (F, C), one-sided, unit²/Hz; NaN where a channel has no segment
+    segments: NDArray[np.int64]  # (C,), how many segments of each channel were averaged
+    step: float  # between samples, s
+    length: int  # samples of a segment
+    interpolated: int = 0  # segments whose samples were not even in time
 
     @property
     def resolution(self) -> float:

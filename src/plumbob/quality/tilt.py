@@ -43,32 +43,18 @@ def _pooled(parts: "Sequence[TiltMotion] | Sequence[Inclination]") -> tuple[int,
 
 @dataclass(frozen=True, eq=False)
 class TiltMotion:
-    """Roll or pitch over a time.
+    """Roll or pitch over a time."""
 
-    Attributes
-    ----------
-    samples : int
-        How many of them are known.
-    mean, sd, least, greatest : float
-        Of the angle, rad; the standard deviation is about the mean.
-    heights : ndarray (W,)
-        Double amplitudes of the waves, rad.
-    periods : ndarray (W,)
-        Their periods, s.
-    tp : float
-        Period of the peak of the spectrum, s; NaN where there is none.
-    wrapped : bool
-        Whether the angle went through ±180°, so that its mean and all that follows from it mean nothing.
-    """
-
-    samples: int
+    samples: int  # how many of them are known
+    # mean, sd, least, greatest: of the angle, rad; the standard deviation is about the mean
     mean: float
     sd: float
     least: float
     greatest: float
-    heights: Floats
-    periods: Floats
-    tp: float = math.nan
+    heights: Floats  # (W,), double amplitudes of the waves, rad
+    periods: Floats  # (W,), their periods, s
+    tp: float = math.nan  # period of the peak of the spectrum, s; NaN where there is none
+    # whether the angle went through ±180°, so that its mean and all that follows from it mean nothing
     wrapped: bool = False
 
     @property
@@ -134,29 +120,16 @@ class TiltMotion:
 
 @dataclass(frozen=True, eq=False)
 class Inclination:
-    """Angle between the body's vertical axis and the vertical over a time, whatever its direction.
+    """Angle between the body's vertical axis and the vertical over a time, whatever its direction."""
 
-    Attributes
-    ----------
-    samples : int
-        How many of them are known.
-    mean, sd, greatest : float
-        Of the angle, rad.
-    greatest_at : float
-        When it was greatest, s.
-    limit : float
-        What counts as large, rad.
-    beyond : int
-        Samples beyond the limit.
-    """
-
-    samples: int
+    samples: int  # how many of them are known
+    # mean, sd, greatest: of the angle, rad
     mean: float
     sd: float
     greatest: float
-    greatest_at: float
-    limit: float
-    beyond: int
+    greatest_at: float  # when it was greatest, s
+    limit: float  # what counts as large, rad
+    beyond: int  # samples beyond the limit
 
     @property
     def rms(self) -> float:
@@ -192,17 +165,10 @@ class Inclination:
 
 @dataclass(frozen=True, eq=False)
 class Headings:
-    """Headings over a time, as directions on a circle [Mardia2000].
+    """Headings over a time, as directions on a circle [Mardia2000]."""
 
-    Attributes
-    ----------
-    counts : ndarray (288,) of int64
-        Samples in sectors of 1.25°, clockwise from North.
-    cosine, sine : float
-        Sums over the samples.
-    """
-
-    counts: NDArray[np.int64]
+    counts: NDArray[np.int64]  # (288,), samples in sectors of 1.25°, clockwise from North
+    # cosine, sine: sums over the samples
     cosine: float
     sine: float
 
@@ -256,19 +222,12 @@ class Headings:
 
 @dataclass(frozen=True, eq=False)
 class TiltStatistics:
-    """Roll, pitch and inclination over a time.
+    """Roll, pitch and inclination over a time."""
 
-    Attributes
-    ----------
-    roll, pitch : TiltMotion
-        The two angles.
-    inclination : Inclination
-        Angle from the vertical.
-    """
-
+    # roll, pitch: the two angles
     roll: TiltMotion
     pitch: TiltMotion
-    inclination: Inclination
+    inclination: Inclination  # angle from the vertical
 
     @classmethod
     def joined(cls, parts: Sequence[Self], tp: tuple[float, float] = (math.nan, math.nan)) -> Self:

@@ -22,27 +22,13 @@ _NONE_FITS: Final = 3.5
 
 @dataclass(frozen=True)
 class UnitOdds:
-    """The unit that fits best.
+    """The unit that fits best."""
 
-    Attributes
-    ----------
-    unit : str or None
-        Its name; None where no unit in use fits.
-    factor : float
-        What the values as declared have to be multiplied by.
-    log_odds : float
-        Against the next unit.
-    next : str
-        The next.
-    declared_odds : float
-        Of the declared unit, against the best.
-    """
-
-    unit: str | None
-    factor: float
-    log_odds: float
+    unit: str | None  # its name; None where no unit in use fits
+    factor: float  # what the values as declared have to be multiplied by
+    log_odds: float  # against the next unit
     next: str
-    declared_odds: float
+    declared_odds: float  # of the declared unit, against the best
 
 
 def unit_odds(name: str, size: float, sd: float, declared: str) -> UnitOdds:

@@ -100,30 +100,14 @@ _LONG = 20  # rows of a titled table that a page has folded away
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under a head; the first cell of each row is its name.
+    """Rows under a head; the first cell of each row is its name."""
 
-    Attributes
-    ----------
-    title : str
-        A noun, with a unit where all columns have the same one; may be empty.
-    head : sequence of str
-        Names of the columns, with their units.
-    rows : sequence of sequence of str
-        Cells as they are shown.
-    words : collection of int
-        Columns of words, from 0; the others are numbers. The first one always is.
-    strong : collection of (int, int)
-        Row and column of the cells that a page sets in bold.
-    detail : str
-        What to ask for to have it in the text; a page has it folded away. Empty: always shown.
-    """
-
-    title: str
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    words: Collection[int] = ()
-    strong: Collection[tuple[int, int]] = ()
-    detail: str = ""
+    title: str  # a noun, with a unit where all columns have the same one; may be empty
+    head: Sequence[str]  # names of the columns, with their units
+    rows: Sequence[Sequence[str]]  # cells as they are shown
+    words: Collection[int] = ()  # Columns of words, from 0; the others are numbers. The first one always is.
+    strong: Collection[tuple[int, int]] = ()  # row and column of the cells that a page sets in bold
+    detail: str = ""  # What to ask for to have it in the text; a page has it folded away. Empty: always shown.
 
     @property
     def long(self) -> bool:
@@ -153,24 +137,13 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing.
+    """A drawing."""
 
-    Attributes
-    ----------
-    caption : str
-        A noun.
-    draw : callable
-        Draws on the matplotlib figure that it gets, in colours of this module.
-    key : sequence of (str, str, str)
-        Names of lines, their colours, and "solid", "dashed", "dotted" or "block".
-    height : float
-        Inches.
-    """
-
-    caption: str
-    draw: "Callable[[FigureBase], object]"
+    caption: str  # a noun
+    draw: "Callable[[FigureBase], object]"  # draws on the matplotlib figure that it gets, in colours of this module
+    # names of lines, their colours, and "solid", "dashed", "dotted" or "block"
     key: Sequence[tuple[str, str, str]] = ()
-    height: float = 2.4
+    height: float = 2.4  # inches
 
 
 _FRAMES: Final = 1500
@@ -184,35 +157,17 @@ _DIGITS: Final = 4  # of lengths in m: a tenth of a millimetre
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A body of points and lines over time.
+    """A body of points and lines over time."""
 
-    Attributes
-    ----------
-    caption : str
-        A noun.
-    t : ndarray (N,)
-        Times, s.
-    points : mapping of str to ndarray (N, 3)
-        Places by name, m; z is up. A name that begins with a dot is a helper's: no mark, no label, thin lines.
-    lines : sequence of (str, str)
-        Points that are joined.
-    trail : str
-        Point whose way is drawn; none where empty.
-    values : mapping of str to ndarray (N,)
-        Numbers that are shown beside the time, by name.
-    unit : str
-        Of these numbers.
-    shadow : mapping of str to ndarray (N, 3)
-        A second body with the same lines, drawn pale: what the first one is compared with; may have fewer points.
-    """
-
-    caption: str
-    t: Floats
+    caption: str  # a noun
+    t: Floats  # (N,), times, s
+    # (N, 3), Places by name, m; z is up. A name that begins with a dot is a helper's: no mark, no label, thin lines.
     points: Mapping[str, Floats]
-    lines: Sequence[tuple[str, str]]
-    trail: str = ""
-    values: Mapping[str, Floats] = field(default_factory=dict)
-    unit: str = "°"
+    lines: Sequence[tuple[str, str]]  # points that are joined
+    trail: str = ""  # point whose way is drawn; none where empty
+    values: Mapping[str, Floats] = field(default_factory=dict)  # (N,), numbers that are shown beside the time, by name
+    unit: str = "°"  # of these numbers
+    # (N, 3), a second body with the same lines, drawn pale: what the first one is compared with; may have fewer points
     shadow: Mapping[str, Floats] = field(default_factory=dict)
 
 

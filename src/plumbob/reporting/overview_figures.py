@@ -59,24 +59,14 @@ _SPECTRA: Final = (
 
 
 class Chart(NamedTuple):
-    """A plot, as a panel of a picture and on the page.
+    """A plot, as a panel of a picture and on the page."""
 
-    Attributes
-    ----------
-    what : str
-        Name of the picture.
-    label : str
-        Of its axis there, with the unit; with a place for the name of a line, each line has a panel of its own.
-    spec : dict
-        What the script of the page takes, but for the unit; its kind is "time", "spectrum", "points" or "flags".
-    on_page : bool
-        Whether the page has it.
-    """
-
-    what: str
+    what: str  # name of the picture
+    # of its axis there, with the unit; with a place for the name of a line, each line has a panel of its own
     label: str
+    # what the script of the page takes, but for the unit; its kind is "time", "spectrum", "points" or "flags"
     spec: dict[str, Any]
-    on_page: bool = True
+    on_page: bool = True  # whether the page has it
 
 
 def charts(g: Gathered) -> Iterator[Chart]:

@@ -15,41 +15,19 @@ _NAME = 11  # letters of the name of a fact, at least
 
 @dataclass(frozen=True)
 class Report:
-    """What is to be said about something, in the order in which it is read.
+    """What is to be said about something, in the order in which it is read."""
 
-    Attributes
-    ----------
-    title : str
-        A noun.
-    facts : sequence of (str, str)
-        Names and values; a name may come again.
-    tables : sequence of Table
-        The numbers.
-    remarks : sequence of Finding or str
-        What a reader must know, each a sentence.
-    figures : sequence of Figure, or callable
-        Drawn only where they are shown; a function is called only there.
-    parts : sequence of Report
-        One for each subject in it.
-    definitions : sequence of str
-        What the words and signs mean, for the foot of a page.
-    scenes : sequence of Scene
-        Bodies that move, on a page only.
-    links : sequence of (str, str)
-        Names and addresses of pages beside this one, on a page only.
-    details : callable, optional
-        Gives further tables with a `detail`; called only where they are shown.
-    """
-
-    title: str
-    facts: Sequence[tuple[str, str]] = ()
-    tables: Sequence[Table] = ()
-    remarks: Sequence[Note] = ()
+    title: str  # a noun
+    facts: Sequence[tuple[str, str]] = ()  # names and values; a name may come again
+    tables: Sequence[Table] = ()  # the numbers
+    remarks: Sequence[Note] = ()  # what a reader must know, each a sentence
+    # drawn only where they are shown; a function is called only there
     figures: Sequence[Figure] | Callable[[], Sequence[Figure]] = ()
-    parts: "Sequence[Report]" = ()
-    definitions: Sequence[str] = ()
-    scenes: Sequence[Scene] = ()
-    links: Sequence[tuple[str, str]] = ()
+    parts: "Sequence[Report]" = ()  # one for each subject in it
+    definitions: Sequence[str] = ()  # what the words and signs mean, for the foot of a page
+    scenes: Sequence[Scene] = ()  # bodies that move, on a page only
+    links: Sequence[tuple[str, str]] = ()  # names and addresses of pages beside this one, on a page only
+    # gives further tables with a `detail`; called only where they are shown
     details: Callable[[], Sequence[Table]] | None = None
 
     def text(self, *details: str) -> str:

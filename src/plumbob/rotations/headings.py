@@ -25,24 +25,12 @@ from plumbob.rotations.quaternions import (
 
 @dataclass(frozen=True, slots=True)
 class HeadingPolicy:
-    """How a reference's heading is treated.
+    """How a reference's heading is treated."""
 
-    Attributes
-    ----------
-    turn : float
-        Added to the reference's heading, clockwise seen from above, rad.
-    comparable : bool
-        Heading, total and yaw are scored.
-    reason : str
-        Why they are not; empty where they are.
-    note : str
-        What a reader of the result should know; may be empty.
-    """
-
-    turn: float = 0.0
-    comparable: bool = True
-    reason: str = ""
-    note: str = ""
+    turn: float = 0.0  # added to the reference's heading, clockwise seen from above, rad
+    comparable: bool = True  # heading, total and yaw are scored
+    reason: str = ""  # why they are not; empty where they are
+    note: str = ""  # what a reader of the result should know; may be empty
 
 
 def heading_policy(estimate: North, reference: North, *, aligned: bool, declination: float | None) -> HeadingPolicy:

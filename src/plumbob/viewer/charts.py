@@ -22,21 +22,11 @@ _ALIGNED: Final = 8
 
 
 class Rows(NamedTuple):
-    """Rows of the charts.
+    """Rows of the charts."""
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    flags : ndarray (N,) of uint32
-        Flags.
-    values : ndarray (N, M)
-        Values of the columns.
-    """
-
-    t: Floats
-    flags: NDArray[np.uint32]
-    values: Floats
+    t: Floats  # (N,), time, s
+    flags: NDArray[np.uint32]  # (N,), flags
+    values: Floats  # (N, M), values of the columns
 
     @classmethod
     def none(cls, width: int) -> "Rows":

@@ -38,33 +38,18 @@ _ORIGIN: Final = re.compile(r"[a-z][a-z0-9+.-]*://[a-z0-9.:\[\]_-]+")  # as a br
 class Serving:
     """How the view is served.
 
-    Attributes
-    ----------
-    host : str
-        Address that is listened at.
-    port : int
-        Port; 0 takes a free one.
-    control : bool
-        Whether commands are taken.
-    clients : int or None
-        Clients at most; None: as the server has it.
-    allow_origin : sequence of str
-        Further origins of pages that may connect.
-    folder : path
-        Where files are written.
-
     Raises
     ------
     ParameterError
         If one of them cannot be.
     """
 
-    host: str = "127.0.0.1"
-    port: int = 8770
-    control: bool = False
-    clients: int | None = None
-    allow_origin: Sequence[str] = ()
-    folder: Path = Path()
+    host: str = "127.0.0.1"  # address that is listened at
+    port: int = 8770  # port; 0 takes a free one
+    control: bool = False  # whether commands are taken
+    clients: int | None = None  # clients at most; None: as the server has it
+    allow_origin: Sequence[str] = ()  # further origins of pages that may connect
+    folder: Path = Path()  # where files are written
 
     def __post_init__(self) -> None:
         check.kind("http_port", self.port, int, error=ParameterError)

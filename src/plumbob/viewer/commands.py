@@ -179,14 +179,9 @@ class CommandHandler:
         Who asks, and gets the answers.
     other : str
         What a verb that is not known here is for.
-
-    Attributes
-    ----------
-    verbs : mapping of str to callable
-        What does them; each gives its answer.
     """
 
-    verbs: Mapping[str, Callable[[Command], str]]
+    verbs: Mapping[str, Callable[[Command], str]]  # what does them; each gives its answer
 
     def __init__(self, outlet: Outlet, other: str) -> None:
         self._outlet, self._other = outlet, other

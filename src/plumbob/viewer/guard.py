@@ -57,24 +57,13 @@ class Refusal(Exception):  # noqa: N818 - an answer, of which no one who calls t
 
 @dataclass(frozen=True, slots=True)
 class GuardRules:
-    """What the guard goes by.
+    """What the guard goes by."""
 
-    Attributes
-    ----------
-    token : str
-        What a request must carry.
-    port : int
-        Port that the server listens on.
-    hosts : collection of str
-        Names and addresses that it is called by beside those of this machine: that of ``--host``.
-    origins : collection of str
-        Origins of other pages that may open a WebSocket, with the token in its address.
-    """
-
-    token: str
-    port: int
+    token: str  # what a request must carry
+    port: int  # port that the server listens on
+    # names and addresses that it is called by beside those of this machine: that of ``--host``
     hosts: Collection[str] = ()
-    origins: Collection[str] = ()
+    origins: Collection[str] = ()  # origins of other pages that may open a WebSocket, with the token in its address
 
     @property
     def cookie(self) -> str:

@@ -27,53 +27,26 @@ HISTORY: Final = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """A column of the charts' rows.
+    """A column of the charts' rows."""
 
-    Attributes
-    ----------
-    key : str
-        Name: ``gyr.x``, ``acc.y``, ``mag.z``, ``temp``, or ``NAME.roll`` of an estimator or of ``reference``.
-    chart : str
-        Chart that shows it: ``attitude``, ``error``, ``sd``, ``bias``, ``residual``, ``rate``, ``force``, ``field``,
-        ``temperature``.
-    label : str
-        Short, as x or roll.
-    unit : str
-        As it is shown.
-    digits : int
-        Behind the decimal point.
-    source : str
-        Estimator, ``reference`` or sensor (``gyr``) that it is of.
-    """
-
-    key: str
+    key: str  # name: ``gyr.x``, ``acc.y``, ``mag.z``, ``temp``, or ``NAME.roll`` of an estimator or of ``reference``
+    # chart that shows it: ``attitude``, ``error``, ``sd``, ``bias``, ``residual``, ``rate``, ``force``, ``field``,
+    # ``temperature``
     chart: str
-    label: str
-    unit: str
-    digits: int
-    source: str
+    label: str  # short, as x or roll
+    unit: str  # as it is shown
+    digits: int  # behind the decimal point
+    source: str  # estimator, ``reference`` or sensor (``gyr``) that it is of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimator:
-    """What gives an attitude.
+    """What gives an attitude."""
 
-    Attributes
-    ----------
-    name : str
-        Unique; ``reference`` is the reference.
-    title : str
-        Filter with what differs from its defaults.
-    primary : bool
-        Whether it is the session's own, which the body shows.
-    claims : bool
-        Whether it claims a covariance.
-    """
-
-    name: str
-    title: str
-    primary: bool
-    claims: bool
+    name: str  # unique; ``reference`` is the reference
+    title: str  # filter with what differs from its defaults
+    primary: bool  # whether it is the session's own, which the body shows
+    claims: bool  # whether it claims a covariance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,141 +59,69 @@ class Skeleton:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hello:
-    """First message of a connection, and again when the stream, its estimators or its columns have changed.
-
-    Attributes
-    ----------
-    session, device, format, calibration, noise : str
-        As reports name them; calibration says ``uncalibrated`` where there is no card.
-    live : bool
-        Whether samples come as they are measured; without it a recording is played.
-    frame : str or None
-        ``ENU``, ``NED`` or ``NWU``; None where nothing is estimated.
-    north : str or None
-        What a heading counts from: ``true``, ``magnetic`` or ``free``.
-    axes : str
-        Axes of the body: ``FLU`` (forward, left, up) or ``FRD`` (forward, right, down).
-    rate : float or None
-        Nominal samples per second.
-    columns : sequence of Column
-        Of the rows of the charts.
-    raw : sequence of Column
-        Fields of a frame as they were decoded, counts or words; `State.raw` has their values.
-    estimators : sequence of Estimator
-        The primary one first.
-    filters : sequence of str
-        Names of estimators that can be added.
-    skeleton : Skeleton or None
-        Where the session is of a chain.
-    guides : sequence of str
-        What can be calibrated with guidance here: ``mag``, ``accel``, ``gyro``.
-    regions : sequence of sequence of float
-        The 18 directions of a guide, unit vectors.
-    regions_names : sequence of str
-        Their names.
-    control : bool
-        Whether commands are taken.
-    recording : bool
-        Whether there is something that can be recorded.
-    duration : float or None
-        Of a recording that is played, s.
-    started_utc : float or None
-        UTC of time 0, s since 1970.
-    gravity : float
-        Magnitude that residuals are taken against, m/s².
-    version : str
-        Of Plumbob.
-    protocol : int
-        Of these messages.
-    """
+    """First message of a connection, and again when the stream, its estimators or its columns have changed."""
 
     type: Literal["hello"] = "hello"
+    # session, device, format, calibration, noise: as reports name them; calibration says ``uncalibrated`` where there
+    # is no card
     session: str
     device: str
     format: str
     calibration: str
     noise: str
-    live: bool
-    frame: str | None
-    north: str | None
-    axes: str
-    rate: float | None
-    columns: Sequence[Column]
-    raw: Sequence[Column]
-    estimators: Sequence[Estimator]
-    filters: Sequence[str]
-    skeleton: Skeleton | None
-    guides: Sequence[str]
-    regions: Sequence[Sequence[float]]
-    regions_names: Sequence[str]
-    control: bool
-    recording: bool
-    duration: float | None
-    started_utc: float | None
-    gravity: float
-    version: str
-    protocol: int = PROTOCOL
+    live: bool  # whether samples come as they are measured; without it a recording is played
+    frame: str | None  # ``ENU``, ``NED`` or ``NWU``; None where nothing is estimated
+    north: str | None  # what a heading counts from: ``true``, ``magnetic`` or ``free``
+    axes: str  # axes of the body: ``FLU`` (forward, left, up) or ``FRD`` (forward, right, down)
+    rate: float | None  # nominal samples per second
+    columns: Sequence[Column]  # of the rows of the charts
+    raw: Sequence[Column]  # fields of a frame as they were decoded, counts or words; `State.raw` has their values
+    estimators: Sequence[Estimator]  # the primary one first
+    filters: Sequence[str]  # names of estimators that can be added
+    skeleton: Skeleton | None  # where the session is of a chain
+    guides: Sequence[str]  # what can be calibrated with guidance here: ``mag``, ``accel``, ``gyro``
+    regions: Sequence[Sequence[float]]  # the 18 directions of a guide, unit vectors
+    regions_names: Sequence[str]  # their names
+    control: bool  # whether commands are taken
+    recording: bool  # whether there is something that can be recorded
+    duration: float | None  # of a recording that is played, s
+    started_utc: float | None  # UTC of time 0, s since 1970
+    gravity: float  # magnitude that residuals are taken against, m/s²
+    version: str  # of Plumbob
+    protocol: int = PROTOCOL  # of these messages
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attitude:
-    """Newest attitude of an estimator; angles in degrees.
+    """Newest attitude of an estimator; angles in degrees."""
 
-    Attributes
-    ----------
-    q_nb : sequence of float
-        Body to navigation, wxyz.
-    roll, pitch, yaw : float
-        After a tare, where one is set; yaw from 0 to 360 where it is a heading.
-    sd : sequence of float or None
-        Claimed standard deviations of roll, pitch, yaw.
-    error : float or None
-        Angle to the reference.
-    """
-
-    q_nb: Sequence[float]
+    q_nb: Sequence[float]  # body to navigation, wxyz
+    # roll, pitch, yaw: after a tare, where one is set; yaw from 0 to 360 where it is a heading
     roll: float
     pitch: float
     yaw: float
-    sd: Sequence[float] | None = None
-    error: float | None = None
+    sd: Sequence[float] | None = None  # claimed standard deviations of roll, pitch, yaw
+    error: float | None = None  # angle to the reference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Link:
-    """How the stream does: rates in Hz, times in s.
+    """How the stream does: rates in Hz, times in s."""
 
-    Attributes
-    ----------
-    rate : float or None
-        Samples per second over the last seconds.
-    latency : float or None
-        From the arrival of the newest sample to the sending of this message.
-    age : float or None
-        Since the newest sample arrived.
-    samples, lost, gaps, junk, rejected, unusable : int
-        Counts since the start: samples; frames that are missing, and in how many gaps; bytes of no frame; frames whose
-        check failed; frames that were repeated or late.
-    drift_ppm : float or None
-        Of the device's clock against this host's.
-    clock : str
-        What gives the time: ``clock``, ``counter``, ``rate``...
-    skipped : int
-        Batches that the server did not get, because it was too slow.
-    """
-
-    rate: float | None
-    latency: float | None
-    age: float | None
+    rate: float | None  # samples per second over the last seconds
+    latency: float | None  # from the arrival of the newest sample to the sending of this message
+    age: float | None  # since the newest sample arrived
+    # samples, lost, gaps, junk, rejected, unusable: counts since the start: samples; frames that are missing, and in
+    # how many gaps; bytes of no frame; frames whose check failed; frames that were repeated or late
     samples: int
     lost: int
     gaps: int
     junk: int
     rejected: int
     unusable: int
-    drift_ppm: float | None
-    clock: str
-    skipped: int
+    drift_ppm: float | None  # of the device's clock against this host's
+    clock: str  # what gives the time: ``clock``, ``counter``, ``rate``..
+    skipped: int  # batches that the server did not get, because it was too slow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -248,156 +149,75 @@ class Playback:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """What is the case now; it supersedes the state before it.
-
-    Attributes
-    ----------
-    epoch : int
-        Rises when time begins again, as after a seek: charts are cleared.
-    t : float or None
-        Time of the newest sample, s.
-    sent : float
-        UTC of this message, s since 1970.
-    values : sequence of float or None
-        Newest value of each of `Hello.columns`.
-    raw : sequence of float or None
-        Newest of each of `Hello.raw`.
-    flags : sequence of str
-        Names of the newest sample's flags, and of the primary estimator's.
-    attitudes : mapping of str to Attitude
-        Newest by estimator, ``reference`` too.
-    gravity_b, field_b : sequence of float or None
-        Measured specific force, m/s², and field, µT, in body axes, calibrated.
-    points : sequence of sequence of float or None
-        Of the skeleton, m, navigation axes.
-    link : Link
-        How the stream does.
-    recording : Recorded or None
-        None where nothing is recorded.
-    text : str or None
-        Text file that is written, where one is.
-    playback : Playback or None
-        Of a recording that is played.
-    tared : bool
-        Whether angles count from a tare.
-    guide : str or None
-        What is being calibrated.
-    """
+    """What is the case now; it supersedes the state before it."""
 
     type: Literal["state"] = "state"
-    epoch: int
-    t: float | None
-    sent: float
-    values: Sequence[float | None]
-    raw: Sequence[float | None]
-    flags: Sequence[str]
-    attitudes: dict[str, Attitude]
+    epoch: int  # rises when time begins again, as after a seek: charts are cleared
+    t: float | None  # time of the newest sample, s
+    sent: float  # UTC of this message, s since 1970
+    values: Sequence[float | None]  # newest value of each of `Hello.columns`
+    raw: Sequence[float | None]  # newest of each of `Hello.raw`
+    flags: Sequence[str]  # names of the newest sample's flags, and of the primary estimator's
+    attitudes: dict[str, Attitude]  # newest by estimator, ``reference`` too
+    # gravity_b, field_b: measured specific force, m/s², and field, µT, in body axes, calibrated
     gravity_b: Sequence[float] | None
     field_b: Sequence[float] | None
-    points: Sequence[Sequence[float] | None] | None
-    link: Link
-    recording: Recorded | None
-    text: str | None
-    playback: Playback | None
-    tared: bool
-    guide: str | None
+    points: Sequence[Sequence[float] | None] | None  # of the skeleton, m, navigation axes
+    link: Link  # how the stream does
+    recording: Recorded | None  # none where nothing is recorded
+    text: str | None  # text file that is written, where one is
+    playback: Playback | None  # of a recording that is played
+    tared: bool  # whether angles count from a tare
+    guide: str | None  # what is being calibrated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Happened:
-    """An event, which queues: of the line, of the recording, a mark, a flag that rose or fell, a command that was done.
-
-    Attributes
-    ----------
-    id : int
-        Rises by one; a page that was away sees what it missed.
-    t : float or None
-        Time of the stream, s.
-    kind : str
-        ``gap``, ``lost``, ``reopened``, ``flag``, ``mark``, ``remark``, ``recording``, ``command``, ``view``...
-    text : str
-        A sentence.
-    """
+    """An event, which queues: of the line, the recording, a mark, a flag that rose or fell, a command that was done."""
 
     type: Literal["event"] = "event"
-    id: int
-    t: float | None
-    kind: str
-    text: str
+    id: int  # rises by one; a page that was away sees what it missed
+    t: float | None  # time of the stream, s
+    kind: str  # ``gap``, ``lost``, ``reopened``, ``flag``, ``mark``, ``remark``, ``recording``, ``command``, ``view``..
+    text: str  # a sentence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AllanCurve:
-    """Overlapping Allan deviation of the stream so far; it supersedes the one before it.
-
-    Attributes
-    ----------
-    duration : float
-        Of the stream that it is of, s.
-    tau : sequence of float
-        Averaging times, s.
-    deviation : mapping of str to sequence of float or None
-        By channel (``gyr.x``), in the unit of its column.
-    """
+    """Overlapping Allan deviation of the stream so far; it supersedes the one before it."""
 
     type: Literal["allan"] = "allan"
-    duration: float
-    tau: Sequence[float]
-    deviation: dict[str, Sequence[float | None]]
+    duration: float  # of the stream that it is of, s
+    tau: Sequence[float]  # averaging times, s
+    deviation: dict[str, Sequence[float | None]]  # by channel (``gyr.x``), in the unit of its column
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guidance:
-    """How a guided calibration stands; it supersedes the one before it.
-
-    Attributes
-    ----------
-    kind : str
-        ``mag``, ``accel`` or ``gyro``.
-    elapsed, still_for : float
-        Since the start, and at rest until now, s.
-    filled : sequence of bool or None
-        The 18 directions that were seen.
-    direction, goal : int or None
-        The direction at present, and the one to go to next.
-    axis, angle : int, float or None
-        The turn that is asked for: about axis 0, 1 or 2 of the unit, degrees.
-    next_step : str
-        The same in words.
-    predicted, grade : str or None
-        Provisional figure of the calibration, and its grade.
-    share : float
-        Done, from 0 to 1.
-    warnings : sequence of str
-        What is wrong at present.
-    done : bool
-        Whether it is enough.
-    cloud : sequence of sequence of float
-        Newest directions of what is measured, unit vectors, for the sphere.
-    card : str or None
-        The card that was written.
-    refused : sequence of str
-        Why no card could be made.
-    """
+    """How a guided calibration stands; it supersedes the one before it."""
 
     type: Literal["guide"] = "guide"
-    kind: str
+    kind: str  # ``mag``, ``accel`` or ``gyro``
+    # elapsed, still_for: since the start, and at rest until now, s
     elapsed: float
     still_for: float
-    filled: Sequence[bool] | None
+    filled: Sequence[bool] | None  # the 18 directions that were seen
+    # direction, goal: the direction at present, and the one to go to next
     direction: int | None
     goal: int | None
+    # axis, angle: the turn that is asked for: about axis 0, 1 or 2 of the unit, degrees
     axis: int | None
     angle: float | None
-    next_step: str
+    next_step: str  # the same in words
+    # predicted, grade: provisional figure of the calibration, and its grade
     predicted: str
     grade: str | None
-    share: float
-    warnings: Sequence[str]
-    done: bool
-    cloud: Sequence[Sequence[float]]
-    card: str | None = None
-    refused: Sequence[str] = ()
+    share: float  # done, from 0 to 1
+    warnings: Sequence[str]  # what is wrong at present
+    done: bool  # whether it is enough
+    cloud: Sequence[Sequence[float]]  # newest directions of what is measured, unit vectors, for the sphere
+    card: str | None = None  # the card that was written
+    refused: Sequence[str] = ()  # why no card could be made
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -427,28 +247,18 @@ Verb = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """What a page asks for.
+    """What a page asks for."""
 
-    Attributes
-    ----------
-    id : int
-        Of the page's choice; the answer has it.
-    verb : Verb
-        ``record`` (`name`, optional) and ``stop``; ``mark`` (`text`); ``tare``, ``untare``; ``text`` (`name`, optional)
-        and ``text-stop``; ``add`` and ``remove`` an estimator (`name`); ``play``, ``pause``, ``seek`` (`value`, s),
-        ``speed`` (`value`); ``calibrate`` (`name`: the kind), ``calibrate-end`` (makes the card),
-        ``calibrate-cancel``; ``allan-reset``.
-    name, text : str
-        Letters, digits, ``-``, ``_`` and ``.`` in a name, never a path; a text of at most 200 letters.
-    value : float or None
-        A number.
-    """
-
-    id: int
+    id: int  # of the page's choice; the answer has it
+    # ``record`` (`name`, optional) and ``stop``; ``mark`` (`text`); ``tare``, ``untare``; ``text`` (`name`, optional)
+    # and ``text-stop``; ``add`` and ``remove`` an estimator (`name`); ``play``, ``pause``, ``seek`` (`value`, s),
+    # ``speed`` (`value`); ``calibrate`` (`name`: the kind), ``calibrate-end`` (makes the card), ``calibrate-cancel``;
+    # ``allan-reset``
     verb: Verb
+    # name, text: letters, digits, ``-``, ``_`` and ``.`` in a name, never a path; a text of at most 200 letters
     name: str = ""
     text: str = ""
-    value: float | None = None
+    value: float | None = None  # a number
 
 
 FromServer = Hello | State | Happened | AllanCurve | Guidance | Lines | Answer
@@ -457,20 +267,14 @@ FromServer = Hello | State | Happened | AllanCurve | Guidance | Lines | Answer
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """What the feed hands to the server: samples of some milliseconds, and the newest of everything else.
+    """What the feed hands to the server: samples of some milliseconds, and the newest of everything else."""
 
-    Attributes
-    ----------
-    rows : mapping of str to ndarray
-        ``t`` (N,) s, ``flags`` (N,) u32, ``values`` (N, M) f64 in the units of `Hello.columns`, ``sensed`` (N, 10) f64:
-        gyr, acc, mag uncalibrated, SI and µT, and temperature; what a guide and the Allan deviation are made of.
-    fields : mapping of str to Any
-        What `State` says beside them: ``raw``, ``attitudes`` (``q_nb``, ``sd``), ``gravity_b``, ``field_b``,
-        ``points``, ``link``, ``recording``, ``text``, ``playback``, and ``arrived_ns``, the host's monotonic clock when
-        the newest sample came.
-    """
-
+    # ``t`` (N,) s, ``flags`` (N,) u32, ``values`` (N, M) f64 in the units of `Hello.columns`, ``sensed`` (N, 10) f64:
+    # gyr, acc, mag uncalibrated, SI and µT, and temperature; what a guide and the Allan deviation are made of
     rows: dict[str, Any]
+    # what `State` says beside them: ``raw``, ``attitudes`` (``q_nb``, ``sd``), ``gravity_b``, ``field_b``, ``points``,
+    # ``link``, ``recording``, ``text``, ``playback``, and ``arrived_ns``, the host's monotonic clock when the newest
+    # sample came
     fields: dict[str, Any] = field(default_factory=dict)
 
 

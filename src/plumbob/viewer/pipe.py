@@ -41,23 +41,14 @@ def require_packages() -> None:
 
 
 class PipeMessage(NamedTuple):
-    """A message.
+    """A message."""
 
-    Attributes
-    ----------
-    kind : str
-        From the feed: ``hello`` (`messages.Hello` as JSON), ``batch`` (`messages.Batch`), ``event`` (``t``, ``kind``,
-        ``text``), ``reset`` (a new epoch), ``answer`` (``client``, ``id``, ``ok``, ``text``), ``end``. From the server:
-        ``command`` (``client`` and `messages.Command`), ``ready`` (``port``).
-    content : dict
-        JSON object.
-    arrays : mapping of str to ndarray
-        Numbers.
-    """
-
+    # From the feed: ``hello`` (`messages.Hello` as JSON), ``batch`` (`messages.Batch`), ``event`` (``t``, ``kind``,
+    # ``text``), ``reset`` (a new epoch), ``answer`` (``client``, ``id``, ``ok``, ``text``), ``end``. From the server:
+    # ``command`` (``client`` and `messages.Command`), ``ready`` (``port``).
     kind: str
-    content: dict[str, Any]
-    arrays: Mapping[str, NDArray[Any]] = {}
+    content: dict[str, Any]  # JSON object
+    arrays: Mapping[str, NDArray[Any]] = {}  # numbers
 
 
 def packed(message: PipeMessage) -> bytes:

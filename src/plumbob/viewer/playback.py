@@ -66,46 +66,25 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Loaded:
-    """A recording, read and estimated.
+    """A recording, read and estimated."""
 
-    Attributes
-    ----------
-    name, device, format, calibration, noise : str
-        As `messages.Hello` has them.
-    t : ndarray (N,)
-        Times of the samples, s.
-    imu, sensed : ImuData or None
-        Samples, calibrated and not; None where it has an attitude alone.
-    estimates : list of Estimate
-        The primary one first.
-    reference : AttitudeTrack or None
-        The reference.
-    array : ImuArray or None
-        All units, where it has several.
-    raw : mapping of str to ndarray (N,)
-        Fields of the frames, in counts.
-    message : Message or None
-        What they are.
-    events : sequence of (float, Event)
-        Events at their time, s.
-    lost, gaps, junk, rejected, unusable : int
-        Of the whole, as `messages.Link` has them.
-    """
-
+    # name, device, format, calibration, noise: as `messages.Hello` has them
     name: str
     device: str
     format: str
     calibration: str
     noise: str
-    t: Floats
+    t: Floats  # (N,), times of the samples, s
+    # imu, sensed: samples, calibrated and not; None where it has an attitude alone
     imu: ImuData | None
     sensed: ImuData | None
-    estimates: list[Estimate]
+    estimates: list[Estimate]  # the primary one first
     reference: AttitudeTrack | None = None
-    array: ImuArray | None = None
-    raw: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    message: Message | None = None
-    events: Sequence[tuple[float, Event]] = ()
+    array: ImuArray | None = None  # all units, where it has several
+    raw: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (N,), fields of the frames, in counts
+    message: Message | None = None  # what they are
+    events: Sequence[tuple[float, Event]] = ()  # events at their time, s
+    # lost, gaps, junk, rejected, unusable: of the whole, as `messages.Link` has them
     lost: int = 0
     gaps: int = 0
     junk: int = 0

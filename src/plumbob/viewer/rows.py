@@ -95,31 +95,16 @@ _LAST: Final = slice(-1, None)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Attitudes:
-    """Attitudes at samples; NaN where there is none.
+    """Attitudes at samples; NaN where there is none."""
 
-    Attributes
-    ----------
-    q_nb : ndarray (N, 4)
-        Body to navigation, wxyz.
-    frame : Frame
-        Navigation frame.
-    north : North
-        What headings count from.
-    declination : float or None
-        Of the place, rad, as far as is known.
-    bias_b, cov_b : ndarray (N, 3), (N, 3, 3) or None
-        Estimated bias, rad/s, and covariance of the error in body axes, rad².
-    flags : ndarray (N,) of uint32 or None
-        Of the estimator.
-    """
-
-    q_nb: Floats
-    frame: Frame
-    north: North
-    declination: float | None = None
+    q_nb: Floats  # (N, 4), body to navigation, wxyz
+    frame: Frame  # navigation frame
+    north: North  # what headings count from
+    declination: float | None = None  # of the place, rad, as far as is known
+    # bias_b, cov_b: (N, 3), estimated bias, rad/s, and covariance of the error in body axes, rad²
     bias_b: Floats | None = None
     cov_b: Floats | None = None
-    flags: NDArray[np.uint32] | None = None
+    flags: NDArray[np.uint32] | None = None  # (N,), of the estimator
 
     @classmethod
     def from_track(cls, track: AttitudeTrack, rows: NDArray[np.intp] | None, declination: float | None) -> Self:
@@ -163,20 +148,11 @@ def _picked(values: Floats, rows: NDArray[np.intp]) -> Floats:
 
 
 class ShownEstimator(NamedTuple):
-    """An estimator as its columns need it.
+    """An estimator as its columns need it."""
 
-    Attributes
-    ----------
-    estimator : Estimator
-        What is said of it.
-    biased : bool
-        Whether it estimates a bias of the gyroscope.
-    headed : bool
-        Whether its heading can be compared with the reference's; where not, the error is that of the inclination.
-    """
-
-    estimator: Estimator
-    biased: bool
+    estimator: Estimator  # what is said of it
+    biased: bool  # whether it estimates a bias of the gyroscope
+    # whether its heading can be compared with the reference's; where not, the error is that of the inclination
     headed: bool = True
 
     @property
@@ -200,26 +176,12 @@ def shown_of_track(name: str, track: AttitudeTrack, title: str, *, primary: bool
 
 @dataclass(frozen=True, slots=True)
 class RowLayout:
-    """Which columns there are.
+    """Which columns there are."""
 
-    Attributes
-    ----------
-    triads : sequence of str
-        Of the unit.
-    temperature : bool
-        Whether it has one.
-    shown : sequence of ShownEstimator
-        Estimators, the primary one first, without the reference.
-    reference : str or None
-        What the reference is; None where there is none.
-    columns : list of Column
-        The columns.
-    """
-
-    triads: Sequence[str]
-    temperature: bool
-    shown: Sequence[ShownEstimator]
-    reference: str | None = None
+    triads: Sequence[str]  # of the unit
+    temperature: bool  # whether it has one
+    shown: Sequence[ShownEstimator]  # estimators, the primary one first, without the reference
+    reference: str | None = None  # what the reference is; None where there is none
     columns: list[Column] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -64,33 +64,15 @@ CHINESE: Final = {
 
 @dataclass(slots=True)
 class Now:
-    """What a terminal shows: the newest of everything that came.
+    """What a terminal shows: the newest of everything that came."""
 
-    Attributes
-    ----------
-    hello : Hello or None
-        What the columns are.
-    values : dict of str to float
-        Newest number of each column.
-    fields : mapping
-        As `messages.Batch` has them.
-    t : float or None
-        Time of the newest sample, s.
-    words : int
-        Its flags.
-    events : deque of str
-        The newest at the end.
-    tare : Tare
-        What angles count from.
-    """
-
-    hello: Hello | None = None
-    values: dict[str, float] = field(default_factory=dict)
-    fields: Mapping[str, Any] = field(default_factory=dict)
-    t: float | None = None
-    words: int = 0
-    events: deque[str] = field(default_factory=lambda: deque(maxlen=_EVENTS))
-    tare: Tare = field(default_factory=Tare)
+    hello: Hello | None = None  # what the columns are
+    values: dict[str, float] = field(default_factory=dict)  # newest number of each column
+    fields: Mapping[str, Any] = field(default_factory=dict)  # as `messages.Batch` has them
+    t: float | None = None  # time of the newest sample, s
+    words: int = 0  # its flags
+    events: deque[str] = field(default_factory=lambda: deque(maxlen=_EVENTS))  # the newest at the end
+    tare: Tare = field(default_factory=Tare)  # what angles count from
 
 
 class Terminal:

@@ -38,49 +38,25 @@ CHUNK: Final = 4096
 
 
 class MonitoringSettings(NamedTuple):
-    """How an array is watched; numbers in SI.
+    """How an array is watched; numbers in SI."""
 
-    Attributes
-    ----------
-    tau : float
-        Deviations are averaged over this, s.
-    alarm : float
-        A mean deviation of so many standard deviations is an alarm.
-    noisy : float
-        So is a noise whose variance is so many times the expected one.
-    readmit : float
-        A unit that agrees again for this long is taken in again, s.
-    dead : float
-        A unit without a value for this long, while others have some, is dead, s.
-    adapt : float
-        The scale of the noise is learned over this, s; 0: it is as given.
-    learn : float
-        No alarm before, s.
-    gyr_bias, acc_bias, mag_bias : float
-        Standard deviation of a unit's bias at the start, rad/s, m/s², µT.
-    gyr_walk, acc_walk, mag_walk : float
-        Random walk of it, per √s.
-    scale : float
-        Standard deviation of a unit's scale and alignment at the start.
-    scale_walk : float
-        Random walk of it, 1/√s.
-    """
-
-    tau: float = 1.0
-    alarm: float = 5.5
-    noisy: float = 4.5
-    readmit: float = 5.0
-    dead: float = 0.5
-    adapt: float = 30.0
-    learn: float = 3.0
+    tau: float = 1.0  # deviations are averaged over this, s
+    alarm: float = 5.5  # a mean deviation of so many standard deviations is an alarm
+    noisy: float = 4.5  # so is a noise whose variance is so many times the expected one
+    readmit: float = 5.0  # a unit that agrees again for this long is taken in again, s
+    dead: float = 0.5  # a unit without a value for this long, while others have some, is dead, s
+    adapt: float = 30.0  # the scale of the noise is learned over this, s; 0: it is as given
+    learn: float = 3.0  # no alarm before, s
+    # gyr_bias, acc_bias, mag_bias: standard deviation of a unit's bias at the start, rad/s, m/s², µT
     gyr_bias: float = dps(1.0)
     acc_bias: float = 0.3
     mag_bias: float = 5.0
+    # gyr_walk, acc_walk, mag_walk: random walk of it, per √s
     gyr_walk: float = dps(0.002)
     acc_walk: float = 5e-4
     mag_walk: float = 5e-3
-    scale: float = 0.01
-    scale_walk: float = 1e-5
+    scale: float = 0.01  # standard deviation of a unit's scale and alignment at the start
+    scale_walk: float = 1e-5  # random walk of it, 1/√s
 
     def coefficients(self, step: float) -> Floats:
         """What the kernel reads."""

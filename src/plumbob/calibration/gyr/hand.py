@@ -41,20 +41,11 @@ SMALLEST: Final = float(deg(15.0))
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TurnBetweenPoses:
-    """One motion between two poses.
+    """One motion between two poses."""
 
-    Attributes
-    ----------
-    rate : ndarray (N, 3)
-        Measured rates from the last instant at rest to the next first one, rad/s.
-    dt : ndarray (N−1,)
-        Steps, s.
-    before, after : ndarray (3,)
-        Directions of the specific force at rest, unit vectors.
-    """
-
-    rate: Floats
-    dt: Floats
+    rate: Floats  # (N, 3), measured rates from the last instant at rest to the next first one, rad/s
+    dt: Floats  # (N−1,), steps, s
+    # before, after: (3,), directions of the specific force at rest, unit vectors
     before: Floats
     after: Floats
 
@@ -96,28 +87,15 @@ _STEPS: Final = 8
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MotionFit:
-    """Fit of the motions.
+    """Fit of the motions."""
 
-    Attributes
-    ----------
-    matrix, bias : ndarray (3, 3), (3,)
-        Of the gyroscope: ``rate = matrix @ (measured − bias)``, rad/s.
-    covariance : ndarray (12, 12)
-        Of bias and matrix, row by row.
-    residuals : ndarray (m, 3)
-        Measured less predicted direction of gravity after each motion, of unit vectors.
-    used : ndarray (m,) of bool
-        False for outliers.
-    condition : float
-        Of the normal matrix of the matrix' entries, scaled to a diagonal of one.
-    """
-
+    # matrix, bias: (3, 3), of the gyroscope: ``rate = matrix @ (measured − bias)``, rad/s
     matrix: Floats
     bias: Floats
-    covariance: Floats
-    residuals: Floats
-    used: NDArray[np.bool_]
-    condition: float
+    covariance: Floats  # (12, 12), of bias and matrix, row by row
+    residuals: Floats  # (m, 3), measured less predicted direction of gravity after each motion, of unit vectors
+    used: NDArray[np.bool_]  # (m,), false for outliers
+    condition: float  # of the normal matrix of the matrix' entries, scaled to a diagonal of one
 
     @property
     def bias_sd(self) -> Floats:

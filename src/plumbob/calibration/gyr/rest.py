@@ -29,36 +29,17 @@ UNCALIBRATED: Final = TriadCalibration(np.eye(3), np.zeros(3), UNITS["gyr"], UNI
 
 
 class Rates(NamedTuple):
-    """Measured rates, and what was measured beside them.
+    """Measured rates, and what was measured beside them."""
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    gyr : ndarray (N, 3)
-        Measured rates, rad/s.
-    acc : ndarray (N, 3), optional
-        Specific force, m/s², which helps to detect rest; calibrated, as a card's g-sensitivity acts on.
-    mag : ndarray (N, 3), optional
-        Flux density, calibrated or not, which distinguishes constant turning from rest.
-    temp_c : ndarray (N,), optional
-        Temperature, °C.
-    clipped : ndarray (N,) of bool, optional
-        Samples at the end of the gyroscope's range.
-    known : TriadCalibration
-        Calibration so far.
-    acc_calibrated : bool
-        Whether the specific force is calibrated.
-    """
-
-    t: Floats
-    gyr: Floats
+    t: Floats  # (N,), time, s
+    gyr: Floats  # (N, 3), measured rates, rad/s
+    # (N, 3), specific force, m/s², which helps to detect rest; calibrated, as a card's g-sensitivity acts on
     acc: Floats | None = None
-    mag: Floats | None = None
-    temp_c: Floats | None = None
-    clipped: NDArray[np.bool_] | None = None
-    known: TriadCalibration = UNCALIBRATED
-    acc_calibrated: bool = False
+    mag: Floats | None = None  # (N, 3), flux density, calibrated or not, which distinguishes constant turning from rest
+    temp_c: Floats | None = None  # (N,), temperature, °C
+    clipped: NDArray[np.bool_] | None = None  # (N,), samples at the end of the gyroscope's range
+    known: TriadCalibration = UNCALIBRATED  # calibration so far
+    acc_calibrated: bool = False  # whether the specific force is calibrated
 
 
 def without_known(rates: Rates) -> Floats:

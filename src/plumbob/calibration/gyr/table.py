@@ -40,30 +40,16 @@ _TINY = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class TableSession:
-    """Regression of one session.
+    """Regression of one session."""
 
-    Attributes
-    ----------
-    measured : ndarray (N, 3)
-        Mean of the gyroscope over each plateau, rad/s.
-    columns : ndarray (N, 4) or (N, 7)
-        What bias, response and g-sensitivity are multiplied by: 1, true rate, rad/s, specific force, m/s².
-    spins : ndarray (N, K)
-        Signed speed in each mounting, rad/s; zero for plateaus of others.
-    spin_axes : ndarray (K, 3)
-        Axis of each mounting, a unit vector.
-    faces : ndarray (N, F)
-        1 where a face was up, else 0; F = 0 where plateaus are too few to see what changed from face to face.
-    weight : ndarray (N,)
-        In proportion to the inverse variance of a mean.
-    """
-
-    measured: Floats
+    measured: Floats  # (N, 3), mean of the gyroscope over each plateau, rad/s
+    # (N, 4), what bias, response and g-sensitivity are multiplied by: 1, true rate, rad/s, specific force, m/s²
     columns: Floats
-    spins: Floats
-    spin_axes: Floats
+    spins: Floats  # (N, K), signed speed in each mounting, rad/s; zero for plateaus of others
+    spin_axes: Floats  # (K, 3), axis of each mounting, a unit vector
+    # (N, F), 1 where a face was up, else 0; F = 0 where plateaus are too few to see what changed from face to face
     faces: Floats
-    weight: Floats
+    weight: Floats  # (N,), in proportion to the inverse variance of a mean
 
     @property
     def parameters(self) -> int:

@@ -162,43 +162,22 @@ _TURNS: Final = tuple(way for way in every_axes() if np.linalg.det(way) > 0.0)
 
 
 class Suspect(NamedTuple):
-    """A triad whose axes are wrong.
+    """A triad whose axes are wrong."""
 
-    Attributes
-    ----------
-    triad : str
-        "mag", "acc" or "gyr".
-    way : ndarray (3, 3)
-        Its arrangement: measured = way @ true. Of magnetometer and accelerometer, the opposite says the same but for
-        the sign of the dip, and the right-handed one is given.
-    beside : str
-        The triad that it is held against; of two, one.
-    sure : bool
-        Whether two other triads agree, so that it cannot be one of them.
-    """
-
-    triad: str
+    triad: str  # "mag", "acc" or "gyr"
+    # (3, 3), Its arrangement: measured = way @ true. Of magnetometer and accelerometer, the opposite says the same but
+    # for the sign of the dip, and the right-handed one is given.
     way: Floats
-    beside: str
-    sure: bool
+    beside: str  # the triad that it is held against; of two, one
+    sure: bool  # whether two other triads agree, so that it cannot be one of them
 
 
 class Arrangements(NamedTuple):
-    """What each pair of triads shows: arrangements that are not excluded, best first; none where a pair shows nothing.
+    """What each pair of triads shows: arrangements not excluded, best first; none where a pair shows nothing."""
 
-    Attributes
-    ----------
-    field_dip : tuple of ndarray (3, 3)
-        ``± P Aᵀ``, of which the right-handed one stands for both.
-    field_turn : tuple of ndarray (3, 3)
-        ``det(P) P Gᵀ``.
-    force_turn : tuple of ndarray (3, 3)
-        ``det(A) A Gᵀ``.
-    """
-
-    field_dip: tuple[Floats, ...]
-    field_turn: tuple[Floats, ...]
-    force_turn: tuple[Floats, ...]
+    field_dip: tuple[Floats, ...]  # (3, 3), ``± P Aᵀ``, of which the right-handed one stands for both
+    field_turn: tuple[Floats, ...]  # (3, 3), ``det(P) P Gᵀ``
+    force_turn: tuple[Floats, ...]  # (3, 3), ``det(A) A Gᵀ``
 
     @property
     def keeps_dip(self) -> bool:
@@ -327,24 +306,12 @@ def _not_excluded(ways: Sequence[Floats], misfits: Sequence[float], most: float,
 
 
 class _TurnedBack(NamedTuple):
-    """Samples of a capture, W windows of four parts with n samples each, turned back by rates of one sense.
+    """Samples of a capture, W windows of four parts with n samples each, turned back by rates of one sense."""
 
-    Attributes
-    ----------
-    rows : ndarray (W, 4, n) of int
-        The samples.
-    sense : float
-        1.0 for the rates as measured, −1.0 for their opposite, as left-handed axes make them.
-    turns : ndarray (W, 4, n, 3, 3)
-        Attitudes, against a start that does not matter.
-    by_bias : ndarray (W, 4, n, 3, 3)
-        Turn since the window's start by a bias of 1, s.
-    """
-
-    rows: NDArray[np.intp]
-    sense: float
-    turns: Floats
-    by_bias: Floats
+    rows: NDArray[np.intp]  # (W, 4, n), the samples
+    sense: float  # 1.0 for the rates as measured, −1.0 for their opposite, as left-handed axes make them
+    turns: Floats  # (W, 4, n, 3, 3), attitudes, against a start that does not matter
+    by_bias: Floats  # (W, 4, n, 3, 3), turn since the window's start by a bias of 1, s
 
 
 class _Followed(NamedTuple):

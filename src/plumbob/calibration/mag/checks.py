@@ -159,25 +159,14 @@ STEEL: Final = "Look for switched currents, moving iron and steel nearby."
 
 
 class Doubt(NamedTuple):
-    """What is predicted, and why.
+    """What is predicted, and why."""
 
-    Attributes
-    ----------
-    sd, even : float
-        Heading error, rad: of the calibration, and were the field even.
-    field : Unevenness
-        How uneven it was, or may have been.
-    memory : float
-        How many neighbouring samples count as one.
-    shown : bool
-        Whether the residuals show that the field was uneven.
-    """
-
+    # sd, even: heading error, rad: of the calibration, and were the field even
     sd: float
     even: float
-    field: Unevenness
-    memory: float
-    shown: bool
+    field: Unevenness  # how uneven it was, or may have been
+    memory: float  # how many neighbouring samples count as one
+    shown: bool  # whether the residuals show that the field was uneven
 
     @classmethod
     def from_fit(cls, sd: float, even: float, field: Unevenness, shared: Alike) -> Self:
@@ -186,37 +175,19 @@ class Doubt(NamedTuple):
 
 
 class FieldEstimate(NamedTuple):
-    """Result of a fit of a magnetometer.
+    """Result of a fit of a magnetometer."""
 
-    Attributes
-    ----------
-    matrix, bias : ndarray (3, 3), (3,)
-        Of the calibration; bias in µT.
-    covariance : ndarray (12, 12)
-        Of bias and matrix.
-    residuals : ndarray (N, ...)
-        Of the samples, in the sensor's own scale, µT.
-    used : ndarray (N,) of bool
-        False for outliers.
-    radius : float
-        Strength of the field in the sensor's own scale, µT.
-    condition : float
-        Of the normal matrix scaled to a diagonal of one.
-    strength : float or None
-        Strength of the field to which the matrix leads, µT; None where it keeps the sensor's scale.
-    solid : bool
-        Whether all axes were fitted, so that directions count.
-    """
-
+    # matrix, bias: (3, 3), of the calibration; bias in µT
     matrix: Floats
     bias: Floats
-    covariance: Floats
-    residuals: Floats
-    used: NDArray[np.bool_]
-    radius: float
-    condition: float
+    covariance: Floats  # (12, 12), of bias and matrix
+    residuals: Floats  # (N, ...), of the samples, in the sensor's own scale, µT
+    used: NDArray[np.bool_]  # (N,), false for outliers
+    radius: float  # strength of the field in the sensor's own scale, µT
+    condition: float  # of the normal matrix scaled to a diagonal of one
+    # strength of the field to which the matrix leads, µT; None where it keeps the sensor's scale
     strength: float | None
-    solid: bool = True
+    solid: bool = True  # whether all axes were fitted, so that directions count
 
     def finished(
         self,

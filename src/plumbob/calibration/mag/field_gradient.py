@@ -53,24 +53,12 @@ _HARD_IRON: Final = 2.0 / 3.0  # variance of the unseen hard iron per axis, over
 
 
 class Unevenness(NamedTuple):
-    """How uneven the field was.
+    """How uneven the field was."""
 
-    Attributes
-    ----------
-    sd : float
-        Part of the error that stays within a patch, µT.
-    seen : float
-        What of it the residuals show, µT.
-    patches : float
-        How many independent values of it the capture has.
-    short : bool
-        Whether more of them would have shown what is counted beyond what is seen.
-    """
-
-    sd: float = 0.0
-    seen: float = 0.0
-    patches: float = np.inf
-    short: bool = False
+    sd: float = 0.0  # part of the error that stays within a patch, µT
+    seen: float = 0.0  # what of it the residuals show, µT
+    patches: float = np.inf  # how many independent values of it the capture has
+    short: bool = False  # whether more of them would have shown what is counted beyond what is seen
 
     def counted(
         self,

@@ -71,43 +71,20 @@ _TINY: Final = 1e-12
 
 
 class InUseFit(NamedTuple):
-    """Fit of A and b.
+    """Fit of A and b."""
 
-    Attributes
-    ----------
-    distortion, bias : ndarray (3, 3), (3,)
-        A and b, unit of the measurement.
-    covariance : ndarray (12, 12)
-        Of b and A, row by row, from what windows say differently.
-    fields : ndarray (M, 3)
-        Mean measured field of each part, unit of the measurement.
-    residuals : ndarray (M, 3)
-        Residuals of the fit.
-    used : ndarray (M,) of bool
-        False for outliers.
-    gyr_bias : ndarray (K, 3)
-        Of the gyroscope in each segment, rad/s.
-    delay : float
-        Of the magnetometer against the gyroscope, s.
-    walk : float
-        How far the field walks from window to window along each axis, of its length.
-    windows : int
-        How many there were.
-    condition : float
-        Of the normal matrix, scaled to a diagonal of one.
-    """
-
+    # distortion, bias: (3, 3), a and b, unit of the measurement
     distortion: Floats
     bias: Floats
-    covariance: Floats
-    fields: Floats
-    residuals: Floats
-    used: NDArray[np.bool_]
-    gyr_bias: Floats
-    delay: float
-    walk: float
-    windows: int
-    condition: float
+    covariance: Floats  # (12, 12), of b and A, row by row, from what windows say differently
+    fields: Floats  # (M, 3), mean measured field of each part, unit of the measurement
+    residuals: Floats  # (M, 3), residuals of the fit
+    used: NDArray[np.bool_]  # (M,), false for outliers
+    gyr_bias: Floats  # (K, 3), of the gyroscope in each segment, rad/s
+    delay: float  # of the magnetometer against the gyroscope, s
+    walk: float  # how far the field walks from window to window along each axis, of its length
+    windows: int  # how many there were
+    condition: float  # of the normal matrix, scaled to a diagonal of one
 
 
 def fit_in_use(t: Floats, mag: Floats, gyr: Floats, *, gyr_gain_sd: float) -> InUseFit | None:
@@ -151,25 +128,16 @@ class _PartNoise(NamedTuple):
 
 
 class _FieldFreeEquations(NamedTuple):
-    """Normal equations without the fields.
+    """Normal equations without the fields."""
 
-    Attributes
-    ----------
-    normal, slope : ndarray (n, n), (n,)
-        Of the n parameters.
-    steps, by_own : ndarray (W, 3), (W, 3, n)
-        Step of each field, less `by_own` times that of the parameters.
-    scores : ndarray (W, n)
-        Share of each window in the slope.
-    free, sd : ndarray (W, 3), (W,)
-        Step of each field by its window alone, and its standard deviation along an axis.
-    """
-
+    # normal, slope: (n, n), of the n parameters
     normal: Floats
     slope: Floats
+    # steps, by_own: (W, 3), step of each field, less `by_own` times that of the parameters
     steps: Floats
     by_own: Floats
-    scores: Floats
+    scores: Floats  # (W, n), share of each window in the slope
+    # free, sd: (W, 3), step of each field by its window alone, and its standard deviation along an axis
     free: Floats
     sd: Floats
 

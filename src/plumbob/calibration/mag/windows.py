@@ -87,36 +87,16 @@ class Gyroscope(NamedTuple):
 
 
 class Windows(NamedTuple):
-    """Means over the P parts of W windows; attitudes are against axes that stay until rates are missing for long.
+    """Means over the P parts of W windows; attitudes are against axes that stay until rates are missing for long."""
 
-    Attributes
-    ----------
-    start : ndarray (W,)
-        Time at which each begins, s since the first sample.
-    linked : ndarray (W,) of bool
-        Whether the next one begins where it ends.
-    fields : ndarray (W, P, 3)
-        Measured field; zero where `known` is not.
-    known : ndarray (W, P) of bool
-        Whether a part has samples of the field.
-    turns : ndarray (W, P, 3, 3)
-        Transposed attitude: to the axes of the body.
-    leans : ndarray (W, P, 3, 12)
-        How the attitude leans, since the window's start, by the gyroscope's bias and gain.
-    leant : ndarray (W, 3, 12)
-        The same at the window's end.
-    rates : ndarray (W, P, 3)
-        Rates, rad/s.
-    """
-
-    start: Floats
-    linked: NDArray[np.bool_]
-    fields: Floats
-    known: NDArray[np.bool_]
-    turns: Floats
-    leans: Floats
-    leant: Floats
-    rates: Floats
+    start: Floats  # (W,), time at which each begins, s since the first sample
+    linked: NDArray[np.bool_]  # (W,), whether the next one begins where it ends
+    fields: Floats  # (W, P, 3), measured field; zero where `known` is not
+    known: NDArray[np.bool_]  # (W, P), whether a part has samples of the field
+    turns: Floats  # (W, P, 3, 3), transposed attitude: to the axes of the body
+    leans: Floats  # (W, P, 3, 12), how the attitude leans, since the window's start, by the gyroscope's bias and gain
+    leant: Floats  # (W, 3, 12), the same at the window's end
+    rates: Floats  # (W, P, 3), rates, rad/s
 
 
 def window_edges(t: Floats, present: NDArray[np.bool_], length: float) -> NDArray[np.intp]:

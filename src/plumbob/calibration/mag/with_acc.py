@@ -47,43 +47,21 @@ _LEAST_SD: Final = 1e-9  # of the field, where there is no noise
 
 
 class DipFit(NamedTuple):
-    """Fit of M, b and the dip.
+    """Fit of M, b and the dip."""
 
-    Attributes
-    ----------
-    centre : ndarray (3,)
-        b, unit of the measurement.
-    matrix : ndarray (3, 3)
-        M, its inverse unit.
-    dip : float
-        Angle of the field below the horizon, rad.
-    covariance : ndarray (12, 12)
-        Of centre and matrix, row by row.
-    dip_sd : float
-        Standard deviation of the dip, rad.
-    mag_sd : float
-        Standard deviation of the orthogonal distances, unit of the measurement.
-    down_sd : float
-        Standard deviation of the vertical's direction, about each level axis, rad; 0 where the magnetometer's noise
-        explains all.
-    residuals : ndarray (N, 2)
-        Orthogonal distance, unit of the measurement, and departure of the field's angle to the vertical, rad.
-    used : ndarray (N,) of bool
-        False for outliers.
-    condition : float
-        Of the normal matrix scaled to a diagonal of one.
-    """
-
-    centre: Floats
-    matrix: Floats
-    dip: float
-    covariance: Floats
-    dip_sd: float
-    mag_sd: float
+    centre: Floats  # (3,), b, unit of the measurement
+    matrix: Floats  # (3, 3), M, its inverse unit
+    dip: float  # angle of the field below the horizon, rad
+    covariance: Floats  # (12, 12), of centre and matrix, row by row
+    dip_sd: float  # standard deviation of the dip, rad
+    mag_sd: float  # standard deviation of the orthogonal distances, unit of the measurement
+    # standard deviation of the vertical's direction, about each level axis, rad; 0 where the magnetometer's noise
+    # explains all
     down_sd: float
+    # (N, 2), orthogonal distance, unit of the measurement, and departure of the field's angle to the vertical, rad
     residuals: Floats
-    used: NDArray[np.bool_]
-    condition: float
+    used: NDArray[np.bool_]  # (N,), false for outliers
+    condition: float  # of the normal matrix scaled to a diagonal of one
 
 
 class _FieldNoise(NamedTuple):

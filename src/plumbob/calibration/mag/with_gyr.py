@@ -90,55 +90,24 @@ _ENOUGH: Final = 1e-2  # of the parameters' standard deviations
 
 
 class FieldFit(NamedTuple):
-    """Fit of A, b, the field's direction, and the gyroscope's bias.
+    """Fit of A, b, the field's direction, and the gyroscope's bias."""
 
-    Attributes
-    ----------
-    distortion : ndarray (3, 3)
-        A, unit of the measurement.
-    bias : ndarray (3,)
-        b, unit of the measurement.
-    covariance : ndarray (12, 12)
-        Of b and A, row by row; samples that err alike count as fewer.
-    field_s : ndarray (3,)
-        Direction of the field in the body axes of the start.
-    gyr_bias, gyr_gain : ndarray (3,), (3, 3)
-        Of the gyroscope: ``rate = gyr_gain @ measured − gyr_bias``, rad/s.
-    delay : float
-        Of the magnetometer against the gyroscope, s.
-    walk : float
-        Intensity of the attitude's random walk, rad/√s.
-    turns : ndarray (N, 3, 3)
-        Attitude of each sample: from its body axes to those of the start.
-    residuals : ndarray (N, 3)
-        Residuals, unit of the measurement.
-    sd : float
-        Their standard deviation about each axis, parameters counted.
-    used : ndarray (N,) of bool
-        False for outliers.
-    alike : Alike
-        How many of them count as one.
-    field : Unevenness
-        How uneven the field was, or may have been.
-    condition : float
-        Of the normal matrix of all but the random walk, scaled to a diagonal of one.
-    """
-
-    distortion: Floats
-    bias: Floats
-    covariance: Floats
-    field_s: Floats
+    distortion: Floats  # (3, 3), a, unit of the measurement
+    bias: Floats  # (3,), b, unit of the measurement
+    covariance: Floats  # (12, 12), of b and A, row by row; samples that err alike count as fewer
+    field_s: Floats  # (3,), direction of the field in the body axes of the start
+    # gyr_bias, gyr_gain: (3,), of the gyroscope: ``rate = gyr_gain @ measured − gyr_bias``, rad/s
     gyr_bias: Floats
     gyr_gain: Floats
-    delay: float
-    walk: float
-    turns: Floats
-    residuals: Floats
-    sd: float
-    used: NDArray[np.bool_]
-    alike: Alike
-    field: Unevenness
-    condition: float
+    delay: float  # of the magnetometer against the gyroscope, s
+    walk: float  # intensity of the attitude's random walk, rad/√s
+    turns: Floats  # (N, 3, 3), attitude of each sample: from its body axes to those of the start
+    residuals: Floats  # (N, 3), residuals, unit of the measurement
+    sd: float  # their standard deviation about each axis, parameters counted
+    used: NDArray[np.bool_]  # (N,), false for outliers
+    alike: Alike  # how many of them count as one
+    field: Unevenness  # how uneven the field was, or may have been
+    condition: float  # of the normal matrix of all but the random walk, scaled to a diagonal of one
 
 
 def fit_turned_field(

@@ -64,30 +64,16 @@ class LoggedAttitude(NamedTuple):
 
 @dataclass
 class SensorLog:
-    """What a file holds.
+    """What a file holds."""
 
-    Attributes
-    ----------
-    notes : list of Finding
-        What the format says of units, axes and clocks, and what was left out.
-    meta : ImuMeta
-        What is known of the unit.
-    epoch_ns : int or None
-        UTC of the stamp 0, ns since 1970; 0 where stamps are UTC themselves; None where it is not known.
-    streams : dict of str to Readings
-        By ``gyr``, ``acc``, ``mag`` and ``temp_c``, in SI.
-    attitudes : list of LoggedAttitude
-        In the order in which they are preferred; the first that is known at the samples' times counts.
-    losses : list of Finding
-        Notes that come last: what of the file is cut or damaged.
-    """
-
-    notes: list[Note]
-    meta: ImuMeta
+    notes: list[Note]  # what the format says of units, axes and clocks, and what was left out
+    meta: ImuMeta  # what is known of the unit
+    # UTC of the stamp 0, ns since 1970; 0 where stamps are UTC themselves; None where it is not known
     epoch_ns: int | None = None
-    streams: dict[str, Readings] = field(default_factory=dict)
+    streams: dict[str, Readings] = field(default_factory=dict)  # by ``gyr``, ``acc``, ``mag`` and ``temp_c``, in SI
+    # in the order in which they are preferred; the first that is known at the samples' times counts
     attitudes: list[LoggedAttitude] = field(default_factory=list)
-    losses: list[Note] = field(default_factory=list)
+    losses: list[Note] = field(default_factory=list)  # notes that come last: what of the file is cut or damaged
 
     def add(self, sensor: str, t_ns: ArrayLike, values: Any, unit: str = "", *, valid: Any = None) -> None:
         """Add a sensor's stream, of rows that are `valid` alone, in a unit or in SI."""

@@ -61,28 +61,15 @@ LAYOUTS: Final = {
 
 @dataclass(slots=True, eq=False)
 class Topic:
-    """A topic of one type, and what it said.
+    """A topic of one type, and what it said."""
 
-    Attributes
-    ----------
-    name, kind : str
-        Its name, and its type as in ``sensor_msgs/Imu``.
-    encoding : str
-        ``cdr`` or ``ros1``.
-    count : int
-        Messages, read or not.
-    logged : list of int
-        When the recorder took each, ns.
-    messages : list of bytes
-        Those of a type in `LAYOUTS`.
-    """
-
+    # name, kind: its name, and its type as in ``sensor_msgs/Imu``
     name: str
     kind: str
-    encoding: str
-    count: int = 0
-    logged: list[int] = field(default_factory=list)
-    messages: list[bytes] = field(default_factory=list)
+    encoding: str  # ``cdr`` or ``ros1``
+    count: int = 0  # messages, read or not
+    logged: list[int] = field(default_factory=list)  # when the recorder took each, ns
+    messages: list[bytes] = field(default_factory=list)  # those of a type in `LAYOUTS`
 
     def __str__(self) -> str:
         return f"{self.name} ({self.kind}, {self.count})"

@@ -172,30 +172,14 @@ class Schema:
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """A channel as it stands in a file.
+    """A channel as it stands in a file."""
 
-    Attributes
-    ----------
-    topic : str
-        Name, unique in the recording.
-    encoding : str
-        Encoding of the messages, such as ``"json"``.
-    schema : Schema or None
-        What the messages hold.
-    metadata : mapping of str to str
-        What else the channel's owner said.
-    recording : str
-        The recording it belongs to; empty in a file that Plumbob has not written.
-    epoch_offset_ns : int
-        What was added to the monotonic clock to get the times in the file, ns.
-    """
-
-    topic: str
-    encoding: str
-    schema: Schema | None = None
-    metadata: Mapping[str, str] = field(default_factory=dict)
-    recording: str = ""
-    epoch_offset_ns: int = 0
+    topic: str  # name, unique in the recording
+    encoding: str  # encoding of the messages, such as ``"json"``
+    schema: Schema | None = None  # what the messages hold
+    metadata: Mapping[str, str] = field(default_factory=dict)  # what else the channel's owner said
+    recording: str = ""  # the recording it belongs to; empty in a file that Plumbob has not written
+    epoch_offset_ns: int = 0  # what was added to the monotonic clock to get the times in the file, ns
 
     def records(self, number: int) -> tuple[bytes, bytes]:
         """Schema record (empty without a schema) and channel record; schema and channel have the same number."""
@@ -345,38 +329,21 @@ RESERVED: Final = "plumbob."
 
 @dataclass(frozen=True, slots=True)
 class PartInfo:
-    """What a part says about itself.
+    """What a part says about itself."""
 
-    Attributes
-    ----------
-    recording : str
-        Random name of the recording, the same in all its parts and chunks.
-    part : int
-        Which part this is, from 1.
-    epoch_offset_ns : int
-        What was added to the monotonic clock to get the times in the file, ns.
-    starts : mapping of str to int
-        Per topic, sequence number of the first row that this part can hold; 0 where a topic is not named.
-    ends : mapping of str to int or None
-        Per topic, one more than the last sequence number in this part; None in the record at the beginning.
-    dropped : mapping of str to int
-        Per topic, rows that the recorder itself gave up while it wrote this part.
-    metadata : mapping of str to str
-        What the recording's owner says of the whole recording.
-    follows : str or None
-        Name of the recording that this one goes on from, after a restart; None where it stands alone.
-    boot : str
-        Which start of the host this was, whose monotonic clock counts from it; empty where that is not known.
-    """
-
-    recording: str
-    part: int
-    epoch_offset_ns: int
+    recording: str  # random name of the recording, the same in all its parts and chunks
+    part: int  # which part this is, from 1
+    epoch_offset_ns: int  # what was added to the monotonic clock to get the times in the file, ns
+    # per topic, sequence number of the first row that this part can hold; 0 where a topic is not named
     starts: Mapping[str, int] = field(default_factory=dict)
+    # per topic, one more than the last sequence number in this part; None in the record at the beginning
     ends: Mapping[str, int] | None = None
+    # per topic, rows that the recorder itself gave up while it wrote this part
     dropped: Mapping[str, int] = field(default_factory=dict)
-    metadata: Mapping[str, str] = field(default_factory=dict)
+    metadata: Mapping[str, str] = field(default_factory=dict)  # what the recording's owner says of the whole recording
+    # name of the recording that this one goes on from, after a restart; None where it stands alone
     follows: str | None = None
+    # which start of the host this was, whose monotonic clock counts from it; empty where that is not known
     boot: str = ""
 
     def record(self) -> bytes:

@@ -79,24 +79,12 @@ UNKNOWN_NS: Final = 10_000_000_000
 
 
 class LogMessage(NamedTuple):
-    """A row of a recording.
+    """A row of a recording."""
 
-    Attributes
-    ----------
-    channel : Channel
-        Its channel.
-    sequence : int
-        Which row of its channel, from 0; in files of other programs whatever they wrote.
-    t_ns : int
-        Host's monotonic clock, ns; in files of other programs the log time.
-    data : bytes
-        The message.
-    """
-
-    channel: Channel
-    sequence: int
-    t_ns: int
-    data: bytes
+    channel: Channel  # its channel
+    sequence: int  # which row of its channel, from 0; in files of other programs whatever they wrote
+    t_ns: int  # host's monotonic clock, ns; in files of other programs the log time
+    data: bytes  # the message
 
     @property
     def topic(self) -> str:
@@ -106,30 +94,15 @@ class LogMessage(NamedTuple):
 
 @dataclass(slots=True)
 class _Run:
-    """What a recorder wrote from one start to its end.
+    """What a recorder wrote from one start to its end."""
 
-    Attributes
-    ----------
-    recording : str or None
-        Its name.
-    boot : str
-        Which start of the host it was, whose monotonic clock counts from it; empty where that is not known.
-    base : dict of str to int
-        Rows per topic that the starts before it wrote.
-    damages : int
-        How many damages belong to them.
-    shift_ns : int or None
-        What is added to its times; None where the wall clock has to tell.
-    begun : bool
-        Whether a row of it has come.
-    """
-
-    recording: str | None
+    recording: str | None  # its name
+    # which start of the host it was, whose monotonic clock counts from it; empty where that is not known
     boot: str = ""
-    base: dict[str, int] = field(default_factory=dict)
-    damages: int = 0
-    shift_ns: int | None = None
-    begun: bool = False
+    base: dict[str, int] = field(default_factory=dict)  # rows per topic that the starts before it wrote
+    damages: int = 0  # how many damages belong to them
+    shift_ns: int | None = None  # what is added to its times; None where the wall clock has to tell
+    begun: bool = False  # whether a row of it has come
 
 
 class Log:

@@ -172,28 +172,16 @@ def rows_by_topic(source: FileBytes, at: int, end: int) -> dict[str, int]:
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A place where a file does not hold what was written.
+    """A place where a file does not hold what was written."""
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    offset, size : int
-        Where, bytes.
-    what : str
-        What is wrong.
-    lost : mapping of str to int
-        Rows per topic that are missing there, as later sequence numbers tell.
-    certain : bool
-        False where rows may be missing and nothing later shows it, as at the torn end of a file.
-    """
-
-    path: Path
+    path: Path  # the file
+    # offset, size: where, bytes
     offset: int
     size: int
-    what: str
+    what: str  # what is wrong
+    # rows per topic that are missing there, as later sequence numbers tell
     lost: Mapping[str, int] = field(default_factory=dict)
-    certain: bool = True
+    certain: bool = True  # false where rows may be missing and nothing later shows it, as at the torn end of a file
 
     def __str__(self) -> str:
         rows = ", ".join(f"{count} of {topic}" for topic, count in self.lost.items())

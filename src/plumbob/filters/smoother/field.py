@@ -59,25 +59,14 @@ def on_earth(level: float, vertical: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """Field that belongs to the place.
+    """Field that belongs to the place."""
 
-    Attributes
-    ----------
-    level, vertical : float
-        Its level part, and the vertical one (up), µT.
-    median : float
-        Median deviation from it, µT.
-    rival : (float, float) or None
-        Level and vertical part of another field that has nearly the same weight.
-    rival_share : float
-        Share of the rival in the weight of both.
-    """
-
+    # level, vertical: its level part, and the vertical one (up), µT
     level: float
     vertical: float
-    median: float
-    rival: tuple[float, float] | None = None
-    rival_share: float = 0.0
+    median: float  # median deviation from it, µT
+    rival: tuple[float, float] | None = None  # level and vertical part of another field that has nearly the same weight
+    rival_share: float = 0.0  # share of the rival in the weight of both
 
     @property
     def size(self) -> float:

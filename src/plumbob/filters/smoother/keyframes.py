@@ -46,43 +46,21 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Keyframes:
-    """Samples without holes, and the steps that they are taken in.
+    """Samples without holes, and the steps that they are taken in."""
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    gyr, acc : ndarray (N, 3)
-        Rate and specific force, bridged where there was none.
-    mag : ndarray (N, 3)
-        Field; NaN where there was none.
-    first : ndarray (K + 1,)
-        Sample of each keyframe.
-    gap : ndarray (K,) of bool
-        Steps without samples, behind which the tilt starts again.
-    missed : ndarray (K,)
-        Variance of the attitude, rad², that bridged rates add to each step.
-    pushed : ndarray (K,)
-        Variance of the level velocity, (m/s)², that bridged forces add.
-    rows : ndarray (N,)
-        Place of each sample in the recording: those in a hole of the gyroscope are left out.
-    digit : float
-        Last digit of the rates, rad/s.
-    scatter : ndarray (N,) or 0
-        Mean square by which fields that were taken together differed, µT².
-    """
-
-    t: Floats
+    t: Floats  # (N,), time, s
+    # gyr, acc: (N, 3), rate and specific force, bridged where there was none
     gyr: Floats
     acc: Floats
-    mag: Floats
-    first: NDArray[np.int64]
-    gap: Bools
-    missed: Floats
-    pushed: Floats
+    mag: Floats  # (N, 3), field; NaN where there was none
+    first: NDArray[np.int64]  # (K + 1,), sample of each keyframe
+    gap: Bools  # (K,), steps without samples, behind which the tilt starts again
+    missed: Floats  # (K,), variance of the attitude, rad², that bridged rates add to each step
+    pushed: Floats  # (K,), variance of the level velocity, (m/s)², that bridged forces add
+    # (N,), place of each sample in the recording: those in a hole of the gyroscope are left out
     rows: NDArray[np.int64]
-    digit: float
-    scatter: Floats | float = 0.0
+    digit: float  # last digit of the rates, rad/s
+    scatter: Floats | float = 0.0  # (N,), mean square by which fields that were taken together differed, µT²
 
     @classmethod
     def from_imu(cls, imu: ImuData, spacing: float, *, mag: bool = True) -> Self | None:

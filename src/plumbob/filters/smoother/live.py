@@ -106,55 +106,24 @@ LATELY: Final = 15.0
 
 @dataclass(slots=True)
 class Running:
-    """The filter between two looks at the past.
+    """The filter between two looks at the past."""
 
-    Attributes
-    ----------
-    last : Last
-        What it knows now.
-    cov : ndarray (3, 3)
-        Covariance of the attitude, with what is in doubt.
-    learned : ndarray (6,)
-        What it has learned of the motion.
-    smoothed : Smoothed
-        What the last look found.
-    field : LocalField
-        The field of the place.
-    iron : ndarray (3,)
-        Field that turns with the sensor, µT.
-    noise : ModelVariances
-        Of the model.
-    since : float
-        Time of that look, s.
-    word, weight : int, float
-        Of the last step.
-    against : ndarray (1,)
-        For how long since the look the unit turned in other fields, s.
-    other : ndarray (8,)
-        A field that contradicts the one of the place.
-    proven : bool
-        Whether the unit has turned in that one.
-    standing : ndarray (24,)
-        What contradicts the gyroscope: see `stationary`.
-    unknown : int
-        Flag of a field that no turning in it has shown up to the look.
-    """
-
-    last: Last
-    cov: Floats
-    learned: Floats
-    smoothed: Smoothed
-    field: LocalField
-    iron: Floats
-    noise: ModelVariances
-    since: float
+    last: Last  # what it knows now
+    cov: Floats  # (3, 3), covariance of the attitude, with what is in doubt
+    learned: Floats  # (6,), what it has learned of the motion
+    smoothed: Smoothed  # what the last look found
+    field: LocalField  # the field of the place
+    iron: Floats  # (3,), field that turns with the sensor, µT
+    noise: ModelVariances  # of the model
+    since: float  # time of that look, s
+    # word, weight: of the last step
     word: int
     weight: float
-    against: Floats
-    other: Floats
-    proven: bool
-    standing: Floats
-    unknown: int
+    against: Floats  # (1,), for how long since the look the unit turned in other fields, s
+    other: Floats  # (8,), a field that contradicts the one of the place
+    proven: bool  # whether the unit has turned in that one
+    standing: Floats  # (24,), what contradicts the gyroscope: see `stationary`
+    unknown: int  # flag of a field that no turning in it has shown up to the look
 
 
 @dataclass(slots=True)

@@ -65,32 +65,17 @@ LONGEST_SEEN: Final = 300.0
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is known before a recording, or a stretch of one, is smoothed.
+    """What is known before a recording, or a stretch of one, is smoothed."""
 
-    Attributes
-    ----------
-    unit : ndarray (12, 12) or None
-        What the unit's card leaves of bias, rad/s, and matrix of the gyroscope: their covariance.
-    bias : (ndarray (3,), float) or None
-        Bias of the gyroscope at the end of the stretch before, rad/s, and what no rest showed of it.
-    reference : Reference or None
-        The field of the place in the stretches before.
-    weight : float
-        Weight of that, s of turning in it.
-    start : Given or None
-        The first attitude.
-    any_bias : bool
-        Whether the bias has jumped: large ones are then as likely as small ones.
-    before : (ndarray (3,), ndarray (3, 3)) or None
-        Bias where the stretch begins, rad/s, and its covariance, by nothing but what came before.
-    """
-
+    # (12, 12), what the unit's card leaves of bias, rad/s, and matrix of the gyroscope: their covariance
     unit: Floats | None = None
+    # (3,), bias of the gyroscope at the end of the stretch before, rad/s, and what no rest showed of it
     bias: tuple[Floats, float] | None = None
-    reference: Reference | None = None
-    weight: float = 0.0
-    start: Given | None = None
-    any_bias: bool = False
+    reference: Reference | None = None  # the field of the place in the stretches before
+    weight: float = 0.0  # weight of that, s of turning in it
+    start: Given | None = None  # the first attitude
+    any_bias: bool = False  # whether the bias has jumped: large ones are then as likely as small ones
+    # (3,), bias where the stretch begins, rad/s, and its covariance, by nothing but what came before
     before: tuple[Floats, Floats] | None = None
 
     @property

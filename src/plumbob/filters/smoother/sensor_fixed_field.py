@@ -61,24 +61,12 @@ MEDIAN_OF_THREE: Final = 2.366
 
 @dataclass(frozen=True, slots=True)
 class Attached:
-    """Fields that turn with the sensor, µT, body axes.
+    """Fields that turn with the sensor, µT, body axes."""
 
-    Attributes
-    ----------
-    field : ndarray (K, 3)
-        All of it, at each step.
-    doubtful : ndarray (K,) of bool
-        Steps where nobody can tell.
-    iron : ndarray (3,)
-        What belongs to the unit itself, and was taken off.
-    suspect : ndarray (3,)
-        What may belong to it and was not taken off: an uneven field of the place looks like it.
-    """
-
-    field: Floats
-    doubtful: Bools
-    iron: Floats
-    suspect: Floats
+    field: Floats  # (K, 3), all of it, at each step
+    doubtful: Bools  # (K,), steps where nobody can tell
+    iron: Floats  # (3,), what belongs to the unit itself, and was taken off
+    suspect: Floats  # (3,), what may belong to it and was not taken off: an uneven field of the place looks like it
 
     @property
     def present(self) -> bool:

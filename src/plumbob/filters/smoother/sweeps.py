@@ -533,35 +533,19 @@ class Last(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """What a pass forward and backward found.
+    """What a pass forward and backward found."""
 
-    Attributes
-    ----------
-    q : ndarray (K + 1, 4)
-        Smoothed attitude at the keyframes, body to ENU.
-    x : ndarray (K + 1, 8)
-        Smoothed error (zero), bias, level velocity.
-    cov : ndarray (K + 1, 6, 6)
-        Covariance of attitude (navigation axes) and bias; empty where it was not asked for.
-    matrix, acc_bias : ndarray (9,), (3,)
-        Scale and misalignment of the gyroscope and bias of the accelerometer.
-    unit_cov : ndarray (12, 12)
-        Covariance of the last bias of the gyroscope and `matrix`.
-    force, field : ndarray (K, 3)
-        Mean specific force and field of each step in smoothed navigation axes, m/s² and µT.
-    last : Last
-        What the pass forward knew at the last keyframe, from where another one can go on.
-    """
-
-    q: Floats
-    x: Floats
-    cov: Floats
+    q: Floats  # (K + 1, 4), smoothed attitude at the keyframes, body to ENU
+    x: Floats  # (K + 1, 8), smoothed error (zero), bias, level velocity
+    cov: Floats  # (K + 1, 6, 6), covariance of attitude (navigation axes) and bias; empty where it was not asked for
+    # matrix, acc_bias: (9,), scale and misalignment of the gyroscope and bias of the accelerometer
     matrix: Floats
     acc_bias: Floats
-    unit_cov: Floats
+    unit_cov: Floats  # (12, 12), covariance of the last bias of the gyroscope and `matrix`
+    # force, field: (K, 3), mean specific force and field of each step in smoothed navigation axes, m/s² and µT
     force: Floats
     field: Floats
-    last: Last
+    last: Last  # what the pass forward knew at the last keyframe, from where another one can go on
 
     @property
     def bias(self) -> Floats:

@@ -24,42 +24,22 @@ SHARES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """Errors of each estimator on each trial.
+    """Errors of each estimator on each trial."""
 
-    Attributes
-    ----------
-    trials : dict
-        ``trials[trial][estimator][key]``, degrees; an estimator that takes no trial of a folder is not in them.
-    settings : dict
-        What ran, by estimator; several where recordings know different declinations.
-    align : tuple of str
-        What was aligned before the errors were measured.
-    skipped : dict
-        Files that are not trials, or that only some estimators can take, and why.
-    absent : dict
-        Peers that could not run, estimators that take no trial of a folder or leave nothing of one to score, and why.
-    calibration : dict
-        By trial: the card that has been applied to its sensor values, or in words that none has.
-    coverage : dict
-        ``coverage[trial][estimator][share]`` of those that claim a covariance, `SHARES`.
-    folders : dict
-        Trials of each folder.
-    changes : dict
-        What was changed in every recording, by name, and the seed.
-    against : str or None
-        Estimator that the others are compared with, trial by trial.
-    """
-
+    # ``trials[trial][estimator][key]``, degrees; an estimator that takes no trial of a folder is not in them
     trials: dict[str, dict[str, Errors]]
-    settings: dict[str, str]
-    align: tuple[str, ...]
-    skipped: dict[str, str]
+    settings: dict[str, str]  # what ran, by estimator; several where recordings know different declinations
+    align: tuple[str, ...]  # what was aligned before the errors were measured
+    skipped: dict[str, str]  # files that are not trials, or that only some estimators can take, and why
+    # peers that could not run, estimators that take no trial of a folder or leave nothing of one to score, and why
     absent: dict[str, str] = field(default_factory=dict)
+    # by trial: the card that has been applied to its sensor values, or in words that none has
     calibration: dict[str, str] = field(default_factory=dict)
+    # ``coverage[trial][estimator][share]`` of those that claim a covariance, `SHARES`
     coverage: dict[str, dict[str, Errors]] = field(default_factory=dict)
-    folders: dict[str, list[str]] = field(default_factory=dict)
-    changes: dict[str, str] = field(default_factory=dict)
-    against: str | None = None
+    folders: dict[str, list[str]] = field(default_factory=dict)  # trials of each folder
+    changes: dict[str, str] = field(default_factory=dict)  # what was changed in every recording, by name, and the seed
+    against: str | None = None  # estimator that the others are compared with, trial by trial
 
     def mean(self, folder: str | None = None) -> dict[str, Errors]:
         """Mean over the trials, or those of a folder, by estimator; None where a trial has no such error."""

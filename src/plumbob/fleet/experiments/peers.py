@@ -59,21 +59,12 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Any]]]) -> tup
 
 
 class PeerRun(NamedTuple):
-    """A peer that takes a recording at once.
+    """A peer that takes a recording at once."""
 
-    Attributes
-    ----------
-    name : str
-        As in the tables.
-    settings : str
-        What runs, in one line.
-    attitudes : callable
-        Attitudes (N, 4), body to ENU, of samples (N, 3) in rad/s, m/s² and µT, where the last ones may be absent, at a
-        step in s.
-    """
-
-    name: str
-    settings: str
+    name: str  # as in the tables
+    settings: str  # what runs, in one line
+    # attitudes (N, 4), body to ENU, of samples (N, 3) in rad/s, m/s² and µT, where the last ones may be absent, at a
+    # step in s
     attitudes: Callable[[Floats, Floats, Floats | None, float], Floats]
 
 

@@ -24,26 +24,14 @@ SHOWN = ("rmse_deg", "max_abs_deg")
 
 @dataclass(frozen=True, slots=True)
 class MonteCarlo:
-    """Errors per axis of each filter in each seed.
+    """Errors per axis of each filter in each seed."""
 
-    Attributes
-    ----------
-    scenario : str
-        What was simulated, with its parameters.
-    settings : dict
-        What ran, by filter.
-    values : dict
-        ``values[filter][axis][figure]``, one number per seed, degrees. A heading that is free has none.
-    limit_deg : float or None
-        Error of roll and pitch, degrees, that is to be kept.
-    warnings : dict
-        By filter: in words, what contradicts its settings, one for each seed where something does.
-    """
-
-    scenario: str
-    settings: dict[str, str]
+    scenario: str  # what was simulated, with its parameters
+    settings: dict[str, str]  # what ran, by filter
+    # ``values[filter][axis][figure]``, one number per seed, degrees. A heading that is free has none.
     values: dict[str, dict[str, dict[str, list[float]]]]
-    limit_deg: float | None = None
+    limit_deg: float | None = None  # error of roll and pitch, degrees, that is to be kept
+    # by filter: in words, what contradicts its settings, one for each seed where something does
     warnings: dict[str, list[str]] = field(default_factory=dict)
 
     def largest_tilt(self, name: str) -> Floats:

@@ -87,58 +87,31 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
-    """What was found for a parameter: values in the unit inside.
+    """What was found for a parameter: values in the unit inside."""
 
-    Attributes
-    ----------
-    name : str
-        Of the parameter.
-    default, value : float
-        Of the filter, and fitted to all recordings; the default is NaN where it is off.
-    low, high : float
-        Range that was searched.
-    folds : tuple of float
-        Value of each fold; that they differ much says that the recordings do not determine it.
-    at_end : str
-        "low" or "high" where the value lies at that end of its range, else empty.
-    """
-
-    name: str
+    name: str  # of the parameter
+    # default, value: of the filter, and fitted to all recordings; the default is NaN where it is off
     default: float
     value: float
+    # low, high: range that was searched
     low: float
     high: float
-    folds: tuple[float, ...]
-    at_end: str
+    folds: tuple[float, ...]  # value of each fold; that they differ much says that the recordings do not determine it
+    at_end: str  # "low" or "high" where the value lies at that end of its range, else empty
 
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Errors on a recording, degrees, and what it is.
+    """Errors on a recording, degrees, and what it is."""
 
-    Attributes
-    ----------
-    name, group : str
-        Of the recording, and of what is held out together.
-    fold : int or None
-        Number of the fold in which it is held out, from 1; None where there are no folds.
-    default_deg : float
-        With the filter's defaults.
-    tuned_deg : float or None
-        Held out: with parameters that were fitted without its group.
-    fitted_deg : float
-        With parameters that were fitted to all recordings, this one too.
-    sha256 : str or None
-        Of its file.
-    """
-
+    # name, group: of the recording, and of what is held out together
     name: str
     group: str
-    fold: int | None
-    default_deg: float
-    tuned_deg: float | None
-    fitted_deg: float
-    sha256: str | None
+    fold: int | None  # number of the fold in which it is held out, from 1; None where there are no folds
+    default_deg: float  # with the filter's defaults
+    tuned_deg: float | None  # held out: with parameters that were fitted without its group
+    fitted_deg: float  # with parameters that were fitted to all recordings, this one too
+    sha256: str | None  # of its file
 
 
 @dataclass(frozen=True, repr=False)

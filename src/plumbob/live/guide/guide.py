@@ -23,21 +23,11 @@ _COLUMNS: Final = 1 + 3 * len(TRIADS) + len(TRIADS)
 
 
 class Block(NamedTuple):
-    """Samples of a block.
+    """Samples of a block."""
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    triads : mapping of str to ndarray (N, 3)
-        Every triad; NaN where a sample is absent or invalid.
-    clipped : mapping of str to ndarray (N,) of bool
-        Samples at the end of the triad's range.
-    """
-
-    t: Floats
-    triads: dict[str, Floats]
-    clipped: dict[str, NDArray[np.bool_]]
+    t: Floats  # (N,), time, s
+    triads: dict[str, Floats]  # (N, 3), every triad; NaN where a sample is absent or invalid
+    clipped: dict[str, NDArray[np.bool_]]  # (N,), samples at the end of the triad's range
 
 
 class Blocks:
@@ -136,18 +126,10 @@ _STEP: Final = deg(5.0)
 
 
 class AxisTurn(NamedTuple):
-    """Turn of the unit about one of its own axes.
+    """Turn of the unit about one of its own axes."""
 
-    Attributes
-    ----------
-    axis : int
-        0, 1 or 2 for x, y or z.
-    angle : float
-        Right-handed about the positive axis, rad.
-    """
-
-    axis: int
-    angle: float
+    axis: int  # 0, 1 or 2 for x, y or z
+    angle: float  # right-handed about the positive axis, rad
 
     def __str__(self) -> str:
         """Say it in words."""
@@ -204,49 +186,22 @@ class Moment(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Progress:
-    """State of a guided capture.
+    """State of a guided capture."""
 
-    Attributes
-    ----------
-    elapsed : float
-        Time since the first sample, s.
-    filled : ndarray (18,) of bool or None
-        Directions that were seen, by `plumbob.calibration.predicted`; None where directions do not count, or as long as
-        nothing shows them.
-    direction : int or None
-        The direction at present, where it is known.
-    still_for : float
-        How long the unit has been at rest until now, s; 0 while it moves.
-    next_step : str
-        What to do now, in words.
-    turn : AxisTurn or None
-        The turn that the words ask for.
-    goal : int or None
-        The direction that it leads to.
-    predicted : str
-        Provisional figure that the grade judges, in words; empty as long as there is none.
-    grade : str or None
-        Its grade so far.
-    share : float
-        How much of the capture is done, from 0 to 1.
-    warnings : tuple of str
-        What is wrong at present.
-    done : bool
-        Whether it is enough.
-    """
-
-    elapsed: float
+    elapsed: float  # time since the first sample, s
+    # (18,), directions that were seen, by `plumbob.calibration.predicted`; None where directions do not count, or as
+    # long as nothing shows them
     filled: NDArray[np.bool_] | None
-    direction: int | None = None
-    still_for: float
-    next_step: str
-    turn: AxisTurn | None = None
-    goal: int | None = None
-    predicted: str = ""
-    grade: str | None = None
-    share: float
-    warnings: tuple[str, ...] = ()
-    done: bool
+    direction: int | None = None  # the direction at present, where it is known
+    still_for: float  # how long the unit has been at rest until now, s; 0 while it moves
+    next_step: str  # what to do now, in words
+    turn: AxisTurn | None = None  # the turn that the words ask for
+    goal: int | None = None  # the direction that it leads to
+    predicted: str = ""  # provisional figure that the grade judges, in words; empty as long as there is none
+    grade: str | None = None  # its grade so far
+    share: float  # how much of the capture is done, from 0 to 1
+    warnings: tuple[str, ...] = ()  # what is wrong at present
+    done: bool  # whether it is enough
 
     @property
     def at_rest(self) -> bool:

@@ -35,30 +35,14 @@ _NOISE: Final = {"noise": 64, "burst": 1_000_000}
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault.
+    """One fault."""
 
-    Attributes
-    ----------
-    kind : str
-        From `KINDS`.
-    frame : int
-        The frame that it befalls, from 0.
-    t_ns : int
-        When that frame was ready, ns from the start.
-    at : int
-        Byte of the stream as it went out where it begins.
-    count : int
-        Bits, bytes, frames or nanoseconds, as `unit` says.
-    unit : str
-        What `count` counts.
-    """
-
-    kind: str
-    frame: int
-    t_ns: int
-    at: int
-    count: int
-    unit: str
+    kind: str  # from `KINDS`
+    frame: int  # the frame that it befalls, from 0
+    t_ns: int  # when that frame was ready, ns from the start
+    at: int  # byte of the stream as it went out where it begins
+    count: int  # bits, bytes, frames or nanoseconds, as `unit` says
+    unit: str  # what `count` counts
 
     def summary(self) -> dict[str, Any]:
         """Everything by name, for JSON."""
@@ -67,44 +51,23 @@ class Fault:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Drawn:
-    """Which frame has which fault, and what that does to the device itself.
+    """Which frame has which fault, and what that does to the device itself."""
 
-    Attributes
-    ----------
-    kinds : mapping of int to str
-        By frame, in order.
-    device_ns, counter : ndarray (N,) of int64
-        The device's clock, ns, and frame counter.
-    """
-
-    kinds: Mapping[int, str]
+    kinds: Mapping[int, str]  # by frame, in order
+    # device_ns, counter: (N,), the device's clock, ns, and frame counter
     device_ns: NDArray[np.int64]
     counter: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LineDamage:
-    """What happens to frames on the line.
+    """What happens to frames on the line."""
 
-    Attributes
-    ----------
-    faults : tuple of Fault
-        In order.
-    changed : mapping of int to bytes
-        What goes out instead of a frame.
-    lost : ndarray (N,) of bool
-        Frames that never go out.
-    send_ns : ndarray (N,) of int64
-        When each goes out, ns from the start.
-    unplugged : mapping of int to int
-        First frame for which the port is gone, to the first for which it is back.
-    """
-
-    faults: tuple[Fault, ...]
-    changed: Mapping[int, bytes]
-    lost: NDArray[np.bool_]
-    send_ns: NDArray[np.int64]
-    unplugged: Mapping[int, int]
+    faults: tuple[Fault, ...]  # in order
+    changed: Mapping[int, bytes]  # what goes out instead of a frame
+    lost: NDArray[np.bool_]  # (N,), frames that never go out
+    send_ns: NDArray[np.int64]  # (N,), when each goes out, ns from the start
+    unplugged: Mapping[int, int]  # first frame for which the port is gone, to the first for which it is back
 
 
 def draw(form: Format, rates: Mapping[str, float], due_ns: NDArray[np.int64], seed: int) -> Drawn:

@@ -37,41 +37,23 @@ TICK_NS: Final = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class FirmwareTask:
-    """What the loop does when it finds a flag.
+    """What the loop does when it finds a flag."""
 
-    Attributes
-    ----------
-    name : str
-        For the counts.
-    every : int
-        Ticks from one event to the next; the first comes after as many.
-    takes_ns : tuple of int
-        How long it takes, ns: for the first call, the second and so on, and then from the beginning again.
-    """
-
-    name: str
-    every: int
+    name: str  # for the counts
+    every: int  # ticks from one event to the next; the first comes after as many
+    # how long it takes, ns: for the first call, the second and so on, and then from the beginning again
     takes_ns: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Calls:
-    """Calls of one task.
+    """Calls of one task."""
 
-    Attributes
-    ----------
-    due_ns : ndarray (N,) of int64
-        When the flag of each was set, ns from the start.
-    begun_ns, done_ns : ndarray (N,) of int64
-        When it began and ended.
-    missed_ns : ndarray (M,) of int64
-        When the timer found the flag still set: an event that is served no more.
-    """
-
-    due_ns: Ints
+    due_ns: Ints  # (N,), when the flag of each was set, ns from the start
+    # begun_ns, done_ns: (N,), when it began and ended
     begun_ns: Ints
     done_ns: Ints
-    missed_ns: Ints
+    missed_ns: Ints  # (M,), when the timer found the flag still set: an event that is served no more
 
     def __len__(self) -> int:
         return int(self.due_ns.size)
@@ -137,44 +119,25 @@ _SAMPLE, _FUSE, _SEND = "sample", "fuse", "send"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Processor:
-    """How long the tasks take.
+    """How long the tasks take."""
 
-    Attributes
-    ----------
-    clock_hz : float
-        Of the MSP430F5342, Hz: the most that its data sheet allows. The paper says no more than "high".
-    spi_hz : float
-        Of the sensors' bus, Hz: the most that the MPU-6000 takes for all its registers (data sheet).
-    spi_bytes : int
-        A command and 14 bytes of the MPU-6000, a command and 7 of the HMC5983: six of data, and its status.
-    fuse_cycles : int
-        Assumed: 200 cycles for each of some 200 multiplications and additions in software, 5000 for square roots and
-        quotients.
-    send_cycles : int
-        Assumed: three arcs, a frame and its check.
-    baud : int
-        Of the line, bits/s; a byte takes ten.
-    flash_hz : float
-        Of the bus of the Flash chip, Hz; assumed. A page goes out behind a command of 4 bytes.
-    page_s, erase_s : float
-        How long the chip programs a page and erases a sector, s: typical of a serial NOR Flash.
-    uart_waits : bool
-        Whether the loop waits until a frame is out. By default bytes leave by interrupt.
-    flash_waits : bool
-        Whether the loop waits until the chip is ready. By default the chip works meanwhile; the next page follows
-        eight frames later.
-    """
-
+    # Of the MSP430F5342, Hz: the most that its data sheet allows. The paper says no more than "high".
     clock_hz: float = 25e6
-    spi_hz: float = 1e6
+    spi_hz: float = 1e6  # of the sensors' bus, Hz: the most that the MPU-6000 takes for all its registers (data sheet)
+    # a command and 14 bytes of the MPU-6000, a command and 7 of the HMC5983: six of data, and its status
     spi_bytes: int = 23
+    # assumed: 200 cycles for each of some 200 multiplications and additions in software, 5000 for square roots and
+    # quotients
     fuse_cycles: int = 45_000
-    send_cycles: int = 15_000
-    baud: int = 115_200
-    flash_hz: float = 8e6
+    send_cycles: int = 15_000  # assumed: three arcs, a frame and its check
+    baud: int = 115_200  # of the line, bits/s; a byte takes ten
+    flash_hz: float = 8e6  # Of the bus of the Flash chip, Hz; assumed. A page goes out behind a command of 4 bytes.
+    # page_s, erase_s: how long the chip programs a page and erases a sector, s: typical of a serial NOR Flash
     page_s: float = 0.7e-3
     erase_s: float = 45e-3
-    uart_waits: bool = False
+    uart_waits: bool = False  # Whether the loop waits until a frame is out. By default bytes leave by interrupt.
+    # Whether the loop waits until the chip is ready. By default the chip works meanwhile; the next page follows eight
+    # frames later.
     flash_waits: bool = False
 
     def tasks(self, log: FlashLog) -> tuple[FirmwareTask, ...]:
@@ -197,39 +160,18 @@ def _ns(*seconds: float) -> tuple[int, ...]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Firmware(FactsText):
-    """What the program did.
+    """What the program did."""
 
-    Attributes
-    ----------
-    rows : ndarray (N, 32) of uint8
-        Frames that went out, of format ``buoy_attitude``.
-    columns : mapping of str to ndarray (N,)
-        What they say, by field.
-    sent_ns : ndarray (N,) of int64
-        When each was handed to the line, ns from the start.
-    track : AttitudeTrack
-        What a reader decodes of them: 20 Hz, magnetic North; times are those of the newest sample in each.
-    calls : mapping of str to Calls
-        Of the tasks ``sample``, ``fuse`` and ``send``.
-    idle : float
-        Share of the time in which the processor sleeps.
-    samples : ImuData
-        What was read, at the instants of reading, without calibration.
-    fused : ImuData
-        What the filter was given, calibrated.
-    flash : FlashLog
-        The log.
-    """
-
-    rows: NDArray[np.uint8]
-    columns: Mapping[str, NDArray[Any]]
-    sent_ns: Ints
+    rows: NDArray[np.uint8]  # (N, 32), frames that went out, of format ``buoy_attitude``
+    columns: Mapping[str, NDArray[Any]]  # (N,), what they say, by field
+    sent_ns: Ints  # (N,), when each was handed to the line, ns from the start
+    # what a reader decodes of them: 20 Hz, magnetic North; times are those of the newest sample in each
     track: AttitudeTrack
-    calls: Mapping[str, Calls]
-    idle: float
-    samples: ImuData
-    fused: ImuData
-    flash: FlashLog
+    calls: Mapping[str, Calls]  # of the tasks ``sample``, ``fuse`` and ``send``
+    idle: float  # share of the time in which the processor sleeps
+    samples: ImuData  # what was read, at the instants of reading, without calibration
+    fused: ImuData  # what the filter was given, calibrated
+    flash: FlashLog  # the log
 
     @property
     def frames(self) -> bytes:

@@ -84,42 +84,21 @@ class MountedScenario(Scenario):
 
 @dataclass(frozen=True, slots=True)
 class RigUnit:
-    """One unit of a rig.
+    """One unit of a rig."""
 
-    Attributes
-    ----------
-    sensors : str
-        Its parts, as `plumbob.simulation.simulate` knows them.
-    prefix : str
-        Of its fields in the frame; empty where there is one unit only.
-    q_bs : tuple of 4 float
-        How it is mounted: from its axes to the body's.
-    reference : bool
-        Whether it is what the others are compared with.
-    """
-
-    sensors: str
-    prefix: str = ""
-    q_bs: Quat = ALIGNED
-    reference: bool = False
+    sensors: str  # its parts, as `plumbob.simulation.simulate` knows them
+    prefix: str = ""  # of its fields in the frame; empty where there is one unit only
+    q_bs: Quat = ALIGNED  # how it is mounted: from its axes to the body's
+    reference: bool = False  # whether it is what the others are compared with
 
 
 @dataclass(frozen=True, slots=True)
 class Chained:
-    """Program of a chain that carries the units, each on a segment of its own.
+    """Program of a chain that carries the units, each on a segment of its own."""
 
-    Attributes
-    ----------
-    chain : Chain
-        Its units have the names of the frame's.
-    program : str
-        Name of what it does, one of `plumbob.simulation.PROGRAMS`.
-    settings : mapping
-        Further arguments of `plumbob.simulation.simulate_chain`.
-    """
-
-    chain: Chain
-    program: str
+    chain: Chain  # its units have the names of the frame's
+    program: str  # name of what it does, one of `plumbob.simulation.PROGRAMS`
+    # further arguments of `plumbob.simulation.simulate_chain`
     settings: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -129,34 +108,17 @@ CHIP_RATE: Final = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class RigPlan:
-    """A rig before it is built.
+    """A rig before it is built."""
 
-    Attributes
-    ----------
-    name, title : str
-        Short and full name.
-    scenario : Scenario or Chained
-        What the body does, or the chain that the units are on.
-    frame : Frame
-        Navigation frame of the truth, and the body's axes with it.
-    rate : float
-        Frames per second, Hz.
-    duration : float
-        Time that it talks, s.
-    units : tuple of RigUnit
-        What sits on the body.
-    firmware : bool
-        Whether it sends the attitude that its own processor computes, and not samples.
-    """
-
+    # name, title: short and full name
     name: str
     title: str
-    scenario: Scenario | Chained
-    frame: Frame
-    rate: float
-    duration: float
-    units: tuple[RigUnit, ...]
-    firmware: bool = False
+    scenario: Scenario | Chained  # what the body does, or the chain that the units are on
+    frame: Frame  # navigation frame of the truth, and the body's axes with it
+    rate: float  # frames per second, Hz
+    duration: float  # time that it talks, s
+    units: tuple[RigUnit, ...]  # what sits on the body
+    firmware: bool = False  # whether it sends the attitude that its own processor computes, and not samples
 
     @property
     def sampled(self) -> float:

@@ -113,36 +113,17 @@ def _presence(field: Field, measured: Mapping[str, Floats], count: int) -> NDArr
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A rig that is ready to talk.
+    """A rig that is ready to talk."""
 
-    Attributes
-    ----------
-    plan : RigPlan
-        What it is made of.
-    form : Format
-        What it says, bound.
-    units : mapping of str to Simulation
-        Truth, samples, calibration and noise of each unit in its own axes, by the prefix of its fields.
-    due_ns : ndarray (N,) of int64
-        When each frame is ready, ns from the start.
-    frames : ndarray (N, L) of uint8
-        Frames as the device makes them, before anything happens to them on the line.
-    damage : LineDamage
-        What happens to them on the line.
-    chain : ChainSimulation or None
-        The chain that the units are on, where they are on one.
-    firmware : Firmware or None
-        What its own processor did, where that computes what it says.
-    """
-
-    plan: RigPlan
-    form: Format
+    plan: RigPlan  # what it is made of
+    form: Format  # what it says, bound
+    # truth, samples, calibration and noise of each unit in its own axes, by the prefix of its fields
     units: Mapping[str, Simulation]
-    due_ns: NDArray[np.int64]
-    frames: NDArray[np.uint8]
-    damage: LineDamage
-    chain: ChainSimulation | None = None
-    firmware: "Firmware | None" = None
+    due_ns: NDArray[np.int64]  # (N,), when each frame is ready, ns from the start
+    frames: NDArray[np.uint8]  # (N, L), frames as the device makes them, before anything happens to them on the line
+    damage: LineDamage  # what happens to them on the line
+    chain: ChainSimulation | None = None  # the chain that the units are on, where they are on one
+    firmware: "Firmware | None" = None  # what its own processor did, where that computes what it says
 
     def __len__(self) -> int:
         return int(self.due_ns.size)

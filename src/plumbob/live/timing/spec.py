@@ -20,22 +20,13 @@ _HOUR: Final = 3_600_000_000_000  # ns
 
 @dataclass(frozen=True, slots=True)
 class Counter:
-    """An unsigned counter in a frame.
+    """An unsigned counter in a frame."""
 
-    Attributes
-    ----------
-    bits : int
-        Its width, 1 to 64.
-    tick_ns : Fraction, int, float or None
-        Time of one count, ns; a float means the decimal number that it prints, and 1/3 must be a `Fraction`. None says
-        that it counts frames.
-    down : bool
-        Whether it counts down.
-    """
-
-    bits: int
+    bits: int  # its width, 1 to 64
+    # Time of one count, ns; a float means the decimal number that it prints, and 1/3 must be a `Fraction`. None says
+    # that it counts frames.
     tick_ns: Fraction | int | float | None = None
-    down: bool = False
+    down: bool = False  # whether it counts down
 
     def __post_init__(self) -> None:
         """Refuse what cannot be counted.
@@ -74,28 +65,17 @@ class Counter:
 
 @dataclass(frozen=True, slots=True)
 class TimeSpec:
-    """What the frames of one source bring to tell the time by.
+    """What the frames of one source bring to tell the time by."""
 
-    Attributes
-    ----------
-    clock : Counter, optional
-        Device clock: a counter with a tick.
-    frames : Counter, optional
-        Frame counter: a counter without.
-    rate : float, optional
-        Nominal rate of the frames, Hz. Without a device clock and a rate, the first half second goes into measuring it.
-    frame_bytes : int, optional
-        Length of a frame where all are equally long and nothing else is on the line; then a damaged frame is seen by
-        the place of the next. Used only where there is no counter.
-    speed : float
-        How many times faster than time an emulated line runs, whose host times are stretched by it: a stall of the host
-        is stretched too, and has to be waited for as much longer.
-    """
-
-    clock: Counter | None = None
-    frames: Counter | None = None
+    clock: Counter | None = None  # device clock: a counter with a tick
+    frames: Counter | None = None  # frame counter: a counter without
+    # Nominal rate of the frames, Hz. Without a device clock and a rate, the first half second goes into measuring it.
     rate: float | None = None
+    # Length of a frame where all are equally long and nothing else is on the line; then a damaged frame is seen by the
+    # place of the next. Used only where there is no counter.
     frame_bytes: int | None = None
+    # how many times faster than time an emulated line runs, whose host times are stretched by it: a stall of the host
+    # is stretched too, and has to be waited for as much longer
     speed: float = 1.0
 
     def __post_init__(self) -> None:

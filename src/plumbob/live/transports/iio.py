@@ -27,17 +27,10 @@ _TRIADS = {"gyr": "anglvel", "acc": "accel", "mag": "magn"}
 
 @dataclass(frozen=True, slots=True)
 class IioDevice:
-    """A device as the kernel shows it.
+    """A device as the kernel shows it."""
 
-    Attributes
-    ----------
-    name : str
-        What its driver calls it, such as ``adxrs290``.
-    path, node : Path
-        Its folder in sysfs, and its character device.
-    """
-
-    name: str
+    name: str  # what its driver calls it, such as ``adxrs290``
+    # path, node: its folder in sysfs, and its character device
     path: Path
     node: Path
 

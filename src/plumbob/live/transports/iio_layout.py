@@ -22,25 +22,14 @@ _TYPE: Final = re.compile(r"(le|be):([su])(\d+)/(\d+)(?:X(\d+))?(?:>>(\d+))?")
 
 @dataclass(frozen=True, slots=True)
 class IioType:
-    """How a number lies in memory.
+    """How a number lies in memory."""
 
-    Attributes
-    ----------
-    order : str
-        ``"<"`` or ``">"``.
-    signed : bool
-        Two's complement.
-    bits, storage, shift : int
-        Bits that hold the number, of so many in memory, after a shift to the right.
-    repeat : int
-        How many of them follow each other.
-    """
-
-    order: str
-    signed: bool
+    order: str  # ``"<"`` or ``">"``
+    signed: bool  # two's complement
+    # bits, storage, shift: bits that hold the number, of so many in memory, after a shift to the right
     bits: int
     storage: int
-    repeat: int = 1
+    repeat: int = 1  # how many of them follow each other
     shift: int = 0
 
     @property
@@ -90,23 +79,12 @@ Matrix = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class IioChannel:
-    """One element of a scan.
+    """One element of a scan."""
 
-    Attributes
-    ----------
-    name : str
-        As the kernel calls it, such as ``anglvel_x``.
-    index : int
-        Its place in the order of the scan.
-    type : IioType
-        How it lies in memory.
-    scale, offset : float
-        ``(raw + offset) * scale`` is in IIO's unit.
-    """
-
-    name: str
-    index: int
-    type: IioType
+    name: str  # as the kernel calls it, such as ``anglvel_x``
+    index: int  # its place in the order of the scan
+    type: IioType  # how it lies in memory
+    # scale, offset: ``(raw + offset) * scale`` is in IIO's unit
     scale: float = 1.0
     offset: float = 0.0
 

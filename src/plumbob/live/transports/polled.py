@@ -13,18 +13,10 @@ from plumbob.live.transports.transport import BackOff, NoLine, Opened, Received
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Something to do again and again.
+    """Something to do again and again."""
 
-    Attributes
-    ----------
-    name : str
-        What `Schedule.due` calls it.
-    period_ns : int
-        From one deadline to the next, ns.
-    """
-
-    name: str
-    period_ns: int
+    name: str  # what `Schedule.due` calls it
+    period_ns: int  # from one deadline to the next, ns
 
 
 class Schedule:

@@ -14,18 +14,10 @@ from plumbob.core.event import Event
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """Bytes as they arrived.
+    """Bytes as they arrived."""
 
-    Attributes
-    ----------
-    t_ns : int
-        Host's monotonic clock when they were read, ns. Never the wall clock, which steps.
-    data : bytes
-        The bytes, unchanged.
-    """
-
-    t_ns: int
-    data: bytes
+    t_ns: int  # Host's monotonic clock when they were read, ns. Never the wall clock, which steps.
+    data: bytes  # the bytes, unchanged
 
 
 class Source(Protocol):
@@ -88,21 +80,11 @@ class NoLine(Exception):  # noqa: N818  it is no error but an answer, and never 
 
 @dataclass(frozen=True, slots=True)
 class BackOff:
-    """How long to wait before the next attempt to open a line.
+    """How long to wait before the next attempt to open a line."""
 
-    Attributes
-    ----------
-    first : float
-        After the first failure, s.
-    longest : float
-        Never longer, s. A line that is there again is found this much later at most.
-    factor : float
-        From one wait to the next.
-    """
-
-    first: float = 0.05
-    longest: float = 0.5
-    factor: float = 2.0
+    first: float = 0.05  # after the first failure, s
+    longest: float = 0.5  # Never longer, s. A line that is there again is found this much later at most.
+    factor: float = 2.0  # from one wait to the next
 
     def __post_init__(self) -> None:
         if not (0.0 < self.first <= self.longest and self.factor >= 1.0):

@@ -49,26 +49,13 @@ class Remark:
 
 @dataclass(frozen=True)
 class StaticReport:
-    """What was found in a record.
+    """What was found in a record."""
 
-    Attributes
-    ----------
-    findings : tuple of Remark
-        Errors and warnings.
-    steps : mapping of str to float
-        Step of the values of each channel, in their unit; 0 where none was found.
-    moving : tuple of (float, float)
-        When something moved or was stuck, s, in order.
-    still : (float, float) or None
-        Longest stretch without, s, if it has enough samples.
-    skipped : mapping of str to tuple of (float, float)
-        Times, s, that an analysis of a channel leaves out, with their margins.
-    """
-
-    findings: tuple[Remark, ...]
-    steps: Mapping[str, float]
-    moving: tuple[tuple[float, float], ...]
-    still: tuple[float, float] | None
+    findings: tuple[Remark, ...]  # errors and warnings
+    steps: Mapping[str, float]  # step of the values of each channel, in their unit; 0 where none was found
+    moving: tuple[tuple[float, float], ...]  # when something moved or was stuck, s, in order
+    still: tuple[float, float] | None  # longest stretch without, s, if it has enough samples
+    # times, s, that an analysis of a channel leaves out, with their margins
     skipped: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
 
     @property

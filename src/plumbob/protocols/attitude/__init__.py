@@ -65,48 +65,21 @@ def default_body(frame: Frame) -> BodyAxes:
 
 @dataclass(frozen=True, slots=True)
 class AttitudeSample:
-    """An attitude at an instant, as encoders take it; None is not known.
+    """An attitude at an instant, as encoders take it; None is not known."""
 
-    Attributes
-    ----------
-    t_ns : int
-        UTC, ns since 1970, where `utc`; else ns since the start.
-    utc : bool
-        Whether it is UTC.
-    elapsed_ns : int
-        ns since the first attitude.
-    q_nb : tuple of float or None
-        Forward-right-down body to NED, wxyz.
-    angles : tuple of float or None
-        Roll, pitch, and heading in 0 to 2π, rad.
-    north : North
-        What the heading counts from.
-    declination : float or None
-        rad, east positive.
-    rates_b : tuple of float or None
-        Angular rate in forward-right-down axes, rad/s.
-    acc_b : tuple of float or None
-        Specific force in forward-right-down axes, m/s².
-    cov_b : tuple of float or None
-        Covariance of the attitude error in forward-right-down axes, rad², nine numbers row by row.
-    sigma : tuple of float or None
-        Standard deviations of roll, pitch and heading, rad; NaN is None.
-    flags : int
-        From `plumbob.core.flags`.
-    """
-
-    t_ns: int
-    utc: bool
-    elapsed_ns: int
-    q_nb: tuple[float, ...] | None
-    angles: tuple[float, float, float] | None
-    north: North
-    declination: float | None
-    rates_b: tuple[float, ...] | None
-    acc_b: tuple[float, ...] | None
+    t_ns: int  # UTC, ns since 1970, where `utc`; else ns since the start
+    utc: bool  # whether it is UTC
+    elapsed_ns: int  # ns since the first attitude
+    q_nb: tuple[float, ...] | None  # forward-right-down body to NED, wxyz
+    angles: tuple[float, float, float] | None  # roll, pitch, and heading in 0 to 2π, rad
+    north: North  # what the heading counts from
+    declination: float | None  # rad, east positive
+    rates_b: tuple[float, ...] | None  # angular rate in forward-right-down axes, rad/s
+    acc_b: tuple[float, ...] | None  # specific force in forward-right-down axes, m/s²
+    # covariance of the attitude error in forward-right-down axes, rad², nine numbers row by row
     cov_b: tuple[float, ...] | None
-    sigma: tuple[float | None, ...]
-    flags: int
+    sigma: tuple[float | None, ...]  # standard deviations of roll, pitch and heading, rad; NaN is None
+    flags: int  # from `plumbob.core.flags`
 
     @property
     def reliable(self) -> bool:
