@@ -58,8 +58,7 @@ if TYPE_CHECKING:
 _UNIT = 1e-6  # a step renormalises to rounding
 _LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
 STATE_VERSION = 7
-SEEN_TAU = 30.0
-"""The field is taken for its mean over this, s, when errors of its calibration are weighed."""
+SEEN_TAU = 30.0  # the field is taken for its mean over this, s, when errors of its calibration are weighed
 _LOOKED_AT = 10_000
 """Samples from whose first ones a caller is warned of a wrong unit or sign; more would cost as much as a filter."""
 

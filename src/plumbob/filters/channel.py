@@ -163,12 +163,8 @@ class RateFilter:
     def process(self, t: ArrayLike, rate: ArrayLike) -> ChannelEstimates:
         """Take a recording, or its next chunk.
 
-        Parameters
-        ----------
-        t : array_like (N,)
-            Time, s since the start of the recording, increasing.
-        rate : array_like (N,) or (N, channels)
-            Measured rate, rad/s; NaN where a sample is missing.
+        `t` (N,): time, s since the start of the recording, increasing; `rate` (N,): measured rate, rad/s; NaN where a
+        sample is missing.
         """
         time = check.column("t", t)
         check.increasing_time("t", time)
@@ -198,10 +194,7 @@ class RateFilter:
 def load(name: str) -> ChannelModule:
     """Module of a channel filter.
 
-    Raises
-    ------
-    ParameterError
-        If there is no channel filter of that name.
+    Raises ParameterError if there is no channel filter of that name.
     """
     if name not in RATE_FILTERS:
         raise ParameterError(f"there is no channel filter '{name}'; known: {', '.join(RATE_FILTERS)}.")

@@ -57,10 +57,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
 def own_state(params: Params) -> int:
     """How many own numbers evolve.
 
-    Raises
-    ------
-    ParameterError
-        If the window is not a whole number of samples.
+    Raises ParameterError if the window is not a whole number of samples.
     """
     if params.samples != math.floor(params.samples):
         raise ParameterError(f"moving_average: samples must be a whole number, but it is {params.samples:g}.")

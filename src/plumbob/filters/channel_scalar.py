@@ -86,14 +86,7 @@ def step(c: Floats, x: Floats, dt: float, y: float) -> None:
 def params_of(ratio: float, *, noise: float, dt: float) -> Params:
     """Parameters whose Q/R is `ratio` at even steps.
 
-    Parameters
-    ----------
-    ratio : float
-        Q/R, both of one sample.
-    noise : float
-        √R, rad/s.
-    dt : float
-        Step, s.
+    `ratio`: Q/R, both of one sample; `noise`: √R, rad/s; `dt`: step, s.
     """
     _require_positive(ratio=ratio, noise=noise, dt=dt)
     return Params(walk=noise * math.sqrt(ratio / dt), noise=noise)
@@ -109,14 +102,7 @@ def steady_gain(ratio: float) -> float:
 def ramp_lag(gain: float, slope: float, dt: float) -> float:
     """How far the settled filter stays behind a rate that grows by `slope` per second: slope Δt (1 − K) / K.
 
-    Parameters
-    ----------
-    gain : float
-        K.
-    slope : float
-        Angular acceleration, rad/s².
-    dt : float
-        Step, s.
+    `gain`: K; `slope`: angular acceleration, rad/s²; `dt`: step, s.
     """
     require_gain(gain)
     return slope * dt * (1.0 - gain) / gain

@@ -91,12 +91,10 @@ MEAN_ACC: Final = PLACES_END + 1
 MEAN_GYR: Final = PLACES_END + 4
 COVARIANCE: Final = slice(P_QQ, P_QB)
 
-LOST_RATE: Final = 1.0
-"""Scatter of a rate that is not there, rad/s."""
+LOST_RATE: Final = 1.0  # scatter of a rate that is not there, rad/s
 
 
-BIAS_PRIOR: Final = "start_bias"
-"""Parameter that is the standard deviation of the bias at the start."""
+BIAS_PRIOR: Final = "start_bias"  # parameter that is the standard deviation of the bias at the start
 
 
 class Params(NamedTuple):

@@ -54,8 +54,7 @@ P: Final = OWN
 FIELD_Z: Final = OWN + 10
 LOOKED: Final = OWN + 11  # for how long the field has been seen, s, at most DIP_MEMORY
 
-PAPER_STEP: Final = 0.1
-"""Sampling interval of the paper, s."""
+PAPER_STEP: Final = 0.1  # sampling interval of the paper, s
 DIP_MEMORY: Final = 100.0
 """A dip that is learned is the mean over so long, s: longer than motion, shorter than a walk into another room."""
 

@@ -13,24 +13,15 @@ from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
 from plumbob.filters.layout import kept_weights, smooth
 
-TAU_NOW: Final = 0.05
-"""Smoothing of the field now, s."""
-TAU_REFERENCE: Final = 20.0
-"""How slowly the reference follows, s."""
-SIZE_BAND: Final = 0.1
-"""Largest relative deviation of the size."""
-DIP_BAND: Final = deg(10.0)
-"""Largest deviation of the dip, rad."""
-SETTLED: Final = 0.5
-"""For so long, s, must the field agree again before it is trusted."""
-TURNING: Final = dps(20.0)
-"""Rate of turn, rad/s, above which a new field is taken to stand still in space."""
-FIRST_AFTER: Final = 5.0
-"""The first reference is taken after so long of turning, s."""
-NEW_AFTER: Final = 20.0
-"""And a new one after so long, s."""
-UNKNOWN2: Final = deg(5.0) ** 2
-"""Square of the deviation, rad, of a field that there is no reference for."""
+TAU_NOW: Final = 0.05  # smoothing of the field now, s
+TAU_REFERENCE: Final = 20.0  # how slowly the reference follows, s
+SIZE_BAND: Final = 0.1  # largest relative deviation of the size
+DIP_BAND: Final = deg(10.0)  # largest deviation of the dip, rad
+SETTLED: Final = 0.5  # for so long, s, must the field agree again before it is trusted
+TURNING: Final = dps(20.0)  # rate of turn, rad/s, above which a new field is taken to stand still in space
+FIRST_AFTER: Final = 5.0  # the first reference is taken after so long of turning, s
+NEW_AFTER: Final = 20.0  # and a new one after so long, s
+UNKNOWN2: Final = deg(5.0) ** 2  # square of the deviation, rad, of a field that there is no reference for
 
 FIELD_SIZE: Final = 16
 _NOW, _REFERENCE, _AGREED, _CANDIDATE, _LASTED, _TRUSTED, _WEIGHTS = 0, 4, 6, 7, 9, 10, 11
@@ -74,18 +65,8 @@ def has_ref(x: Floats, at: int) -> bool:
 def disturbed(x: Floats, at: int, dt: float, turning: float, h: float, v: float) -> bool:
     """Take the horizontal and vertical part of a field sample, µT, and say whether it is to be distrusted.
 
-    Parameters
-    ----------
-    x : ndarray
-        State.
-    at : int
-        Place of the `FIELD_SIZE` numbers of this block in it.
-    dt : float
-        Time since the last field sample, s.
-    turning : float
-        Rate of turn, rad/s.
-    h, v : float
-        Parts of the field.
+    `x`: state; `at`: place of the `FIELD_SIZE` numbers of this block in it; `dt`: time since the last field sample, s;
+    `turning`: rate of turn, rad/s; `h`, `v`: parts of the field.
     """
     ref, new = at + _REFERENCE, at + _CANDIDATE
     size = math.sqrt(h * h + v * v)

@@ -82,8 +82,7 @@ E_END: Final = 6.0
 I_END: Final = 3.0
 U_END: Final = 9.0
 SETS: Final = 3  # on each side of the one in the middle
-SPACING: Final = E_END / (SETS * E_FACTOR)
-"""Distance of two neighbouring sets of the error, deg."""
+SPACING: Final = E_END / (SETS * E_FACTOR)  # distance of two neighbouring sets of the error, deg
 
 
 @kernel
@@ -172,10 +171,7 @@ class Params(NamedTuple):
 def coefficients(params: Params) -> tuple[float, ...]:
     """Own coefficients of the kernel.
 
-    Raises
-    ------
-    ParameterError
-        If a large error would be corrected less than a small one.
+    Raises ParameterError if a large error would be corrected less than a small one.
     """
     both = max(1, params.fuzzy + params.pi)
     near, far, rule_ki = params.slope * SPACING, to_dps(params.far), params.ki

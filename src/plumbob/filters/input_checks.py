@@ -38,41 +38,29 @@ from plumbob.core.units import deg, dps
 from plumbob.filters.layout import AXES, BLIND, COUNT, DIGITS, HELD, LAST, MAX_GAP, RATE, SAME, STAGE
 from plumbob.rotations.kernels import Vec
 
-LONG: Final = 0.25
-"""What repeats itself for longer than this, s, and for `MANY` samples, is stuck."""
+LONG: Final = 0.25  # what repeats itself for longer than this, s, and for `MANY` samples, is stuck
 MANY: Final = 25.0
 """Three axes of noise that is small against the last digit repeat some times; 25 times at a stretch they do not."""
 
 DIGIT: Final = (dps(0.125), 0.02, 0.3)
 """A larger last digit than this, rad/s, m/s², µT, may hide all noise: quiet parts have 0.03 °/s, 5 mm/s² and 0.1 µT at
 100 Hz, and ±4000 °/s in 16 bits are 0.122 °/s."""
-ROUNDING: Final = 1e-3
-"""A change that is a smaller share of that comes from arithmetic."""
-NO_DIGIT: Final = 1e9
-"""Last digit of what has said one value alone."""
-ABRUPT: Final = 2.0
-"""An end of range is reached in steps of more digits than this; a peak is not."""
+ROUNDING: Final = 1e-3  # a change that is a smaller share of that comes from arithmetic
+NO_DIGIT: Final = 1e9  # last digit of what has said one value alone
+ABRUPT: Final = 2.0  # an end of range is reached in steps of more digits than this; a peak is not
 
-MOTION_TAU: Final = 1.0
-"""Time over which an axis's mean and its deviation from that are taken, s."""
+MOTION_TAU: Final = 1.0  # time over which an axis's mean and its deviation from that are taken, s
 MOVES: Final = (dps(1.0), 0.3, 2.0)
 """An axis moves that deviates by more than this from its mean, on average: rad/s, m/s², µT."""
-EQUAL: Final = 5.0
-"""An axis that stays the same for so many samples more, at the largest value that it has had"""
+EQUAL: Final = 5.0  # an axis that stays the same for so many samples more, at the largest value that it has had
 LATELY: Final = 10.0
 """in about this time, s, is at the end of its range. Healthy ones did so for 3."""
-LEAST_RANGE: Final = dps(30.0)
-"""No part ends below this, rad/s: the ADIS16355 at ±75 °/s."""
-NEAR: Final = 0.01
-"""The ends on both sides differ by less than this share, since an offset was taken off."""
-LEAP: Final = 1.8
-"""A jump of so many times the largest value leads from one end of the range to the other."""
-SMOOTH: Final = 0.125
-"""The step before it was smaller than this share of it."""
-LARGE: Final = dps(6.0)
-"""Smaller jumps, rad/s, are noise."""
-APART: Final = 0.015
-"""Between samples farther apart than this, s, a body may reverse."""
+LEAST_RANGE: Final = dps(30.0)  # no part ends below this, rad/s: the ADIS16355 at ±75 °/s
+NEAR: Final = 0.01  # the ends on both sides differ by less than this share, since an offset was taken off
+LEAP: Final = 1.8  # a jump of so many times the largest value leads from one end of the range to the other
+SMOOTH: Final = 0.125  # the step before it was smaller than this share of it
+LARGE: Final = dps(6.0)  # smaller jumps, rad/s, are noise
+APART: Final = 0.015  # between samples farther apart than this, s, a body may reverse
 
 CLIPPED: Final = 1
 STUCK: Final = 2
@@ -237,33 +225,23 @@ def watch(
     return word
 
 
-JUMP: Final = 1000.0
-"""A rate that changes faster than this, rad/s², is a spike until the next sample confirms it."""
-UNKNOWN_RATE: Final = 2.0
-"""How fast a body may turn, rad/s, of which nothing is known."""
-UNKNOWN_CHANGE: Final = 20.0
-"""How fast a rate may change, rad/s², of which nothing is known."""
-LONG_STEP: Final = 0.15
-"""In a step longer than this, s, the rate may have been anything between its ends."""
+JUMP: Final = 1000.0  # a rate that changes faster than this, rad/s², is a spike until the next sample confirms it
+UNKNOWN_RATE: Final = 2.0  # how fast a body may turn, rad/s, of which nothing is known
+UNKNOWN_CHANGE: Final = 20.0  # how fast a rate may change, rad/s², of which nothing is known
+LONG_STEP: Final = 0.15  # in a step longer than this, s, the rate may have been anything between its ends
 
-STALE: Final = deg(2.0)
-"""A vector that is the same after this turn, rad, is an old one."""
+STALE: Final = deg(2.0)  # a vector that is the same after this turn, rad, is an old one
 
-START_BAND: Final = 0.3 * G0
-"""An attitude is taken up only from a specific force this near to g, m/s²."""
-JUMP_SD: Final = dps(5.0)
-"""Standard deviation of a bias that has jumped, rad/s; a horizon that leans tells of it."""
+START_BAND: Final = 0.3 * G0  # an attitude is taken up only from a specific force this near to g, m/s²
+JUMP_SD: Final = dps(5.0)  # standard deviation of a bias that has jumped, rad/s; a horizon that leans tells of it
 
-LEAN: Final = 0.15 * G0
-"""A specific force whose mean is level by more than this, m/s²,"""
+LEAN: Final = 0.15 * G0  # a specific force whose mean is level by more than this, m/s²,
 LEAN_TAU: Final = 1.0
 """over this, s, leans."""
 LONGER: Final = 0.01 * G0
 """An acceleration that makes it lean makes it longer by √(1 + 0.15²) − 1 of g: more than this, m/s²."""
-SIZE_TAU: Final = 30.0
-"""What the size of gravity is to this sensor is learned over this, s."""
-STEADY: Final = 0.03 * G0
-"""A specific force whose size has varied by less than this, m/s²,"""
+SIZE_TAU: Final = 30.0  # what the size of gravity is to this sensor is learned over this, s
+STEADY: Final = 0.03 * G0  # a specific force whose size has varied by less than this, m/s²,
 STEADY_TAU: Final = 3.0
 """over this, s, is that of a body which does not accelerate."""
 KEEPS_ON: Final = 0.06 * G0
@@ -314,10 +292,8 @@ def missed_angle(x: Floats, flags_in: int, dt: float, px: float, py: float, pz: 
 def admit_rate(c: Floats, x: Floats, at: int, dt: float, flags_in: int, gx: float, gy: float, gz: float) -> Admitted:
     """Judge the rate and the step.
 
-    Returns
-    -------
-    tuple
-        Flags; the step, s, zero after a gap; the rate to turn with, rad/s; the angle that may have been missed, rad.
+    Returns flags; the step, s, zero after a gap; the rate to turn with, rad/s; the angle that may have been missed,
+    rad.
     """
     px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
     spike, ox, oy, oz = False, 0.0, 0.0, 0.0
@@ -388,10 +364,7 @@ _MAX_ANGLE2 = math.pi * math.pi  # a turn of more than half a revolution in one 
 def admit(c: Floats, x: Floats, dt: float, gx: float, gy: float, gz: float) -> tuple[int, float, float, float, float]:
     """Judge one step.
 
-    Returns
-    -------
-    tuple
-        Flags, then the step, s, and the rate, rad/s, to integrate.
+    Returns flags, then the step, s, and the rate, rad/s, to integrate.
     """
     x[COUNT] += 1.0
     word = 0

@@ -21,8 +21,7 @@ BUILT_IN: Final = (
 RATE_FILTERS = ("scalar", "two_state", "moving_average")
 """Filters of one rate channel, which give no attitude: `plumbob.filters.channel`."""
 
-SMOOTHER = "smoother"
-"""What estimates where no filter is named: a whole recording, or a stream."""
+SMOOTHER = "smoother"  # what estimates where no filter is named: a whole recording, or a stream
 CAUSAL_LAG = "0 s"
 """Its lag on a stream where none is given, and for what a live system would have known: nothing later is used."""
 
@@ -80,10 +79,7 @@ def estimator_names() -> tuple[str, ...]:
 def load(name: str) -> FilterModule:
     """Module of a filter, or of the smoother, which has no step.
 
-    Raises
-    ------
-    ParameterError
-        If there is no filter of that name, or its package cannot be imported.
+    Raises ParameterError if there is no filter of that name, or its package cannot be imported.
     """
     if isinstance(name, str) and name in RATE_FILTERS:
         raise ParameterError(

@@ -59,8 +59,7 @@ HEADED: Final = 2.0
 
 
 RISING: Final = 3.0
-LATE: Final = -1.0
-"""Step of a sample that must not be used."""
+LATE: Final = -1.0  # step of a sample that must not be used
 
 _ANCHOR: Final = CLOCK  # s
 _LAST: Final = CLOCK + 1  # times of the last sample, and of the first and the last late one, ns from the anchor

@@ -113,41 +113,29 @@ STATE: Final = GUARD + GUARD_SIZE - OWN
 
 COVARIANCE: Final = slice(COV, COV + 3 * N)
 
-HUBER: Final = 9.0
-"""An innovation beyond this many variances counts with the noise that would make it so many."""
+HUBER: Final = 9.0  # an innovation beyond this many variances counts with the noise that would make it so many
 HUBER_INVERSE: Final = 1.0 / HUBER
-GATE: Final = 25.0
-"""Beyond this many the sample is flagged as gated."""
-OFTEN: Final = 0.025
-"""Corrections are slow: none is made twice within this, s; it would cost time and tell nothing."""
+GATE: Final = 25.0  # beyond this many the sample is flagged as gated
+OFTEN: Final = 0.025  # corrections are slow: none is made twice within this, s; it would cost time and tell nothing
 MEAN_TAU: Final = 3.0
 """The velocity is taken about its mean over this, s: a wrong tilt moves the mean, the body's motion the rest;"""
 SPEED_TAU: Final = 3.0
 """and its variance is learned over this, s."""
-GATE_FOR: Final = 1.0
-"""A velocity that has been beyond the gate for so long, s, begins anew."""
-START_TILT: Final = deg(5.0)
-"""Standard deviation of the first tilt, rad: an acceleration of 0.09 g."""
-START_HEADING: Final = deg(5.0)
-"""And of the first heading."""
-START_SPEED: Final = 0.3
-"""Speed that is expected at the start, m/s; what it is, is learned."""
+GATE_FOR: Final = 1.0  # a velocity that has been beyond the gate for so long, s, begins anew
+START_TILT: Final = deg(5.0)  # standard deviation of the first tilt, rad: an acceleration of 0.09 g
+START_HEADING: Final = deg(5.0)  # and of the first heading
+START_SPEED: Final = 0.3  # speed that is expected at the start, m/s; what it is, is learned
 LOST: Final = deg(8.0) ** 2
 """With a larger variance of the tilt, rad², the linear update is no good: it is taken up anew."""
-DOUBTFUL: Final = deg(6.0) ** 2
-"""With a larger variance of the tilt, rad², the attitude is not converged."""
-FREE: Final = 3.0
-"""No heading is more uncertain than this, rad²."""
-REST_BIAS: Final = dps(5.0)
-"""A mean rate beyond this, rad/s, is no bias, and the unit not at rest."""
+DOUBTFUL: Final = deg(6.0) ** 2  # with a larger variance of the tilt, rad², the attitude is not converged
+FREE: Final = 3.0  # no heading is more uncertain than this, rad²
+REST_BIAS: Final = dps(5.0)  # a mean rate beyond this, rad/s, is no bias, and the unit not at rest
 REST_BAND: Final = dps(0.2)
 """Nor is it if it differs from the bias by more than this, rad/s, and three standard deviations."""
-SHORTEST: Final = 1e-6
-"""A measurement at no distance in time counts as one at this, s."""
+SHORTEST: Final = 1e-6  # a measurement at no distance in time counts as one at this, s
 
 
-BIAS_PRIOR: Final = "bias_start"
-"""Parameter that is the standard deviation of the bias at the start."""
+BIAS_PRIOR: Final = "bias_start"  # parameter that is the standard deviation of the bias at the start
 
 
 class Params(NamedTuple):

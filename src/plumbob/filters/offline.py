@@ -22,19 +22,14 @@ if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard
     from plumbob.filters.smoother import FixedLag, Smoother
 
-BEYOND: Final = 3.0
-"""Standard deviations of the prior above which an estimate contradicts it."""
+BEYOND: Final = 3.0  # standard deviations of the prior above which an estimate contradicts it
 
 
 def bias_beyond(filter_: "Filter | Smoother", track: AttitudeTrack) -> tuple[Finding, ...]:
     """Say that the last estimated bias contradicts the filter's prior; nothing where it does not.
 
-    Parameters
-    ----------
-    filter_ : Filter
-        What made the track; a filter without a prior of the bias says nothing.
-    track : AttitudeTrack
-        Its estimate, or a part of it.
+    `filter_`: what made the track; a filter without a prior of the bias says nothing; `track`: its estimate, or a part
+    of it.
     """
     prior = filter_.bias_prior
     if prior is None or track.bias_b is None:
@@ -48,8 +43,7 @@ def bias_beyond(filter_: "Filter | Smoother", track: AttitudeTrack) -> tuple[Fin
     return (warning("estimate.bias_beyond", bias_dps=bias, sd_dps=prior_sd, filter=filter_.name, parameter=name),)
 
 
-CHUNK = 1 << 14
-"""Samples handed to a filter at a time; the result does not depend on it."""
+CHUNK = 1 << 14  # samples handed to a filter at a time; the result does not depend on it
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,12 +74,7 @@ def declination_deg(filter_: "Filter | Smoother", track: AttitudeTrack) -> float
 def with_noise(stages: Sequence[Stage], card: "NoiseCard") -> list[Stage]:
     """Stages with a noise card for each filter that takes one; for all where none does, so that the filter refuses it.
 
-    Parameters
-    ----------
-    stages : sequence of Stage
-        Filters with their parameters.
-    card : NoiseCard
-        Noise of the unit.
+    `stages`: filters with their parameters; `card`: noise of the unit.
     """
     takers = [stage.filter for stage in stages if takes_noise(stage.filter)]
     return [replace(stage, noise=card) if stage.filter in takers or not takers else stage for stage in stages]
@@ -94,10 +83,7 @@ def with_noise(stages: Sequence[Stage], card: "NoiseCard") -> list[Stage]:
 def navigation_frame(imu: ImuData, asked: Frame | None, *, where: str) -> Frame:
     """Frame that was asked for, or that the recording names; never a guess.
 
-    Raises
-    ------
-    FrameError
-        If neither says one.
+    Raises FrameError if neither says one.
     """
     frame = asked or imu.meta.frame
     if frame is None:
@@ -119,16 +105,8 @@ def make_estimator(
 ) -> "Filter | Smoother":
     """Filter or smoother of a stage for samples with this meta; `Filter` has the rule of its headings.
 
-    Parameters
-    ----------
-    stage : Stage
-        Filter, parameters, noise card and start.
-    frame : Frame
-        Navigation frame of the result.
-    meta : ImuMeta, optional
-        What is known about the samples.
-    start : Start, optional
-        The start, where the stage leaves it to the truth.
+    `stage`: filter, parameters, noise card and start; `frame`: navigation frame of the result; `meta`: what is known
+    about the samples; `start`: the start, where the stage leaves it to the truth.
     """
     arguments = _arguments(stage, frame, meta, start)
     if stage.filter != SMOOTHER:
@@ -162,10 +140,7 @@ def lagged(
 
     What is causal has no lag.
 
-    Raises
-    ------
-    ParameterError
-        If both are asked for, or another filter was named.
+    Raises ParameterError if both are asked for, or another filter was named.
     """
     if causal and lag is not None:
         raise ParameterError(f"causal is a lag of {CAUSAL_LAG}, but lag is {lag}. Leave one of them out.")
@@ -190,16 +165,9 @@ def run_stage(
 
     Headings are true where the recording knows its declination, and magnetic where it does not; see `located`.
 
-    Parameters
-    ----------
-    imu : ImuData
-        Calibrated samples.
-    stage : Stage
-        Filter, parameters and noise card.
-    frame : Frame
-        Navigation frame of the result.
-    reference : AttitudeTrack, optional
-        What a stage with init "truth" starts from; the track then begins with the first sample whose attitude it knows.
+    `imu`: calibrated samples; `stage`: filter, parameters and noise card; `frame`: navigation frame of the result;
+    `reference`: what a stage with init "truth" starts from; the track then begins with the first sample whose attitude
+    it knows.
     """
     imu, estimator = started(imu, stage, frame, reference)
     return AttitudeTrack.joined(track_parts(imu, estimator), len(imu))
@@ -226,21 +194,10 @@ def track_parts(imu: ImuData, estimator: "Filter | Smoother") -> Iterator[Attitu
 def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: "Filter | Smoother") -> tuple[ImuData, Start]:
     """Samples from the first one on whose attitude a reference knows, and that attitude as the filter's start.
 
-    Parameters
-    ----------
-    reference : AttitudeTrack or None
-        The truth, on the time line of the samples.
-    imu : ImuData
-        The recording.
-    filter_ : Filter or Smoother
-        What is started; it says frame, declination and whether a magnetometer gives its north.
-
-    Raises
-    ------
-    ParameterError
-        If there is no reference, or it knows no attitude at any sample.
-    FrameError
-        If its heading is true and the filter's magnetic, or the other way round, and no declination is known.
+    `reference`: the truth, on the time line of the samples; `imu`: the recording; `filter_`: what is started; it says
+    frame, declination and whether a magnetometer gives its north. Raises ParameterError if there is no reference, or it
+    knows no attitude at any sample; FrameError if its heading is true and the filter's magnetic, or the other way
+    round, and no declination is known.
     """
     if reference is None:
         raise ParameterError(

@@ -55,8 +55,7 @@ RestForce = Annotated[
 ]
 RestAfter = Annotated[float, Spec(Quantity.TIME, "stillness after which rest begins", 0, 600)]
 
-TAU = 0.5
-"""Smoothing time, s."""
+TAU = 0.5  # smoothing time, s
 REST_SIZE = 18  # y and w of three rates and three specific forces; weights and their step; time at rest
 _FORCE, _WEIGHTS, _STEP, _STILL = 6, 12, 16, 17
 
@@ -129,18 +128,9 @@ _STEEPEST = 0.05
 def considered(q_nb: Floats, field: Floats, up: float, north: tuple[float, float], acc: Half, mag: Half) -> Floats:
     """What the calibration adds to the covariance of the attitude error in body axes, (N, 3, 3), rad².
 
-    Parameters
-    ----------
-    q_nb : ndarray (N, 4)
-        Attitudes.
-    field : ndarray (N, 2)
-        Level and vertical part of the field, along navigation z, µT; zero where no field gives the heading.
-    up : float
-        +1 where navigation z points up, −1 where it points down.
-    north : (float, float)
-        Level direction that the magnetometer calls north, in the navigation frame.
-    acc, mag : tuple of float
-        Upper halves of the covariances of (d, E).
+    `q_nb` (N, 4): attitudes; `field` (N, 2): level and vertical part of the field, along navigation z, µT; zero where
+    no field gives the heading; `up`: +1 where navigation z points up, −1 where it points down; `north`: level direction
+    that the magnetometer calls north, in the navigation frame; `acc`, `mag`: upper halves of the covariances of (d, E).
     """
     c_nb = dcm_from_quat(q_nb)
     level, steep = field[:, 0], field[:, 1]
@@ -176,21 +166,18 @@ def residual_covariance(sensitivity: Floats, half: Half) -> Floats:
     return 0.5 * (cov + np.swapaxes(cov, 1, 2))
 
 
-MEAN_TAU: Final = 2.0
-"""The specific force is averaged over this, s;"""
+MEAN_TAU: Final = 2.0  # the specific force is averaged over this, s;
 UPRIGHT: Final = math.tan(deg(3.0))
 """its mean points up if it leans by less than this, as a tangent,"""
 UPRIGHT_FOR: Final = 3.0
 """and the attitude is converged after so long of that, s;"""
 LONGEST: Final = 60.0
 """or after this, s, by a filter that corrects its tilt: every one has then forgotten its start."""
-SIZE_BAND: Final = 0.02 * G0
-"""A first specific force this near to g, m/s², and"""
+SIZE_BAND: Final = 0.02 * G0  # a first specific force this near to g, m/s², and
 REST_TURN: Final = 0.1
 """a first rate below this, rad/s, are those of a unit at rest: it is converged at once."""
 
-STEADY_FOR: Final = 1.0
-"""A unit rests that for this long, s, stays as it was in its first sample:"""
+STEADY_FOR: Final = 1.0  # a unit rests that for this long, s, stays as it was in its first sample:
 STEADY: Final = 0.02 * G0, 0.02
 """specific force, m/s², and rate, rad/s, are within this of it on each axis, and"""
 STEADY_BAND: Final = 0.1 * G0, 0.35

@@ -74,10 +74,7 @@ def heading_offset(
 ) -> tuple[bool, float]:
     """Angle about the navigation z axis, rad, that brings the level part of the field m to north.
 
-    Returns
-    -------
-    tuple
-        False and 0 where the field has no heading.
+    Returns false and 0 where the field has no heading.
     """
     hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
     if not has_heading(hx, hy, hz):
@@ -110,8 +107,7 @@ def initialise(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float,
     return 0
 
 
-LEVEL_WORD: Final = "level"
-"""Roll and pitch zero; the heading is free until a magnetometer sets it."""
+LEVEL_WORD: Final = "level"  # roll and pitch zero; the heading is free until a magnetometer sets it
 TRUTH_WORD: Final = "truth"
 """The first attitude of the recording's reference, which `plumbob.filters.offline.start_from` looks up."""
 
@@ -127,10 +123,7 @@ class Start(NamedTuple):
 def as_start(init: "Start | ArrayLike | str", frame: Frame) -> Start:
     """Start of a quaternion q_nb (4,), of ``"level"``, or of ``"ROLL,PITCH,HEADING"`` with units.
 
-    Raises
-    ------
-    ParameterError, UnitError, ShapeError
-        If it is none of these.
+    Raises ParameterError, UnitError, ShapeError if it is none of these.
     """
     if isinstance(init, Start):
         return init._replace(q_nb=_attitude(init.q_nb))

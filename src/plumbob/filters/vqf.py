@@ -135,18 +135,12 @@ FIELD: Final = GRAVITY + GRAVITY_SIZE
 GUARD: Final = FIELD + FIELD_SIZE
 STATE: Final = GUARD + GUARD_SIZE - OWN
 
-FORGET: Final = 100.0
-"""A bias that is not seen is as uncertain as at the start after about this, s."""
-FORGET_RATE: Final = dps(0.1)
-"""And drifts by this meanwhile, rad/s."""
-BLIND_WEIGHT: Final = 1e-4
-"""Weight of the assumption that the unseen part of the bias, about the vertical, is zero."""
-REJECT_SLOW: Final = 2.0
-"""A field that is rejected for too long is followed, but so many times more slowly."""
-GATE_BAND: Final = 0.08 * G0
-"""A smoothed specific force farther from g than this, m/s², is not gravity alone."""
-GATE_FOR: Final = 15.0
-"""It is not followed for so long, s."""
+FORGET: Final = 100.0  # a bias that is not seen is as uncertain as at the start after about this, s
+FORGET_RATE: Final = dps(0.1)  # and drifts by this meanwhile, rad/s
+BLIND_WEIGHT: Final = 1e-4  # weight of the assumption that the unseen part of the bias, about the vertical, is zero
+REJECT_SLOW: Final = 2.0  # a field that is rejected for too long is followed, but so many times more slowly
+GATE_BAND: Final = 0.08 * G0  # a smoothed specific force farther from g than this, m/s², is not gravity alone
+GATE_FOR: Final = 15.0  # it is not followed for so long, s
 REST_BAND: Final = dps(0.2)
 """A steady rate is rest where it is this near to the bias, rad/s, and three standard deviations, or"""
 SEEN_TURN2: Final = deg(5.0) ** 2
@@ -155,22 +149,18 @@ SEEN_SHARE2: Final = 0.05
 """and by the root of this of its angle, so that it is not one about gravity alone; or"""
 PROVEN_REST: Final = 10.0
 """where it lasts longer than the rest that showed the bias, if that was shorter than this, s: a hand may turn so."""
-FRESH: Final = 1.0
-"""A field is that of now for so long, s."""
+FRESH: Final = 1.0  # a field is that of now for so long, s
 LONGEST_LOOK: Final = 0.2
 """A specific force stands for this time before it at most, s: whether the unit rested while none came is not known."""
 MISSED_LIMIT2: Final = deg(3.0) ** 2
 """Where the attitude may be off by more than the root of this, rad², it begins again."""
-LEAN_AFTER: Final = 5.0
-"""A horizon that leans is not looked for within this of a new start, s."""
-HASTE: Final = 0.05
-"""A bias that has jumped is learned with so much of the usual noise,"""
+LEAN_AFTER: Final = 5.0  # a horizon that leans is not looked for within this of a new start, s
+HASTE: Final = 0.05  # a bias that has jumped is learned with so much of the usual noise,
 HASTE_FOR: Final = 30.0
 """for so long, s."""
 
 
-BIAS_PRIOR: Final = "bias_start"
-"""Parameter that is the standard deviation of the bias at the start."""
+BIAS_PRIOR: Final = "bias_start"  # parameter that is the standard deviation of the bias at the start
 
 
 class Params(NamedTuple):

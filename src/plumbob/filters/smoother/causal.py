@@ -64,8 +64,7 @@ from plumbob.filters.smoother.sweeps import (
     zero_velocity_update,
 )
 
-LOST: Final = deg(20.0)
-"""A tilt that would be off by more than this, rad, is sought again, as at a start in motion."""
+LOST: Final = deg(20.0)  # a tilt that would be off by more than this, rad, is sought again, as at a start in motion
 
 SPEED2: Final = 0  # what is learned of the motion: mean squares of level speed and force, velocity, and so upwards,
 FORCE2: Final = 1
@@ -86,10 +85,8 @@ STEADY: Final = 0.5
 """A field that contradicts one that no turn has proven, and stays for so long, s, may be that of the place as well;"""
 TAKES: Final = deg(30.0)
 """once the unit has turned in it by this, rad, it is: what surrounds a unit where it lies is not the place."""
-ALIKE: Final = 2.0
-"""It stays as it is within so many spreads of the field."""
-TAKEN_SD: Final = deg(5.0)
-"""The heading is then known to this, rad."""
+ALIKE: Final = 2.0  # it stays as it is within so many spreads of the field
+TAKEN_SD: Final = deg(5.0)  # the heading is then known to this, rad
 
 
 class LocalField(NamedTuple):

@@ -16,22 +16,18 @@ from plumbob.filters.smoother.sweeps import UNUSED
 
 TURNING: Final = dps(20.0)
 """A field that is seen while the unit turns so fast counts in full for the reference: a magnet nearby would show."""
-REST_SHARE: Final = 0.8
-"""All rest together counts at most so much of all turning,"""
+REST_SHARE: Final = 0.8  # all rest together counts at most so much of all turning,
 LEAST_TURNING: Final = 1.0
 """once there is so much of it, s."""
-STEEPEST: Final = 0.05
-"""A field whose level part is a smaller share than this of the reference's has no direction,"""
+STEEPEST: Final = 0.05  # a field whose level part is a smaller share than this of the reference's has no direction,
 LEAST_LEVEL: Final = 0.1
 """nor has one whose level part is smaller than this, µT."""
 MOST_LEVEL: Final = 46.0
 """The field of no place has a larger level part, µT: 41.9 in the Andaman Sea by the WMM 2025, and a tenth,"""
 WEAKEST, STRONGEST = 20.0, 75.0
 """nor another size, µT: 22.0 to 66.9, and a tenth. A unit that reads such a field is near a magnet, or carries one."""
-MODES: Final = 400
-"""Fields that are tried as a mode."""
-WIDER: Final = 1.5
-"""A field may differ from the reference by this many medians of what they do, or `mag_spread`,"""
+MODES: Final = 400  # fields that are tried as a mode
+WIDER: Final = 1.5  # a field may differ from the reference by this many medians of what they do, or `mag_spread`,
 WIDER_SOON: Final = 2.0
 """with a lag by so many of those that are near it: a disturbance may last for most of what is known by now;"""
 WIDEST: Final = 0.2
@@ -39,15 +35,12 @@ WIDEST: Final = 0.2
 USUAL_SHARE: Final = 0.8
 LEAST_NOISE: Final = 0.2
 """White noise of the field is this share of its median deviation; never less than that of `mag_noise`."""
-UNTOLD: Final = 2.0
-"""With a lag it is that of `mag_noise`, without any so many times that."""
+UNTOLD: Final = 2.0  # with a lag it is that of `mag_noise`, without any so many times that
 LEAST_BEND: Final = deg(1.0)
-APART: Final = 3.0
-"""Two fields are two if they are so many `mag_spread` apart;"""
+APART: Final = 3.0  # two fields are two if they are so many `mag_spread` apart;
 RIVAL: Final = 0.35
 """the weaker one is a rival from this share of the weight of both on."""
-IGNORED: Final = 1e-4
-"""A weight below this is none."""
+IGNORED: Final = 1e-4  # a weight below this is none
 
 
 @kernel
@@ -98,25 +91,10 @@ def find_reference(
 ) -> Reference | None:  # fmt: skip
     """The strongest mode of level and vertical field, weighed by the time that the unit turned in it.
 
-    Parameters
-    ----------
-    frames : Keyframes
-        Steps.
-    p : Params
-        Parameters.
-    field : ndarray (K, 3)
-        Mean fields of the steps in navigation axes, whatever their heading, µT.
-    inertial : Inertial
-        Where the unit rested, and its bias.
-    doubtful : ndarray (K,) of bool
-        Steps whose field is not to be used.
-    prior : (Reference, float), optional
-        The field of the samples before, and for how long it was seen, s.
-
-    Returns
-    -------
-    Reference or None
-        None where no field has a level part.
+    `frames`: steps; `p`: parameters; `field` (K, 3): mean fields of the steps in navigation axes, whatever their
+    heading, µT; `inertial`: where the unit rested, and its bias; `doubtful` (K,): steps whose field is not to be used;
+    `prior`: the field of the samples before, and for how long it was seen, s. Returns none where no field has a level
+    part.
     """
     level, up = np.hypot(field[:, 0], field[:, 1]), field[:, 2]
     turning, resting = times_seen(frames, inertial.resting, inertial.sweep.bias[1:])
@@ -252,17 +230,14 @@ def heading_variance(frames: Keyframes, p: Params, reference: Reference, weight:
     return np.where(weight > IGNORED, var, 2.0 * UNUSED)
 
 
-PATCH: Final = 30.0
-"""The rate of the drift is sought in stretches of this, s, whose phases are their own;"""
+PATCH: Final = 30.0  # the rate of the drift is sought in stretches of this, s, whose phases are their own;
 PATCHES: Final = 20
-SHORT: Final = 0.25
-"""Phasors of so many seconds are taken together: the largest drift turns them by 7.5° meanwhile."""
+SHORT: Final = 0.25  # phasors of so many seconds are taken together: the largest drift turns them by 7.5° meanwhile
 MOST_DRIFT: Final = dps(30.0)
 DRIFT_SD: Final = 4.0
 LEAST_DRIFT: Final = dps(0.1)
 """where it may be more than this, rad/s, up to so many standard deviations."""
-DRIFTS: Final = dps(0.3)
-"""Afterwards it may still change: standard deviation of the rate, rad/s;"""
+DRIFTS: Final = dps(0.3)  # afterwards it may still change: standard deviation of the rate, rad/s;
 DRIFT_WALK: Final = dps(0.006)
 DRIFT_NOISE: Final = 0.05 * dps(0.3) ** 2
 """white noise of the heading that is integrated, rad²/s;"""

@@ -24,22 +24,16 @@ from plumbob.filters.smoother.model import (
 )
 from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
 
-WINDOW: Final = 3.0
-"""The body's speed is learned over this to both sides, s."""
-LEAK: Final = 4.0
-"""Velocity is integrated from the specific force with this memory, s."""
+WINDOW: Final = 3.0  # the body's speed is learned over this to both sides, s
+LEAK: Final = 4.0  # velocity is integrated from the specific force with this memory, s
 SLOW: Final = 4.0 * LEAK
 """Before any attitude is known, gravity is the mean force over this to both sides, s, in the gyroscope's frame."""
-SPEED_TIMES: Final = 6.0
-"""A speed lasts for about a period of the motion: this times speed over acceleration,"""
+SPEED_TIMES: Final = 6.0  # a speed lasts for about a period of the motion: this times speed over acceleration,
 SHORTEST: Final = 0.25
 """but not shorter than this, s, and not longer than `LEAK`."""
-ANY_SPEED: Final = 10.0
-"""Level speed that may be any, m/s: where no force says."""
-REST_SPEED: Final = 0.02
-"""Level speed at rest, m/s."""
-FIRST_TILT: Final = 4.0
-"""The first tilt is that of the mean specific force over this, s;"""
+ANY_SPEED: Final = 10.0  # level speed that may be any, m/s: where no force says
+REST_SPEED: Final = 0.02  # level speed at rest, m/s
+FIRST_TILT: Final = 4.0  # the first tilt is that of the mean specific force over this, s;
 WIDE: Final = LOST
 """its standard deviation, rad,"""
 NARROW: Final = deg(5.0)
@@ -54,12 +48,10 @@ GIVEN: Final = deg(1.0)
 USUAL_SPEED: Final = 1.0
 """its tilt is less certain where it takes the mean force of the first seconds for more than this level speed, m/s,
 and any other where a body gathers more within `LEAK`."""
-AGAIN_BIAS: Final = dps(1.0)
-"""And this is what a later pass takes for it."""
+AGAIN_BIAS: Final = dps(1.0)  # and this is what a later pass takes for it
 FIXED_MATRIX: Final = 1e-2
 """Share of its prior by which scale and misalignment may move while the attitude is still far off."""
-BEYOND: Final = 3.0
-"""A mean rate beyond this many standard deviations of the bias is a turn."""
+BEYOND: Final = 3.0  # a mean rate beyond this many standard deviations of the bias is a turn
 REST_PER_SD: Final = 3.0
 """where each of them takes so much rest, s: a calm second or two may be a turn."""
 PIECE: Final = 10.0
@@ -69,8 +61,7 @@ SIZE_KEPT: Final = 0.3
 PARTS: Final = 6
 """It does so evenly: of the means of these parts none is farther from the next than this share of all these ways."""
 EVEN: Final = 0.5
-MOST: Final = 2000
-"""Windows that are tried as centre of a cluster."""
+MOST: Final = 2000  # windows that are tried as centre of a cluster
 NOT_GRAVITY: Final = 0.5 * G0
 """Over a `PIECE` the mean specific force differs by less than this from gravity, m/s², also where peaks are cut off."""
 

@@ -20,14 +20,12 @@ CORRELATED: Final = 0.3
 What they miss in 20 ms to 5 s, on recordings of hands, people, machines and a quadrotor, is 0.6 to 1.7 of that."""
 AROUND: Final = 3.0
 """Their mean and spread are taken over this to both sides, s, or over as long as nothing was measured."""
-ABSENT: Final = 1.5
-"""A step longer than so many usual ones lacks at least a sample."""
+ABSENT: Final = 1.5  # a step longer than so many usual ones lacks at least a sample
 LOST: Final = deg(15.0)
 """Where the bridge over a gap is less sure than this, rad, the first seconds behind it show the tilt better."""
 HELD: Final = 0.5
 """A specific force that is known to no better than this share of the next says nothing of how the body moves."""
-UNKNOWN_FORCE: Final = 5.0
-"""Standard deviation of a specific force that was not measured for long, m/s²."""
+UNKNOWN_FORCE: Final = 5.0  # standard deviation of a specific force that was not measured for long, m/s²
 
 WRONG: Final = (
     flags.GYR_CLIPPED | flags.GYR_STUCK | flags.GYR_INVALID,
@@ -38,8 +36,7 @@ WRONG: Final = (
 TOGETHER: Final = 0.025
 """The passes take samples together that lie within this, s: the turn between them is theirs, and what corrects a rate
 of 1000 °/s differs by a hundredth over it."""
-BLOCK: Final = 4096
-"""Samples that are turned at a time where temporaries would be larger than the result."""
+BLOCK: Final = 4096  # samples that are turned at a time where temporaries would be larger than the result
 
 Bools = NDArray[np.bool_]
 
@@ -343,16 +340,8 @@ def gather(
 def between(frames: Keyframes, moving: Bools, q_k: Floats, rate: Floats) -> Floats:
     """Attitude at every sample, (N, 4): the gyroscope's way from keyframe to keyframe, what it misses spread evenly.
 
-    Parameters
-    ----------
-    frames : Keyframes
-        Samples and steps.
-    moving : ndarray (K,) of bool
-        Steps in which the gyroscope is followed; in others the attitude goes the shortest way.
-    q_k : ndarray (K + 1, 4)
-        Attitude at the keyframes.
-    rate : ndarray (N, 3)
-        Corrected rates, rad/s.
+    `frames`: samples and steps; `moving` (K,): steps in which the gyroscope is followed; in others the attitude goes
+    the shortest way; `q_k` (K + 1, 4): attitude at the keyframes; `rate` (N, 3): corrected rates, rad/s.
     """
     from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, rotvec_from_quat
 

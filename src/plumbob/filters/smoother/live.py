@@ -74,32 +74,26 @@ from plumbob.filters.smoother.stationary import HOLDS, JUMPED, UNTIL, fresh
 from plumbob.filters.smoother.sweeps import Last, heading_from
 from plumbob.rotations import quat_from_rotvec, quat_multiply
 
-SOONEST: Final = 0.25
-"""The past is smoothed for the first time after this, s, then each time later by"""
+SOONEST: Final = 0.25  # the past is smoothed for the first time after this, s, then each time later by
 GROWS: Final = 1.5
 EVERY: Final = 20.0
 """up to this, s."""
-LEAST_PAUSE: Final = 4.0
-"""And at once, but not sooner than this, s,"""
+LEAST_PAUSE: Final = 4.0  # and at once, but not sooner than this, s,
 AGAINST: Final = 2.0
 """when the unit has turned for so long, s, in fields that are not the one of the place; that one too takes as long."""
-PROVEN: Final = 3.0
-"""The field of the place counts for so many times the time in which the unit turned in it,"""
+PROVEN: Final = 3.0  # the field of the place counts for so many times the time in which the unit turned in it,
 YOUNG: Final = 10.0
 """beyond this, s: what surrounds a unit where it is picked up is not the place."""
 UNCERTAIN_HEADING: Final = deg(20.0)
 """With a larger standard deviation of a heading that a field gives, rad, the attitude is not converged."""
-BLOCK: Final = 1.0
-"""Whether the fields contradict the one of the place is asked so often, s."""
-LATE: Final = 0.5
-"""What a look has found is handed over so much later, s,"""
+BLOCK: Final = 1.0  # whether the fields contradict the one of the place is asked so often, s
+LATE: Final = 0.5  # what a look has found is handed over so much later, s,
 SHORT: Final = 5.0
 """unless the past is shorter than this, s."""
 BEHIND: Final = 1.5 * BLOCK
 """Behind a jump of the bias the first look comes after this, s: no steps that are followed at once reach so far."""
 
-SURELY: Final = 3.0
-"""Fields that have not been believed for so long, s, may say that the bias has jumped;"""
+SURELY: Final = 3.0  # fields that have not been believed for so long, s, may say that the bias has jumped;
 LATELY: Final = 15.0
 """it is sought in no more than this, s."""
 

@@ -38,8 +38,7 @@ SUMMARY: Final = "the whole recording at once, forward and backward; its scale, 
 REFERENCES: Final = ("Sola2017", "Bierman1973", "Schmidt1966")
 NEEDS: Final = ("gyr", "acc")
 BIAS_PRIOR: Final = "bias_start"
-COVARIANCE: Final = slice(0, 9)
-"""Of the attitude, as those of the filters say where theirs lies."""
+COVARIANCE: Final = slice(0, 9)  # of the attitude, as those of the filters say where theirs lies
 
 SIZE: Final = 21
 TH: Final = 0
@@ -48,8 +47,7 @@ V: Final = 6
 BEND: Final = 8
 A: Final = 9
 M: Final = 12
-KEPT: Final = 8
-"""The first states, whose covariance with all others is kept at every keyframe."""
+KEPT: Final = 8  # the first states, whose covariance with all others is kept at every keyframe
 
 
 class Params(NamedTuple):
@@ -128,8 +126,7 @@ def from_noise(card: "NoiseCard") -> dict[str, float]:
     return {name: value for name, value in params.items() if value > getattr(usual, name)}
 
 
-COARSE_SCALE: Final = 0.05
-"""Standard deviation of the scale of a part that is so coarse that its digit hides rest,"""
+COARSE_SCALE: Final = 0.05  # standard deviation of the scale of a part that is so coarse that its digit hides rest,
 COARSE_AXES: Final = deg(1.0)
 """and of the angles between its axes, rad: data sheets allow as much, and nobody calibrates such a part."""
 
@@ -151,12 +148,9 @@ def for_digit(p: Params, digit: float) -> Params:
     return p._replace(gyr_noise=noise, gyr_scale=scale, gyr_misalignment=axes)
 
 
-CARD_FLOOR: Final = 5e-4
-"""A scale or an angle that a card has may have changed by so much since."""
-BIAS_REPEATS: Final = dps(0.5)
-"""And a bias by this, rad/s."""
-START_SPEED: Final = 0.3
-"""Standard deviation of the level velocity at a start, m/s."""
+CARD_FLOOR: Final = 5e-4  # a scale or an angle that a card has may have changed by so much since
+BIAS_REPEATS: Final = dps(0.5)  # and a bias by this, rad/s
+START_SPEED: Final = 0.3  # standard deviation of the level velocity at a start, m/s
 
 
 def start_covariance(
@@ -164,20 +158,10 @@ def start_covariance(
 ) -> Floats:
     """Covariance before the first sample, (21, 21).
 
-    Parameters
-    ----------
-    p : Params
-        Priors of the sensors.
-    tilt, heading : float
-        Standard deviations, rad.
-    bias : float
-        Of the gyroscope's bias, rad/s.
-    rigid : bool
-        Nothing shows the heading, so that the scale may move no more than the misalignment.
-    matrix : float
-        Share of the prior of scale and misalignment, as a standard deviation.
-    unit : ndarray (12, 12), optional
-        What the unit's card leaves of bias and matrix, their covariance.
+    `p`: priors of the sensors; `tilt`, `heading`: standard deviations, rad; `bias`: of the gyroscope's bias, rad/s;
+    `rigid`: nothing shows the heading, so that the scale may move no more than the misalignment; `matrix`: share of the
+    prior of scale and misalignment, as a standard deviation; `unit` (12, 12): what the unit's card leaves of bias and
+    matrix, their covariance.
     """
     var = np.zeros(SIZE)
     var[TH : TH + 2], var[TH + 2] = tilt**2, heading**2

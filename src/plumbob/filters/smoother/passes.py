@@ -48,13 +48,10 @@ from plumbob.rotations import Frame, dcm_from_quat
 from plumbob.rotations.headings import turn_heading
 
 AGAIN_TILT: Final = deg(3.0)
-AGAIN_HEADING: Final = deg(30.0)
-"""Standard deviations of a smoothed attitude that is taken for a start, rad."""
+AGAIN_HEADING: Final = deg(30.0)  # standard deviations of a smoothed attitude that is taken for a start, rad
 PASSES: Final = 2
-CLEARER: Final = 0.5
-"""A recording has shown a parameter if its standard deviation is at most this share of what it was."""
-UNEVEN: Final = 1.0
-"""A field of the unit is known to this, µT: an uneven field of the place looks like one."""
+CLEARER: Final = 0.5  # a recording has shown a parameter if its standard deviation is at most this share of what it was
+UNEVEN: Final = 1.0  # a field of the unit is known to this, µT: an uneven field of the place looks like one
 DISBELIEVED, BELIEVED = 0.25, 0.5
 """The last seconds contradict what came before if their fields are believed less than this; else more;"""
 FASTER, SLOWER = 1.5, 0.5

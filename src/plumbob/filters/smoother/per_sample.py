@@ -27,8 +27,7 @@ from plumbob.rotations.kernels import quat_mul
 if TYPE_CHECKING:
     from plumbob.filters.smoother.live import Between
 
-MORE: Final = -1
-"""The sample is more than one between two keyframes, or a value is not as usual."""
+MORE: Final = -1  # the sample is more than one between two keyframes, or a value is not as usual
 _WRONG: Final = WRONG[0]
 _LIMITS: Final = {"gyr": IMPOSSIBLE_RATE, "acc": IMPOSSIBLE_ACCELERATION, "mag": IMPOSSIBLE_FIELD}
 

@@ -32,8 +32,7 @@ from plumbob.filters.smoother.keyframes import (
 )
 from plumbob.filters.smoother.model import Params, hides_rest
 
-RECENT: Final = 31
-"""Steps of whose lengths the median is the usual one."""
+RECENT: Final = 31  # steps of whose lengths the median is the usual one
 
 LAST: Final = 0  # time of the last sample that was kept, s; NaN before the first
 KEY: Final = 1  # and of the last keyframe

@@ -17,16 +17,12 @@ from plumbob.filters.smoother.model import Params
 from plumbob.filters.smoother.passes import Smoothed
 from plumbob.filters.smoother.samples import GATED
 
-LASTING: Final = 3.0
-"""A field that is wrong for less than this, s, is not named."""
-MOST: Final = 5
-"""Spells that are named."""
-TOLD: Final = 1.5
-"""Smaller fields of the unit, µT, are not named."""
+LASTING: Final = 3.0  # a field that is wrong for less than this, s, is not named
+MOST: Final = 5  # spells that are named
+TOLD: Final = 1.5  # smaller fields of the unit, µT, are not named
 
 
-MOSTLY: Final = 0.5
-"""Share of a recording above which a remark names the other causes that it may have."""
+MOSTLY: Final = 0.5  # share of a recording above which a remark names the other causes that it may have
 
 
 def remarks_before(imu: ImuData) -> list[Finding]:

@@ -21,20 +21,15 @@ from plumbob.filters.smoother.passes import Smoothed, at_samples, rates
 from plumbob.rotations import Frame, dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, quat_slerp
 from plumbob.rotations.headings import turn_heading
 
-GATED: Final = 0.1
-"""A field that counts with less than this was not used."""
-DOUBTFUL: Final = deg(6.0)
-"""With a larger standard deviation of the tilt, rad, the attitude is not converged."""
-ANYTHING: Final = math.pi**2 * np.eye(3)
-"""Covariance of an attitude of which nothing is known, rad²."""
-LONG: Final = 1200.0
-"""A longer recording, s, is smoothed in stretches"""
+GATED: Final = 0.1  # a field that counts with less than this was not used
+DOUBTFUL: Final = deg(6.0)  # with a larger standard deviation of the tilt, rad, the attitude is not converged
+ANYTHING: Final = math.pi**2 * np.eye(3)  # covariance of an attitude of which nothing is known, rad²
+LONG: Final = 1200.0  # a longer recording, s, is smoothed in stretches
 CORE: Final = 600.0
 """of this, s,"""
 MARGIN: Final = 120.0
 """with so much before and behind each, s. With a lag this is how much of the past is smoothed with each part."""
-LEAST_CORE: Final = 0.5
-"""With a lag a part is half of it long, but not shorter than this, s."""
+LEAST_CORE: Final = 0.5  # with a lag a part is half of it long, but not shorter than this, s
 
 
 class SampleEstimates(NamedTuple):
@@ -97,14 +92,8 @@ class Stretch:
 def stretches(t: Floats, lag: float | None, begin: int = 0) -> Iterator[Stretch]:
     """Stretches of a recording whose cores cover it, each sample once.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    lag : float or None
-        No sample may know what comes more than this after it, s; None: each may know all.
-    begin : int
-        The sample that the first core begins with.
+    `t` (N,): time, s; `lag`: no sample may know what comes more than this after it, s; None: each may know all;
+    `begin`: the sample that the first core begins with.
     """
     if lag is None:
         core, past, ahead = (CORE, MARGIN, MARGIN) if t[-1] - t[0] > LONG else (math.inf, 0.0, 0.0)

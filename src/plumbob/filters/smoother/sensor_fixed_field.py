@@ -17,18 +17,13 @@ from plumbob.filters.smoother.keyframes import BLOCK, Bools, Keyframes, sum_betw
 from plumbob.rotations import dcm_from_quat
 
 WINDOW: Final = 5.0
-STRIDE: Final = 2.5
-"""Windows, s, and how far they are apart."""
-INDEPENDENT: Final = 10.0
-"""Errors of the field in a window are worth so many independent ones."""
-LEAST_NOISE: Final = 0.3
-"""Noise of the field, µT, at least."""
-CLEAR: Final = 1.5
-"""A window says something if each axis of its field is known to this, µT; two alike are this near."""
+STRIDE: Final = 2.5  # windows, s, and how far they are apart
+INDEPENDENT: Final = 10.0  # errors of the field in a window are worth so many independent ones
+LEAST_NOISE: Final = 0.3  # noise of the field, µT, at least
+CLEAR: Final = 1.5  # a window says something if each axis of its field is known to this, µT; two alike are this near
 LEAST: Final = 5.0
 """Smaller fields than this, µT, are left to the calibration: an uneven field of the place looks like one."""
-ALIKE: Final = 2
-"""Windows that must say the same."""
+ALIKE: Final = 2  # windows that must say the same
 SHORTEST: Final = 1.0
 """A recording too short for that is one window, of at least this, s. It says something alone, if each axis is known"""
 ALONE: Final = 2.5
@@ -37,26 +32,20 @@ SURE: Final = 6.0
 EXPLAINED: Final = 6.0
 """and without it so many times the power would be left."""
 CANDIDATES: Final = 8
-CHANGE: Final = 30.0
-"""Cost of a change, as a sum of squared standard deviations;"""
+CHANGE: Final = 30.0  # cost of a change, as a sum of squared standard deviations;
 DEAREST: Final = 60.0
 """of a window at most, and"""
 ATTACHED: Final = 1.0
 """of having such a field."""
-SIZE_SD: Final = 3.0
-"""Where nothing turns, the size of the field of the place says which, to this, µT, and"""
+SIZE_SD: Final = 3.0  # where nothing turns, the size of the field of the place says which, to this, µT, and
 DEAREST_SIZE: Final = 20.0
 """at most at this cost."""
-DOUBT: Final = 4.0
-"""A difference that decides."""
-AGREED: Final = 0.8
-"""The unit has a field of its own if the windows agree so well, as the mean of weights from 0 to 1:"""
+DOUBT: Final = 4.0  # a difference that decides
+AGREED: Final = 0.8  # the unit has a field of its own if the windows agree so well, as the mean of weights from 0 to 1:
 OUTLIER: Final = 12.0
 """a window off by so many variances counts with a quarter."""
-KNOWN: Final = 0.5
-"""Each axis of it is then known to this, µT."""
-MEDIAN_OF_THREE: Final = 2.366
-"""Median of χ² with three degrees of freedom."""
+KNOWN: Final = 0.5  # each axis of it is then known to this, µT
+MEDIAN_OF_THREE: Final = 2.366  # median of χ² with three degrees of freedom
 
 
 @dataclass(frozen=True, slots=True)

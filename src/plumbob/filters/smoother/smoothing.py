@@ -160,17 +160,8 @@ class Smoother(AttitudeEstimator):
         A long recording is smoothed in stretches that overlap, and so is one with a fixed lag; each leaves its bias and
         the field of the place to the next.
 
-        Parameters
-        ----------
-        data : ImuData
-            The recording.
-        progress : callable, optional
-            Called with the number of samples done since the last call.
-
-        Raises
-        ------
-        ShapeError
-            If a triad is missing that it needs, or a recording has fewer than two samples with a rate.
+        `data`: the recording; `progress`: called with the number of samples done since the last call. Raises ShapeError
+        if a triad is missing that it needs, or a recording has fewer than two samples with a rate.
         """
         return AttitudeTrack.joined(self.parts(data, progress=progress), len(data))
 
@@ -245,8 +236,7 @@ def _prior(meta: ImuMeta, start: Given | None) -> Known:
     return Known(unit=None if residual is None else full_covariance(residual), start=start)
 
 
-AT_ONCE: Final = 4096
-"""Samples that are followed at a time; the result does not depend on it."""
+AT_ONCE: Final = 4096  # samples that are followed at a time; the result does not depend on it
 
 
 def _live_piece(live: "Live", data: ImuData) -> Piece:
@@ -259,14 +249,8 @@ def _live_piece(live: "Live", data: ImuData) -> Piece:
 class Along:
     """Stretches one after the other: each leaves its bias and the field of the place to the next.
 
-    Parameters
-    ----------
-    smoother : Smoother
-        Gets the remarks, and what is learned of the gyroscope.
-    meta : ImuMeta
-        Of the samples.
-    remarks : sequence of Finding
-        What is to be said of them already.
+    `smoother`: gets the remarks, and what is learned of the gyroscope; `meta`: of the samples; `remarks`: what is to be
+    said of them already.
     """
 
     def __init__(self, smoother: Smoother, meta: ImuMeta, remarks: Sequence[Finding] = ()) -> None:

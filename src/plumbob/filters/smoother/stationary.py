@@ -18,22 +18,17 @@ from plumbob.filters.smoother.keyframes import turned_by
 from plumbob.filters.smoother.model import SIZE, TH, B, V
 from plumbob.rotations.kernels import third_row
 
-SEEN: Final = deg(1.0)
-"""A turn that would move them by this, rad, shows;"""
+SEEN: Final = deg(1.0)  # a turn that would move them by this, rad, shows;
 CLEAR: Final = deg(3.0)
 """by this, it is clear."""
-STILL: Final = 0.25
-"""They stand still if they move by less than this share of it."""
-FIRST: Final = 0.5
-"""Where they were is a mean over this, s, where they are"""
+STILL: Final = 0.25  # they stand still if they move by less than this share of it
+FIRST: Final = 0.5  # where they were is a mean over this, s, where they are
 LATEST: Final = 0.3
 """one over this."""
-AFRESH: Final = 4.0
-"""Without a contradiction the comparison begins again after this, s,"""
+AFRESH: Final = 4.0  # without a contradiction the comparison begins again after this, s,
 FARTHEST: Final = deg(30.0)
 """or beyond this, rad: a whole turn brings them back."""
-HOLDS: Final = 5.0
-"""The doubt stays for so long, s."""
+HOLDS: Final = 5.0  # the doubt stays for so long, s
 
 STOOD: Final = 0  # for how long it has been compared, s
 TURN: Final = 1  # what the gyroscope turned meanwhile, rad, 3

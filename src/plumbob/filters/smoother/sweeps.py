@@ -22,16 +22,13 @@ from plumbob.filters.smoother.keyframes import Keyframes, turned_by
 from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, ModelVariances, V
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rows
 
-BLOCK: Final = 2400
-"""Steps of which all is kept at a time, 3 kB each: a recording of a day would need a gigabyte."""
-MEASURED: Final = 6
-"""Scalar measurements at a keyframe, at most: level velocity (2), heading, rates at rest (3)."""
+BLOCK: Final = 2400  # steps of which all is kept at a time, 3 kB each: a recording of a day would need a gigabyte
+MEASURED: Final = 6  # scalar measurements at a keyframe, at most: level velocity (2), heading, rates at rest (3)
 EAST: Final = 0
 HEADING: Final = 2
 RATE: Final = 3
 RESIDUAL: Final = 0
-INVERSE: Final = 1
-"""One over the variance of an innovation; zero where nothing was measured."""
+INVERSE: Final = 1  # one over the variance of an innovation; zero where nothing was measured
 TERMS: Final = 2
 
 TURN: Final = 0  # what a step does to the errors: time integral of R, row by row, 9
@@ -54,12 +51,9 @@ RAW: Final = 7  # mean rate as measured, body axes, 3
 ROUGH: Final = 10  # mean square of the rate
 MEANS: Final = 11
 
-HUBER: Final = 9.0
-"""An innovation beyond this many variances counts with the noise that would make it so many."""
-UNUSED: Final = 1e6
-"""A heading of this variance, rad², is not used."""
-REST_JITTER: Final = 1e-10
-"""Variance that the attitude gains at rest, rad²/s."""
+HUBER: Final = 9.0  # an innovation beyond this many variances counts with the noise that would make it so many
+UNUSED: Final = 1e6  # a heading of this variance, rad², is not used
+REST_JITTER: Final = 1e-10  # variance that the attitude gains at rest, rad²/s
 
 
 @kernel
@@ -586,30 +580,13 @@ def sweep(
 
     What the way back needs is kept of one block of steps alone: the way forward is gone again from the start of each.
 
-    Parameters
-    ----------
-    frames : Keyframes
-        Samples and the steps between keyframes.
-    kind : ndarray (K,)
-        Of each step: moving, at rest, or with a new start at its end.
-    density : ndarray (K,)
-        Of the level velocity, m²/s: what the body moves, as white noise.
-    lasting : ndarray (K,)
-        Share of the level velocity that lasts over each step: see `Speed.lasting`.
-    heading_var : ndarray (K,)
-        Variance of the heading that the mean field of each step shows, rad².
-    q_start : ndarray (K + 1, 4)
-        Attitude to start from, at the first keyframe and where it starts again.
-    bias : ndarray (3,)
-        First bias of the gyroscope, rad/s.
-    p0 : ndarray (21, 21)
-        Covariance where the attitude starts,
-    noise : ModelVariances
-        Of the model.
-    first : ndarray (21, 21), optional
-        and that at the first keyframe, if it is another one.
-    covariance : bool
-        Smooth the covariance too, which takes as long as all the rest.
+    `frames`: samples and the steps between keyframes; `kind` (K,): of each step: moving, at rest, or with a new start
+    at its end; `density` (K,): of the level velocity, m²/s: what the body moves, as white noise; `lasting` (K,): share
+    of the level velocity that lasts over each step: see `Speed.lasting`; `heading_var` (K,): variance of the heading
+    that the mean field of each step shows, rad²; `q_start` (K + 1, 4): attitude to start from, at the first keyframe
+    and where it starts again; `bias` (3,): first bias of the gyroscope, rad/s; `p0` (21, 21): covariance where the
+    attitude starts,; `noise`: of the model; `first` (21, 21): and that at the first keyframe, if it is another one;
+    `covariance`: smooth the covariance too, which takes as long as all the rest.
     """
     n = kind.size
     q, mean = np.empty((n + 1, 4)), np.empty((n, MEANS))
