@@ -6,7 +6,7 @@ A filter module holds the algorithm: ``Params`` (what a user sets), ``coefficien
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
@@ -212,10 +212,36 @@ def specialised() -> list[Kernel[..., Any]]:
 
 
 class AttitudeEstimator(FactsText):
-    """What every filter has, and the smoother."""
+    """What every filter has, and the smoother: parameters of its own and those of all, and what its headings mean."""
 
+    name: str
+    frame: Frame
+    params: Any
     common: CommonParams
     _init: Start | None
+    _decided: bool  # whether the declination was given, so that no recording changes it
+    _idle: frozenset[str] = frozenset()  # common parameters that do nothing here
+
+    def _set(self, kind: type[Any], given: Mapping[str, Any]) -> None:
+        """Take parameters: those of its own kind, and the common ones."""
+        own, shared = {p.name for p in describe(kind)}, {p.name for p in describe(CommonParams)} - self._idle
+        for name in given:
+            if name not in own | shared:
+                names = [p.name for p in (*describe(kind), *describe(CommonParams)) if p.name not in self._idle]
+                raise ParameterError(
+                    f"{self.name} has no parameter '{name}'; known: {', '.join(names)}.{closest(name, names)}"
+                )
+        self.params = build(kind, {k: v for k, v in given.items() if k in own}, of=self.name)
+        self.common = build(CommonParams, {k: v for k, v in given.items() if k in shared}, of=self.name)
+        self._decided = "declination" in given
+
+    def _require(self, needs: Sequence[str], data: ImuData, hint: str = "") -> None:
+        """Refuse what is no samples, or samples without a triad that it needs."""
+        check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
+        if missing := [name for name in needs if name not in data.triads]:
+            raise ShapeError(
+                f"{self.name} needs {', '.join(needs)}, but the recording has no {', '.join(missing)}.{hint}"
+            )
 
     def north(self, has_mag: bool) -> North:
         """What headings count from, of samples with or without a magnetometer."""
@@ -225,6 +251,26 @@ class AttitudeEstimator(FactsText):
             if self._init.north is not None:
                 return self._init.north
         return North.MAGNETIC if self.common.declination is None else North.TRUE
+
+    def facts(self) -> Mapping[str, str]:
+        """Name, frame, and the parameters that differ from their defaults."""
+        changed = [
+            f"{p.name}={shown(p, value)}"
+            for holder in (self.params, self.common)
+            for p in describe(type(holder))
+            if p.name not in self._idle and (value := getattr(holder, p.name)) != getattr(type(holder)(), p.name)
+        ]
+        return {"name": self.name, "frame": str(self.frame), "params": ", ".join(changed) or "defaults"}
+
+    def describe(self) -> str:
+        """Name and parameters in one line, for provenance."""
+        return _described(self.name, self.params, self.common, self._idle)
+
+
+@cache  # every chunk of a stream carries it
+def _described(name: str, params: Any, common: CommonParams, idle: frozenset[str]) -> str:
+    pairs = ((p, getattr(holder, p.name)) for holder in (params, common) for p in describe(type(holder)))
+    return f"{name}({', '.join(f'{p.name}={shown(p, value)}' for p, value in pairs if p.name not in idle)})"
 
 
 class Filter(AttitudeEstimator):
@@ -296,9 +342,8 @@ class Filter(AttitudeEstimator):
         if params is not None and not isinstance(params, Mapping):
             example = '{"kp": 0.5, "gate": "0.08 g"}'
             raise ParameterError(f"params must be values by name, as in {example}, but it is {check.said(params)}.")
-        given = {**({} if noise is None else _from_noise(name, self.module, noise)), **(params or {})}
-        self.params, self.common = _split_params(name, self.module, given)
-        self._decided = "declination" in given
+        given = {**({} if noise is None else self._from_noise(noise)), **(params or {})}
+        self._set(self.module.Params, given)
         self._card, self._correct, self._meta = None, None, meta
         if calibration is not None:
             from plumbob.data.calibrated import calibrating
@@ -338,6 +383,13 @@ class Filter(AttitudeEstimator):
                 "reset() before another recording."
             )
         self._count_from(meta.declination)
+
+    def _from_noise(self, noise: "NoiseCard") -> Mapping[str, Any]:
+        module: Any = self.module
+        params: Mapping[str, Any] | None = module.from_noise(noise) if hasattr(module, "from_noise") else None
+        if params is None:
+            raise ParameterError(f"{self.name} has no parameter that a noise card could give; leave the card out.")
+        return params
 
     def _count_from(self, declination: float | None) -> None:
         """Let headings count from the north that a declination, rad, tells, unless `params` have decided."""
@@ -401,12 +453,8 @@ class Filter(AttitudeEstimator):
         ShapeError
             If the recording lacks a triad that the filter needs.
         """
-        check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
+        self._require(self.module.NEEDS, data)
         data = data if self._card is None else self._card.correct(data, live=True)
-        if missing := [name for name in self.module.NEEDS if name not in data.triads]:
-            raise ShapeError(
-                f"{self.name} needs {', '.join(self.module.NEEDS)}, but the recording has no {', '.join(missing)}."
-            )
         self._heed(data.meta)
         if look and self._x[COUNT] == 0.0:
             _warn_of_doubts(data, self.frame)
@@ -509,48 +557,12 @@ class Filter(AttitudeEstimator):
         return type(self).restore, (self.save(),)
 
     def facts(self) -> Mapping[str, str]:
-        """What it is, in words: name, frame, the parameters that differ from their defaults, and samples taken."""
-        defaults, common = self.module.Params(), CommonParams()
-        changed = [
-            f"{p.name}={shown(p, value)}"
-            for holder, usual in ((self.params, defaults), (self.common, common))
-            for p in describe(type(holder))
-            if (value := getattr(holder, p.name)) != getattr(usual, p.name)
-        ]
-        return {
-            "name": self.name,
-            "frame": str(self.frame),
-            "params": ", ".join(changed) or "defaults",
-            "samples": f"{self._x[COUNT]:.0f}",
-        }
+        """Name, frame, the parameters that differ from their defaults, and samples taken."""
+        return {**super().facts(), "samples": f"{self._x[COUNT]:.0f}"}
 
     def _fixed(self) -> dict[str, Any]:
         """Common parameters that were given, whatever a recording says."""
         return {k: v for k, v in self.common._asdict().items() if k != "declination" or self._decided}
-
-    def describe(self) -> str:
-        """Name and parameters in one line, for provenance."""
-        return _described(self.name, self.params, self.common)
-
-
-@cache  # every chunk of a stream carries it
-def _described(name: str, params: Any, common: CommonParams) -> str:
-    pairs = ((p, getattr(holder, p.name)) for holder in (params, common) for p in describe(type(holder)))
-    return f"{name}({', '.join(f'{p.name}={shown(p, value)}' for p, value in pairs)})"
-
-
-def _split_params(name: str, module: FilterModule, values: dict[str, Any]) -> tuple[Any, CommonParams]:
-    specific = {p.name for p in describe(module.Params)}
-    shared = {p.name for p in describe(CommonParams)}
-    unknown = [k for k in values if k not in specific | shared]
-    if unknown:
-        names = [p.name for p in (*describe(module.Params), *describe(CommonParams))]
-        near = closest(unknown[0], names)
-        raise ParameterError(f"{name} has no parameter '{unknown[0]}'; known: {', '.join(names)}.{near}")
-    return (
-        build(module.Params, {k: v for k, v in values.items() if k in specific}, of=name),
-        build(CommonParams, {k: v for k, v in values.items() if k in shared}, of=name),
-    )
 
 
 def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame: Frame) -> Floats:
@@ -559,13 +571,6 @@ def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame
     shared = (frame.up[2], north[0], north[1], common.max_gap, 1.0 if common.mag else 0.0, trial_time(module.NEEDS))
     specific = module.coefficients(params)
     return np.array([1.0 + len(shared) + len(specific), *shared, *specific], dtype=np.float64)
-
-
-def _from_noise(name: str, module: FilterModule, noise: "NoiseCard") -> Mapping[str, Any]:
-    params: Mapping[str, Any] | None = module.from_noise(noise) if hasattr(module, "from_noise") else None
-    if params is None:
-        raise ParameterError(f"{name} has no parameter that a noise card could give; leave the card out.")
-    return params
 
 
 def _saved_start(saved: Any) -> Start | None:

@@ -57,7 +57,7 @@ def test_estimate_smooths_unless_it_is_asked_otherwise(hand):
     ({"init": "truth"}, "takes the first attitude of the recording's reference, but it has none"),
     ({"lag": "5 m"}, "'m' is not a unit of time"),
     ({"lag": -0.01}, "lag must be 0 to"),
-    ({"params": {"kp": 1.0}}, "smoother has no parameter 'kp'; known: acc_bias"),
+    ({"params": {"kp": 1.0}}, "smoother has no parameter 'kp'; known: gyr_noise"),
     ({"params": {"max_gap": 1.0}}, "smoother has no parameter 'max_gap'"),  # it is the samples' own
     ({"params": {"speed": -1.0}}, "speed"),
     ({"filter": "smother"}, "there is no filter 'smother'; known: .*smoother"),

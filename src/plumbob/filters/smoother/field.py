@@ -13,6 +13,7 @@ from plumbob.filters.smoother.inertial import PIECE, Inertial
 from plumbob.filters.smoother.keyframes import Bools, Keyframes
 from plumbob.filters.smoother.model import Params
 from plumbob.filters.smoother.sweeps import UNUSED
+from plumbob.rotations import dcm_from_quat
 
 TURNING: Final = dps(20.0)
 """A field that is seen while the unit turns so fast counts in full for the reference: a magnet nearby would show."""
@@ -87,13 +88,13 @@ class Reference:
 
 def find_reference(
     frames: Keyframes, p: Params, field: Floats, inertial: Inertial, doubtful: Bools,
-    prior: tuple[Reference, float] | None = None,
+    prior: Reference | None = None, seen: float = 0.0,
 ) -> Reference | None:  # fmt: skip
     """The strongest mode of level and vertical field, weighed by the time that the unit turned in it.
 
     `frames`: steps; `p`: parameters; `field` (K, 3): mean fields of the steps in navigation axes, whatever their
     heading, µT; `inertial`: where the unit rested, and its bias; `doubtful` (K,): steps whose field is not to be used;
-    `prior`: the field of the samples before, and for how long it was seen, s. Returns none where no field has a level
+    `prior`: the field of the samples before, and for how long it was `seen`, s. Returns none where no field has a level
     part.
     """
     level, up = np.hypot(field[:, 0], field[:, 1]), field[:, 2]
@@ -104,10 +105,10 @@ def find_reference(
         return None
     points, weight = np.stack((level[usable], up[usable]), axis=1), weight[usable]
     if prior is not None:
-        points = np.concatenate(([[prior[0].level, prior[0].vertical]], points))
-        weight = np.concatenate(([prior[1]], weight))
+        points = np.concatenate(([[prior.level, prior.vertical]], points))
+        weight = np.concatenate(([seen], weight))
     sharpness = 1.0 / (1.5 * p.mag_spread) ** 2  # of the modes of the field, µT⁻²
-    best = _field_mode(points, weight, sharpness)
+    best: Floats = points[mode(points, weight, max(1, len(points) // MODES), sharpness)]
     for _ in range(10):
         w = weight / (1.0 + ((points - best) ** 2).sum(axis=1) / (2.0 * p.mag_spread) ** 2) ** 2
         best = w @ points / w.sum()
@@ -158,19 +159,13 @@ def _rival(
     far = np.linalg.norm(points - best, axis=1) > APART * p.mag_spread
     if not far.any():
         return None, 0.0
-    other = _field_mode(points[far], weight[far], sharpness)
+    other = points[far][mode(points[far], weight[far], max(1, int(far.sum()) // MODES), sharpness)]
 
     def strength(centre: Floats) -> float:
         return float(np.sum(weight / (1.0 + sharpness * ((points - centre) ** 2).sum(axis=1)) ** 2))
 
     share = strength(other) / (strength(other) + strength(best))
     return ((float(other[0]), float(other[1])), share) if share > RIVAL else (None, 0.0)
-
-
-def _field_mode(points: Floats, weight: Floats, sharpness: float) -> Floats:
-    """Point (2,) near which most of the weight lies."""
-    centre: Floats = points[mode(points, weight, max(1, len(points) // MODES), sharpness)]
-    return centre
 
 
 @kernel
@@ -269,7 +264,10 @@ def heading_turn(frames: Keyframes, inertial: Inertial, field: Floats, weight: F
         for width in WIDTHS:
             off = _wrapped(turned - offset)
             trust = weight / (1.0 + (off / width) ** 2) ** 2
-            offset = _smoothed_angle(dt, offset + off, trust, frames.gap)
+            angle, offset = offset + off, np.empty(dt.size)
+            follow(
+                dt, angle, trust, frames.gap, DRIFTS, DRIFT_WALK, DRIFT_NOISE, ONE_LOOK, np.empty((dt.size, 10)), offset
+            )
         off2 = _wrapped(turned - offset) ** 2
         cost = float(np.sum(weight * dt * off2 / (off2 + WIDTHS[-1] ** 2)))
         if cost < least:
@@ -280,8 +278,6 @@ def heading_turn(frames: Keyframes, inertial: Inertial, field: Floats, weight: F
 
 def bias_of_drift(frames: Keyframes, inertial: Inertial, turn: Floats) -> Floats:
     """Bias, (3,), rad/s, that a drift of the heading shows, beside what is already known of it."""
-    from plumbob.rotations import dcm_from_quat
-
     dt = frames.step
     rate = np.diff(turn, prepend=turn[0]) / dt
     rate[0] = rate[1] if rate.size > 1 else 0.0
@@ -314,12 +310,6 @@ def _drift(frames: Keyframes, azimuth: Floats, weight: Floats, sd: float) -> flo
 
 def _wrapped(angle: Floats) -> Floats:
     return np.arctan2(np.sin(angle), np.cos(angle))
-
-
-def _smoothed_angle(dt: Floats, angle: Floats, trust: Floats, gap: Bools) -> Floats:
-    out = np.empty(dt.size)
-    follow(dt, angle, trust, gap, DRIFTS, DRIFT_WALK, DRIFT_NOISE, ONE_LOOK, np.empty((dt.size, 10)), out)
-    return out
 
 
 @kernel

@@ -23,6 +23,7 @@ from plumbob.filters.smoother.model import (
     start_covariance,
 )
 from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
+from plumbob.rotations import dcm_from_quat, quat_rotate
 
 WINDOW: Final = 3.0  # the body's speed is learned over this to both sides, s
 LEAK: Final = 4.0  # velocity is integrated from the specific force with this memory, s
@@ -153,29 +154,22 @@ class Calm:
 
 def calm(frames: Keyframes, p: Params) -> Calm:
     """Find the calm steps: the window reaches to both sides, and one with a gap in it is not calm."""
-    quiet, mean, up = _quiet(frames, p)
-    turning, still, moved = _turned_field(frames, p, quiet)
-    along = (mean * up).sum(axis=1) / np.maximum(np.linalg.norm(up, axis=1), 1e-9)
-    turn = np.where(moved, np.linalg.norm(mean, axis=1), np.where(still, 0.0, along))
-    return Calm(quiet & ~turning & ~hides_rest(p, frames.digit), mean, turn)
-
-
-def _quiet(frames: Keyframes, p: Params) -> tuple[Bools, Floats, Floats]:
-    """Steps around which a window is calm, and mean rate and force in it."""
     usual = float(np.median(frames.step))
     width = max(3, round(p.rest_time / usual) | 1)
     rate, force = frames.mean(frames.gyr), frames.mean(frames.acc)
     i = np.arange(len(rate))
     low, high = np.maximum(i - width // 2, 0), np.minimum(i + width // 2 + 1, len(rate))
-
-    def spread(values: Floats) -> tuple[Floats, Floats]:
-        mean, deviation = sum_between(values, low, high, mean=True), np.empty(len(values))
-        farthest(values, mean, low, high, deviation)
-        return deviation, mean
-
-    (rate_spread, mean), (force_spread, up) = spread(rate), spread(force)
-    near_gap = sum_between(frames.gap.astype(np.float64), low, high) > 0.0
-    return (rate_spread < p.rest_rate) & (force_spread < p.rest_force) & ~near_gap, mean, up
+    means, quiet = list[Floats](), sum_between(frames.gap.astype(np.float64), low, high) == 0.0
+    for values, most in ((rate, p.rest_rate), (force, p.rest_force)):
+        means.append(sum_between(values, low, high, mean=True))
+        deviation = np.empty(len(values))
+        farthest(values, means[-1], low, high, deviation)
+        quiet &= deviation < most
+    mean, up = means
+    turning, still, moved = _turned_field(frames, p, quiet)
+    along = (mean * up).sum(axis=1) / np.maximum(np.linalg.norm(up, axis=1), 1e-9)
+    turn = np.where(moved, np.linalg.norm(mean, axis=1), np.where(still, 0.0, along))
+    return Calm(quiet & ~turning & ~hides_rest(p, frames.digit), mean, turn)
 
 
 @kernel
@@ -193,7 +187,9 @@ def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bo
     """Calm steps around which the field turns in the body, as a bias never does; where it stands still; and moves."""
     turning, still, moved = np.zeros_like(quiet), np.zeros_like(quiet), np.zeros_like(quiet)
     piece = frames.pieces(PIECE)
-    around = _widened(quiet, p.rest_time / float(np.median(frames.step)))
+    half, count = max(1, round(p.rest_time / float(np.median(frames.step))) // 2), np.cumsum(np.append(0, quiet))
+    i = np.arange(quiet.size)  # all steps of the windows around calm ones
+    around = count[np.minimum(i + half + 1, quiet.size)] > count[np.maximum(i - half, 0)]
     has_field = np.concatenate(([False], np.repeat(around, np.diff(frames.first)))) & np.isfinite(frames.mag[:, 0])
     rows = np.flatnonzero(has_field)
     for number in np.unique(piece[quiet]):
@@ -208,14 +204,6 @@ def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bo
             still[piece == number] = change <= p.mag_spread
             moved[piece == number] = change > p.mag_spread
     return quiet & turning, quiet & still, quiet & moved
-
-
-def _widened(quiet: Bools, width: float) -> Bools:
-    """All steps of the windows around calm ones, that are so many steps long."""
-    half, count = max(1, round(width) // 2), np.concatenate(([0], np.cumsum(quiet)))
-    i = np.arange(quiet.size)
-    near_calm: Bools = count[np.minimum(i + half + 1, quiet.size)] > count[np.maximum(i - half, 0)]
-    return near_calm
 
 
 def first_rest(windows: Calm, p: Params, step: Floats) -> tuple[Bools, Floats]:
@@ -303,8 +291,6 @@ def level_speed(frames: Keyframes, force: Floats, *, sure: bool = True) -> Speed
 
 def first_speed(frames: Keyframes, bias: Floats, *, sure: bool) -> Speed:
     """Speed before any attitude is known: in the frame that the gyroscope integrates gravity is a slow mean."""
-    from plumbob.rotations import quat_rotate
-
     free = np.empty((frames.t.size, 4))
     path(frames.t, frames.gyr - bias, free)
     force = frames.mean(quat_rotate(free, frames.acc))
@@ -319,8 +305,6 @@ def first_speed(frames: Keyframes, bias: Floats, *, sure: bool) -> Speed:
 
 def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
     """Attitude (4,) at a keyframe, of any heading, from the mean force of the next seconds in the gyroscope's frame."""
-    from plumbob.rotations import quat_rotate
-
     ends = np.flatnonzero(frames.gap[start:])
     last = frames.first[start + ends[0]] if ends.size else frames.t.size - 1
     i = frames.first[start]
@@ -358,8 +342,6 @@ def given_sd(q: Floats, measured: Floats, lasted: float) -> tuple[float, float]:
     What it takes for a level velocity may be gravity. It yields the more, the longer that lasts; what it has not
     yielded yet is returned too, as the variance, rad², that is in doubt until then.
     """
-    from plumbob.rotations import dcm_from_quat
-
     cosine = float(dcm_from_quat(q)[2] @ dcm_from_quat(measured)[2])
     beyond2 = max((G0 * lasted) ** 2 * (1.0 - max(cosine, 0.0) ** 2) - USUAL_SPEED**2, 0.0) / G0**2
     yielded = beyond2 / FIRST_TILT**2
@@ -384,8 +366,6 @@ def level(
     unit's card leaves (12, 12). With `any_bias`, large ones are as likely as small ones. `before` is the bias, and its
     covariance, that what came before has shown: it counts where nothing rests.
     """
-    from plumbob.rotations import dcm_from_quat
-
     windows = calm(frames, p)
     resting, bias = first_rest(windows, p, frames.step) if prior is None else (windows.at_bias(p, prior[0]), prior[0])
     before = before if prior is None and not resting.any() else None
@@ -454,12 +434,8 @@ def _level(
         start[frames.starts], bias = estimate.q[frames.starts], estimate.bias[0]
         if tilt_sd < NARROW:
             start[0] = tilt[0]
-    drift_sd = _drift_sd(estimate) if sure else p.bias_start
+    drift_sd = p.bias_start
+    if sure:
+        vertical = dcm_from_quat(estimate.q)[:, 2, :]
+        drift_sd = math.sqrt(float(np.median(np.einsum("ki,kij,kj->k", vertical, estimate.cov[:, 3:, 3:], vertical))))
     return Inertial(estimate, resting, speed, drift_sd, given_sd=tilt_sd, tilt_var=tilt_var)
-
-
-def _drift_sd(estimate: Sweep) -> float:
-    from plumbob.rotations import dcm_from_quat
-
-    vertical = dcm_from_quat(estimate.q)[:, 2, :]
-    return math.sqrt(float(np.median(np.einsum("ki,kij,kj->k", vertical, estimate.cov[:, 3:, 3:], vertical))))

@@ -75,11 +75,6 @@ class Known:
     # (3,), bias where the stretch begins, rad/s, and its covariance, by nothing but what came before
     before: tuple[Floats, Floats] | None = None
 
-    @property
-    def field(self) -> tuple[Reference, float] | None:
-        """The field of the place, and its weight."""
-        return None if self.reference is None else (self.reference, self.weight)
-
     def after(self, smoothed: "Smoothed") -> "Known":
         """What is known after a stretch."""
         weight = max(self.weight, float(smoothed.frames.step @ smoothed.weight))
@@ -93,48 +88,21 @@ class Known:
 
 @dataclass(frozen=True, slots=True)
 class Smoothed:
-    """What the smoother found, at the keyframes.
+    """What the smoother found, at the keyframes."""
 
-    Attributes
-    ----------
-    frames : Keyframes
-        Samples and steps.
-    sweep : Sweep
-        The last pass.
-    resting : ndarray (K,) of bool
-        Steps at rest.
-    reference : Reference or None
-        The field of the place; None where no field gives the heading.
-    weight : ndarray (K,)
-        How far the field of each step was believed.
-    attached : Attached or None
-        Field that turns with the sensor.
-    prior : ndarray (21, 21)
-        Covariance that the last pass began with.
-    rival_turn : float
-        By how much the heading would be another one if the reference's rival were the field of the place, rad.
-    iron_turn : float
-        And by how much, if a small field that seems to turn with the unit were taken off.
-    scatter : float
-        By how much the direction of the field scatters beyond what was expected of it, rad.
-    bias_sd : float
-        Standard deviation of a bias about the vertical that neither rest nor field showed, rad/s.
-    tilt_var : float
-        Variance of the tilt, rad², by what contradicts a given one and is too short to decide.
-    """
-
-    frames: Keyframes
-    sweep: Sweep
-    resting: Bools
-    reference: Reference | None
-    weight: Floats
-    attached: Attached | None
-    prior: Floats
+    frames: Keyframes  # samples and steps
+    sweep: Sweep  # the last pass
+    resting: Bools  # (K,), steps at rest
+    reference: Reference | None  # the field of the place; None where no field gives the heading
+    weight: Floats  # (K,), how far the field of each step was believed
+    attached: Attached | None  # field that turns with the sensor
+    prior: Floats  # (21, 21), covariance that the last pass began with
+    # by how much the heading would be another one if the reference's rival were the field of the place, rad
     rival_turn: float = 0.0
-    iron_turn: float = 0.0
-    scatter: float = 0.0
-    bias_sd: float = 0.0
-    tilt_var: float = 0.0
+    iron_turn: float = 0.0  # and by how much, if a small field that seems to turn with the unit were taken off
+    scatter: float = 0.0  # by how much the direction of the field scatters beyond what was expected of it, rad
+    bias_sd: float = 0.0  # standard deviation of a bias about the vertical that neither rest nor field showed, rad/s
+    tilt_var: float = 0.0  # variance of the tilt, rad², by what contradicts a given one and is too short to decide
 
     @property
     def learned(self) -> "Learned":
@@ -241,7 +209,7 @@ def _headed(
     frames: Keyframes, p: Params, inertial: Inertial, field: Floats, doubtful: Bools, prior: Known
 ) -> _Headed | None:
     """Heading of an attitude without one, by fields (K, 3) in its axes; None where no field gives any."""
-    if (reference := find_reference(frames, p, field, inertial, doubtful, prior.field)) is None:
+    if (reference := find_reference(frames, p, field, inertial, doubtful, prior.reference, prior.weight)) is None:
         return None
     weight = weights(reference, p, field, doubtful, directed=False)
     return _Headed(reference, heading_turn(frames, inertial, field, weight * share_of_rest(frames, inertial)))
@@ -286,7 +254,9 @@ def _with_field(
     still, first = calm(frames, p), narrowed(p0, inertial.given_sd)
     for remaining in range(PASSES, 0, -1):
         latest = Inertial(estimate, resting, speed)
-        reference = find_reference(frames, p, field, latest, attached.doubtful, prior.field) or reference
+        reference = (
+            find_reference(frames, p, field, latest, attached.doubtful, prior.reference, prior.weight) or reference
+        )
         weight = weights(reference, p, field, attached.doubtful, directed=True)
         resting = still.at_bias(p, bias[1:])
         var = heading_variance(frames, p, reference, weight)
@@ -295,7 +265,11 @@ def _with_field(
         begin, began = bias[0], first
         if 0.0 < inertial.bias_sd < again:
             up = dcm_from_quat(q[:1])[0, 2]
-            begin, began = _unseen(begin, inertial.sweep.bias[0], first, up, inertial.bias_sd)
+            # Only the field shows the part along `up`. A pass that began with what the field showed the one before
+            # would count it twice, and what is known of a gyroscope never: a turning field would be followed.
+            began, place = first.copy(), slice(B, B + 3)
+            began[place, place] -= (up @ first[place, place] @ up - inertial.bias_sd**2) * np.outer(up, up)
+            begin = begin - up * float(up @ (begin - inertial.sweep.bias[0]))
         estimate = sweep(
             frames, kind, density, speed.lasting(frames.step), var, q, begin, p0, noise, first=began,
             covariance=remaining == 1,
@@ -307,17 +281,6 @@ def _with_field(
         frames, estimate, resting, reference, weight, attached, p0, rival_turn, scatter=scatter,
         bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var,
     )  # fmt: skip
-
-
-def _unseen(bias: Floats, prior: Floats, p0: Floats, up: Floats, sd: float) -> tuple[Floats, Floats]:
-    """First bias (3,) and covariance with the part along `up` that was known before a field was seen, and its `sd`.
-
-    Only the field shows that part. A pass that began with what the field showed the one before would count the field
-    twice, and what is known of a gyroscope never: a field that turns would be followed as if it stood still.
-    """
-    p0, place = p0.copy(), slice(B, B + 3)
-    p0[place, place] -= (up @ p0[place, place] @ up - sd**2) * np.outer(up, up)
-    return bias - up * float(up @ (bias - prior)), p0
 
 
 def _iron_turn(frames: Keyframes, p: Params, inertial: Inertial, headed: _Headed, fit: Attached, prior: Known) -> float:

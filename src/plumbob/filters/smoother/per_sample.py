@@ -80,18 +80,9 @@ class Single:
     Those between two keyframes turn the attitude on and wait; all that wait are taken together, with the same bits,
     with the sample that ends the step, or where somebody asks for the covariance.
 
-    Parameters
-    ----------
-    take : callable
-        Takes samples as a part of the stream.
-    between : callable
-        What a next sample goes on from, and the turns to the frame that was asked for; None where it must be taken.
-    meta : ImuMeta
-        Of the samples.
-    mag : bool
-        Use the magnetometer.
-    now : CurrentEstimate
-        What is known before the first.
+    `take`: takes samples as a part of the stream; `between`: what a next sample goes on from, and the turns to the
+    frame that was asked for; None where it must be taken; `meta`: of the samples; `mag`: use the magnetometer; `now`:
+    what is known before the first.
     """
 
     def __init__(

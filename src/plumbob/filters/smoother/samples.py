@@ -50,11 +50,7 @@ class SampleEstimates(NamedTuple):
 
     def followed_by(self, other: Self) -> Self:
         """Of these samples, and of others behind them."""
-        return type(self)(
-            np.concatenate((self.q, other.q)), np.concatenate((self.bias, other.bias)),
-            np.concatenate((self.cov, other.cov)), np.concatenate((self.flags, other.flags)),
-            np.concatenate((self.weight, other.weight)),
-        )  # fmt: skip
+        return type(self)(*(np.concatenate(both) for both in zip(self, other, strict=True)))  # type: ignore[arg-type]
 
     def put(self, which: slice, other: Self) -> None:
         """Write what is known of some of the samples."""
@@ -138,7 +134,13 @@ class FreeHeading:
     """
 
     def __init__(self, meta: ImuMeta, p: Params, given: float | None = None) -> None:
-        self._scale, self._given = unseen_scale(meta, p), given
+        if meta.gyr_left is not None:  # the prior of the filter
+            self._scale = np.zeros((3, 3))
+        elif meta.calibration is None:
+            self._scale = np.diag(full_covariance(uncalibrated("gyr")))[3:].reshape(3, 3)
+        else:
+            self._scale = np.diag(np.full(3, max(p.gyr_scale**2 - p.gyr_misalignment**2, 0.0)))
+        self._given = given
         self._begin, self._end, self._ways = math.nan, math.nan, np.zeros((3, 3))
 
     def variance(self, t: Floats, q: Floats, rate: Floats, bias_sd: Floats | float, gap: float) -> Floats:
@@ -158,15 +160,6 @@ class FreeHeading:
                 variance += ways[1:, i] ** 2 * self._scale[axis, i]
         self._end = float(t[-1])
         return variance if self._given is None else variance + np.where(t < gap, self._given, math.pi**2)
-
-
-def unseen_scale(meta: ImuMeta, p: Params) -> Floats:
-    """Variances (3, 3) of scale and misalignment that count for a free heading beside those that are estimated."""
-    if meta.gyr_left is not None:  # the prior of the filter
-        return np.zeros((3, 3))
-    if meta.calibration is None:
-        return np.diag(full_covariance(uncalibrated("gyr")))[3:].reshape(3, 3)
-    return np.diag(np.full(3, max(p.gyr_scale**2 - p.gyr_misalignment**2, 0.0)))
 
 
 def vertical_in_body(q: Floats) -> Floats:

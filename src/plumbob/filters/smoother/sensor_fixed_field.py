@@ -149,17 +149,13 @@ def _of_unit(windows: _Windows) -> tuple[Floats, Floats]:
         weight = 1.0 / (1.0 + off2 / (OUTLIER * scale)) ** 2
         total = np.einsum("n,nij->ij", weight, info)
         iron = np.linalg.solve(total, weight @ vector)
-    if np.linalg.eigvalsh(total)[0] < scale / KNOWN**2 or weight.mean() < AGREED or not _sized(windows, iron):
+    if np.linalg.eigvalsh(total)[0] < scale / KNOWN**2 or weight.mean() < AGREED:
         return np.zeros(3), np.zeros(3)
+    if windows.weak.any() and windows.size:  # nearly all windows without turning must have the size of the place
+        off = (np.linalg.norm(windows.mean[windows.weak] - iron, axis=1) - windows.size) / SIZE_SD
+        if (off**2 < DOUBT).mean() <= AGREED:
+            return np.zeros(3), np.zeros(3)
     return (iron, np.zeros(3)) if np.linalg.norm(iron) > LEAST else (np.zeros(3), iron)
-
-
-def _sized(windows: _Windows, iron: Floats) -> bool:
-    """Whether nearly all windows without turning have the size of the place once a field of the unit is taken off."""
-    if not windows.weak.any() or not windows.size:
-        return True
-    off = (np.linalg.norm(windows.mean[windows.weak] - iron, axis=1) - windows.size) / SIZE_SD
-    return bool((off**2 < DOUBT).mean() > AGREED)
 
 
 class _WindowFits(NamedTuple):

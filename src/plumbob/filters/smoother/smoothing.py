@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob.core import check, flags
+from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.findings import Finding
-from plumbob.core.params import build, describe, shown
-from plumbob.core.text import closest
 from plumbob.core.time import Repeats
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.cards.residuals import full_covariance
 from plumbob.data.sample import ImuSample
-from plumbob.filters.base import AttitudeEstimator, CommonParams
+from plumbob.filters.base import AttitudeEstimator
 from plumbob.filters.known import CAUSAL_LAG, SMOOTHER
 from plumbob.filters.smoother.inertial import GIVEN, Given
 from plumbob.filters.smoother.keyframes import Keyframes
@@ -93,6 +91,8 @@ class Smoother(AttitudeEstimator):
     """
 
     name = SMOOTHER
+    _idle = frozenset({"max_gap"})
+    params: Params
 
     def __init__(
         self,
@@ -106,17 +106,7 @@ class Smoother(AttitudeEstimator):
         self.frame = Frame.parse(frame)
         self._init = None if init is None else as_start(init, self.frame)
         given = {**({} if noise is None else from_noise(noise)), **(params or {})}
-        names = {p.name for p in describe(Params)}
-        shared = {p.name for p in describe(CommonParams)} - {"max_gap"}
-        for name in given:
-            if name not in names | shared:
-                possible = (*sorted(names), *sorted(shared))
-                raise ParameterError(
-                    f"{SMOOTHER} has no parameter '{name}'; known: {', '.join(possible)}.{closest(name, possible)}"
-                )
-        self.params: Params = build(Params, {k: v for k, v in given.items() if k in names}, of=SMOOTHER)
-        self.common: CommonParams = build(CommonParams, {k: v for k, v in given.items() if k in shared}, of=SMOOTHER)
-        self._decided = "declination" in given
+        self._set(Params, given)
         self._meta = meta or ImuMeta()
         self._heed(self._meta)
         self.remarks: tuple[Finding, ...] = ()
@@ -126,26 +116,6 @@ class Smoother(AttitudeEstimator):
     def bias_prior(self) -> tuple[str, float]:
         """Parameter that is the standard deviation of the bias before the recording, and its value, rad/s."""
         return BIAS_PRIOR, float(getattr(self.params, BIAS_PRIOR))
-
-    def facts(self) -> Mapping[str, str]:
-        """Name, frame, and the parameters that differ from their defaults."""
-        usual = Params()
-        changed = [
-            f"{p.name}={shown(p, value)}"
-            for p in describe(Params)
-            if (value := getattr(self.params, p.name)) != getattr(usual, p.name)
-        ]
-        return {"name": self.name, "frame": str(self.frame), "params": ", ".join(changed) or "defaults"}
-
-    def describe(self) -> str:
-        """Name and parameters in one line, for provenance."""
-        pairs = [
-            (p, getattr(holder, p.name))
-            for holder in (self.params, self.common)
-            for p in describe(type(holder))
-            if p.name != "max_gap"
-        ]
-        return f"{self.name}({', '.join(f'{p.name}={shown(p, value)}' for p, value in pairs)})"
 
     @property
     def _given(self) -> Given | None:
@@ -189,13 +159,7 @@ class Smoother(AttitudeEstimator):
 
     def _begin(self, data: ImuData) -> None:
         """Refuse what cannot be smoothed, and take over what the recording, or the first of a stream, knows."""
-        check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
-        missing = [name for name in NEEDS if name not in data.triads]
-        if missing:
-            raise ShapeError(
-                f"{SMOOTHER} needs {', '.join(NEEDS)}, but the recording has no {', '.join(missing)}. Another filter "
-                "may do; a report goes without an attitude with --filter none."
-            )
+        self._require(NEEDS, data, " Another filter may do; a report goes without an attitude with --filter none.")
         self._heed(data.meta)
         self.remarks = ()
 
