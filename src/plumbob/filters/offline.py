@@ -101,36 +101,25 @@ def calibrated(imu: ImuData, card: "CalibrationCard | None", *, live: bool = Fal
 
 
 def make_estimator(
-    stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None
+    stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None, live: bool = False
 ) -> "Filter | Smoother":
-    """Filter or smoother of a stage for samples with this meta; `Filter` has the rule of its headings.
+    """Filter or smoother of a stage for samples with this meta, or what estimates a stream (`live`).
 
-    `stage`: filter, parameters, noise card and start; `frame`: navigation frame of the result; `meta`: what is known
-    about the samples; `start`: the start, where the stage leaves it to the truth.
+    `start` is the start where the stage leaves it to the truth. `Filter` has the rule of its headings.
     """
-    arguments = _arguments(stage, frame, meta, start)
-    if stage.filter != SMOOTHER:
-        return Filter(stage.filter, **arguments)
-    from plumbob.filters.smoother import Smoother
-
-    return Smoother(**arguments)
-
-
-def make_follower(
-    stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None
-) -> "Filter | FixedLag":
-    """What estimates a stream: a filter, or the smoother with a lag; arguments of `make_estimator`."""
-    arguments = _arguments(stage, frame, meta, start)
-    if stage.filter != SMOOTHER:
-        return Filter(stage.filter, **arguments)
-    from plumbob.filters.smoother import FixedLag
-
-    return FixedLag(**arguments)
-
-
-def _arguments(stage: Stage, frame: Frame, meta: ImuMeta | None, start: Start | None) -> dict[str, Any]:
     init = start or (None if stage.init == TRUTH_WORD else stage.init)
-    return {"frame": frame, "params": stage.params, "noise": stage.noise, "init": init, "meta": meta}
+    given: Any = {"frame": frame, "params": stage.params, "noise": stage.noise, "init": init, "meta": meta}
+    if stage.filter != SMOOTHER:
+        return Filter(stage.filter, **given)
+    from plumbob.filters.smoother import FixedLag, Smoother
+
+    return FixedLag(**given) if live else Smoother(**given)
+
+
+def make_follower(stage: Stage, frame: Frame, meta: ImuMeta | None = None, **more: Any) -> "Filter | FixedLag":
+    """What estimates a stream: a filter, or the smoother with a lag; arguments of `make_estimator`."""
+    made: Any = make_estimator(stage, frame, meta, live=True, **more)
+    return made  # type: ignore[no-any-return]
 
 
 def lagged(
