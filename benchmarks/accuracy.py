@@ -24,9 +24,8 @@ from plumbob.data.recording import Recording
 from plumbob.files import read
 from plumbob.filters.offline import Stage
 from plumbob.filters.smoother.model import Params
-from plumbob.fleet.experiments.accuracy import KEYS, SHARES, Accuracy
 from plumbob.fleet.experiments.peers import peer_runs
-from plumbob.fleet.experiments.trials import measure_accuracy
+from plumbob.fleet.experiments.trials import KEYS, SHARES, Accuracy, measure_accuracy
 from plumbob.reporting.content import Figure
 from plumbob.reporting.report import Report
 

@@ -95,13 +95,12 @@ if TYPE_CHECKING:
     from plumbob.live.session import Session
     from plumbob.live.session_toml import json_schema, load_session
     from plumbob.live.stream import Stream
-    from plumbob.overview.overview import report
     from plumbob.papers.reproduce import reproduce
     from plumbob.protocols.decode import Decoder, decode
     from plumbob.protocols.format import Format
     from plumbob.protocols.format_toml import find_format
     from plumbob.reporting.info import info
-    from plumbob.reporting.overview import plot
+    from plumbob.reporting.overview import plot, report
     from plumbob.rotations import Frame, North
     from plumbob.simulation import simulate, simulate_chain
     from plumbob.viewer.commands import control
@@ -122,7 +121,7 @@ _HOME = {
     "filter_names": "filters", "filter_rates": "door.rates", "find_format": "protocols.format_toml",
     "info": "reporting.info", "json_schema": "live.session_toml", "load_session": "live.session_toml",
     "open_card": "data.cards", "plot": "reporting.overview", "profile": "live.listen", "read": "door.reading",
-    "record": "live.record", "register": "core.extensions", "repair": "files.mcap", "report": "overview.overview",
+    "record": "live.record", "register": "core.extensions", "repair": "files.mcap", "report": "reporting.overview",
     "reproduce": "papers.reproduce", "replay": "live.replay", "send": "door.send", "simulate": "simulation",
     "simulate_chain": "simulation", "tune": "fleet.experiments.tuning", "verify": "files.mcap", "view": "viewer.view",
     "write": "files",

@@ -13,9 +13,8 @@ from plumbob import Frame, Recording, evaluate, files, simulate
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import deg
 from plumbob.filters.offline import Stage
-from plumbob.fleet.experiments.accuracy import KEYS
 from plumbob.fleet.experiments.peers import peer_runs, peer_track
-from plumbob.fleet.experiments.trials import measure_accuracy, trials_in
+from plumbob.fleet.experiments.trials import KEYS, measure_accuracy, trials_in
 from plumbob.fleet.experiments.variants import without_mag
 from plumbob.rotations import North, change_frame, quat_angle, quat_from_euler_zyx, quat_multiply
 

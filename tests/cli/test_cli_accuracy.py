@@ -3,7 +3,7 @@
 import pytest
 
 from plumbob import Frame, Recording, files, simulate
-from tests.helpers.commandline import answer, refused, typed
+from tests.helpers.commandline import refused, typed
 
 WORDS = "benchmark accuracy a.parquet --filters"
 
@@ -14,16 +14,6 @@ def folder(tmp_path_factory):
     run = simulate("buoy", frame=Frame.ENU, sensors="ideal", unit="calibrated", seed=1, duration=10.0)
     files.write(folder / "a.parquet", Recording(imu=run.imu, track=run.truth, name="a"))
     return folder
-
-
-def test_json_has_the_peers_beside_our_filters(folder):
-    pytest.importorskip("vqf")
-    result = answer(f"{WORDS} mahony,integrate --peers vqf", cwd=folder)
-    names = {"mahony", "integrate", "vqf.VQF", "vqf.BasicVQF", "vqf.offlineVQF"}
-    assert set(result["settings"]) == set(result["trials"]["a"]) == set(result["mean"]) == names
-    keys = {"total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg"}
-    assert all(set(errors) == keys for errors in result["mean"].values())
-    assert result["absent"] == {}
 
 
 def test_a_change_is_made_and_named_and_the_estimators_are_compared(folder):

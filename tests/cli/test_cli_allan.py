@@ -38,16 +38,6 @@ def densities(result):
     return [axis["coefficients"]["N"]["value"]["rad/s/rtHz"] for axis in axes]
 
 
-def test_white_noise_as_a_data_sheet_has_it(folder):
-    table = typed(f"allan one.txt {SCALED}", cwd=folder).stdout
-    line = next(row for row in table.splitlines() if row.startswith("N white noise [°/√h]"))
-    value, _, half = line.split()[-3:]
-    assert abs(float(value) - 1.2) <= 4.0 * float(half)
-    bound = 1.2 / np.sqrt(2.0 * 20_000)  # of white noise alone; what Q and B may share of it comes on top
-    assert 0.9 * bound < float(half) < 3.0 * bound
-    assert "B is not observable" in table
-
-
 def test_json_holds_what_the_table_says_in_both_units_from_raw_values_too(folder):
     result = answer(f"allan three.npy {SCALED}", cwd=folder)
     for axis in ("gyr x", "gyr y", "gyr z"):
@@ -87,7 +77,7 @@ def test_before_and_after(folder):
 
 def test_cards_pages_and_imu_yaml(folder):
     """The magnetometer comes with three of four samples."""
-    unit = "--sensors mpu6000+hmc5983 --unit random --rate 50Hz --duration 120s"
+    unit = "--sensors mpu6000+hmc5983 --unit random --rate 50Hz --duration 60s"
     typed(f"sim static --frame NED {unit} --set mag_rate=37.5Hz --out rest.parquet", cwd=folder)
     outputs = "--card noise.json --kalibr noise.yaml --html noise.html --plot noise.png"
     done = typed(f"allan rest.parquet {outputs} --device 'unit 7'", cwd=folder)
@@ -95,9 +85,9 @@ def test_cards_pages_and_imu_yaml(folder):
     assert (folder / "noise.png").stat().st_size > 10_000
     noise = NoiseCard.load(folder / "noise.json")
     assert (noise.device, noise.mag) == ("unit 7", None)
-    # sheet of the MPU-6000: 0.005 °/s/√Hz and 400 µg/√Hz; 6000 samples tell them to 0.9 %, 4 of which are allowed
-    assert from_si(noise.gyr.n_rpsd, "deg/s/rtHz") == pytest.approx([0.005] * 3, rel=0.04)
-    assert from_si(noise.acc.n_rpsd, "ug/rtHz") == pytest.approx([400.0] * 3, rel=0.04)
+    # sheet of the MPU-6000: 0.005 °/s/√Hz and 400 µg/√Hz; 3000 samples tell them to 1.3 %, 4 of which are allowed
+    assert from_si(noise.gyr.n_rpsd, "deg/s/rtHz") == pytest.approx([0.005] * 3, rel=0.052)
+    assert from_si(noise.acc.n_rpsd, "ug/rtHz") == pytest.approx([400.0] * 3, rel=0.052)
     assert "gyroscope_noise_density: 8." in (folder / "noise.yaml").read_text(encoding="utf-8")
     assert "unit 7" in (folder / "noise.html").read_text(encoding="utf-8")
     report = answer("run rest.parquet --filter mekf --params mag=off --noise noise.json", cwd=folder)

@@ -85,20 +85,11 @@ def deployed(tmp_path_factory, unit):
 
 def test_a_unit_at_work_is_calibrated_in_use(deployed, unit, tmp_path):
     card = tmp_path / "card.json"
-    done = typed(f"calibrate mag {deployed} --in-use --out card.json --html card.html --plot card.pdf", cwd=tmp_path)
-    assert (tmp_path / "card.pdf").read_bytes().startswith(b"%PDF")
+    done = typed(f"calibrate mag {deployed} --in-use --out card.json", cwd=tmp_path)
     assert "150 windows of 4 s in 10 min" in done.stdout
     found = CalibrationCard.load(card).mag
     # no card of the gyroscope: its axes may turn the whole by 0.25° about each of three, and turn it by less here
     assert np.degrees(heading_rms(found, unit)) < 2.0 * np.degrees(found.quality.heading_sd) < 2.0
-
-
-def test_a_mirrored_unit_at_work_is_named(deployed, tmp_path):
-    imu = io.read(deployed).imu
-    mirrored = ImuData(t=imu.t, acc=imu.acc, gyr=imu.gyr, mag=imu.mag * [1.0, 1.0, -1.0], meta=imu.meta)
-    io.write(tmp_path / "mirrored.parquet", mirrored)
-    done = typed("calibrate mag mirrored.parquet --in-use", cwd=tmp_path, code=1)
-    assert "(x and y reversed, or mirrored: z reversed)" in " ".join(done.stderr.split())  # its dip is not known
 
 
 def test_a_long_record_that_nobody_turned_is_told_of_it(unit, tmp_path):

@@ -27,10 +27,10 @@ PARTS = ("scipy.fft", "scipy.interpolate", "scipy.io", "scipy.optimize", "scipy.
 """What is looked for: packages, parts of packages, and rooms of this one."""
 
 PROBE = """
-import gc, json, os, sys, traceback
+import gc, importlib, json, os, sys, traceback
 from plumbob.cli.main import main
 
-lines, packages, rooms, parts = json.load(sys.stdin)
+packages, rooms, parts, stages = json.load(sys.stdin)
 
 def found():
     known = {m for m in sys.modules if m in packages or m in parts}
@@ -39,7 +39,17 @@ def found():
     called = door and any(isinstance(k, door.Kernel) and k._compiled for k in gc.get_objects())
     return sorted(known | ({"kernels"} if called else set()))
 
-def child(words, out):
+def forked(work):  # what a process makes of its work, as JSON
+    back, out = os.pipe()
+    if os.fork() == 0:
+        os.write(out, json.dumps(work()).encode())
+        os._exit(0)
+    os.close(out)
+    answer = json.loads(open(back, "rb").read())
+    os.wait()
+    return answer
+
+def run(words):
     with open("said.txt", "w") as said:
         os.dup2(said.fileno(), 1)
         os.dup2(said.fileno(), 2)
@@ -49,17 +59,16 @@ def child(words, out):
             code = end.code or 0
         except BaseException:
             code = traceback.format_exc()
-    os.write(out, json.dumps([code, found()]).encode())
-    os._exit(0)
+    return code, found()
+
+def stage(modules, lines):  # that may all import these modules, which are imported once
+    for module in modules:
+        importlib.import_module(module)
+    return {line: forked(lambda: run(line.split())) for line in lines}
 
 told = {}
-for name, words in lines.items():
-    back, out = os.pipe()
-    if os.fork() == 0:
-        child(words, out)
-    os.close(out)
-    told[name] = json.loads(open(back, "rb").read())
-    os.wait()
+for modules, lines in stages:
+    told |= forked(lambda: stage(modules, lines))
 print(json.dumps(told))
 """
 
@@ -78,10 +87,8 @@ LINES = """
 --help |
 sim buoy SENSORS calibrated --duration 6s --out sea.parquet | SIMULATED
 list filters | numpy filters
-list references | numpy filters
 docs time |
 info sea.parquet | READ calibration kernels
-run sea.parquet --filter mekf | RUN
 run sea.parquet --filter mahony --out track.parquet | RUN
 run none.parquet --filter mekf | numpy filters
 report sea.parquet --filter mekf | RUN calibration reporting.drawing scipy scipy.fft scipy.special
@@ -100,7 +107,6 @@ record --from sea.bin --format buoy --out sea.mcap | VIEW kernels
 view none.mcap --no-open | VIEW reporting.drawing
 control http://127.0.0.1:1/?token=a stop |
 verify sea.mcap | mcap files.mcap zstandard
-verify sea.mcap --repair repaired.mcap | mcap files.mcap zstandard
 replay sea.mcap | VIEW kernels
 convert sea.mcap sea.csv | VIEW kernels pyarrow pyarrow.csv
 profile sea.csv --out draft.toml | numpy
@@ -108,7 +114,9 @@ list devices | numpy protocols
 arm export none.csv --out program.csv | files.mcap filters mcap numpy
 array info none.parquet | READ kernels
 """
-"""A command line, and what it may import. Each may read what those above it wrote."""
+"""A command line, and what it may import. Each may read what those above it wrote, and of the stages before its own."""
+STAGES = (["numpy"], ["numpy", "pyarrow.parquet", "plumbob.filters"], [])
+"""What is imported before a line, of the largest that the line may import; lines that may import nothing run last."""
 
 
 def allowed(words):
@@ -117,6 +125,14 @@ def allowed(words):
 
 
 LISTED = {line: allowed(names) for line, names in table_of(LINES.replace("SENSORS", SENSORS))}
+
+
+def stage_of(line):
+    """Number of the largest stage of which a line may import everything."""
+    fits = [n for n, names in enumerate(STAGES) if {name.removeprefix("plumbob.") for name in names} <= LISTED[line]]
+    return max(fits, key=lambda n: len(STAGES[n]))
+
+
 EVERYTHING = {"benchmark", "demo"}
 """Verbs whose task is to try all there is."""
 
@@ -128,7 +144,8 @@ def told(tmp_path_factory):
     bait.mkdir()
     (bait / "__init__.py").write_text('__version__ = "0.0"\n')
     path = os.pathsep.join([str(bait.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
-    given = json.dumps([{line: line.split() for line in LISTED}, PACKAGES, ROOMS, PARTS])
+    staged = [(names, [line for line in LISTED if stage_of(line) == n]) for n, names in enumerate(STAGES)]
+    given = json.dumps([PACKAGES, ROOMS, PARTS, staged])
     done = subprocess.run(
         [sys.executable, "-c", PROBE], input=given, cwd=folder, text=True,
         env={**os.environ, "PYTHONPATH": path}, capture_output=True, check=False,

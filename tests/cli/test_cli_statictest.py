@@ -45,12 +45,3 @@ def test_from_captures_by_hand_to_the_static_test(folder):
     sd = math.degrees(math.hypot(card.mag.quality.heading_sd, card.acc.quality.tilt_sd, 0.2 / 32.0 / math.sqrt(45)))
     assert max(figures["max_after_deg"] for figures in summary.values()) < 4.0 * sd
     assert summary["yaw"]["max_before_deg"] > 10.0 * sd
-
-
-@pytest.mark.parametrize(
-    ("words", "kind"), [("levelring", "level-ring"), ("cone", "cone"), ("cone --set table=on", "cone")]
-)
-def test_simulated_captures_that_calibrate_nothing_are_refused(words, kind, tmp_path):
-    typed(f"sim {words} {UNIT} --out a.parquet", cwd=tmp_path)
-    refusal = answer("calibrate mag a.parquet --out card.json", cwd=tmp_path, code=1)["refused"]
-    assert (refusal[0]["kind"], (tmp_path / "card.json").exists()) == (kind, False)

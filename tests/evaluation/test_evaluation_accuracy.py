@@ -10,8 +10,7 @@ from plumbob.core.errors import DecodeError
 from plumbob.core.units import deg
 from plumbob.evaluation.metrics import INSIDE, inside_claim
 from plumbob.filters.offline import Stage
-from plumbob.fleet.experiments.accuracy import KEYS, SHARES
-from plumbob.fleet.experiments.trials import measure_accuracy, trials_in
+from plumbob.fleet.experiments.trials import KEYS, SHARES, measure_accuracy, trials_in
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply
 
 TOTAL = KEYS[0]

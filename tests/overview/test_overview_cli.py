@@ -55,8 +55,8 @@ def test_json_has_all_numbers(folder):
 
 def test_the_page_of_run_is_of_its_own_estimate(folder):
     """Estimated once, with the numbers that report has."""
-    from plumbob.overview import overview
     from plumbob.overview.streaming_stats import Gatherer
+    from plumbob.reporting import overview
 
     gatherer = Gatherer(burst=10.0)
     result = plumbob.estimate(folder / "sea.parquet", "mekf", follow=gatherer)

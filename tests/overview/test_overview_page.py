@@ -98,7 +98,7 @@ def test_every_sample_is_in_it(page, imu):
 
 
 def test_a_long_recording_says_how_many_samples_a_pair_is_and_several_stand_beside_each_other(imu, monkeypatch):
-    monkeypatch.setattr("plumbob.overview.overview.WHOLE", 1000)
+    monkeypatch.setattr("plumbob.reporting.overview.WHOLE", 1000)
     monkeypatch.setattr(streaming_stats, "BUCKETS", 100)
     page = plumbob.report(imu, filter="mekf").page()
     assert "each pair of points is the smallest and the largest of 40 samples" in page

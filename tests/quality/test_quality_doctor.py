@@ -10,7 +10,7 @@ import pytest
 
 from plumbob import ImuData, ImuMeta, Recording, doctor, simulate
 from plumbob.core.units import from_si
-from plumbob.quality.arrangement import ARRANGEMENTS, fit, means
+from plumbob.quality.arrangement import ARRANGEMENTS, Samples, fit
 from plumbob.quality.derotated import fit_force
 from plumbob.quality.diagnosis import Diagnosis, Trust, unusable
 from plumbob.quality.units import unit_odds
@@ -224,7 +224,7 @@ def test_one_axis_does_not_tell_all_and_says_which_would() -> None:
 
 def test_means_of_straight_lines_and_pauses() -> None:
     t = np.array([0.0, 0.1, 0.2, 0.3, 2.0, 2.1])
-    found = means(t, np.stack((t, 2.0 * t, 0.0 * t), axis=1), np.array([0.0, 0.15, 0.25, 1.0, 2.05]))
+    found = Samples(t, np.stack((t, 2.0 * t, 0.0 * t), axis=1)).means(np.array([0.0, 0.15, 0.25, 1.0, 2.05]))
     assert found[:2] == pytest.approx(np.array([[0.075, 0.15, 0.0], [0.2, 0.4, 0.0]]))
     assert np.isnan(found[2:]).all()
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plumbob.reporting.drawing import envelope, runs
@@ -18,6 +18,7 @@ def test_spikes_survive_thinning():
     assert (np.diff(short_t) >= 0.0).all()
 
 
+@settings(max_examples=40)
 @given(st.data())
 def test_thinning_keeps_the_range_and_invents_nothing(data):
     size = data.draw(st.integers(1, 300))

@@ -68,7 +68,7 @@ def _find(args: argparse.Namespace, verb: Verb, about: dict[str, Any]) -> int:
         kind = "ferraris" if method == "ferraris" else kind
     path, out = option("calibration"), args.out and Path(args.out)
     completes = out is not None and path is not None and is_same_file(out, Path(path))
-    common.check_outputs(args, *common.pages(args), None if completes else out, inputs=args.inputs)
+    common.check_outputs(args, *args.pages, None if completes else out, inputs=args.inputs)
     base = None if path is None else CalibrationCard.load(Path(path))
     captured = (_live if live else _recorded)(args, out, door.KINDS[kind], base, about)
     options = {"force": args.force, **args.given}

@@ -3,8 +3,8 @@
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -14,7 +14,6 @@ from plumbob.core.text import visible
 if TYPE_CHECKING:
     from plumbob.filters.offline import Stage
     from plumbob.live.transports.transport import Stop
-    from plumbob.live.watch import Watch
     from plumbob.reporting.report import Report
 
 
@@ -35,56 +34,25 @@ def rows(facts: Mapping[str, object], width: int = 12) -> str:
     return "\n".join(f"{name:{width}} {value}" for name, value in facts.items())
 
 
-class Status:
-    """One line on a terminal, once a second, and every remark as a note out of its way."""
-
-    def __init__(self, *, quiet: bool = False) -> None:
-        self._next = 0.0
-        self._shown = sys.stderr.isatty() and not quiet
-
-    def show(self, watch: "Watch") -> None:
-        """Show now and then what a stream gives."""
-        from plumbob.live.watch import live_attitude
-
-        if not self._shown or watch.last is None or (t := float(watch.last.imu.t[-1])) < self._next:
-            return
-        self._next = t + 1.0
-        bare = "" if watch.stream.session.card else " UNCALIBRATED"
-        junk = watch.stream.decoder.counts.junk
-        attitude = live_attitude(watch.track)
-        self._draw(f"\r{t:9.1f} s  {watch.samples} samples{bare}  {junk} junk bytes  {attitude}\033[K")
-
-    def note(self, text: str) -> None:
-        """Tell the user, and never mind if the receiver has closed it: a recording outlives its terminal."""
-        self._draw("\r\033[K")
-        with suppress(OSError):
-            note(text)
-
-    def close(self) -> None:
-        """End the line on the terminal."""
-        self._draw("\r\033[K")
-        self._shown = False
-
-    def _draw(self, text: str) -> None:
-        if self._shown:
-            with suppress(OSError):
-                sys.stderr.write(text)
-                sys.stderr.flush()
-
-
 PARAMS_HELP = "name=value,... with units (kp=0.5,gate=0.08g,mag=off), or a TOML file; see 'plumbob list filters'"
+
+
+def _named(items: Iterable[str], rule: str) -> Iterator[tuple[str, str]]:
+    """Names and values of words with an equals sign."""
+    for item in items:
+        name, _, value = map(str.strip, item.partition("="))
+        if not name or not value:
+            raise ParameterError(f"{rule}, but got '{item}'.")
+        yield name, value
 
 
 def named_values(items: Sequence[str]) -> dict[str, str]:
     """Choices that --option names."""
     options: dict[str, str] = {}
-    for item in items:
-        name, equals, value = item.partition("=")
-        if not equals or not name.strip() or not value.strip():
-            raise ParameterError(f"--option needs NAME=VALUE, as gyr_range='500 deg/s', but got '{item}'.")
-        if name.strip() in options:
-            raise ParameterError(f"--option {name.strip()} is given twice.")
-        options[name.strip()] = value.strip()
+    for name, value in _named(items, "--option needs NAME=VALUE, as gyr_range='500 deg/s'"):
+        if name in options:
+            raise ParameterError(f"--option {name} is given twice.")
+        options[name] = value
     return options
 
 
@@ -110,21 +78,12 @@ def numbers(option: str, text: str, quantity: str) -> list[float]:
     return [given(option, text, Quantity[quantity]) or 0.0 for text in texts]
 
 
-PAGE: Final[Mapping[str, Mapping[str, Any]]] = {
+PAGE: Final[Mapping[str, Mapping[str, Any]]] = {  # options of what has a page
     "html": {"type": Path, "metavar": "FILE", "help": "also write a page with figures that opens offline"},
     "plot": {"type": Path, "metavar": "FILE", "help": "also write the figures alone: .svg, .png or .pdf"},
     "lang": {"choices": ("en", "zh"), "help": "language of the labels of page and figures (default en)"},
 }
-"""Options of what has a page."""
-
-
-def pages(args: argparse.Namespace) -> list[Path | None]:
-    """Page and picture, as far as a verb has them."""
-    return [getattr(args, name, None) for name in ENDINGS]
-
-
-ENDINGS = {"html": (".html", ".htm"), "plot": (".svg", ".png", ".pdf")}
-"""Of the names of pages and pictures."""
+ENDINGS = {"html": (".html", ".htm"), "plot": (".svg", ".png", ".pdf")}  # of the names of pages and pictures
 
 
 def require_ending(option: str, path: str | Path, endings: Sequence[str]) -> None:
@@ -145,16 +104,9 @@ def write_pages(args: argparse.Namespace, report: "Report") -> None:
 
 
 def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Sequence[Path | None] = ()) -> None:
-    """Refuse, before any work, files that could not be written or whose writing would lose something.
+    """Refuse, before any work, files that could not be written or whose writing would lose an input.
 
-    Parameters
-    ----------
-    args : Namespace
-        With `force`; it keeps the outputs, so that the end of the program knows which are not there.
-    outputs : path or None
-        Files that will be written.
-    inputs : sequence of path or None
-        Files that are read; none of them is ever an output.
+    The arguments keep the outputs, so that the end of the program knows which are not there.
     """
     from plumbob.core.files import is_same_file, profile_paths, require_other, require_place
 
@@ -257,51 +209,42 @@ def pairs(params: str | None) -> Iterator[tuple[str, Any]]:
     """Names and values of ``name=value,...`` or of a TOML file, where a table's name goes before its keys."""
     if not params:
         return
-    if params.endswith(".toml"):
-        yield from _toml_pairs(Path(params))
+    if not params.endswith(".toml"):
+        yield from _named(params.split(","), "--params needs name=value, separated by commas")
         return
-    for item in params.split(","):
-        key, equals, value = item.partition("=")
-        if not equals or not key.strip() or not value.strip():
-            raise ParameterError(f"--params needs name=value, separated by commas, but got '{item}'.")
-        yield key.strip(), value.strip()
-
-
-def _toml_pairs(path: Path) -> Iterator[tuple[str, Any]]:
     from plumbob.core import schema
     from plumbob.core.files import text_of
 
-    text = text_of(path)
+    text = text_of(Path(params))
     try:
         content = schema.toml(text, "docs/choose-a-filter.md")
     except DecodeError as error:
-        raise ParameterError(f"{path} is {error}") from error
+        raise ParameterError(f"{params} is {error}") from error
     for key, value in content.items():
-        if isinstance(value, dict):
-            yield from ((f"{key}.{name}", _as_text(inner)) for name, inner in value.items())
-        else:
-            yield key, _as_text(value)
-
-
-def _as_text(value: Any) -> Any:
-    """Numbers of a file follow the rule for text: where two units are usual, one must stand there."""
-    return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+        inner = {f"{key}.{name}": each for name, each in value.items()} if isinstance(value, dict) else {key: value}
+        for name, each in inner.items():  # numbers follow the rule for text: one of two usual units must be written
+            yield name, repr(each) if isinstance(each, int | float) and not isinstance(each, bool) else each
 
 
 @contextmanager
-def stopped_by_signals(stop: "Stop") -> Iterator[None]:
-    """Let SIGTERM, Ctrl-C and the loss of the terminal set it: ending is how a live line is used, no mishap."""
+def on_signals(handler: Callable[..., object], *names: str) -> Iterator[None]:
+    """Handle signals of a system or a terminal that ends, as far as there are and none that is ignored, as by nohup."""
     import signal
+    import threading
 
-    names = [name for name in ("SIGTERM", "SIGINT", "SIGHUP") if hasattr(signal, name)]
-    signals = [getattr(signal, name) for name in names]
-    caught = [which for which in signals if signal.getsignal(which) != signal.SIG_IGN]  # nohup wants to go on
-    before = {which: signal.signal(which, lambda *_: stop.set()) for which in caught}
+    ours = threading.current_thread() is threading.main_thread()
+    numbers = [getattr(signal, name) for name in names if ours and hasattr(signal, name)]
+    before = {each: signal.signal(each, handler) for each in numbers if signal.getsignal(each) != signal.SIG_IGN}
     try:
         yield
     finally:
-        for which, handler in before.items():
-            signal.signal(which, handler)
+        for each, handler_before in before.items():
+            signal.signal(each, handler_before)
+
+
+def stopped_by_signals(stop: "Stop") -> AbstractContextManager[None]:
+    """Let SIGTERM, Ctrl-C and the loss of the terminal set it: ending is how a live line is used, no mishap."""
+    return on_signals(lambda *_: stop.set(), "SIGTERM", "SIGINT", "SIGHUP")
 
 
 @contextmanager

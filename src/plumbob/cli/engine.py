@@ -19,14 +19,13 @@ if TYPE_CHECKING:
 
 Call = Callable[..., Any]
 
+# Parameters that only a program can give; and those whose option has another name: `from` and `as` are words of Python.
 FOR_PROGRAMS: Final = {"note", "progress", "opened", "sinks", "follow", "keep", "covariance", "max_bytes"}
-"""Parameters that only a program can give."""
 SPELLED: Final = {"overwrite": "force", "capture": "from", "start": "from", "begin": "from", "end": "to", "stop": "to",
                   "layout": "as", "limits": "chain",
                   "form": "as", "options": "option", "kind": "type", "temp_c": "temp",
                   "poses": "pose", "with_": "with", "answers": "set"}  # fmt: skip
-"""Parameters whose option has another name: `from` and `as` are words of Python."""
-SHORT: Final = {
+SHORT: Final = {  # what stands for a value, by parameter; else by type
     "array": "SOURCE", "track": "ANGLES", "limits": "TOML",
     "poses": "FROM,TO[,ANGLE...]", "pose_sd": "ANGLE", "pose": "zero|ANGLE,...",
     "mounts": "TOML|NAME",
@@ -42,10 +41,7 @@ SHORT: Final = {
     "fault_log": "FILE", "path": "FILE", "scale": "LSB", "answers": "KEY=VALUE", "rates": "R,…",
     "data": "FILE", "between": "A..B", "against": "NAME", "smooth": "T", "still": "ANGLE", "dwell": "T",
 }  # fmt: skip
-"""What stands for a value, by parameter; else by type."""
-
-
-HELP: Final = {
+HELP: Final = {  # what the words of a command line say in a way of their own
     "overwrite": "replace files that exist already; never an input",
     "params": common.PARAMS_HELP,
     "fixed": f"parameters that keep a value: {common.PARAMS_HELP}",
@@ -53,11 +49,7 @@ HELP: Final = {
     "options": "an option of the format, as gyr_range='500 deg/s'; see 'plumbob list devices NAME'",
     "send": "send the attitude, as 'nmea udp:127.0.0.1:10110 10Hz HDT,PASHR'; see 'plumbob send'; repeatable",
 }
-"""Help of what the words of a command line say in a way of their own."""
-
-
-QUANTITIES: Final = {"taus": "TIME", "rates": "RATE", "pose": "ANGLE"}
-"""What a list of numbers measures, by parameter: a quantity of `plumbob.core.units`; a word stays as it is."""
+QUANTITIES: Final = {"taus": "TIME", "rates": "RATE", "pose": "ANGLE"}  # of a list of numbers; a word stays as it is
 
 
 class Verb(NamedTuple):
@@ -93,10 +85,9 @@ class Verb(NamedTuple):
     about: str = ""  # its first ones, by default those of the function
 
 
-VERB_BY_FUNCTION: Final[dict[str, str]] = {
+VERB_BY_FUNCTION: Final[dict[str, str]] = {  # for words that name a public function; the table of verbs completes it
     "filter_names": "list filters", "plot": "report --figure", "repair": "verify --repair", "tune": "benchmark tune",
 }  # fmt: skip
-"""Verbs by their public functions, for help and words that name a function; the table of verbs completes it."""
 
 
 class Option(NamedTuple):
@@ -288,7 +279,7 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     if "params" in options and "Mapping[" in options["params"].type:
         chosen = common.filter_args(args.verb, given.get("filter"), getattr(args, "params", None))
         given |= {name: value for name, value in chosen.items() if value}
-    args.given = given
+    args.given, args.pages = given, [getattr(args, name, None) for name in common.ENDINGS]
     _refuse_idle(verb, options, args)
     paths = {name: [Path(file) for file in (value if isinstance(value, list) else [value])]
              for name, value in given.items() if options[name].is_path}  # fmt: skip
@@ -299,7 +290,7 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     outputs += [file for name in verb.outputs for file in beside.pop(name, ())]
     args.inputs = inputs = [file for some in (*paths.values(), *beside.values()) for file in some]
     if outputs or verb.pages is not None:
-        common.check_outputs(args, *outputs, *common.pages(args), inputs=inputs)
+        common.check_outputs(args, *outputs, *args.pages, inputs=inputs)
     for name, endings in {**({} if verb.pages is None else common.ENDINGS), **verb.ends}.items():
         if path := given.get(name) or getattr(args, name, None):
             common.require_ending(_flag(name), path, endings)
@@ -371,6 +362,6 @@ def show(args: argparse.Namespace, verb: Verb, result: Any, *lines: str, shown: 
     else:
         text = shown.text(*(name for name in verb.details if getattr(args, name)))
         print("\n".join((text, *lines, *(f"{verb.writes[n][0]:12} {path}" for n, path in written.items()))))
-    if verb.pages is not None and any(common.pages(args)):
+    if verb.pages is not None and any(args.pages):
         common.write_pages(args, verb.pages(result, args))
     return 0 if verb.code is None else verb.code(result)

@@ -8,9 +8,8 @@ import os
 import re
 import signal
 import sys
-import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, redirect_stdout
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext, redirect_stdout
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -24,7 +23,6 @@ from plumbob.core.errors import PlumbobError
 from plumbob.core.text import closest, visible
 
 _LAYOUT: Final = "\n\t"
-
 EPILOG = """\
 exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify),
             rows of it are lost (record, verify --repair), attitudes or recordings differ (replay --check, compare), the
@@ -33,8 +31,6 @@ exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done,
             130 ended by Ctrl-C, 143 by SIGTERM: a file that is written is there as a whole, or as it was before
 units: SI and radians inside; every other unit is written, as in --params gate=0.08g
 """
-
-
 ORDER = """\
 The order of work:
 
@@ -46,7 +42,6 @@ The order of work:
 
 'plumbob demo' goes all the way in a minute, 'plumbob --help' lists the verbs.
 """
-"""What the program prints when it is called without a verb."""
 
 
 class _LineHelp(argparse.HelpFormatter):
@@ -130,11 +125,13 @@ def main(
     words = sys.argv[1:] if argv is None else list(argv)
     args = argparse.Namespace(verb=" ".join(words[:1]))  # until they are parsed
     try:
-        with _ending_by_signal():
+        with common.on_signals(_raise, "SIGTERM", "SIGHUP"):
             parsing = parser(words)
             args, unknown = parsing.parse_known_args(_joined(words))
             if unknown:
-                _refuse_options(unknown, getattr(args, "parser", parsing))
+                parsing = getattr(args, "parser", parsing)  # in the name of the verb
+                near = closest(unknown[0].partition("=")[0], parsing._option_string_actions)
+                parsing.error(f"unrecognized arguments: {' '.join(unknown)}.{near}")
             with redirect_stdout(cast(TextIO, _Visible(sys.stdout))) if sys.stdout else nullcontext():
                 code: int = args.prepare(args)() if hasattr(args, "prepare") else args.run(args)
         if sys.stdout:
@@ -143,7 +140,7 @@ def main(
         print(f"{program} {args.verb}: {visible(str(error), _LAYOUT)}", file=sys.stderr)
         return 1
     except (KeyboardInterrupt, _SignalledError) as ended:
-        return _ended(program, args, getattr(ended, "number", signal.SIGINT))
+        return _ended(program, args, ended.args[0] if isinstance(ended, _SignalledError) else signal.SIGINT)
     except BrokenPipeError:  # the reader of a pipe went away; that is its right
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -159,12 +156,6 @@ def main(
     return code
 
 
-def _refuse_options(unknown: Sequence[str], parser: argparse.ArgumentParser) -> NoReturn:
-    """Refuse words in the name of the verb, and ask whether another option was meant."""
-    near = closest(unknown[0].partition("=")[0], parser._option_string_actions)
-    parser.error(f"unrecognized arguments: {' '.join(unknown)}.{near}")
-
-
 def _forget_what_nobody_reads() -> None:
     """Let notes that could not be written not become the exit code: Python flushes them once more at its end."""
     try:
@@ -176,24 +167,6 @@ def _forget_what_nobody_reads() -> None:
 
 class _SignalledError(BaseException):
     """A signal asked this process to end: raised like Ctrl-C, so that what is half done is removed on the way."""
-
-    def __init__(self, number: int) -> None:
-        self.number = number
-
-
-@contextmanager
-def _ending_by_signal() -> Iterator[None]:
-    """End in order at the signals of a system or a terminal that ends; not where they are ignored."""
-    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    ours = threading.current_thread() is threading.main_thread()
-    taken = [number for number in numbers if ours and signal.getsignal(number) == signal.SIG_DFL]
-    for number in taken:
-        signal.signal(number, _raise)
-    try:
-        yield
-    finally:
-        for number in taken:
-            signal.signal(number, signal.SIG_DFL)
 
 
 def _raise(number: int, _frame: FrameType | None) -> NoReturn:

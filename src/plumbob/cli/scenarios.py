@@ -10,8 +10,7 @@ from plumbob.cli.verbs import CHANGES
 from plumbob.core import check
 from plumbob.core.errors import FrameError, ParameterError
 
-TEACH: Final = "teach"
-"""Program of a chain that is understood without --chain: the chain of that name does it."""
+TEACH: Final = "teach"  # program of a chain that is understood without --chain: the chain of that name does it
 
 
 def scenario_settings(args: argparse.Namespace) -> dict[str, Any]:

@@ -3,24 +3,29 @@
 import argparse
 import os
 import sys
-from contextlib import ExitStack, closing
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing, nullcontext
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
 from plumbob.cli.engine import Call, Verb, show
 from plumbob.core import __version__
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
 from plumbob.core.text import counted
-from plumbob.core.units import Quantity, parse
+from plumbob.core.units import Quantity, given, parse
 from plumbob.reporting.catalogue import Listed
+
+if TYPE_CHECKING:
+    from plumbob.protocols.decode import Counts, Frames
+    from plumbob.protocols.format import Format
 
 __all__ = ["show"]
 
-_MANY: Final = 50
-"""Recordings of which progress is told in lines, where there is no terminal."""
+_MANY: Final = 50  # recordings of which progress is told in lines, where there is no terminal
 
 
 def profile(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -60,8 +65,9 @@ def report(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 def record(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Show how it goes, and end whole by a signal."""
     from plumbob.live.transports.transport import Stop
+    from plumbob.live.watch import StatusLine
 
-    status, stop = common.Status(quiet=args.json), Stop()
+    status, stop = StatusLine(quiet=args.json), Stop()
     with closing(status), ExitStack() as stack:
         result = call(
             stop=stop, note=status.note, progress=status.show,
@@ -216,8 +222,7 @@ def docs(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     return 0
 
 
-_OF_ATTITUDES: Final = ("frame", "init", "place", "date", "noise", "card", "report", "acceleration")
-"""Options that mean nothing for a filter of rates."""
+_OF_ATTITUDES: Final = ("frame", "init", "place", "date", "noise", "card", "report", "acceleration")  # not of rates
 
 
 def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -240,7 +245,7 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
             gatherer = Gatherer()
         result = call(filter=name, follow=gatherer)
         if gatherer is not None:
-            from plumbob.overview.overview import of_estimate
+            from plumbob.reporting.overview import of_estimate
 
             of_estimate(result, gatherer, args.recording).write_html(Path(args.report), overwrite=args.force)
         if result.reference is not None:
@@ -267,8 +272,9 @@ def _rates(args: argparse.Namespace, call: Call) -> Any:
 def view(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Print the address, and serve until somebody says stop."""
     from plumbob.live.transports.transport import Stop
+    from plumbob.live.watch import StatusLine
 
-    stop, status = Stop(), common.Status(quiet=args.json)
+    stop, status = Stop(), StatusLine(quiet=args.json)
     with closing(status), common.stopped_by_signals(stop):
 
         def opened(url: str) -> None:
@@ -332,10 +338,8 @@ def allan(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     named = [f"--{name}" for name in ("triads", "profile", "calibration") if hasattr(args, name)]
     if named and path.is_file() and not is_recording(path, getattr(args, "profile", None), getattr(args, "kind", None)):
         raise ParameterError(f"{path} holds plain numbers, but {', '.join(named)} is for recordings. Leave it out.")
-    if args.after is not None:
-        return _compare(args, verb, call)
-    if args.deviation is not None:
-        return _deviation(args, verb, call)
+    if args.after is not None or args.deviation is not None:
+        return _curves(args, verb, call)
     noise = call()
     if args.paper != "fin":
         args.curve |= hasattr(args, "taus")
@@ -347,33 +351,98 @@ def allan(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     return show(args, verb._replace(pages=lambda *_: page, details=()), noise, shown=table)
 
 
-def _deviation(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+def _curves(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """One deviation alone, or those of two records beside each other."""
     from plumbob.core import check
     from plumbob.door.allan import open_static
     from plumbob.noise import KINDS
-    from plumbob.noise.allan import deviations
-    from plumbob.reporting.noise import curves_report
+    from plumbob.noise.allan import comparisons, deviations
+    from plumbob.reporting.noise import before_and_after, curves_report
 
-    kind = check.one_of("--deviation", args.deviation, KINDS)
-    record, report, card = call(open_static)
-    curves = deviations(record, report, kind, taus=args.given.get("taus"))
-    about = {"file": str(record.path), "calibration": card, "deviation": kind}
-    shown = Listed(curves_report(curves).text(), about | {curve.name: curve.summary() for curve in curves})
-    return show(args, verb._replace(pages=None), None, shown=shown)
+    taus, page, curves = args.given.get("taus"), None, list[Any]()
+    if args.after is None:
+        kind = check.one_of("--deviation", args.deviation, KINDS)
+        record, static, card = call(open_static)
+        curves += deviations(record, static, kind, taus=taus)
+        report, about = curves_report(curves), {"file": str(record.path), "calibration": card, "deviation": kind}
+    else:
+        record, static, _ = call(open_static, calibration=None)
+        after, judged, card = call(open_static, record=args.after)
+        curves += comparisons((record, static), (after, judged), taus=taus)
+        name = after.path.name if card is None else f"{after.path.name}, calibrated with {card}"
+        facts = [("before", record.path.name), ("after", name), ("made by", f"plumbob {__version__}")]
+        report = page = before_and_after(curves, facts=facts)
+        about = {"before": str(record.path), "after": str(after.path), "calibration": card}
+    shown = Listed(report.text(), about | {curve.name: curve.summary() for curve in curves})
+    return show(args, verb._replace(pages=None if page is None else lambda *_: page), None, shown=shown)
 
 
-def _compare(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    from plumbob.door.allan import open_static
-    from plumbob.noise.allan import comparisons
-    from plumbob.reporting.noise import before_and_after
+_READ: Final = 1 << 20
+_HINT: Final = 1 << 18  # bytes of a file of which other formats are tried
 
-    record, checked, _ = call(open_static, calibration=None)
-    after, judged, card = call(open_static, record=args.after)
-    pairs = comparisons((record, checked), (after, judged), taus=args.given.get("taus"))
-    name = after.path.name if card is None else f"{after.path.name}, calibrated with {card}"
-    report = before_and_after(
-        pairs, facts=[("before", record.path.name), ("after", name), ("made by", f"plumbob {__version__}")]
+
+def decode_bytes(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Print the table, or write it, and say what was not decoded."""
+    from plumbob.data import UNCALIBRATED
+    from plumbob.files.decoded import TEXTS, DecodedTable
+    from plumbob.protocols.decode import decode, prefix_by_unit
+    from plumbob.protocols.format_toml import find_format, unassigned_told
+    from plumbob.protocols.page import not_decoded, other_format
+
+    form, out = find_format(args.format).bind(args.given.get("options", {})), args.out and Path(args.out)
+    if spare := unassigned_told(form, form.message(args.message or "")):
+        common.note(spare)
+    common.check_outputs(args, *common.with_profile(out, TEXTS), inputs=(Path(args.data),))
+    table = DecodedTable(form, args.message or "", given("--rate", args.rate, Quantity.FREQUENCY))
+
+    def take(frames: "Mapping[str, Frames]", _: "Counts") -> None:
+        table.add(frames)
+        if out is None:
+            sys.stdout.writelines(table.csv())
+            sys.stdout.flush()
+
+    pieces = _chunks(args.data)
+    head = next(pieces, b"")
+    pieces = chain([head], pieces)
+    counts = decode(_in_order(args.data, pieces, form) if args.ring else pieces, form, each=take).counts
+    if not counts.received:
+        raise DecodeError(f"{args.data} is empty. Give a file of raw bytes.")
+    hint = other_format(form, head[:_HINT]) if 2 * counts.framed < counts.received or form.framing.transfers else ""
+    if not sum(counts.frames.values()):
+        frame = f"a {'transfer' if form.framing.transfers else 'frame'} of {form.name}{counts.why_rejected()}"
+        raise DecodeError(f"{args.data}: none of its {counted(counts.received, 'byte')} is {frame}.{hint}")
+    if out is not None:
+        table.write(out, counts, args.unit, overwrite=args.force)
+        units = prefix_by_unit(form.message(table.message))
+        if len(units) > 1 and args.unit is None:
+            common.note(f"the file is read as unit {units[0]} of {', '.join(units)}; ask for another with --unit")
+    common.note(*not_decoded(form, counts, table.message))
+    if hint:
+        common.note(f"this may not be {form.name} at all.{hint}")
+    if table.skipped:
+        rows = "; t [s] counts rows, so it is early by that many periods after each gap" if args.rate else ""
+        common.note(f"the frame counter skips {table.skipped}: that many frames are missing, or it jumped{rows}")
+    common.note(f"calibration {UNCALIBRATED}")
+    return 0
+
+
+def _chunks(name: str) -> Iterator[bytes]:
+    """Pieces of a file, or of standard input."""
+    with nullcontext(sys.stdin.buffer) if name == "-" else Path(name).open("rb") as file:
+        read = getattr(file, "read1", file.read)  # what is there already, where it comes through a pipe
+        yield from iter(lambda: read(_READ), b"")
+
+
+def _in_order(name: str, pieces: Iterator[bytes], form: "Format") -> Iterator[bytes]:
+    """Frames of a ring in the order of their counter; tells what else is there."""
+    from plumbob.protocols.ring import read_ring
+
+    try:
+        ring = read_ring(b"".join(pieces), form)
+    except DecodeError as error:
+        raise DecodeError(f"{name}: {error}") from error
+    common.note(
+        f"{counted(ring.records, 'record')}, {ring.missing} missing between the first and the last; beside them "
+        f"{ring.blank} blank bytes and {ring.torn} torn"
     )
-    about = {"before": str(record.path), "after": str(after.path), "calibration": card}
-    shown = Listed(report.text(), about | {pair.name: pair.summary() for pair in pairs})
-    return show(args, verb._replace(pages=lambda *_: report), None, shown=shown)
+    yield ring.stream

@@ -8,8 +8,7 @@ from typing import Any, Final
 from plumbob.cli.common import PARAMS_HELP
 from plumbob.cli.engine import VERB_BY_FUNCTION, Verb, save
 
-DIFFERENT: Final = 3
-"""Exit code of a result that is not the wanted one: damaged, lossy, different, unproven, below a grade."""
+DIFFERENT: Final = 3  # exit code of a result that is damaged, lossy, different, unproven or below a grade
 _ESTIMATE: Final = (("filter", "causal", "lag"),)
 
 
@@ -33,13 +32,13 @@ def save_recording(replayed: Any, path: Path, args: Namespace) -> None:
     convert(replace(replayed.as_recording(), name=path.stem), path, overwrite=args.force)
 
 
-def save_virtual(findings: Any, path: Path, args: Namespace) -> None:
+def save_virtual(virtual: Any, path: Path, args: Namespace) -> None:
     """Write the virtual unit of an array."""
     from plumbob.data.recording import Recording
     from plumbob.live.recorded import convert
 
     note = f"virtual unit of the array in {', '.join(Path(file).name for file in args.array)}"
-    convert(Recording(imu=findings.imu, name=path.stem, notes=(note,)), path, overwrite=args.force)
+    convert(Recording(imu=virtual.imu, name=path.stem, notes=(note,)), path, overwrite=args.force)
 
 
 def write_kalibr(noise: Any, path: Path, args: Namespace) -> None:
@@ -63,10 +62,7 @@ _GUIDE: Final = {
     "live": ("", "calibrate while the unit is moved, with instructions: a session file, or --port, --from, --iio"),
     "raw": ("MCAP", "with --live: recording of the capture, raw bytes and samples"),
 }
-
-
-OF_LINES: Final = ("port", "iio", "format", "baud", "rate", "time", "unit")
-"""Options of `plumbob calibrate --live` that name its line."""
+OF_LINES: Final = ("port", "iio", "format", "baud", "rate", "time", "unit")  # that name the line of --live
 _ONE_OF: Final = {"mag": (("strength", "place"),), "hand": (("strength", "place"),), "table": (("rates", "plan"),)}
 
 
@@ -108,8 +104,7 @@ def _calibrate(
     )  # fmt: skip
 
 
-_COEFFICIENTS: Final = ("card", "kalibr", "device", "methods", "curve")
-"""Options of `plumbob allan` that mean nothing where no coefficients are found."""
+_COEFFICIENTS: Final = ("card", "kalibr", "device", "methods", "curve")  # which allan without coefficients lacks
 START: Final = {
     "profile": Verb(
         "draft the profile of a logger's CSV or text file, with a question for every guess",
@@ -290,7 +285,7 @@ LINES: Final = {
     "decode": Verb(
         "decode bytes of a known device or a described frame to a table with units",
         "formats.md", "plumbob decode raw.bin --format buoy --out table.csv", named=("format",),
-        hidden=("t_ns", "each"), repeat=("options",), outputs=(), run="decode.run", json=False,
+        hidden=("t_ns", "each"), repeat=("options",), outputs=(), run="decode_bytes", json=False,
         ends={"out": (".csv", ".txt", ".parquet", ".json")},
         more={
             "data": ("", "raw bytes, as a device sent them; '-' for standard input"),
@@ -333,7 +328,7 @@ FILES: Final = {
 }  # fmt: skip
 _SETTINGS: Final = ("strength", "dip", "declination", "temp_c", "mag_rate", "jitter", "lost")
 _SCENARIO: Final = {"set": ("P", f"name=value,... with units: the scenario's parameters, and {', '.join(_SETTINGS)}")}
-CHANGES: Final = {
+CHANGES: Final = {  # as `plumbob.fleet.experiments.variants.changed` knows them: letter of the value, help
     "start": ("S", "begin this long after the motion begins, as 20s"),
     "wrong_field": (
         "F:S-S", "add a field in the reference's frame for a time, as 15,-10,20uT:0s-20s; ...@motion counts from the "
@@ -348,7 +343,6 @@ CHANGES: Final = {
     "asynchronous": ("", "rates, specific forces and fields in different rows"),
     "missing": ("R", "rows without values, as 5%%"),
 }  # fmt: skip
-"""By name, as `plumbob.fleet.experiments.variants.changed` knows them: letter of the value, help."""
 _FILTERS: Final = {
     "filters": ("A,B!", "see 'plumbob list filters'"),
     "params": ("P", f"{PARAMS_HELP}; with several filters write filter.name=value"),

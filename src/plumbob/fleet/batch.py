@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
 _TABLES: Final = "verdicts.parquet", "verdicts.csv"
 _SHOWN: Final = 20
-_MEMORY_KIB: Final = 400 << 10
-"""Memory that a process with recordings of a quarter of an hour takes, measured, less what it shares with others."""
+_MEMORY_KIB: Final = 400 << 10  # of a process with recordings of a quarter of an hour, measured, less what is shared
 _ROWS: Final = 1000
 
 
@@ -241,15 +240,7 @@ def _workers(jobs: int | None, cluster: str | None) -> int:
 
 
 def load_cards(given: Any) -> "dict[str | None, CalibrationCard]":
-    """Cards that were given: of a folder or a sequence by the device that each is for, else one for None, all devices.
-
-    Raises
-    ------
-    ParameterError
-        If a folder holds none, or two are of one device.
-    DecodeError
-        If a file is not a card.
-    """
+    """Cards of a folder or a sequence by the device that each is for, else one for None, all devices."""
     if given is None:
         return {}
     from plumbob.data.cards import CalibrationCard
@@ -270,13 +261,7 @@ def load_cards(given: Any) -> "dict[str | None, CalibrationCard]":
 
 
 def _dataset(out: str | os.PathLike[str]) -> Place:
-    """Place of a dataset, or of a folder that is empty or not there.
-
-    Raises
-    ------
-    ParameterError
-        If other files lie there.
-    """
+    """Place of a dataset, or of a folder that is empty or not there; ParameterError if other files lie there."""
     text = os.fspath(out)
     if not is_url(text):
         path = check.path("out", out)

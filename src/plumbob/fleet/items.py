@@ -23,14 +23,12 @@ from plumbob.fleet.places import fetched, filesystem, is_url, reaching
 Source = str | os.PathLike[str] | Recording | ImuData
 Note = Callable[[str], object]
 
-JOBS: Final = "_jobs"
-"""Folder of a dataset by which it is known."""
+JOBS: Final = "_jobs"  # folder of a dataset by which it is known
 _LONGEST: Final = 180
 _DEEPEST: Final = 32
-_BESIDE: Final = (".toml", ".json", ".md")
-"""Suffixes of what lies beside recordings: profiles, cards, words."""
+_BESIDE: Final = (".toml", ".json", ".md")  # suffixes of what lies beside recordings: profiles, cards, words
+# Suffixes of recordings alone: whatever is in such a file, it counts as one, be it damaged.
 _OF_RECORDINGS: Final = frozenset(suffix for kind in FORMATS for suffix in kind.suffixes) - {"", ".bin"}
-"""Suffixes of recordings alone: whatever is in such a file, it counts as one, be it damaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +65,7 @@ class Item:
 
 
 def input_digest(given: Path | Recording) -> str:
-    """SHA-256 of a file, of a file and those that are read with it, of a folder's, or of a recording's columns.
-
-    Raises
-    ------
-    DecodeError
-        If it is a pipe or a device, which may have no end.
-    """
+    """SHA-256 of a file, of a file and those that are read with it, of a folder's, or of a recording's columns."""
     if isinstance(given, Recording):
         columns = to_columns(given)
         digest = hashlib.sha256(dump(file_header(given, list(columns))))
@@ -105,13 +97,7 @@ def _read_with(file: Path) -> list[Path]:
 
 
 def batch_items(sources: Source | Iterable[Source], note: Note) -> Iterator[Item]:
-    """Each recording of what was given; a note says what is left out.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such file, nothing matches a pattern, or two recordings would have one name.
-    """
+    """Each recording of what was given, under a name of its own; a note says what is left out."""
     if isinstance(sources, str | os.PathLike | Recording | ImuData):
         sources = [sources]
     origins: dict[str, str] = {}

@@ -13,18 +13,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from plumbob.core import __version__
-from plumbob.core.errors import (
-    CalibrationError,
-    DecodeError,
-    LineError,
-    MissingExtraError,
-    ParameterError,
-    PlumbobError,
-    ShapeError,
-    UnknownFormatError,
-    one_line,
-)
+from plumbob.core import __version__, errors
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, one_line
 from plumbob.core.files import existing_file, file_sha256, write_text
 from plumbob.core.result import plain
 from plumbob.data import ImuMeta
@@ -33,21 +23,20 @@ from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.evaluate import evaluate
 from plumbob.fleet.items import JOBS, Item, input_digest
 from plumbob.fleet.places import Place, as_place
-from plumbob.overview.overview import Overview, make_gatherer
 from plumbob.overview.report_entry import Subject, opened, subject_from
 from plumbob.overview.streaming_stats import BURST
 from plumbob.quality import quality
 from plumbob.quality.tilt import LIMIT
+from plumbob.reporting.overview import Overview, make_gatherer
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard
 
+# Refused: it can be read, but not be used as it is; damaged: it cannot be read as what it claims to be; failed: not by
+# its own fault, but by memory, a network, a missing package or a defect, so that the next run tries it again.
 DONE, REFUSED, DAMAGED, FAILED = VERDICTS = "done", "refused", "damaged", "failed"
-"""Refused: it can be read, but not be used as it is; damaged: it cannot be read as what it claims to be; failed: not by
-its own fault, but by memory, a network, a missing package or a defect, so that the next run tries it again."""
-
-COLUMNS: Final[Mapping[str, type]] = {
+COLUMNS: Final[Mapping[str, type]] = {  # of the table of verdicts, with what they hold; None where it is not known
     "recording": str, "verdict": str, "reason": str, "source": str, "device": str,
     "begin_utc": str, "end_utc": str, "samples": int,
     "duration_s": float, "rate_hz": float, "gaps": int, "gap_share": float, "missing_samples": int,
@@ -60,36 +49,18 @@ COLUMNS: Final[Mapping[str, type]] = {
     "frame": str, "north": str, "filter": str, "calibration": str, "remarks": str,
     "seconds": float, "input_sha256": str, "settings_sha256": str, "part_sha256": str, "software": str,
 }  # fmt: skip
-"""Columns of the table of verdicts, with what they hold; None where it is not known."""
-
 _ERRORS: Final = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")
-_LEFT_OUT: Final = ("provenance", "spectra", "quality_thresholds", "plot")
-"""What a record does without: it is long, or the same in all."""
-_WORST: Final = (1, 2, 9, 3, 4)
-"""Flags of quality from the best to the worst."""
+_LEFT_OUT: Final = ("provenance", "spectra", "quality_thresholds", "plot")  # of a record: long, or the same in all
+_WORST: Final = (1, 2, 9, 3, 4)  # flags of quality from the best to the worst
 _TRIAL_NS: Final = 1_767_225_600_000_000_000  # 2026-01-01 UTC, within the years of the World Magnetic Model 2025
 
 
 @dataclass(frozen=True)
 class BatchSettings:
-    """What every job of a batch does alike.
+    """What every job of a batch does alike; what is not explained here is as of `plumbob.batch`, in SI."""
 
-    Attributes
-    ----------
-    how : mapping
-        Arguments of `plumbob.estimate` that are not left to their defaults, besides cards; JSON can hold them.
-    cards : mapping of str to CalibrationCard
-        Each for the recordings of its device; of None for all.
-    noise : NoiseCard or None
-        Noise of the units.
-    burst, tilt_limit, align, settle, pages, max_bytes
-        As of `plumbob.batch`, in SI.
-    software : str
-        Version of the program that must do it.
-    """
-
-    how: Mapping[str, Any]
-    cards: "Mapping[str | None, CalibrationCard]"
+    how: Mapping[str, Any]  # arguments of `plumbob.estimate` besides cards that are given; JSON can hold them
+    cards: "Mapping[str | None, CalibrationCard]"  # each for the recordings of its device; of None for all
     noise: "NoiseCard | None" = None
     burst: float = BURST
     tilt_limit: float = LIMIT
@@ -97,7 +68,7 @@ class BatchSettings:
     settle: float = 0.0
     pages: bool = False
     max_bytes: int = 4 << 30
-    software: str = __version__
+    software: str = __version__  # version of the program that must do it
 
     @cached_property
     def digest(self) -> str:
@@ -117,31 +88,17 @@ class BatchSettings:
         return {**how, "noise": self.noise}
 
     def card_for(self, device: str) -> "CalibrationCard | None":
-        """Card for the recordings of a device; None where there is no card at all.
-
-        Raises
-        ------
-        CalibrationError
-            If cards are chosen by device, and none is of this one.
-        """
+        """Card for the recordings of a device; None where there is no card at all."""
         card = self.cards.get(None, self.cards.get(device))
         if card is not None or not self.cards:
             return card
-        raise CalibrationError(
+        raise errors.CalibrationError(
             f"none of the {len(self.cards)} calibration cards is of the device '{device}'. Add its card, or run it "
             "separately without one."
         )
 
     def try_out(self) -> None:
-        """Hash all, and estimate five simulated seconds at rest: wrong options show before a recording is read.
-
-        Raises
-        ------
-        ParameterError, DecodeError
-            If an option is wrong, or a profile cannot be read.
-        MissingExtraError
-            If pages are asked for and cannot be made.
-        """
+        """Hash all, and estimate five simulated seconds at rest: wrong options show before a recording is read."""
         from plumbob.simulation import simulate
 
         _ = self.digest  # kept, so that it goes with the settings to the jobs
@@ -163,13 +120,7 @@ class JobOutcome(NamedTuple):
     skipped: bool  # whether it was so already
 
 
-class _JobResult(NamedTuple):
-    """What a recording gave."""
-
-    result: Estimated
-    row: dict[str, Any]
-    statistics: Mapping[str, Any]
-    page: str | None
+_JobResult = tuple[Estimated, dict[str, Any], Mapping[str, Any], str | None]  # its row, statistics and page
 
 
 def part_path(key: str) -> str:
@@ -178,15 +129,7 @@ def part_path(key: str) -> str:
 
 
 def run_job(settings: BatchSettings, item: Item, out: str) -> JobOutcome:
-    """Do all that belongs to one recording, unless the dataset has it: the same input by the same settings.
-
-    Raises
-    ------
-    ParameterError
-        If this process runs another version of the program.
-    DecodeError, LineError
-        If the dataset cannot be written.
-    """
+    """Do all that belongs to one recording, unless the dataset has it: the same input by the same settings."""
     if settings.software != __version__:
         raise ParameterError(
             f"the batch was started by plumbob {settings.software}, but this worker runs {__version__}. Install one "
@@ -201,9 +144,10 @@ def run_job(settings: BatchSettings, item: Item, out: str) -> JobOutcome:
             if (before := _before(place, item.key, row)) is not None:
                 return JobOutcome(item.name, before["verdict"], before["reason"] or "", True)
             made = _worked(settings, item, given)
-        row |= made.row | {"verdict": DONE}
+        row |= made[1] | {"verdict": DONE}
     except Exception as error:
-        row |= {"verdict": _verdict(error), "reason": _reason(error).replace(copy, "")}
+        verdict, reason = _judged(error)
+        row |= {"verdict": verdict, "reason": reason.replace(copy, "")}
     return _written(place, item, row, made, began)
 
 
@@ -218,20 +162,16 @@ def _new_row(settings: BatchSettings, item: Item) -> dict[str, Any]:
     return row | {"settings_sha256": settings.digest, "software": __version__}
 
 
-def _verdict(error: Exception) -> str:
-    if isinstance(error, DecodeError) and not isinstance(error, UnknownFormatError):
-        return DAMAGED
-    if isinstance(error, PlumbobError) and not isinstance(error, MissingExtraError | LineError):
-        return REFUSED
-    return DAMAGED if isinstance(error, FileNotFoundError | PermissionError) else FAILED
-
-
-def _reason(error: Exception) -> str:
+def _judged(error: Exception) -> tuple[str, str]:
+    """Verdict and reason."""
     if isinstance(error, PlumbobError):
-        return one_line(error)
+        damaged = isinstance(error, DecodeError) and not isinstance(error, errors.UnknownFormatError)
+        failed = isinstance(error, errors.MissingExtraError | errors.LineError)
+        return DAMAGED if damaged else FAILED if failed else REFUSED, one_line(error)
     if isinstance(error, OSError):
-        return f"it cannot be read: {error.strerror or one_line(error)}."
-    return f"{type(error).__name__}: {one_line(error)}"
+        gone = isinstance(error, FileNotFoundError | PermissionError)
+        return DAMAGED if gone else FAILED, f"it cannot be read: {error.strerror or one_line(error)}."
+    return FAILED, f"{type(error).__name__}: {one_line(error)}"
 
 
 def _before(place: Place, key: str, row: Mapping[str, Any]) -> Mapping[str, Any] | None:
@@ -252,7 +192,7 @@ def _worked(settings: BatchSettings, item: Item, given: Path | Recording) -> _Jo
     gatherer = make_gatherer(burst=settings.burst, tilt_limit=settings.tilt_limit)
     with opened(given, settings.how, whole=True) as (recording, paths, session):
         if recording.imu is None:
-            raise ShapeError("it holds an attitude but no sensor data, so there is nothing to estimate from.")
+            raise errors.ShapeError("it holds an attitude but no sensor data, so there is nothing to estimate from.")
         card = settings.card_for(recording.imu.meta.device)
         if card is None and session is not None:
             card = session.card
@@ -262,8 +202,7 @@ def _worked(settings: BatchSettings, item: Item, given: Path | Recording) -> _Jo
         page = Overview((subject,)).page() if settings.pages else None
     numbers = replace(subject, gathered=replace(subject.gathered, spectra=None)).summary()
     statistics = {name: value for name, value in numbers.items() if name not in _LEFT_OUT}
-    row = _row(statistics, subject, result.imu.meta.device) | _errors(settings, result)
-    return _JobResult(result, row, statistics, page)
+    return result, _row(statistics, subject, result.imu.meta.device) | _errors(settings, result), statistics, page
 
 
 def _errors(settings: BatchSettings, result: Estimated) -> dict[str, Any]:
@@ -298,21 +237,21 @@ def _row(statistics: Mapping[str, Any], subject: Subject, device: str) -> dict[s
 def _written(place: Place, item: Item, row: dict[str, Any], made: _JobResult | None, began: float) -> JobOutcome:
     """Write the attitudes and the page, or remove old ones; then the record."""
     part, page = part_path(item.key), f"pages/{item.key}.html"
-    if made is None or made.page is None:
+    result, _, statistics, text = made or (None, None, None, None)
+    if text is None:
         place.remove(page)
-    if made is None:
+    else:
+        place.write(page, lambda path: write_text(path, text, overwrite=True))
+    if result is None:
         place.remove(part)
     else:
-        result = made.result
 
         def save(path: Path) -> None:
             result.save(path, overwrite=True)
             row["part_sha256"] = file_sha256(path)[0]
 
         place.write(part, save)
-        if (text := made.page) is not None:
-            place.write(page, lambda path: write_text(path, text, overwrite=True))
     row["seconds"] = round(time.perf_counter() - began, 6)
-    record = json.dumps(plain({"row": row, "statistics": made and made.statistics}), allow_nan=False)
+    record = json.dumps(plain({"row": row, "statistics": statistics}), allow_nan=False)
     place.write(f"{JOBS}/{item.key}.json", lambda path: write_text(path, record, overwrite=True))
     return JobOutcome(item.name, row["verdict"], row["reason"] or "", False)

@@ -22,12 +22,10 @@ from plumbob.core.files import lock, profile_paths, require_place
 if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
 
-Fill = Callable[[Path], object]
-"""Writes a file at a path, where one may lie already."""
+Fill = Callable[[Path], object]  # writes a file at a path, where one may lie already
 
 LOCK: Final = "_jobs/.lock"
-_STALE: Final = 900.0
-"""Age of the lock of a run on another machine, s, above which that run counts as ended."""
+_STALE: Final = 900.0  # age of the lock of a run on another machine, s, above which that run counts as ended
 _BEAT: Final = 60.0
 _COPY: Final = 1 << 20
 
@@ -43,15 +41,7 @@ def in_memory(name: str) -> bool:
 
 
 def filesystem(url: str) -> "tuple[AbstractFileSystem, str]":
-    """File system of a URL, and the path in it.
-
-    Raises
-    ------
-    MissingExtraError
-        If fsspec, or what it needs for such URLs, is not installed.
-    ParameterError
-        If it knows no such URLs.
-    """
+    """File system of a URL, and the path in it."""
     try:
         from fsspec.core import url_to_fs
     except ImportError as error:
@@ -79,15 +69,7 @@ def reaching(url: str) -> Iterator[None]:
 
 @contextmanager
 def fetched(url: str, most: int) -> Iterator[Path]:
-    """Local copy of a file behind a URL, of the same name, and of the profile beside it; it is removed afterwards.
-
-    Raises
-    ------
-    DecodeError
-        If it has more than `most` bytes, is not there, or may not be read.
-    LineError
-        If the file system does not answer.
-    """
+    """Local copy of a file behind a URL, of the same name, and of the profile beside it; it is removed afterwards."""
     system, path = filesystem(url)
     home, _, name = path.rstrip("/").rpartition("/")
     with TemporaryDirectory(prefix="plumbob-") as folder:
@@ -150,12 +132,7 @@ class Place:
     def locked(self, files: Iterable[str] = (), folders: Iterable[str] = ()) -> Iterator[None]:
         """Context in which no other run writes here, by a lock that goes with its process, however that ends.
 
-        Raises
-        ------
-        ParameterError
-            If another run writes here.
-        DecodeError
-            If nothing can be written here, to one of these folders, or to a file of one of these names.
+        DecodeError where nothing can be written here, to one of these folders, or to a file of one of these names.
         """
         try:
             for folder in (self._folder / LOCK).parent, *map(self._folder.joinpath, folders):

@@ -24,13 +24,14 @@ from plumbob.fleet.items import Item
 from plumbob.fleet.job import BatchSettings, JobOutcome, failed, run_job
 from plumbob.fleet.places import in_memory
 
-_PATIENCE: Final = 20.0
-"""Time that a process has to break off its job, s."""
-_CHILD: Final[Mapping[str, Any]] = {"stdin": PIPE, "stdout": PIPE, "start_new_session": True}
-"""How a process is started: in a session of its own, which Ctrl-C does not reach."""
+_PATIENCE: Final = 20.0  # time that a process has to break off its job, s
+_CHILD: Final[Mapping[str, Any]] = {
+    "stdin": PIPE,
+    "stdout": PIPE,
+    "start_new_session": True,
+}  # out of reach of Ctrl-C
 _Job = Callable[[], JobOutcome]
-_Answer = Future[JobOutcome | None]
-"""None where this process has to do the job."""
+_Answer = Future[JobOutcome | None]  # None where this process has to do the job
 
 
 class _Pool(NamedTuple):
@@ -51,13 +52,6 @@ def outcomes(
     """Outcomes as they come, of this process, of several, or of a cluster; the job whose worker is lost has failed.
 
     Whoever stops early lets what runs be broken off, and nothing be half written.
-
-    Raises
-    ------
-    MissingExtraError
-        If a cluster needs Dask, and it is not installed.
-    LineError
-        If there is no scheduler at the address.
     """
     running: dict[_Answer, Item] = {}
 
@@ -84,7 +78,7 @@ def outcomes(
 
 @contextmanager
 def _cluster(address: str) -> Iterator[_Pool]:
-    """Workers of a Dask scheduler; the job of a lost one goes to another. Errors as of `outcomes`."""
+    """Workers of a Dask scheduler; the job of a lost one goes to another."""
     try:
         import distributed
     except ImportError as error:
@@ -106,8 +100,7 @@ def _cluster(address: str) -> Iterator[_Pool]:
 def processes(jobs: int) -> Iterator[_Pool]:
     """Processes with a job each, and threads that wait for them; none for one job at a time, or where none can start.
 
-    They import this package and never the program that called it. So a script needs no main guard, and a notebook or a
-    prompt will do.
+    They import this package and never the program that called it: a script needs no main guard, a notebook will do.
     """
     idle, children, over = list[Any](), set[Any](), threading.Event()
     serving = f"import sys; sys.path[:] = {sys.path!r}; from plumbob.fleet.workers import serve; serve()"

@@ -1,12 +1,14 @@
 """What a run of a stream shows while it lasts, live or again, and its report."""
 
+import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
 from plumbob.core.event import Event
 from plumbob.core.findings import Finding, as_json
-from plumbob.core.text import FactsText, counted
+from plumbob.core.text import FactsText, counted, visible
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, calibration_told
 from plumbob.data.calibrated import temperature_beyond
@@ -148,6 +150,42 @@ class Ran(FactsText):
     def text(self) -> str:
         """What a reader wants to know first, a line each."""
         return "\n".join(report_lines(self.summary(), live_attitude(self.watch.track)))
+
+
+class StatusLine:
+    """One line on a terminal, once a second, and every remark as a note out of its way.
+
+    A receiver that has closed it does not matter: a recording outlives its terminal.
+    """
+
+    def __init__(self, *, quiet: bool = False) -> None:
+        self._next, self._shown = 0.0, sys.stderr.isatty() and not quiet
+
+    def show(self, watch: Watch) -> None:
+        """Show now and then what a stream gives."""
+        if not self._shown or watch.last is None or (t := float(watch.last.imu.t[-1])) < self._next:
+            return
+        self._next = t + 1.0
+        bare = "" if watch.stream.session.card else " UNCALIBRATED"
+        junk, attitude = watch.stream.decoder.counts.junk, live_attitude(watch.track)
+        self._write(f"\r{t:9.1f} s  {watch.samples} samples{bare}  {junk} junk bytes  {attitude}\033[K")
+
+    def note(self, text: str) -> None:
+        """Tell the user."""
+        self._write(f"{self._cleared()}note: {visible(text)}\n")
+
+    def close(self) -> None:
+        """End the line on the terminal."""
+        self._write(self._cleared())
+        self._shown = False
+
+    def _cleared(self) -> str:
+        return "\r\033[K" if self._shown else ""
+
+    def _write(self, text: str) -> None:
+        with suppress(OSError):
+            sys.stderr.write(text)
+            sys.stderr.flush()
 
 
 def silence_words(stream: Stream) -> str:

@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from plumbob.core import __version__
-from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import file_sha256
 from plumbob.core.findings import Finding, as_json, warnings
@@ -27,22 +26,11 @@ from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.reading import read
 from plumbob.files.formats import is_own
-from plumbob.overview.streaming_stats import (
-    MOTION_NAMES,
-    SPECTRAL,
-    SPECTRAL_UNITS,
-    TILT_NAMES,
-    TRACED,
-    UNITS,
-    Burst,
-    FlagRuns,
-    Gathered,
-    Gatherer,
-    shown_scale,
-)  # fmt: skip
+from plumbob.overview import streaming_stats as stats
+from plumbob.overview.streaming_stats import Burst, Gathered, Gatherer, shown_scale
 from plumbob.quality import quality
 from plumbob.quality.grade import Grade, grade, grade_of
-from plumbob.quality.tilt import Headings, Inclination, TiltMotion
+from plumbob.quality.tilt import Headings, Inclination, TiltMotion, TiltStatistics
 from plumbob.rotations import North
 from plumbob.rotations.headings import counted_from
 
@@ -52,12 +40,9 @@ if TYPE_CHECKING:
     from plumbob.live.stream import ItemResult, Stream
 
 _WAIT: Final = 0.02  # s
-OWN: Final = "track"
-"""In place of a filter: the attitude that the file holds."""
-NONE: Final = "none"
-"""In place of a filter: no attitude."""
-LARGE: Final = 1 << 26
-"""A recorded stream of more bytes is decoded to a file first, so that its samples are not in memory as a whole."""
+OWN: Final = "track"  # in place of a filter: the attitude that the file holds
+NONE: Final = "none"  # in place of a filter: no attitude
+LARGE: Final = 1 << 26  # bytes of a recorded stream above which it is decoded to a file, and never in memory as a whole
 
 Note = Callable[[str], None]
 Progress = Callable[[str, int, int], None]
@@ -97,14 +82,14 @@ class Subject:
                 "lost_s": g.lost, "lost_share": g.lost / max(g.duration, g.step),
                 "gap_list_s": [list(gap) for gap in g.gaps[:1000]],
             },
-            "tilt": None if g.tilt is None else {
-                "roll": motion_numbers(g.tilt.roll), "pitch": motion_numbers(g.tilt.pitch),
-                "inclination": inclination_numbers(g.tilt.inclination),
-            },
-            "heading": None if g.headings is None else heading_numbers(g.headings),
+            "tilt": None if g.tilt is None else _tilt(g.tilt),
+            "heading": None if g.headings is None else _heading(g.headings),
             "spectra": _spectra(g),
             "sensors": _sensor_numbers(g),
-            "flags": {name: _runs(runs, g.samples) for name, runs in g.flags.items()},
+            "flags": {
+                name: {"samples": runs.samples, "share": runs.samples / g.samples, "stretches": len(runs.stretches)}
+                for name, runs in g.flags.items()
+            },
             "grade": None if self.grade is None else self.grade.summary(),
             "bursts": [_burst(self, burst) for burst in g.bursts],
             "quality_thresholds": [list(row) for row in quality.thresholds()],
@@ -180,24 +165,11 @@ def _subject(
     about: Mapping[str, Any],
 ) -> Subject:
     """A recording with its provenance; `estimate` are facts of it, `about` further fields."""
-    import scipy
-
-    versions = f"NumPy {np.__version__}, SciPy {scipy.__version__}, Python {platform.python_version()}"
-    software = f"plumbob {__version__}, {versions}, {datetime.now(UTC).strftime('%Y-%m-%d %H:%M UTC')}"
-    facts = [*_provenance(name, paths, session, meta, gathered)]
-    if meta is not None:
-        sensors = ", ".join(TITLES[triad] for triad in gathered.triads)
-        facts.append(("sensors", f"{sensors}; body axes '{meta.axes}' of the case"))
-        facts.append(("calibration", calibration_told(meta.calibration)))
     return Subject(
-        name=name,
-        files=tuple(paths),
-        gathered=gathered,
-        facts=(*facts, *estimate, ("made by", software)),
-        calibrated=meta is None or meta.calibration is not None,
-        t0_ns=0 if meta is None else meta.t0_ns,
-        **about,
-    )
+        name=name, files=tuple(paths), gathered=gathered,
+        facts=(*_provenance(name, paths, session, meta, gathered, estimate),),
+        calibrated=meta is None or meta.calibration is not None, t0_ns=0 if meta is None else meta.t0_ns, **about,
+    )  # fmt: skip
 
 
 def _as_recorded(
@@ -235,10 +207,8 @@ def _follow(imu: ImuData | None, track: AttitudeTrack | None, gatherer: Gatherer
             gatherer.take(None, _rows(track, slice(at, at + BLOCK)))
         return
     if track is not None and not np.array_equal(track.t, imu.t):
-        reading = read_at(track, imu.t_ns)
-        track = AttitudeTrack(
-            t=imu.t, q_nb=reading.q_nb, frame=track.frame, north=track.north, source=track.source
-        )  # fmt: skip
+        q_nb = read_at(track, imu.t_ns).q_nb
+        track = AttitudeTrack(t=imu.t, q_nb=q_nb, frame=track.frame, north=track.north, source=track.source)
     gatherer.begin(imu)
     at = 0
     for part in imu.chunks(BLOCK):
@@ -316,43 +286,35 @@ def decoded_to(file: Path, log: "Log", session: "Session") -> Recording:
 
 
 def _samples(stream: "Stream", log: "Log") -> Iterator[Recording]:
-    info = log.first_info
-    offset = 0 if info is None else info.epoch_offset_ns
-    first = None
-    for part in _parts(stream, log):
-        if not len(part.sensed):
+    from plumbob.live.sources import ReplaySource
+
+    def parts() -> "Iterator[ItemResult | None]":
+        with closing(ReplaySource(log, None)) as source:
+            while not source.finished:
+                yield from map(stream.feed, source.read(_WAIT))
+            yield stream.finish()
+
+    t0_ns = None
+    for part in parts():
+        if part is None or not len(part.sensed):
             continue
-        if first is None:
-            first = (0 if stream.t0_ns is None else stream.t0_ns) + offset
-        yield Recording(imu=_stamped(part.sensed, first))
-    if first is None:
+        if t0_ns is None:
+            t0_ns = (stream.t0_ns or 0) + (0 if log.first_info is None else log.first_info.epoch_offset_ns)
+        yield Recording(imu=part.sensed.corrected(meta=replace(part.sensed.meta, t0_ns=t0_ns)))
+    if t0_ns is None:
         raise DecodeError(f"{log.paths[0]} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
 
 
-def _stamped(imu: ImuData, t0_ns: int) -> ImuData:
-    return imu.corrected(meta=replace(imu.meta, t0_ns=t0_ns))
-
-
-def _parts(stream: "Stream", log: "Log") -> "Iterator[ItemResult]":
-    from plumbob.live.sources import ReplaySource
-
-    source = ReplaySource(log, None)
-    try:
-        while not source.finished:
-            for item in source.read(_WAIT):
-                part = stream.feed(item)
-                if part is not None:
-                    yield part
-        rest = stream.finish()
-        if rest is not None:
-            yield rest
-    finally:
-        source.close()
-
-
 def _provenance(
-    name: str, paths: Sequence[Path], session: "Session | None", meta: ImuMeta | None, gathered: Gathered
+    name: str,
+    paths: Sequence[Path],
+    session: "Session | None",
+    meta: ImuMeta | None,
+    gathered: Gathered,
+    estimate: Sequence[tuple[str, str]],
 ) -> Iterator[tuple[str, str]]:
+    import scipy
+
     yield "recording", name
     for path in paths[:8]:
         digest, size = file_sha256(path)
@@ -363,14 +325,18 @@ def _provenance(
         yield "device", meta.device
     if session is not None:
         yield "session", f"{session.form.name}, recorded as a stream of bytes and decoded again"
-    if meta is not None and meta.t0_ns:
-        yield "time (UTC)", f"{_utc(meta.t0_ns, gathered.begin)} to {_utc(meta.t0_ns, gathered.end)}"
-    else:
-        yield "time (UTC)", "not known; times count from the start of the recording"
-    rate = 1.0 / gathered.step
+    dated = meta is not None and meta.t0_ns
+    span = " to ".join(_utc(dated, t) for t in (gathered.begin, gathered.end)) if dated else ""
+    yield "time (UTC)", span or "not known; times count from the start of the recording"
     yield "duration", f"{duration(gathered.duration)} ({gathered.duration:.3f} s), {gathered.samples} samples"
-    yield "rate", f"{rate:.6g} Hz" + ("" if meta is None or not meta.rate_nominal else
-                                      f" (nominal {meta.rate_nominal:g} Hz)")  # fmt: skip
+    nominal = f" (nominal {meta.rate_nominal:g} Hz)" if meta is not None and meta.rate_nominal else ""
+    yield "rate", f"{1.0 / gathered.step:.6g} Hz{nominal}"
+    if meta is not None:
+        yield "sensors", f"{', '.join(TITLES[name] for name in gathered.triads)}; body axes '{meta.axes}' of the case"
+        yield "calibration", calibration_told(meta.calibration)
+    yield from estimate
+    versions = f"NumPy {np.__version__}, SciPy {scipy.__version__}, Python {platform.python_version()}"
+    yield "made by", f"plumbob {__version__}, {versions}, {datetime.now(UTC).strftime('%Y-%m-%d %H:%M UTC')}"
 
 
 def _utc(t0_ns: int, t: float) -> str:
@@ -387,34 +353,30 @@ def duration(seconds: float) -> str:
     return f"{minutes} min {rest} s" if minutes else f"{seconds:.3g} s"
 
 
-def motion_numbers(m: TiltMotion) -> dict[str, Any]:
-    """Of roll or pitch."""
-    times = {"tz_s": m.tz, "tp_s": m.tp}
-    return _in_degrees(m, MOTION_NAMES) | times | {"waves": m.waves, "samples": m.samples, "wrapped": m.wrapped}
-
-
 def _in_degrees(source: TiltMotion | Inclination, names: Mapping[str, str]) -> dict[str, Any]:
-    return {f"{name}_deg": _deg(getattr(source, attribute)) for name, attribute in names.items()}
+    return {f"{name}_deg": to_deg(getattr(source, attribute)) for name, attribute in names.items()}
 
 
-def inclination_numbers(tilt: Inclination) -> dict[str, Any]:
-    """Of the angle from the vertical."""
+def _tilt(tilt: TiltStatistics) -> dict[str, Any]:
+    """Of roll, pitch and the angle from the vertical."""
+    numbers: dict[str, Any] = {
+        name: _in_degrees(m, stats.MOTION_NAMES)
+        | {"tz_s": m.tz, "tp_s": m.tp, "waves": m.waves, "samples": m.samples, "wrapped": m.wrapped}
+        for name, m in (("roll", tilt.roll), ("pitch", tilt.pitch))
+    }
+    inclined = tilt.inclination
+    return numbers | {"inclination": {
+        **_in_degrees(inclined, stats.TILT_NAMES), "greatest_at_s": inclined.greatest_at,
+        "limit_deg": to_deg(inclined.limit), "beyond": inclined.beyond, "beyond_share": inclined.share_beyond,
+        "samples": inclined.samples,
+    }}  # fmt: skip
+
+
+def _heading(hdg: Headings) -> dict[str, Any]:
     return {
-        **_in_degrees(tilt, TILT_NAMES), "greatest_at_s": tilt.greatest_at, "limit_deg": _deg(tilt.limit),
-        "beyond": tilt.beyond, "beyond_share": tilt.share_beyond, "samples": tilt.samples,
+        "mean_deg": to_deg(hdg.mean), "spread_deg": to_deg(hdg.spread), "resultant": hdg.resultant,
+        "samples": hdg.samples, "share_by_10_deg": hdg.sectors(36), "share_by_22_5_deg": hdg.sectors(16),
     }  # fmt: skip
-
-
-def heading_numbers(hdg: Headings) -> dict[str, Any]:
-    """Of headings."""
-    return {
-        "mean_deg": _deg(hdg.mean), "spread_deg": _deg(hdg.spread), "resultant": hdg.resultant, "samples": hdg.samples,
-        "share_by_10_deg": hdg.sectors(36), "share_by_22_5_deg": hdg.sectors(16),
-    }  # fmt: skip
-
-
-def _deg(angle: float) -> float:
-    return float(to_deg(angle))
 
 
 def _spectra(g: Gathered) -> dict[str, Any] | None:
@@ -425,38 +387,32 @@ def _spectra(g: Gathered) -> dict[str, Any] | None:
         "method": "Welch, Hann window, half overlapping, one-sided",
         "rate_hz": 1.0 / g.spectra.step, "segment_s": g.spectra.length * g.spectra.step,
         "resolution_hz": g.spectra.resolution, "interpolated_segments": g.spectra.interpolated,
-        "segments": dict(zip(SPECTRAL, g.spectra.segments.tolist(), strict=True)),
+        "segments": dict(zip(stats.SPECTRAL, g.spectra.segments.tolist(), strict=True)),
         "frequency_hz": frequency,
         "density": {
-            f"{name} [{SPECTRAL_UNITS[name]}]": density[:, i] * shown_scale(name) ** 2
-            for i, name in enumerate(SPECTRAL)
+            f"{name} [{stats.SPECTRAL_UNITS[name]}]": density[:, i] * shown_scale(name) ** 2
+            for i, name in enumerate(stats.SPECTRAL)
         },
     }  # fmt: skip
 
 
 def _sensor_numbers(g: Gathered) -> dict[str, Any]:
-    m, numbers = g.moments, {}
-    for i, name in enumerate(TRACED):
+    m, numbers, keys = g.moments, {}, ("mean", "std", "least", "greatest")
+    for i, name in enumerate(stats.TRACED):
         stem = name.partition("_")[0]
-        if stem in UNITS and m.count[i] > 0:
-            scale = shown_scale(name)
-            values: Floats = scale * np.array([m.mean[i], m.sd[i], m.least[i], m.greatest[i]])
-            keys = ("mean", "std", "least", "greatest")
-            numbers[f"{name} [{UNITS[stem]}]"] = dict(zip(keys, values.tolist(), strict=True)) | {
-                "samples": int(m.count[i])
+        if stem in stats.UNITS and m.count[i] > 0:
+            values = (shown_scale(name) * column[i] for column in (m.mean, m.sd, m.least, m.greatest))
+            numbers[f"{name} [{stats.UNITS[stem]}]"] = {
+                **dict(zip(keys, values, strict=True)),
+                "samples": int(m.count[i]),
             }
     return numbers
-
-
-def _runs(runs: FlagRuns, samples: int) -> dict[str, Any]:
-    return {"samples": runs.samples, "share": runs.samples / samples, "stretches": len(runs.stretches)}
 
 
 def _burst(subject: Subject, burst: Burst) -> dict[str, Any]:
     return {
         "begin_s": burst.begin, "end_s": burst.end, "begin_utc": subject.utc(burst.begin), "samples": burst.samples,
-        "roll": motion_numbers(burst.tilt.roll), "pitch": motion_numbers(burst.tilt.pitch),
-        "inclination": inclination_numbers(burst.tilt.inclination), "heading": heading_numbers(burst.headings),
+        **_tilt(burst.tilt), "heading": _heading(burst.headings),
         "quality": {
             name: {"flag": verdict.flag, "tests": dict(verdict.tests), "good_share": verdict.good}
             for name, verdict in burst.verdicts.items()

@@ -26,12 +26,11 @@ from plumbob.quality.tilt import LIMIT, Headings, Inclination, TiltMotion, TiltS
 from plumbob.rotations import euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.headings import euler_sd, heading_of
 
-WHOLE: Final = 400_000
-"""Up to so many samples every one is kept: an hour at 100 Hz has 360 000."""
+WHOLE: Final = 400_000  # up to so many samples every one is kept: an hour at 100 Hz has 360 000
+# Of a longer recording, about so many stretches are kept, each with its smallest and largest value.
 BUCKETS: Final = 20_000
-"""Of a longer recording, about so many stretches are kept, each with its smallest and largest value."""
+# At most so many breaks of the line are kept in a long recording; shorter ones are in the counts alone.
 HOLES: Final = 4_000
-"""At most so many breaks of the line are kept in a long recording; shorter ones are in the counts alone."""
 
 Singles = NDArray[np.float32]
 
@@ -50,23 +49,13 @@ class Traces:
         return self.values[:, self.names.index(name)].astype(np.float64)
 
 
-NOTHING: Final = Traces(np.empty(0), np.empty((0, 0), dtype=np.float32), (), 1)
-"""Of no samples."""
+NOTHING: Final = Traces(np.empty(0), np.empty((0, 0), dtype=np.float32), (), 1)  # of no samples
 
 
 class Tracing:
-    """Gathers traces of samples as they come.
+    """Gathers traces of `total` samples as they come; up to `most`, every one is kept.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Channels.
-    total : int
-        Samples that will come.
-    most : int
-        Samples up to which every one is kept.
-    circular : tuple of str
-        Channels that are angles, rad, whose smallest and largest value are meant about the first.
+    Of `circular` channels, which are angles, smallest and largest value are meant about the first.
     """
 
     def __init__(
@@ -136,27 +125,24 @@ class Tracing:
         self._values.append(pairs.reshape(-1, len(self._names)).astype(np.float32))
 
 
-BURST: Final = 1200.0
-"""Length of a burst unless another is given, s: buoys report every 20 to 30 minutes."""
+BURST: Final = 1200.0  # length of a burst unless another is given, s: buoys report every 20 to 30 minutes
 
-TRACED: Final = (
+TRACED: Final = (  # channels over time; SI and rad
     "roll", "pitch", "heading", "tilt", "roll_sd", "pitch_sd", "heading_sd",
     "gyr_x", "gyr_y", "gyr_z", "acc_x", "acc_y", "acc_z", "mag_x", "mag_y", "mag_z", "temp",
     "bias_x", "bias_y", "bias_z",
 )  # fmt: skip
-"""Channels over time; SI and rad."""
+# Channels whose spectra are taken: rad, rad, rad/s, m/s².
 SPECTRAL: Final = ("roll", "pitch", "heading_rate", "vertical")
-"""Channels whose spectra are taken: rad, rad, rad/s, m/s²."""
 AXES: Final = {name: tuple(f"{name}_{axis}" for axis in "xyz") for name in ("gyr", "acc", "mag")}
-UNITS: Final = {"gyr": "°/s", "acc": "m/s²", "mag": "µT", "temp": "°C"}
-"""In which traced channels are shown."""
+UNITS: Final = {"gyr": "°/s", "acc": "m/s²", "mag": "µT", "temp": "°C"}  # in which traced channels are shown
+# Of densities, by channel.
 SPECTRAL_UNITS: Final = dict(zip(SPECTRAL, ("°²/Hz", "°²/Hz", "(°/s)²/Hz", "(m/s²)²/Hz"), strict=True))
-"""Of densities, by channel."""
 MOTION_NAMES: Final = {name: name for name in ("mean", "std", "rms", "least", "greatest", "significant", "largest")} | {
     "std": "sd"
 }
+# Names of angles in tables and numbers, and the attributes that have them.
 TILT_NAMES: Final = {name: MOTION_NAMES[name] for name in ("mean", "std", "rms", "greatest")}
-"""Names of angles in tables and numbers, and the attributes that have them."""
 _RUNS: Final = 4_000
 
 
@@ -285,16 +271,7 @@ class Gathered:
 class Gatherer:
     """Gathers, as `plumbob.estimate` follows a recording: `begin` once, `take` with each part.
 
-    Parameters
-    ----------
-    burst : float
-        Length of a burst, s.
-    limit : float
-        Inclination that counts as large, rad.
-    most : int
-        Samples up to which every one is kept for the plots.
-    window : (float, float)
-        Times between which samples count, s.
+    A burst lasts so many s; an inclination above the `limit` counts as large; samples in the `window`, s, count.
     """
 
     def __init__(
@@ -406,7 +383,7 @@ class Gatherer:
         spectral = np.stack((roll, pitch, part.rate, part.vertical), axis=1)
         spectra = welch(part.t, spectral, step=g.step, segment=self._segment, turns=(0, 1))
         self._spectra.append(spectra)
-        motions = [TiltMotion.of(part.t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
+        motions = [TiltMotion.of(part.t, angle, peak_period(spectra, i)) for i, angle in enumerate((roll, pitch))]
         stats = TiltStatistics(motions[0], motions[1], Inclination.of(part.t, tilt, self._limit))
         columns = {name: AXES[name] for name in g.triads}
         columns |= {"temp": ("temp",)} if g.has("temp") else {}

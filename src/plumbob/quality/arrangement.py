@@ -77,11 +77,6 @@ class Samples:
         return np.asarray(mean)
 
 
-def means(t: Floats, values: Floats, edges: Floats) -> Floats:
-    """Mean of samples, taken as straight lines from one to the next, between edges (N + 1,); NaN in pauses."""
-    return Samples(t, values).means(edges)
-
-
 class Grid:
     """Means of rates and of a vector (N, 3) over the same even bins of time; NaN where a sensor has no samples."""
 
@@ -204,13 +199,6 @@ class VectorFit:
         return float(-np.sort(self.log_odds)[-2])
 
 
-def _ridge(offset: float, scale: float) -> Floats:
-    """Inverse variances of the parameters of an arrangement (10,), for a vector of length 1."""
-    # A consumer part's bias is a few °/s; the constants are an offset times a bias.
-    sd = np.array([1e3 * scale] + [0.1] * 3 + [offset * scale] * 3 + [0.1 * offset] * 3)
-    return np.asarray(1.0 / sd**2)
-
-
 def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> VectorFit | None:
     """Score every arrangement of one sensor's axes against the gyroscope's; None where nothing overlaps or turns.
 
@@ -229,7 +217,7 @@ def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> VectorFit |
     if not length > 0.0 or not np.nanmax(np.abs(gyr), initial=0.0) > 0.0:
         return None
     edges, rates = np.arange(t[0], t[-1] + BIN, BIN), Samples(t, gyr)
-    at = Grid(rates.means(edges), means(t, vector / length, edges))
+    at = Grid(rates.means(edges), Samples(t, vector / length).means(edges))
     searches = [_ArrangementSearch(at, size, offset) for size in WINDOWS]
     fits = [(search.fit(length), search) for search in searches if search.scale > 0.0]
     if not fits:
@@ -250,7 +238,9 @@ class _ArrangementSearch:
         turned = float(np.einsum("bii->", grams[:, 12:15, 12:15]))
         changed = np.einsum("bii->b", grams[:, 16:, 16:])
         self.scale = float(np.sqrt(changed.sum() / turned)) if turned > 0.0 else 0.0
-        self.ridge = _ridge(offset, self.scale) if self.scale > 0.0 else np.ones(FREE)
+        # deviations for a vector of length 1: a consumer part's bias is a few °/s; constants are an offset times a bias
+        sd = np.array([1e3 * self.scale] + [0.1] * 3 + [offset * self.scale] * 3 + [0.1 * offset] * 3)
+        self.ridge = 1.0 / sd**2 if self.scale > 0.0 else np.ones(FREE)
         usual = float(np.median(changed[changed > 0.0])) if (changed > 0.0).any() else 0.0
         self.weight = np.where(changed > 0.0, 1.0 / (changed + 0.1 * usual + 1e-300), 0.0)
 

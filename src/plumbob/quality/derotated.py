@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
-from plumbob.quality.arrangement import ARRANGEMENTS, BIN, LONGEST_DELAY, Samples, VectorFit, inflation, means, widening
+from plumbob.quality.arrangement import ARRANGEMENTS, BIN, LONGEST_DELAY, Samples, VectorFit, inflation, widening
 from plumbob.rotations.kernels import quat_exp, quat_mul, rows
 
 FLOOR: Final = 0.02
@@ -65,7 +65,7 @@ def fit_force(
     if not length > 0.0:
         return None
     edges = np.arange(t[0], t[-1] + BIN, BIN)
-    force = means(t, acc / length, edges)
+    force = Samples(t, acc / length).means(edges)
     if not np.isfinite(force).any() or len(force) < _FEWEST * SIZES[0]:
         return None
     best: _DerotatedSearch | None = None
@@ -171,7 +171,7 @@ class _DerotatedSearch:
 
     def _share(self, level: _EqualWindows, dcm: Floats, shift: int, top: int) -> float:
         """Independent changes for each of a level: what is left of neighbours is alike."""
-        change, valid = changes(dcm, self.force, level.size, int(self.shifts[shift]))
+        change, valid = _changed(*_products(dcm, self.force, level.size, int(self.shifts[shift])))
         residual = change[valid] @ ARRANGEMENTS[top % _HALF].T.ravel()
         usual = float(np.median(np.abs(residual))) if residual.size else 0.0
         return 1.0 / inflation(np.clip(residual, -5.0 * usual, 5.0 * usual)) if usual > 0.0 else 1.0
@@ -217,11 +217,6 @@ def _chain(turns: Floats, dcm: Floats) -> None:
         dcm[k, 5], dcm[k, 6], dcm[k, 7], dcm[k, 8] = c[5], c[6], c[7], c[8]
 
 
-def changes(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats, NDArray[np.bool_]]:
-    """Change of the means of ``R_ab u_c`` from window to window, (n, 3, 9), and whether each counts (n,)."""
-    return _changed(*_products(dcm, force, size, shift))
-
-
 def _products(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats, NDArray[np.bool_]]:
     """Means of ``R_ab u_c`` over windows (n, 3, 9), and which of them are whole (n,)."""
     if shift > 0:
@@ -238,6 +233,7 @@ def _products(dcm: Floats, force: Floats, size: int, shift: int) -> tuple[Floats
 
 
 def _changed(mean: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
+    """Change of the means from window to window, (n, 3, 9), and whether each counts (n,)."""
     counts = valid[1:] & valid[:-1]
     change = np.diff(mean, axis=0)
     change[~counts] = 0.0
@@ -282,13 +278,9 @@ class _Refined:
         power = float(np.sum(self.weight[:, np.newaxis] * still**2))
         residual = float(np.sum(self.weight[:, np.newaxis] * self.change**2))
         self.explained = 1.0 - residual / power if power > 0.0 else 0.0
-
-    @property
-    def in_step(self) -> float:
-        """Delay that the pushes feign if they come in step with the turning, s: what they leave over its slope."""
-        weight = self.weight[:, np.newaxis]
-        slope = float(np.sum(weight * self.slopes[:, :, 0] ** 2))
-        return math.sqrt(float(np.sum(weight * self.change**2)) / slope) if slope > 0.0 else math.inf
+        # delay that the pushes feign if they come in step with the turning, s: what they leave over its slope
+        slope = float(np.sum(self.weight[:, np.newaxis] * self.slopes[:, :, 0] ** 2))
+        self.in_step = math.sqrt(residual / slope) if slope > 0.0 else math.inf
 
     def estimate(self, blocks: NDArray[np.bool_]) -> tuple[float, float, float, float]:
         """Delay, its standard deviation, scale and its standard deviation, by some of the blocks."""

@@ -18,7 +18,7 @@ from plumbob.data import TRIADS, ImuData
 from plumbob.data.imu import TRIAD_FLAGS, median, norms
 from plumbob.data.plausibility import ALL_AXES, LONGEST_STEP, NOT_KNOWN, statistics, stuck_runs
 from plumbob.data.recording import findings as sample_findings
-from plumbob.quality.arrangement import ARRANGEMENTS, FLOOR, VectorFit, fit, means
+from plumbob.quality.arrangement import ARRANGEMENTS, FLOOR, Samples, VectorFit, fit
 from plumbob.quality.derotated import fit_force
 from plumbob.quality.units import UNITS, unit_odds
 from plumbob.rotations import Frame, axes_letters, quat_chained, quat_rotate, signed_axes
@@ -334,15 +334,11 @@ class Examination:
             size = norms(acc)
             if force.known and np.nanmedian(np.abs(size - np.nanmedian(size))) > _PUSHED * np.nanmedian(size):
                 force.answer = Trust.LIKELY if force.usual else Trust.UNKNOWN
-        for sensor in self.sensors.values():
-            self._doubt_two_faults(sensor)
-
-    def _doubt_two_faults(self, sensor: _Sensor) -> None:
-        """Axes and unit that are both not as declared are two faults at once: that takes odds of a sure answer."""
-        if sensor.answer is Trust.LIKELY and not sensor.usual and sensor.found is not None:
-            off, sd = math.log(sensor.found.scale), sensor.found.scale_sd / sensor.found.scale
-            if sensor.found.margin < CERTAIN and abs(off) > _GAIN + 3.0 * sd:
-                sensor.answer = Trust.UNKNOWN
+        for sensor in self.sensors.values():  # axes and unit not as declared are two faults: that takes sure odds
+            if sensor.answer is Trust.LIKELY and not sensor.usual and sensor.found is not None:
+                off, sd = math.log(sensor.found.scale), sensor.found.scale_sd / sensor.found.scale
+                if sensor.found.margin < CERTAIN and abs(off) > _GAIN + 3.0 * sd:
+                    sensor.answer = Trust.UNKNOWN
 
     def _scales(self, gyr: Floats, acc: Floats) -> tuple[float, ...]:
         """Scales that the rates may have: of units with which a body turns as bodies do, and one by regression."""
@@ -399,8 +395,10 @@ class Examination:
     def _own_axes(self, triad: _Sensor, turn: Floats, *, alone: bool) -> None:
         """Axes of one vector sensor in those of the case; `turn` takes the case's to its own."""
         assert triad.found is not None
-        if triad.name == "acc" and not (turn == np.eye(3)).all() and self._upside_down(turn.T):
-            turn = -turn
+        if triad.name == "acc" and not (turn == np.eye(3)).all():
+            mean = turn.T @ np.nanmean(self.values["acc"], axis=0)
+            if mean @ self.up < -0.5 * np.linalg.norm(mean):  # so turned, the body is upside down on the whole
+                turn = -turn
         self.numbers.setdefault(triad.name, {})["axes"] = axes_letters(turn.T)
         if (turn == np.eye(3)).all():
             self._find(triad.name, "axes", triad.answer, info("doctor.axes_right"), triad.found.margin)
@@ -408,11 +406,6 @@ class Examination:
         why = [info("doctor.or_gyr_axes", axes=axes_letters(turn))] if alone else []
         self._find(triad.name, "axes", triad.answer, info("doctor.axes", axes=axes_letters(turn.T)), triad.found.margin,
                    *why, lines=self.declared.axes(triad.name, turn.T))  # fmt: skip
-
-    def _upside_down(self, turn: Floats) -> bool:
-        """Whether the accelerometer, so turned, shows the body upside down on the whole: negated, it is upright."""
-        mean = turn @ np.nanmean(self.values["acc"], axis=0)
-        return bool(mean @ self.up < -0.5 * np.linalg.norm(mean))
 
     def _unknown_axes(self, name: str, sensor: _Sensor) -> None:
         odds = sensor.declared_odds()
@@ -607,7 +600,7 @@ def _steady_rate(t: Floats, gyr: Floats) -> float:
     rate = np.nan_to_num(gyr)
     q = quat_chained(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, np.newaxis])
     edges = np.arange(t[0], t[-1], min(_AVERAGED, 0.5 * float(t[-1] - t[0])))
-    averages = means(t, quat_rotate(q, rate), edges)
+    averages = Samples(t, quat_rotate(q, rate)).means(edges)
     averages = averages[np.isfinite(averages[:, 0])]
     return float(np.sqrt(np.mean(np.sum((averages if averages.size else rate) ** 2, axis=1))))
 

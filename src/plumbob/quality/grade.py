@@ -9,7 +9,7 @@ Everything is found block by block, so that a recording that stays in its file i
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -159,7 +159,7 @@ def grade(imu: ImuData, notes: Sequence[Finding] = ()) -> Grade:
         What the reading of the file found; those about gaps that only the host's clock shows count.
     """
     steps = _Steps.measure(bursts(imu.t), np.diff(imu.t_ns))
-    repeated = {name: statistics(imu, name).repeats for name in imu.triads}
+    repeated, card = {name: statistics(imu, name).repeats for name in imu.triads}, imu.meta.calibration
     made = (
         _sensors(imu.triads),
         _rate(steps),
@@ -170,10 +170,14 @@ def grade(imu: ImuData, notes: Sequence[Finding] = ()) -> Grade:
         _stuck(imu, repeated),
         _resolution(imu, repeated),
         _plausible(imu, still := _rest(imu)),
-        _calibration(imu.meta.calibration),
-        _static(imu, still),
+        Criterion("calibration", 10.0, 0.0 if card else 10.0,
+                  (info("criterion.card", card=card) if card else info("criterion.no_card"),)),
+        None if still is None else _judged(
+            "rest", 5.0, still.first, REST, info("criterion.rest", percent=100.0 * still.share, first=still.first),
+            begin=BEGIN,
+        ),
         _clock(imu, steps, notes),
-    )
+    )  # fmt: skip
     return Grade(tuple(criterion for criterion in made if criterion is not None))
 
 
@@ -303,7 +307,9 @@ def _gaps(steps: _Steps) -> Criterion:
 
 
 def _loss(repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Sequence[Finding]) -> Criterion:
-    shares = {"rows": steps.lost, "bytes": _junk(notes)}
+    counts = [note.values for note in notes if note.code == "source.decoded"]  # bytes, and those of no frame
+    junk = int(str(counts[0]["junk"])) / max(1, int(str(counts[0]["bytes"]))) if counts else 0.0
+    shares = {"rows": steps.lost, "bytes": junk}
     shares |= {name: _absent(axes != NOT_KNOWN, each=name != "mag") for name, axes in repeated.items()}
     return _judged("loss", 20.0, max(shares.values()), LOST, *_shares(shares), samples="yes")
 
@@ -312,12 +318,6 @@ def _shares(shares: Mapping[str, float]) -> Iterator[Finding]:
     """What has which share, where it has any."""
     some = [info("criterion.share", of=of, percent=100.0 * share) for of, share in shares.items() if share]
     yield from some or [info("criterion.no_share")]
-
-
-def _junk(notes: Sequence[Finding]) -> float:
-    """Share of the bytes of a stream that belong to no frame, as who decoded them says."""
-    counts = [note.values for note in notes if note.code == "source.decoded"]
-    return int(str(counts[0]["junk"])) / max(1, int(str(counts[0]["bytes"]))) if counts else 0.0
 
 
 def _absent(present: NDArray[np.bool_], *, each: bool) -> float:
@@ -349,7 +349,8 @@ def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion
         repeats = bits[bits != NOT_KNOWN]
         if np.count_nonzero(repeats != ALL_AXES) < 2:  # it never changes: a simulation without noise, at rest
             continue
-        stretches = [(axes, start, stop) for axes, marks in _repeating(repeats) for start, stop in stuck_runs(marks)]
+        again = {"": repeats == ALL_AXES} | {axis: repeats & (1 << i) != 0 for i, axis in enumerate("xyz")}
+        stretches = [(axes, start, stop) for axes, marks in again.items() for start, stop in stuck_runs(marks)]
         t = imu.t[bits != NOT_KNOWN] if stretches else np.empty(0)
         for axes, start, stop in stretches:
             lasting = float(t[stop - 1] - t[start])
@@ -358,12 +359,6 @@ def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion
                 where = info("criterion.stuck", sensor=name, axis=axes, seconds=lasting, start=float(t[start]))
     limits = (STUCK_FOR, quality.FLAT[1])
     return _judged("stuck", 30.0, longest, limits, where, samples=STUCK_SAMPLES)
-
-
-def _repeating(repeats: NDArray[np.uint8]) -> Iterable[tuple[str, NDArray[np.bool_]]]:
-    yield "", np.asarray(repeats == ALL_AXES)
-    for i, axis in enumerate("xyz"):
-        yield axis, np.asarray(repeats & (1 << i) != 0)
 
 
 def _others(repeats: NDArray[np.uint8], axes: str, start: int, stop: int) -> bool:
@@ -428,19 +423,11 @@ def _rest(imu: ImuData) -> _Still | None:
     )
 
 
-def _static(imu: ImuData, still: _Still | None) -> Criterion | None:
-    if still is None:
-        return None
-    finding = info("criterion.rest", percent=100.0 * still.share, first=still.first)
-    return _judged("rest", 5.0, still.first, REST, finding, begin=BEGIN)
-
-
 def _plausible(imu: ImuData, still: _Still | None) -> Criterion:
     """What contradicts the declared units, the worst first, which alone costs."""
     sizes = () if imu.meta.unit_check else imu.unit_doubts()  # else the reading has refused it
     doubted = [*as_findings("doubts", sizes), *(it for it in doubts(imu) if it.code != "samples.bursts")]
-    tests = [*_gravity(imu, still), *_field(imu), *_temperature(imu), *((1.0, doubt) for doubt in doubted)]
-    tests += _contradicted(imu)
+    tests = [*_sizes(imu, still), *((1.0, doubt) for doubt in doubted), *_contradicted(imu)]
     lost = max((share for share, _ in tests), default=0.0)
     worst_first = sorted(tests, key=lambda test: -test[0])
     findings = tuple(dict.fromkeys(it for share, it in worst_first if share > 0.0 or not lost))
@@ -467,39 +454,24 @@ def _contradicted(imu: ImuData) -> Iterator[tuple[float, Finding]]:
             yield 1.0 if it.wrong else share, it.finding.on(f"{it.sensor} {it.question}")
 
 
-def _gravity(imu: ImuData, still: _Still | None) -> Iterator[tuple[float, Finding]]:
-    if "acc" not in imu.triads:
-        return
-    at_rest = still is not None and math.isfinite(still.force)
-    typical = still.force if at_rest and still is not None else statistics(imu, "acc").norm
-    if at_rest:
-        yield _share(abs(typical / G0 - 1.0), GRAVITY), info("criterion.force_at_rest", force=typical)
-    else:
-        off = max(typical / G0, G0 / typical) if typical > 0.0 else math.inf
-        yield _share(off, MOVING), info("criterion.force_in_motion", force=typical)
-
-
-def _field(imu: ImuData) -> Iterator[tuple[float, Finding]]:
-    if "mag" not in imu.triads:
-        return
-    typical = statistics(imu, "mag").norm
-    low, high = EARTH_FIELD
-    off = max(low / typical if typical > 0.0 else math.inf, typical / high)
-    yield 0.5 * _share(off, OFF_FIELD), info("criterion.field", field=typical)
-
-
-def _temperature(imu: ImuData) -> Iterator[tuple[float, Finding]]:
-    temp = imu.temp_c
-    if temp is None or not np.isfinite(temp).any():
-        return
-    low, high = float(np.nanmin(temp)), float(np.nanmax(temp))
-    beyond = low < quality.CELSIUS[0] or high > quality.CELSIUS[1]
-    yield 0.25 * beyond, info("criterion.temperature", low=low, high=high)
-
-
-def _calibration(card: str | None) -> Criterion:
-    finding = info("criterion.card", card=card) if card else info("criterion.no_card")
-    return Criterion("calibration", 10.0, 0.0 if card else 10.0, (finding,))
+def _sizes(imu: ImuData, still: _Still | None) -> Iterator[tuple[float, Finding]]:
+    """How far gravity, field and temperature are from what is usual on the Earth."""
+    if "acc" in imu.triads:
+        if still is not None and math.isfinite(still.force):
+            off = _share(abs(still.force / G0 - 1.0), GRAVITY)
+            yield off, info("criterion.force_at_rest", force=still.force)
+        else:
+            typical = statistics(imu, "acc").norm
+            off = max(typical / G0, G0 / typical) if typical > 0.0 else math.inf
+            yield _share(off, MOVING), info("criterion.force_in_motion", force=typical)
+    if "mag" in imu.triads:
+        typical, (low, high) = statistics(imu, "mag").norm, EARTH_FIELD
+        off = max(low / typical if typical > 0.0 else math.inf, typical / high)
+        yield 0.5 * _share(off, OFF_FIELD), info("criterion.field", field=typical)
+    if imu.temp_c is not None and np.isfinite(imu.temp_c).any():
+        low, high = float(np.nanmin(imu.temp_c)), float(np.nanmax(imu.temp_c))
+        beyond = low < quality.CELSIUS[0] or high > quality.CELSIUS[1]
+        yield 0.25 * beyond, info("criterion.temperature", low=low, high=high)
 
 
 def _clock(imu: ImuData, steps: _Steps, notes: Sequence[Finding]) -> Criterion:

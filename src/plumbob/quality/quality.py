@@ -134,7 +134,9 @@ def verdict(
     share = min(1.0, float(np.count_nonzero(usable)) * mean / max(span[1] - span[0], mean))
     if at.size < FEWEST:
         return BurstVerdict(NOT_EVALUATED, good=share)
-    tests = {"gap": _above(_hole(at[usable], span, step), HOLE), "percent good": _above(-share, (-GOOD[0], -GOOD[1]))}
+    # the longest time without a sample beyond the usual step; the ends of the burst are edges, too
+    hole = float(np.max(np.diff(np.concatenate(([span[0]], at[usable], [span[1]]))))) - step
+    tests = {"gap": _above(hole, HOLE), "percent good": _above(-share, (-GOOD[0], -GOOD[1]))}
     tests |= _values(channel, samples, marks)
     if channel in _BEYOND:
         tests["flat line"] = _above(_flat(at, samples), FLAT, equal=True)
@@ -164,9 +166,12 @@ def _values(channel: str, samples: Floats, marks: NDArray[np.uint32]) -> dict[st
         if channel == "temp"
         else (marks & np.uint32(_BEYOND[channel])) != 0
     )
+    sd = np.std(samples, axis=0)
+    limit = np.where(sd > 0.0, STEP * sd, np.inf)
+    fast = float(np.mean((np.abs(np.diff(samples, axis=0)) > limit).any(axis=1)))
     tests = {
         "spike": _above(_spikes(samples), SHARE),
-        "rate of change": _above(_fast(samples), SHARE),
+        "rate of change": _above(fast, SHARE),
         "range": _above(float(np.mean(beyond)), SHARE),
     }
     if channel == "mag":
@@ -180,11 +185,6 @@ def _above(value: float, limits: tuple[float, float], *, equal: bool = False) ->
     return FAIL if fail else SUSPECT if suspect else PASS
 
 
-def _hole(at: Floats, span: tuple[float, float], step: float) -> float:
-    """Longest time without a sample beyond the usual step, s; the ends of the burst are edges, too."""
-    return float(np.max(np.diff(np.concatenate(([span[0]], at, [span[1]]))))) - step
-
-
 def _spikes(samples: Floats) -> float:
     """Share of samples that stand out from the mean and from both neighbours, on the same side."""
     off = samples - np.mean(samples, axis=0)
@@ -193,11 +193,6 @@ def _spikes(samples: Floats) -> float:
     high = (off[1:-1] > limit) & (rise > limit) & (fall > limit)
     low = (off[1:-1] < -limit) & (rise < -limit) & (fall < -limit)
     return float(np.mean((high | low).any(axis=1)))
-
-
-def _fast(samples: Floats) -> float:
-    limit = STEP * np.std(samples, axis=0)
-    return float(np.mean((np.abs(np.diff(samples, axis=0)) > np.where(limit > 0.0, limit, np.inf)).any(axis=1)))
 
 
 def _flat(at: Floats, samples: Floats) -> float:

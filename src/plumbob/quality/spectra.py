@@ -95,8 +95,11 @@ def welch(
     uneven = 0
     for channel in range(values.shape[1]):
         for start in _starts(t, values[:, channel], length, step):
-            samples, even = _even(t, values[:, channel], start, length, step, channel in turns)
-            total[:, channel] += _density(samples, step)
+            samples, at = values[start : start + length, channel], t[start : start + length]
+            samples = np.unwrap(samples) if channel in turns else samples
+            grid = at[0] + (at[-1] - at[0]) / (length - 1) * np.arange(length)
+            even = bool(np.max(np.abs(at - grid)) <= UNEVEN * step)
+            total[:, channel] += _density(samples if even else np.interp(grid, at, samples), step)
             segments[channel] += 1
             uneven += not even
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -116,16 +119,6 @@ def _starts(t: Floats, values: Floats, length: int, step: float) -> list[int]:
         if stop - start >= length and finite[start]:
             starts += range(start, stop - length + 1, max(1, length // 2))
     return starts
-
-
-def _even(t: Floats, values: Floats, start: int, length: int, step: float, turns: bool) -> tuple[Floats, bool]:
-    """Values of a segment at even times, and whether they were so."""
-    samples = values[start : start + length]
-    samples = np.unwrap(samples) if turns else samples
-    at = t[start : start + length]
-    grid = at[0] + (at[-1] - at[0]) / (length - 1) * np.arange(length)
-    even = bool(np.max(np.abs(at - grid)) <= UNEVEN * step)
-    return (samples if even else np.interp(grid, at, samples)), even
 
 
 def _density(x: Floats, step: float) -> Floats:

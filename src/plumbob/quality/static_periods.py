@@ -70,10 +70,17 @@ def at_rest(acc: BlockMoments, gyr: BlockMoments | None, size: float) -> NDArray
     size : float
         Samples in a block.
     """
-    quiet = _quiet(acc.sd, _LOUDEST[0]) & _steady(acc, size)
+    quiet, scatter = _quiet(acc.sd, _LOUDEST[0]), acc.sd.max(axis=1)
+    with np.errstate(invalid="ignore"):
+        limit = MOVED + 6.0 * np.minimum(scatter[1:], scatter[:-1]) / np.sqrt(size)
+        same = np.abs(np.diff(acc.mean, axis=0)).max(axis=1) <= limit
+    quiet &= np.append(same, True) & np.append(True, same)  # whose mean is that of both neighbours
     if gyr is not None:
         quiet &= _quiet(gyr.sd, _LOUDEST[1])
-        quiet &= _unturned(gyr.mean, quiet)
+        if quiet.any():
+            bias = np.median(gyr.mean[quiet], axis=0)  # the mean rate that most of the quiet blocks have
+            with np.errstate(invalid="ignore"):
+                quiet &= np.abs(gyr.mean - bias).max(axis=1) <= TURNED
     return quiet
 
 
@@ -90,21 +97,3 @@ def _quiet(sd: Floats, loudest: float) -> NDArray[np.bool_]:
     floor = float(np.quantile(finite, _QUIET)) if finite.size else 0.0
     with np.errstate(invalid="ignore"):
         return np.asarray(scatter <= min(LOUDER * floor, loudest))
-
-
-def _steady(acc: BlockMoments, size: float) -> NDArray[np.bool_]:
-    """Blocks whose mean is that of both neighbours, (count,)."""
-    mean, scatter = acc.mean, acc.sd.max(axis=1)
-    with np.errstate(invalid="ignore"):
-        limit = MOVED + 6.0 * np.minimum(scatter[1:], scatter[:-1]) / np.sqrt(size)
-        same = np.abs(np.diff(mean, axis=0)).max(axis=1) <= limit
-    return np.asarray(np.append(same, True) & np.append(True, same))
-
-
-def _unturned(rate: Floats, quiet: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Blocks whose mean rate (count, 3) is the bias: what most of the quiet blocks have."""
-    if not quiet.any():
-        return quiet
-    bias = np.median(rate[quiet], axis=0)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.abs(rate - bias).max(axis=1) <= TURNED)

@@ -20,7 +20,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import deg
-from plumbob.quality.spectra import Spectra, peak_period, welch
+from plumbob.quality.spectra import peak_period, welch
 
 DEAD: Final = 0.05
 """Band about the mean within which nothing crosses it, in standard deviations."""
@@ -86,8 +86,8 @@ class TiltMotion:
         return float(np.mean(self.periods)) if self.waves else math.nan
 
     @classmethod
-    def of(cls, t: Floats, angle: Floats) -> Self:
-        """Motion of an angle (N,), rad, at times (N,), s; NaN where it is not known."""
+    def of(cls, t: Floats, angle: Floats, tp: float = math.nan) -> Self:
+        """Motion of an angle (N,), rad, at times (N,), s; NaN where not known; `tp` is that of one that moves."""
         finite = np.isfinite(angle)
         if not finite.any():
             return cls(0, math.nan, math.nan, math.nan, math.nan, np.empty(0), np.empty(0))
@@ -99,12 +99,8 @@ class TiltMotion:
             none = np.empty(0)
             return cls(theta.size, math.nan, math.nan, float(theta.min()), float(theta.max()), none, none, wrapped=True)
         heights, periods = waves(at, theta - mean, gap=GAP_FACTOR * step, dead=DEAD * sd)
-        return cls(theta.size, mean, sd, float(theta.min()), float(theta.max()), heights, periods)
-
-    def peaked(self, spectra: Spectra, channel: int) -> Self:
-        """The same, with the period of the peak of a channel's spectrum; without where it means nothing."""
-        usable = not self.wrapped and self.sd > 0.0
-        return replace(self, tp=peak_period(spectra, channel)) if usable else self
+        tp = tp if sd > 0.0 else math.nan
+        return cls(theta.size, mean, sd, float(theta.min()), float(theta.max()), heights, periods, tp)
 
     @classmethod
     def joined(cls, parts: Sequence[Self], tp: float = math.nan) -> Self:
@@ -268,7 +264,7 @@ def tilt_statistics(
     roll, pitch = check.column("roll", roll, t.size), check.column("pitch", pitch, t.size)
     tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
     spectra = welch(t, np.stack((roll, pitch), axis=1), segment=segment)
-    motions = [TiltMotion.of(t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
+    motions = [TiltMotion.of(t, angle, peak_period(spectra, i)) for i, angle in enumerate((roll, pitch))]
     return TiltStatistics(motions[0], motions[1], Inclination.of(t, tilt, limit))
 
 

@@ -39,20 +39,7 @@ def stick_figure(
 ) -> Scene:
     """Scene of a chain: lines from joint to joint, and the hand with its path.
 
-    Parameters
-    ----------
-    chain : Chain
-        The chain.
-    t : ndarray (N,)
-        Times, s.
-    angles : ndarray (N, all angles)
-        rad, in the order of `Chain.angles`.
-    postures : mapping of str to Posture, optional
-        Where the segments were, if that is known better than by the angles on a root that stands still.
-    shadow : ndarray (N, all angles), optional
-        Of a second, pale figure, such as truth.
-    caption : str
-        Of the figure.
+    `angles` (N, all) are those of `Chain.angles`, rad; `postures` may be known better; `shadow` are angles drawn pale.
     """
     points, lines = stick_points(chain, chain.postures(angles) if postures is None else postures)
     names = chain.angles
@@ -96,31 +83,7 @@ def arm_report(
 ) -> Report:
     """Report of a motion: a stick figure, joint angles with their standard deviation, the hand, and a program.
 
-    Parameters
-    ----------
-    chain : Chain
-        The chain.
-    track : JointTrack
-        Its angles, estimated or recorded.
-    program : Program, optional
-        What was taught from them.
-    truth : JointTrack, optional
-        True angles at the same times, drawn pale.
-    postures : mapping of str to Posture, optional
-        As of `stick_figure`.
-    title : str
-        Of the page.
-    facts : sequence of (str, str)
-        Where it comes from.
-    remarks : sequence of str
-        What a reader should know.
-
-    Raises
-    ------
-    ParameterError
-        If the angles are not those of the chain.
-    ShapeError
-        If truth has other times.
+    `truth` are true angles at the same times, drawn pale.
     """
     angles = in_order(chain, track)
     if truth is not None and not np.array_equal(truth.t, track.t):

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 AXES: Final = ("x", "y", "z")
 
+# Units in which a triad is shown; the first one also where only one is.
 SHOWN: Final = {"gyr": ("deg/s",), "acc": ("mg", "m/s2"), "mag": ("uT",)}
-"""Units in which a triad is shown; the first one also where only one is."""
 
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PPM = 0.01
@@ -43,17 +43,7 @@ _DEFINITIONS = (
 
 
 def certificate(card: CalibrationCard, fits: Mapping[str, Fitted], *, recording: str = "") -> Report:
-    """What a card holds, with units and standard deviations.
-
-    Parameters
-    ----------
-    card : CalibrationCard
-        The card.
-    fits : mapping of str to Fitted
-        By triad, the fits that it was just made of; their triads get figures.
-    recording : str
-        What it was made from; any text is safe.
-    """
+    """What a card holds, with units and standard deviations, and figures of the triads that `fits` just made."""
     named = {"device": card.device, "date": card.date, "made by": card.software, "recording": recording}
     lacking = [title for name, title in TITLES.items() if name not in card.parts]
     remarks = [f"NOT in this card, which leaves them uncalibrated: {', '.join(lacking)}"] if lacking else []

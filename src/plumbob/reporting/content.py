@@ -18,8 +18,7 @@ from plumbob.core.text import WIDTH
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
-LANGUAGES: Final = ("en", "zh")
-"""Of the labels of pages and pictures."""
+LANGUAGES: Final = ("en", "zh")  # of the labels of pages and pictures
 
 # After Okabe and Ito, distinguished by colour-blind readers; the names are CSS variables of the page.
 PALETTE: Final = {
@@ -33,8 +32,8 @@ PALETTE: Final = {
 }
 INK, MUTED, GRID, SHADE, SOFT = "#1b1f24", "#5b6570", "#d8dde2", "#e9edf1", "#aab4be"
 SERIES: Final = tuple(PALETTE)
+# Names of all colours.
 VARIABLES: Final = {**PALETTE, INK: "ink", MUTED: "muted", GRID: "grid", SHADE: "shade", SOFT: "soft"}
-"""Names of all colours."""
 COLOURS: Final = {name: colour for colour, name in VARIABLES.items()}
 
 _APART = re.compile(r"(: |, | \[[^\]]*\])")
@@ -42,13 +41,7 @@ _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 class Both(str):
-    """English text that carries its Chinese, for sentences that no dictionary of labels could hold.
-
-    Parameters
-    ----------
-    en, zh : str
-        The text in both languages. As a string, it is the English one.
-    """
+    """English text that carries its Chinese, for sentences that no dictionary of labels could hold."""
 
     zh: str
 

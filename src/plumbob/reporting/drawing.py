@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 
     from plumbob.reporting.content import Figure
 
-PICTURES: Final = (".svg", ".png", ".pdf")
-"""Endings of the names of pictures."""
+PICTURES: Final = (".svg", ".png", ".pdf")  # endings of the names of pictures
 
 _DPI = 200
 _WIDTH = 7.5  # inches, 540 points: the page shows a point as 1.8 pixels at most
@@ -47,11 +46,10 @@ _STYLE: Final[dict[str, Any]] = {
     "xtick.labelcolor": INK, "ytick.labelcolor": INK, "xtick.major.width": 0.5, "ytick.major.width": 0.5,
     "lines.solid_joinstyle": "round", "path.simplify": False,
 }  # fmt: skip
-CHINESE: Final = (
+CHINESE: Final = (  # fonts that have the letters of Chinese labels, the first one found is taken
     "Noto Sans CJK SC", "Noto Sans SC", "Source Han Sans SC", "Source Han Sans CN", "WenQuanYi Micro Hei",
     "WenQuanYi Zen Hei", "Microsoft YaHei", "SimHei", "PingFang SC", "Hiragino Sans GB", "Heiti SC", "Arial Unicode MS",
 )  # fmt: skip
-"""Fonts that have the letters of Chinese labels, the first one found is taken."""
 
 
 def variable(colour: str) -> str:
@@ -60,17 +58,7 @@ def variable(colour: str) -> str:
 
 
 def svg(figure: "Figure", *, lang: str = "en", salt: str) -> str:
-    """``<svg>`` element of a figure.
-
-    Parameters
-    ----------
-    figure : Figure
-        To draw.
-    lang : str
-        Of its labels.
-    salt : str
-        Distinguished from that of every other figure of the page, so that no two share an identifier.
-    """
+    """``<svg>`` element of a figure; no two of a page share an identifier where each has another `salt`."""
     buffer = io.StringIO()
     with _canvas(figure.height, lang, salt=salt) as canvas:
         figure.draw(canvas)
@@ -87,28 +75,7 @@ def picture(
     overwrite: bool = False,
     width: float | None = None,
 ) -> Path:
-    """Write figures one below the other on white, each with its caption and key, as the ending of the name says.
-
-    Parameters
-    ----------
-    path : path
-        The picture.
-    figures : sequence of Figure
-        To draw.
-    lang : str
-        Of the labels.
-    overwrite : bool
-        Whether a picture that lies there may be replaced.
-    width : float, optional
-        Inches; 7.5 without it.
-
-    Raises
-    ------
-    ParameterError
-        If the name does not end in .svg, .png or .pdf, or there is no figure.
-    MissingExtraError
-        If matplotlib is not installed, or no Chinese font where the labels need one.
-    """
+    """Write figures one below the other on white, each with caption and key; the width is in inches."""
     target = Path(path)
     check.one_of("lang", lang, LANGUAGES)
     kind = picture_kind(target)
@@ -201,12 +168,10 @@ def _finish(canvas: "FigureBase", lang: str) -> None:
 def _for_page(svg: str) -> str:
     """Strip what a page does not need: prologue, metadata, group names, needless digits; and free the colours."""
     svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"<!--.*?-->", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->| font-family: [^;]*;", "", svg, flags=re.DOTALL)
     svg = re.sub(r'<g id="[^"]*"', "<g", svg)
-    svg = re.sub(r" font-family: [^;]*;", "", svg)
-    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
-    svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
+    for size in ("width", "height"):
+        svg = re.sub(rf'(<svg[^>]*?) {size}="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\.\d{2})\d+", r"\1", tag[0]), svg)  # labels keep their digits
     for colour, name in VARIABLES.items():
         svg = svg.replace(colour, f"var(--{name})")

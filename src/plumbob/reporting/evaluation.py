@@ -20,7 +20,7 @@ from plumbob.evaluation.compare import Comparison, TriadDifference
 from plumbob.evaluation.evaluation import Evaluation, sample_counts
 from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Stats
 from plumbob.reporting.content import SERIES, SHADE, SOFT, Figure, Table
-from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
+from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels, runs
 from plumbob.reporting.report import Report
 from plumbob.rotations import IDENTITY, North, euler_zyx_from_quat, quat_angle
 
@@ -76,17 +76,8 @@ def comparison(c: Comparison) -> Report:
 
 
 def _triad_table(triads: Mapping[str, TriadDifference]) -> Table:
-    head = (
-        "",
-        "Unit",
-        "Bias b − a",
-        "Scale b / a",
-        "RMS",
-        "RMS, relative",
-        "Residual",
-        "Coherent to",
-        "Spectrum b / a",
-    )
+    head = ("", "Unit", "Bias b − a", "Scale b / a", "RMS", "RMS, relative", "Residual", "Coherent to",
+            "Spectrum b / a")  # fmt: skip
     rows = []
     for name, triad in triads.items():
         band = "-" if triad.bandwidth is None else f"{triad.bandwidth:.3g} Hz"
@@ -103,22 +94,7 @@ def _three(values: Floats, digits: int = 3) -> str:
 def side_by_side(
     evaluations: Mapping[str, Evaluation], *, title: str = "Attitude errors", facts: Sequence[tuple[str, str]] = ()
 ) -> Report:
-    """Evaluations beside each other, and a part for each.
-
-    Parameters
-    ----------
-    evaluations : mapping of str to Evaluation
-        By name, such as the filter's.
-    title : str
-        Of the report; any text is safe.
-    facts : sequence of (str, str)
-        Where they come from: device, recording, calibration, versions, date.
-
-    Raises
-    ------
-    ShapeError
-        If no evaluation is given.
-    """
+    """Evaluations beside each other, by the name of each, such as the filter's, and a part for each."""
     if not evaluations:
         raise ShapeError("a report needs at least one evaluation, but evaluations is empty.")
     columns = max(200, min(_COLUMNS, _ALL_COLUMNS // len(evaluations)))
@@ -321,8 +297,6 @@ def _panel(
     e: Evaluation, columns: int, name: str, lines: Iterable[tuple[Floats, Any]], *, jump: float = np.inf, **how: Any
 ) -> PlotPanel:
     """Values in degrees, each with colour and width, over time; pale where samples are not scored."""
-    from plumbob.reporting.drawing import runs
-
     several = e.t.size > 1
     gap = GAP_FACTOR * float(np.median(np.diff(e.t))) if several else np.inf
     drawn = [PlotLine(e.t, y, colour, width=width, gap=gap, jump=jump) for y, (colour, width) in lines]

@@ -28,33 +28,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Info(FactsText):
-    """What a file holds.
+    """What a file holds."""
 
-    Attributes
-    ----------
-    numbers : mapping
-        All that is known, as JSON can hold it.
-    lines : sequence of str
-        The same for a reader.
-    grade : Grade or None
-        What the recording is worth, with the reasons.
-    points : float or None
-        Of the recording, or of a card, which has a grade of its own.
-    """
-
-    numbers: Mapping[str, Any]
-    lines: Sequence[str]
-    grade: "Grade | None" = None
-    points: float | None = None
+    numbers: Mapping[str, Any]  # all that is known, as JSON can hold it
+    lines: Sequence[str]  # the same for a reader
+    grade: "Grade | None" = None  # what the recording is worth, with the reasons
+    points: float | None = None  # of the recording, or of a card, which has a grade of its own
 
     def reaches(self, asked: float | str) -> bool:
-        """Whether the grade is at least a number from 0 to 100, or a word: GOOD, FAIR or POOR.
-
-        Raises
-        ------
-        ParameterError
-            If nothing here has a grade, as a noise card, or the word is not one of the three.
-        """
+        """Whether the grade is at least a number from 0 to 100, or a word: GOOD, FAIR or POOR."""
         from plumbob.quality.grade import WORDS
 
         if self.points is None:
@@ -86,8 +68,7 @@ class Info(FactsText):
         return "\n".join((*self.lines, *lines))
 
 
-READ_WHOLE: Final = 1 << 26
-"""A smaller file, bytes, is read as a whole: parts that several passes read again take longer than they spare."""
+READ_WHOLE: Final = 1 << 26  # bytes of a file that is read whole: parts that are read again take longer than they spare
 
 
 def info(

@@ -66,11 +66,10 @@ _ROWS = 40  # of a curve's table
 _COARSE = 0.05  # of N² from the rounding of the values: more is told
 
 
-NOISE: Final = {
+NOISE: Final = {  # kinds of noise by the exponent of their spectrum
     2: "quantization", 1: "flicker of the integral", 0: "white", -1: "flicker", -2: "random walk", -3: "flicker walk",
     -4: "random run",
 }  # fmt: skip
-"""Kinds of noise by the exponent of their spectrum."""
 
 
 def thinned_rows(curve: Curve, limit: int) -> NDArray[np.intp]:
@@ -119,17 +118,7 @@ def noise(result: Noise, *, device: str | None = None) -> Report:
 def datasheet(analyses: Sequence[Analysis], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
     """Data sheet: a part for each sensor, its axes side by side, with a figure and the details of each channel.
 
-    Parameters
-    ----------
-    analyses : sequence of Analysis
-        Channels; names such as "gyr x" say which belong together.
-    facts : sequence of (str, str)
-        Where they come from; any text is safe.
-
-    Raises
-    ------
-    ShapeError
-        If no analysis is given, or two have the same name.
+    Names of channels such as "gyr x" say which belong together.
     """
     parts = [_triad(triad) for triad in triads(analyses)]
     return Report("Noise data sheet", facts=facts, remarks=[LEGEND], parts=parts, definitions=_DEFINITIONS)

@@ -6,10 +6,11 @@ blocks of 16-bit codes.
 
 import math
 from base64 import b64encode
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +18,15 @@ from numpy.typing import NDArray
 from plumbob.core import check, units
 from plumbob.core.errors import ParameterError
 from plumbob.core.resources import asset
+from plumbob.core.result import Reported
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data import ImuData
 from plumbob.data.recording import Recording
-from plumbob.overview.overview import Overview, Source, make_gatherer
-from plumbob.overview.report_entry import Progress, Subject, read_subject
-from plumbob.overview.streaming_stats import Gathered
+from plumbob.overview.report_entry import Progress, Subject, duration, read_subject, subject_from
+from plumbob.overview.streaming_stats import WHOLE, Gathered, Gatherer
 from plumbob.quality import quality
+from plumbob.quality.grade import grade
 from plumbob.quality.tilt import Headings
 from plumbob.reporting import overview_tables as tables
 from plumbob.reporting.content import said
@@ -32,19 +34,160 @@ from plumbob.reporting.drawing import picture, picture_kind
 from plumbob.reporting.overview_figures import SECTORS, WHATS, Chart, charts, figure, figures, shown_values
 from plumbob.reporting.page import CSS, asset_text, render
 from plumbob.reporting.report import Report
+from plumbob.rotations import Frame
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import CalibrationCard, NoiseCard
+    from plumbob.door.estimate import Estimated
 
 TITLE: Final = "Attitude report"
 _WIDTHS: Final = 0.03, 1.0  # least and greatest width of a picture, m
 _NONE: Final = -32768
-_CODES: Final = 65534
-"""Steps that the range of a channel is divided in."""
+_CODES: Final = 65534  # steps that the range of a channel is divided in
 _LONG: Final = 12  # bursts whose table is not folded away
 _EVEN: Final = 1e-6  # s that times may depart from even ones and be written as such
 _CHANNEL: Final = {"gyr": "Gyroscope", "acc": "Accelerometer", "mag": "Magnetometer", "temp": "Temperature",
                    "attitude": "Attitude"}  # fmt: skip
 
-Block = tuple[str, Any]
-"""Kind of a part of a section, as the template has it, and what is in it."""
+Source = str | PathLike[str] | Recording | ImuData
+Block = tuple[str, Any]  # kind of a part of a section, as the template has it, and what is in it
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Overview(Reported):
+    """Recordings, each with its statistics and traces, in the order in which they were given."""
+
+    subjects: tuple[Subject, ...]
+
+    def facts(self) -> Mapping[str, str]:
+        """Recordings, and the first one's tilt."""
+        g = self.subjects[0].gathered
+        facts = {"recordings": ", ".join(subject.name for subject in self.subjects), "duration": duration(g.duration)}
+        if g.tilt is not None:
+            facts["roll"] = f"std {to_deg(g.tilt.roll.sd):.2f}°"
+            facts["pitch"] = f"std {to_deg(g.tilt.pitch.sd):.2f}°"
+        return facts
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them."""
+        return {"recordings": [subject.summary() for subject in self.subjects]}
+
+    def report(self, *_: Any, **_about: Any) -> Report:
+        """Description, with figures for a paper."""
+        definitions = tables.definitions(self.subjects)
+        if len(self.subjects) == 1:
+            return replace(_described(self.subjects[0]), title=TITLE, definitions=definitions)
+        beside = [tables.comparison_table(self.subjects)]
+        parts = [_described(subject) for subject in self.subjects]
+        return RecordingsReport(TITLE, tables=beside, parts=parts, definitions=definitions, subjects=self.subjects)
+
+
+def report(
+    files: Source | Sequence[Source],
+    *,
+    filter: str | None = None,
+    causal: bool = False,
+    lag: float | str | None = None,
+    params: Mapping[str, Any] | None = None,
+    frame: Frame | str | None = None,
+    init: str | None = None,
+    calibration: "CalibrationCard | str | Path | None" = None,
+    noise: "NoiseCard | str | Path | None" = None,
+    place: str | None = None,
+    date: str | None = None,
+    profile: str | Path | None = None,
+    unit: str | None = None,
+    burst: float | str = "20 min",
+    tilt_limit: float | str = "15 deg",
+    out: str | Path | None = None,
+    pdf: str | Path | None = None,
+    lang: str = "en",
+    overwrite: bool = False,
+    note: Callable[[str], object] | None = None,
+    progress: Progress | None = None,
+) -> Overview:
+    """Say on one page what recordings hold: attitude with its statistics, sensors, spectra, gaps and quality.
+
+    Parameters
+    ----------
+    files : path, Recording or ImuData, or a sequence of them
+        Recordings of any format that `plumbob.read` takes. Several: a part for each, and a table beside each other.
+    filter : str, optional
+        As of `plumbob.estimate`, by default "smoother"; "track": the attitude that the file holds, of a recorded stream
+        what was estimated live; "none": no attitude. A file that holds only an attitude is taken as it is.
+    causal, lag, params, frame, init, calibration, noise, place, date, profile, unit : optional
+        As of `plumbob.estimate`. Without `calibration`, a recorded stream takes the card of its session.
+    burst : float or str
+        Length of a burst, s, or text with a unit; statistics are given for each.
+    tilt_limit : float or str
+        Inclination that counts as large, rad, or text with a unit.
+    out : path, optional
+        Where to write the page, HTML.
+    pdf : path, optional
+        Where to write it as a PDF, which Chromium or Chrome prints.
+    lang : {"en", "zh"}
+        Language of the labels.
+    overwrite : bool
+        Whether files that lie there may be replaced.
+    note : callable, optional
+        Called with each remark as it is found.
+    progress : callable, optional
+        Called with the name of a recording, the number of its samples done, and of all.
+
+    Returns
+    -------
+    Overview
+        Its `text`, `summary`, `write_html`, `write_pdf` and `plot` give the same again.
+
+    Raises
+    ------
+    ParameterError
+        If an option is not known, two of them contradict each other, or the file lacks the attitude that was asked for.
+    ShapeError, FrameError, CalibrationError, DecodeError
+        As of `plumbob.estimate`.
+    MissingExtraError
+        If a page is asked for and those of Plumbob are not built, or a PDF and neither Chromium nor Chrome is there.
+    """
+    given = list(files) if isinstance(files, list | tuple) else [files]
+    if not given:
+        raise ParameterError("a report needs a recording, but none was given. Name one.")
+    how = {
+        "filter": filter, "causal": causal, "lag": lag, "params": params, "frame": frame, "init": init,
+        "calibration": calibration, "noise": noise, "place": place, "date": date, "profile": profile, "unit": unit,
+    }  # fmt: skip
+    most = max(2, WHOLE // len(given))
+    subjects = []
+    for file in given:
+        gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, most=most)
+        source = file if isinstance(file, Recording | ImuData) else check.path("files", file)
+        subjects.append(read_subject(source, gatherer, how, note=note, progress=progress))  # type: ignore[arg-type]
+    made = Overview(tuple(subjects))
+    if out is not None:
+        made.write_html(out, lang=lang, overwrite=overwrite)
+    if pdf is not None:
+        made.write_pdf(pdf, lang=lang, overwrite=overwrite)
+    return made
+
+
+def make_gatherer(
+    *, burst: float | str = "20 min", tilt_limit: float | str = "15 deg", most: int = WHOLE, **more: Any
+) -> Gatherer:
+    """Gatherer with options that may be text with a unit."""
+    length = units.given("burst", burst, Quantity.TIME)
+    limit = units.given("tilt_limit", tilt_limit, Quantity.ANGLE)
+    assert length is not None and limit is not None
+    for name, value in (("burst", length), ("tilt_limit", limit)):
+        if not 0.0 < value < math.inf:
+            raise ParameterError(f"{name} must be above 0, but it is {value:g}. Give a positive one.")
+    if limit >= math.pi:
+        raise ParameterError(f"tilt_limit must be below 180°, but it is {to_deg(limit):g}°. Give a smaller one.")
+    return Gatherer(burst=length, limit=limit, most=most, **more)
+
+
+def of_estimate(result: "Estimated", gatherer: Gatherer, file: str | Path) -> Overview:
+    """Overview of an estimate that a gatherer has followed; graded by the samples as the filter was given them."""
+    graded = grade(result.imu, result.inferred)
+    return Overview((subject_from(result, gatherer, (Path(file),), graded=graded),))
 
 
 @dataclass(frozen=True)
@@ -55,16 +198,25 @@ class RecordingsReport(Report):
 
     def page(self, *, lang: str = "en") -> str:
         """HTML of the page, self-contained; MissingExtraError where the pages of Plumbob are not built here."""
-        return _page(self, lang)
-
-
-def overview(o: Overview) -> Report:
-    """Description of recordings, with figures for a paper."""
-    definitions = tables.definitions(o.subjects)
-    if len(o.subjects) == 1:
-        return replace(_described(o.subjects[0]), title=TITLE, definitions=definitions)
-    beside, parts = [tables.comparison_table(o.subjects)], [_described(subject) for subject in o.subjects]
-    return RecordingsReport(TITLE, tables=beside, parts=parts, definitions=definitions, subjects=o.subjects)
+        style = CSS + asset_text("recordings.css") + asset("report.css").read_text(encoding="utf-8")
+        values: dict[str, str] = {}
+        data, recordings = [], []
+        for number, subject in enumerate(self.subjects):
+            plots = [_in_language(chart, lang) for chart in charts(subject.gathered) if chart.on_page]
+            data.append(_data(subject, plots, f"v{number}", values))
+            recordings.append({
+                "name": subject.name, "facts": subject.facts, "loud": "" if subject.calibrated else tables.BARE,
+                "remarks": [line for line in tables.remarks(subject) if line != tables.BARE],
+                "sections": list(_sections(subject, plots, number)),
+            })  # fmt: skip
+        words = {"time": said("time [s]", lang), "clock": said("time [h:min:s]", lang), "utc": said("UTC", lang)}
+        return render(
+            "recordings.html.j2", lang, style,
+            [asset("report.js").read_text(encoding="utf-8").replace("</script", "<\\/script")],
+            title=self.title, names=", ".join(subject.name for subject in self.subjects),
+            beside=self.tables[0] if self.parts else None, recordings=recordings, definitions=self.definitions,
+            data={"subjects": data, "words": words}, values=values,
+        )  # fmt: skip
 
 
 def _described(subject: Subject) -> RecordingsReport:
@@ -75,36 +227,6 @@ def _described(subject: Subject) -> RecordingsReport:
         remarks=tables.remarks(subject),
         figures=lambda: list(figures(subject).values()),
         subjects=(subject,),
-    )
-
-
-def _page(report: RecordingsReport, lang: str) -> str:
-    script = asset("report.js").read_text(encoding="utf-8").replace("</script", "<\\/script")
-    style = CSS + asset_text("recordings.css") + asset("report.css").read_text(encoding="utf-8")
-    values: dict[str, str] = {}
-    data, recordings = [], []
-    for number, subject in enumerate(report.subjects):
-        plots = [_in_language(chart, lang) for chart in charts(subject.gathered) if chart.on_page]
-        data.append(_data(subject, plots, f"v{number}", values))
-        lines = [line for line in tables.remarks(subject) if line != tables.BARE]
-        sections = list(_sections(subject, plots, number))
-        loud = "" if subject.calibrated else tables.BARE
-        recordings.append(
-            {"name": subject.name, "facts": subject.facts, "loud": loud, "remarks": lines, "sections": sections}
-        )
-    words = {"time": said("time [s]", lang), "clock": said("time [h:min:s]", lang), "utc": said("UTC", lang)}
-    return render(
-        "recordings.html.j2",
-        lang,
-        style,
-        [script],
-        title=report.title,
-        names=", ".join(subject.name for subject in report.subjects),
-        beside=report.tables[0] if report.parts else None,
-        recordings=recordings,
-        definitions=report.definitions,
-        data={"subjects": data, "words": words},
-        values=values,
     )
 
 
@@ -277,22 +399,15 @@ def plot(
     target = check.path("out", out)
     picture_kind(target)
     check.one_of("figure", what, WHATS)
-    window = (units.given("begin", begin, Quantity.TIME), units.given("end", end, Quantity.TIME))
-    low, high = (-math.inf if window[0] is None else window[0], math.inf if window[1] is None else window[1])
-    inches = _inches(units.given("width", width, Quantity.LENGTH))
-    gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, window=(low, high))
-    source = file if isinstance(file, Recording | ImuData) else check.path("file", file)
-    subject = read_subject(source, gatherer, how, graded=False, note=note, progress=progress)  # type: ignore[arg-type]
-    return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=inches)
-
-
-def _inches(width: float | None) -> float | None:
-    """Width of a picture, m, in inches."""
-    if width is None:
-        return None
-    if not _WIDTHS[0] <= width <= _WIDTHS[1]:
+    first, last = units.given("begin", begin, Quantity.TIME), units.given("end", end, Quantity.TIME)
+    window = (-math.inf if first is None else first, math.inf if last is None else last)
+    metres = units.given("width", width, Quantity.LENGTH)
+    if metres is not None and not _WIDTHS[0] <= metres <= _WIDTHS[1]:
         raise ParameterError(
             f"the width of a picture must be {1e3 * _WIDTHS[0]:g} to {1e3 * _WIDTHS[1]:g} mm, but it is "
-            f"{1e3 * width:g} mm. Give one in between, as 85mm."
+            f"{1e3 * metres:g} mm. Give one in between, as 85mm."
         )
-    return width / 0.0254
+    gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, window=window)
+    source = file if isinstance(file, Recording | ImuData) else check.path("file", file)
+    subject = read_subject(source, gatherer, how, graded=False, note=note, progress=progress)  # type: ignore[arg-type]
+    return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=metres and metres / 0.0254)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 COLUMNS: Final = 1500
 SECTORS: Final = 36
-_CAPTIONS: Final = {
+_CAPTIONS: Final = {  # captions and heights of pictures
     "angles": ("Roll, pitch and heading", 4.2), "tilt": ("Inclination from the vertical", 2.2),
     "rates": ("Angular rate", 3.6), "forces": ("Specific force", 3.6), "field": ("Magnetic flux density", 3.6),
     "temperature": ("Temperature", 2.0), "bias": ("Estimated gyroscope bias", 3.6),
@@ -31,12 +31,11 @@ _CAPTIONS: Final = {
     "rose": ("Share of time by heading, sectors of 10°", 4.2), "bursts": ("Bursts", 4.0),
     "flags": ("Flags over time", 1.1),
 }  # fmt: skip
-"""Captions and heights of pictures."""
-WHATS: Final = tuple(_CAPTIONS)
-"""All names of figures."""
+WHATS: Final = tuple(_CAPTIONS)  # all names of figures
 
 
 _XYZ: Final = tuple(zip("xyz", COLOURS, strict=False))
+# Picture, name on the page, caption where it is another than that of the picture, label, and lines with channels.
 _TIMED: Final = (
     ("angles", "roll", "Roll", "roll [°]", (("roll", "roll", "blue"),)),
     ("angles", "pitch", "Pitch", "pitch [°]", (("pitch", "pitch", "blue"),)),
@@ -50,7 +49,6 @@ _TIMED: Final = (
     ("sd", "", "", "1 sd [°]", tuple((angle, f"{angle}_sd", colour) for angle, colour in zip(
         ("roll", "pitch", "heading"), COLOURS, strict=False))),
 )  # fmt: skip
-"""Picture, name on the page, caption where it is another than that of the picture, label, and lines with channels."""
 _SPECTRA: Final = (
     ("angles", "roll and pitch", "roll, pitch", ("roll", "pitch")),
     ("heading rate", "the heading rate", "heading rate", ("heading_rate",)),
@@ -174,13 +172,7 @@ def figures(subject: Subject) -> dict[str, Figure]:
 
 
 def figure(subject: Subject, what: str) -> Figure:
-    """One figure by its name of `WHATS`.
-
-    Raises
-    ------
-    ParameterError
-        If the recording has nothing for it.
-    """
+    """One figure by its name of `WHATS`."""
     drawings = figures(subject)
     if what not in drawings:
         raise ParameterError(f"{subject.name} has nothing to draw for '{what}'. It has {', '.join(drawings)}.")

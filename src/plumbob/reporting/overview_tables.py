@@ -17,8 +17,7 @@ from plumbob.quality.tilt import DEAD, Headings, Inclination, TiltMotion, TiltSt
 from plumbob.reporting.content import Table
 from plumbob.rotations import North
 
-NARROW: Final = 0.7
-"""Spread of headings, rad, up to which they are drawn about their mean."""
+NARROW: Final = 0.7  # spread of headings, rad, up to which they are drawn about their mean
 _WAVES: Final = ("std [°]", "significant [°]", "Tz [s]")
 
 
@@ -131,14 +130,11 @@ def burst_table(subject: Subject) -> Table:
     return Table("Bursts", head, rows, detail="bursts")
 
 
-_GRADED: Final = {"rest": "rest at the start"}  # a column of rests has the word of its own
-
-
 def grade_table(grade: Grade) -> Table:
     """Grade of a recording, and what it lost points for, the dearest first."""
     rows = [
         (
-            _GRADED.get(criterion.name, criterion.name),
+            "rest at the start" if criterion.name == "rest" else criterion.name,
             f"{criterion.lost:.3g}",
             f"{criterion.points:g}",
             "; ".join(filter(None, (criterion.measured, criterion.advice))),
@@ -220,8 +216,8 @@ def percent(share: float) -> str:
     return f"{value:.2f}" if value >= 0.1 or value == 0.0 else f"{value:.1g}"
 
 
+# What is said loudly where no card was applied.
 BARE: Final = f"Calibration: {UNCALIBRATED}. All numbers of this page are of uncalibrated values."
-"""What is said loudly where no card was applied."""
 
 
 def remarks(subject: Subject) -> list[str]:

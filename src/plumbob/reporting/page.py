@@ -91,26 +91,19 @@ def _cell_class(text: str, is_words: bool) -> str:
     return "text long" if letters > _LONG_CELL else "text" if letters > _SHORT_CELL else "text short"
 
 
-BROWSERS: Final = (
+BROWSERS: Final = (  # programs that print a page, the first one found is taken
     "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge", "microsoft-edge",
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
     "/Applications/Chromium.app/Contents/MacOS/Chromium",
     "C:/Program Files/Google/Chrome/Application/chrome.exe",
     "C:/Program Files (x86)/Microsoft/Edge/Application/msedge.exe",
 )  # fmt: skip
-"""Programs that print a page, the first one found is taken."""
 
 _PATIENCE: Final = 180.0  # s
 
 
 def browser() -> str:
-    """Path of a program that prints pages.
-
-    Raises
-    ------
-    MissingExtraError
-        If none is installed.
-    """
+    """Path of a program that prints pages."""
     program = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if program is None:
         raise MissingExtraError(

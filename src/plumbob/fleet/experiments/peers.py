@@ -23,20 +23,7 @@ from plumbob.rotations import Frame, North, change_frame, quat_from_euler_zyx, q
 
 
 def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Any]]]) -> tuple[list[Any], dict[str, str]]:
-    """Make what there is of each library that a comma list names, and say which are absent, with the reason.
-
-    Parameters
-    ----------
-    names : str
-        Libraries, or single ones of what they give, as vqf.offlineVQF, or all, or none.
-    kinds : Mapping
-        By library: what makes something of the imported library, each with a name for tables.
-
-    Raises
-    ------
-    ParameterError
-        If a library is not known here.
-    """
+    """Make what there is of each library that a comma list names, or of all, and say which are absent, and why."""
     wanted = [name.strip() for name in names.split(",") if name.strip()]
     if wanted in (["all"], ["none"]):
         wanted = list(kinds) if wanted == ["all"] else []
@@ -68,25 +55,10 @@ class PeerRun(NamedTuple):
     attitudes: Callable[[Floats, Floats, Floats | None, float], Floats]
 
 
-def peer_runs(names: str) -> tuple[list[PeerRun], dict[str, str]]:
-    """Peers of the libraries that a comma list names, and those that are absent, with the reason.
-
-    Raises
-    ------
-    ParameterError
-        If a library is not known here.
-    """
-    return made(names, _RUNS)
-
-
 def peer_track(peer: PeerRun, imu: ImuData, *, frame: Frame) -> AttitudeTrack:
     """What a peer makes of a recording; headings are true where the recording knows its declination.
 
-    Raises
-    ------
-    ShapeError
-        If the recording has no gyr or acc, if a triad is absent in some samples (each library treats that in its own
-        way, or not at all), or if the library refuses the recording.
+    ShapeError if gyr or acc is missing in some samples, which each library treats in its own way, or if it refuses.
     """
     gyr, acc = (_complete(name, getattr(imu, name)) for name in ("gyr", "acc"))
     mag = None if imu.mag is None else _complete("mag", imu.mag)
@@ -132,11 +104,10 @@ def _vqf(kind: str, library: Any) -> PeerRun:
 
 
 TUNED_FUSION: Final = "imufusion.Ahrs, gain 0.5, gyroscope range 2000 °/s, rejection 10° and 10°, timeout 5 s, ENU"
-FUSION_TUNING: Final[Mapping[str, float]] = {
+FUSION_TUNING: Final[Mapping[str, float]] = {  # settings of x-io Fusion's own advanced example
     "gain": 0.5, "gyroscope_range": 2000.0,
     "acceleration_rejection": 10.0, "magnetic_rejection": 10.0, "rejection_timeout": 5.0,
 }  # fmt: skip
-"""Settings of x-io Fusion's own advanced example, in words and as attributes."""
 
 
 def fusion_filter(library: Any, rate: float, tuning: Mapping[str, float]) -> Any:
@@ -202,6 +173,7 @@ def _dip(acc: Floats, mag: Floats) -> Floats:
     return np.asarray(np.arcsin(-np.sum(acc * mag, axis=1) / norms))
 
 
+# By library: what is made of it; the gains of the buoy paper are those of our own filter.
 _RUNS: Final[Mapping[str, Sequence[Callable[[Any], PeerRun]]]] = {
     "vqf": [partial(_vqf, kind) for kind in ("VQF", "BasicVQF", "offlineVQF")],
     "imufusion": [
@@ -215,4 +187,4 @@ _RUNS: Final[Mapping[str, Sequence[Callable[[Any], PeerRun]]]] = {
         partial(_ahrs, "EKF", "", Frame.NED, {"frame": "NED", "magnetic_ref": "median dip of the recording"}),
     ],
 }
-"""By library: what is made of it; the gains of the buoy paper are those of our own filter."""
+peer_runs: Final[Callable[[str], tuple[list[PeerRun], dict[str, str]]]] = partial(made, kinds=_RUNS)

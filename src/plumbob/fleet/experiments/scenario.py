@@ -17,8 +17,7 @@ from plumbob.rotations import Frame
 from plumbob.simulation import simulate
 
 AXES = ("roll", "pitch", "yaw")
-FIGURES = ("rmse_deg", "std_deg", "max_abs_deg")
-"""What is kept of each seed; a std hides the constant part of an error, but some papers give nothing else."""
+FIGURES = ("rmse_deg", "std_deg", "max_abs_deg")  # a std hides the constant part, but some papers give nothing else
 SHOWN = ("rmse_deg", "max_abs_deg")
 
 

@@ -47,25 +47,18 @@ if TYPE_CHECKING:
 
 METRICS: Final = ("total", "heading", "inclination")
 GROUPS: Final = ("recording", "folder", "device")
-REACH: Final = 100.0
-"""Without a range, a parameter is sought between its default over this and its default times this."""
-NEAR_END: Final = 0.02
-"""A value within this share of its range, in logarithms, is at the end of the range."""
-DESIGN: Final = 0.6
-"""Share of the budget that is spent on the design; the rest refines."""
-STEP: Final = 0.08
-"""First step of the refinement, share of the range in logarithms."""
-WORST: Final = math.pi
-"""Error of a run that cannot be scored, rad: none is larger."""
-LEAST: Final = 1e-9
-"""Smallest error whose logarithm is taken, rad."""
-
+REACH: Final = 100.0  # without a range, a parameter is sought between its default over this and its default times this
+NEAR_END: Final = 0.02  # a value within this share of its range, in logarithms, is at the end of the range
+DESIGN: Final = 0.6  # share of the budget that is spent on the design; the rest refines
+STEP: Final = 0.08  # first step of the refinement, share of the range in logarithms
+WORST: Final = math.pi  # error of a run that cannot be scored, rad: none is larger
+LEAST: Final = 1e-9  # smallest error whose logarithm is taken, rad
+# The few that matter most, of filters with gates or many parameters; of others all with a default above 0.
 FEW: Final[Mapping[str, tuple[str, ...]]] = {
     "mahony": ("kp", "ki"),
     "vqf": ("tau_acc", "tau_mag"),
     "mekf": ("gyr_noise", "acc_noise", "speed", "mag_noise"),
 }
-"""The few that matter most, of filters with gates or many parameters; of others all with a default above 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,51 +109,27 @@ class Held:
 
 @dataclass(frozen=True, repr=False)
 class Tuning(Reported):
-    """Tuned parameters of a filter, and whether they can be expected to help on other recordings.
-
-    Attributes
-    ----------
-    filter, metric, group_by : str
-        As they were asked for.
-    fixed : Mapping
-        Parameters that were given and not sought.
-    parameters : tuple of Tuned
-        What was sought.
-    recordings : tuple of Held
-        Errors on each.
-    folds : int
-        Number of folds; 0 where there is one group only, so that nothing can be held out.
-    train_default_deg, train_tuned_deg : float
-        Geometric mean over folds and their training recordings.
-    held_default_deg, held_tuned_deg : float or None
-        Geometric mean over groups of what is held out.
-    gain : (float, float, float) or None
-        Held-out error relative to the defaults', −0.2 for a fifth less, with its paired 95 % interval over groups.
-    budget, runs, seed : int
-        Evaluations for each search, filter runs in all, and the seed of the design.
-    align : tuple of str
-        What was aligned before the errors were measured.
-    skipped : Mapping
-        Files that were not used, and why.
-    """
+    """Tuned parameters of a filter, and whether they can be expected to help on other recordings."""
 
     filter: str
     metric: str
     group_by: str
-    fixed: Mapping[str, Any]
+    fixed: Mapping[str, Any]  # parameters that were given and not sought
     parameters: tuple[Tuned, ...]
     recordings: tuple[Held, ...]
-    folds: int
+    folds: int  # 0 where there is one group only, so that nothing can be held out
+    # geometric means: over folds and their training recordings, and over groups of what is held out
     train_default_deg: float
     train_tuned_deg: float
     held_default_deg: float | None
     held_tuned_deg: float | None
+    # held-out error relative to the defaults', −0.2 for a fifth less, with its paired 95 % interval over groups
     gain: tuple[float, float, float] | None
-    budget: int
-    runs: int
+    budget: int  # evaluations for each search
+    runs: int  # of the filter, in all
     seed: int
     align: tuple[str, ...]
-    skipped: Mapping[str, str]
+    skipped: Mapping[str, str]  # files that were not used, and why
 
     @property
     def proven(self) -> bool:
@@ -296,22 +265,7 @@ class Tuning(Reported):
         return "\n".join([*lines, ""])
 
     def write(self, path: str | Path, *, unproven: bool = False, overwrite: bool = False) -> Path:
-        """Write the parameter file.
-
-        Parameters
-        ----------
-        path : path
-            Its name ends in .toml.
-        unproven : bool
-            Write it even where no gain on held-out recordings is shown.
-        overwrite : bool
-            Replace a file that exists.
-
-        Raises
-        ------
-        ParameterError
-            If the name ends otherwise, or no gain is shown and `unproven` is not set.
-        """
+        """Write the parameter file (.toml); without a gain on held-out recordings only where `unproven` is set."""
         if (path := check.path("path", path)).suffix.lower() != ".toml":
             raise ParameterError(f"a parameter file needs a name that ends in .toml, but got {path}.")
         if not (self.proven or unproven):
@@ -396,15 +350,15 @@ def tune(
 class _TuningTrial:
     """A recording in memory, what of it is judged, and the errors that are known of it, by place."""
 
+    q_ref: Floats
+    judged: NDArray[np.bool_]
+    default: float
+
     def __init__(self, name: str, file: Path | Recording, frame: Frame | None) -> None:
-        self.name = name
+        self.name = self.group = name
         self.imu, self.reference = read_trial(file)
         self.frame = navigation_frame(self.imu, frame, where=file.name)
-        self.group = self.name
         self.sha256 = file_sha256(file)[0] if isinstance(file, Path) and file.is_file() else None
-        self.q_ref: Floats = np.empty((0, 4))
-        self.judged: NDArray[np.bool_] = np.empty(0, dtype=np.bool_)
-        self.default = math.nan
         self.errors: dict[bytes, float] = {}
 
 
@@ -477,7 +431,7 @@ class _Search:
         from scipy.optimize import minimize
 
         def cost(x: Floats) -> float:
-            return float(self.logs(np.asarray(x, dtype=np.float64), trials).mean())
+            return float(self.logs(x, trials).mean())
 
         costs = [cost(x) for x in design]
         start = design[int(np.argmin(costs))]
@@ -547,7 +501,7 @@ def _cross_validated(
             t.sha256,
         )
         for t, fit in zip(trials, to_deg(np.exp(fitted)).tolist(), strict=True)
-    )
+    )  # fmt: skip
     held_default, held_tuned, gain = _gain(rows) if count else (None, None, None)
     train_default, train_tuned = to_deg(np.exp(np.mean(train, axis=0))).tolist()
     return Tuning(

@@ -18,12 +18,9 @@ from plumbob.data.reading import read_at
 from plumbob.rotations import quat_conjugate, quat_rotate
 
 SEED: Final = 1
-MOVING: Final = dps(20.0)
-"""A unit is in motion at rates above this, rad/s."""
-MARGIN: Final = 10.0
-"""Gaps begin this long after the motion begins, and before the recording ends, s."""
-ACC_EVERY, MAG_EVERY = 2, 5
-"""Asynchronous stamps: specific forces between the rates, and every fifth row a field."""
+MOVING: Final = dps(20.0)  # a unit is in motion at rates above this, rad/s
+MARGIN: Final = 10.0  # gaps begin this long after the motion begins, and before the recording ends, s
+ACC_EVERY, MAG_EVERY = 2, 5  # asynchronous stamps: specific forces between the rates, and every fifth row a field
 
 
 def turning(imu: ImuData) -> Floats:
@@ -35,13 +32,7 @@ def turning(imu: ImuData) -> Floats:
 
 
 def motion_begins(imu: ImuData) -> float:
-    """Time at which a recording's motion begins, s.
-
-    Raises
-    ------
-    ShapeError
-        If it never moves.
-    """
+    """Time at which a recording's motion begins, s."""
     moving = turning(imu) > MOVING
     if not moving.any():
         raise ShapeError(f"there is no motion in it: the mean rate of a second never exceeds {to_dps(MOVING):.0f} °/s.")
@@ -164,6 +155,7 @@ def _vector(text: str, quantity: Quantity) -> Floats:
     return np.broadcast_to(np.array(values), 3)
 
 
+# By name, in the order in which they are made: first what happens to the body, then to its samples.
 _CHANGES: Final[Mapping[str, Callable[[ImuData, _Change], ImuData]]] = {
     "start": _late_start,
     "wrong_field": _wrong_field,
@@ -178,31 +170,13 @@ _CHANGES: Final[Mapping[str, Callable[[ImuData, _Change], ImuData]]] = {
     "asynchronous": _asynchronous,
     "missing": _missing,
 }
-"""By name, in the order in which they are made: first what happens to the body, then to its samples."""
-
 CHANGES: Final = tuple(_CHANGES)
 
 
 def changed(imu: ImuData, reference: AttitudeTrack, changes: Mapping[str, str], *, seed: int = SEED) -> ImuData:
-    """Samples with changes made by their names, as the command line has them.
+    """Samples with changes made by their names: how much as text with a unit, as ``{"gaps": "5x1s"}``.
 
-    Parameters
-    ----------
-    imu : ImuData
-        The recording.
-    reference : AttitudeTrack
-        Its truth; a wrong field is constant in its frame.
-    changes : Mapping
-        By name, of `CHANGES`: how much, text with a unit, as ``{"gaps": "5x1s"}``; empty for one that needs none.
-    seed : int
-        Of what is drawn.
-
-    Raises
-    ------
-    ParameterError, UnitError
-        If a change is not known, or cannot be read.
-    ShapeError
-        If it cannot be made to this recording.
+    A wrong field is constant in the frame of the `reference`; what is drawn comes from the seed.
     """
     if unknown := changes.keys() - _CHANGES.keys():
         raise ParameterError(f"there is no change '{min(unknown)}'; known: {', '.join(CHANGES)}.")
