@@ -90,6 +90,11 @@ class Criterion:
         """What to do, in words; empty where nothing is lost."""
         return str(Finding(f"criterion.advice_{self.name}", "info", self.limits)) if self.lost else ""
 
+    def reason(self, mark: str, lang: str = "en") -> str:
+        """What was measured and what to do, in words of a language with a mark between."""
+        advice = [Finding(f"criterion.advice_{self.name}", "info", self.limits)] if self.lost else []
+        return mark.join(finding.sentence(lang) for finding in (*self.findings, *advice))
+
     def to_dict(self) -> dict[str, Any]:
         """All of it, as JSON can hold it."""
         names = ("name", "points", "lost", "measured", "rule", "advice", "value")

@@ -12,6 +12,7 @@ from plumbob.calibration.calibration import Calibrated
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Sizes, sensing_axes, sizes
 from plumbob.calibration.predicted import NAMES, REGIONS, filled, region_names
 from plumbob.core.check import Floats
+from plumbob.core.findings import info
 from plumbob.core.text import WIDTH, counted, listed, measured, number
 from plumbob.core.units import from_si, g, to_deg, written
 from plumbob.data import TITLES
@@ -33,13 +34,6 @@ _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PPM = 0.01
 _NOTHING = 1e-12  # rounding of what is left, in units of SI and µT
 _REFERENCE = {"gyr": "rate", "acc": "gravity", "mag": "field"}
-_DEFINITIONS = (
-    "Scale, direction and angles are those of the sensing axes: the rows of the inverse matrix. The maps are Lambert's "
-    "equal-area projections of the directions of what was measured, seen from the centre of the fit: +z on the left, "
-    "−z on the right, x to the right and y up in both. Each direction belongs to the nearest of 6 faces and 12 edges "
-    "of a cube. Predicted errors follow from the covariance of the parameters; those of inclination and heading are "
-    "root mean squares over attitudes.",
-)
 
 
 def certificate(card: CalibrationCard, fits: Mapping[str, Fitted], *, recording: str = "") -> Report:
@@ -53,7 +47,7 @@ def certificate(card: CalibrationCard, fits: Mapping[str, Fitted], *, recording:
         facts=[*((name, value) for name, value in named.items() if value), ("model", _formula(card))],
         remarks=["± and predicted errors: one standard deviation", *remarks],
         parts=parts if card.mount is None else [*parts, _mount(card.mount)],
-        definitions=_DEFINITIONS,
+        definitions=[info("page.calibration")],
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
+from plumbob.core.findings import Note, info
 from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg, to_dps
@@ -31,16 +32,6 @@ _QUANTILES = np.linspace(0.0, 100.0, 401)
 _COLUMNS = 800
 _ALL_COLUMNS = 3200  # shared by the evaluations of a page, so that many of them still make a small file
 _HEAD = ("", "rmse", "mean", "std", "max", "at [s]", "50 %", "95 %", "99 %")
-_FOOTNOTE = (
-    "total, heading, inclination: magnitudes; yaw, pitch, roll: estimate minus reference; max and percentiles: of the "
-    "magnitude; rmse² = mean² + std²"
-)
-_DEFINITIONS = (
-    "With e = q_est ⊗ q_ref⁻¹ = (w, x, y, z) in the navigation frame: total 2 acos |w|, heading 2 atan |z / w|, "
-    "inclination 2 acos √(w² + z²), as in the BROAD benchmark (Laidig et al. 2021, doi:10.3390/data6070072). Yaw, "
-    "pitch and roll are signed differences of ZYX Euler angles, estimate minus reference. Bold in a comparison: the "
-    "smallest of a column.",
-)
 
 
 def evaluation(e: Evaluation, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
@@ -51,7 +42,7 @@ def evaluation(e: Evaluation, *, facts: Sequence[tuple[str, str]] = ()) -> Repor
         tables=_tables(e),
         remarks=_remarks(e),
         figures=partial(_figures, e, _COLUMNS),
-        definitions=_DEFINITIONS,
+        definitions=[info("page.errors")],
     )
 
 
@@ -109,7 +100,7 @@ def side_by_side(
             Report(name, _facts(e), _tables(e), _remarks(e), partial(_figures, e, columns))
             for name, e in evaluations.items()
         ],
-        definitions=_DEFINITIONS,
+        definitions=[info("page.errors")],
     )
 
 
@@ -166,12 +157,12 @@ def _share(n: int, of: int) -> str:
     return f"{percent:.1f} %" if percent >= 0.1 or not n else "< 0.1 %"
 
 
-def _remarks(e: Evaluation) -> list[str]:
+def _remarks(e: Evaluation) -> list[Note]:
     reasons = [
-        f"{', '.join(name for name, why in e.not_scored.items() if why == reason)} not scored: {reason}"
+        info("page.not_scored", what=[name for name, why in e.not_scored.items() if why == reason], reason=reason)
         for reason in dict.fromkeys(e.not_scored.values())
     ]
-    return [_FOOTNOTE, *reasons, *map(str, e.notes)]
+    return [info("page.magnitudes"), *reasons, *e.notes]
 
 
 def _differences(evaluations: list[Evaluation]) -> str:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import __version__
 from plumbob.core.check import Floats
+from plumbob.core.findings import info
 from plumbob.core.text import measured, number
 from plumbob.core.units import Quantity, from_si, written
 from plumbob.data import TITLES
@@ -42,26 +43,6 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import FigureBase
 
-LEGEND: Final = (
-    "±: 68.3 %; <: not observable, limit with 95 % confidence; floor: where the interval of the deviation ends lowest, "
-    "which need not be its least value"
-)
-_DEFINITIONS = (
-    "The Allan variance of a signal at the averaging time τ is half the mean square difference of its means over "
-    "neighbouring stretches of length τ. Its terms: quantization 3 Q²/τ², white noise N²/τ, bias instability "
-    "(2 ln 2/π) B², random walk K² τ/3, ramp R² τ²/2; on their lines, Q is read at τ = √3 s, N at 1 s, K at 3 s, R at "
-    "√2 s, and B is the flat deviation divided by 0.664. ± is an interval of 68.3 %; < is a limit that holds with "
-    "95 % where a record does not show the term. The floor of the curve is the point whose interval ends lowest, which "
-    "need not be the least value. Intervals of the deviation are those of χ² with the degrees of "
-    "freedom (edf) of overlapping averages under the identified noise. The error of IEEE Std 952, "
-    "1/√(2(N/n − 1)), is one for every noise and meant for disjoint averages. Bands are intervals; pale: "
-    "relative uncertainty above 50 %.",
-)
-_COMPARED = (
-    "Overlapping Allan deviations of two records at equal averaging times. Bands are intervals of 68.3 %; that of the "
-    "ratio is as if the records were independent. A filter of time constant T bends the curve up to some 10 T, where "
-    "no slope and no coefficient may be read, and changes nothing far beyond.",
-)
 _ROWS = 40  # of a curve's table
 _COARSE = 0.05  # of N² from the rounding of the values: more is told
 
@@ -121,7 +102,9 @@ def datasheet(analyses: Sequence[Analysis], *, facts: Sequence[tuple[str, str]] 
     Names of channels such as "gyr x" say which belong together.
     """
     parts = [_triad(triad) for triad in triads(analyses)]
-    return Report("Noise data sheet", facts=facts, remarks=[LEGEND], parts=parts, definitions=_DEFINITIONS)
+    return Report(
+        "Noise data sheet", facts=facts, remarks=[info("page.limits")], parts=parts, definitions=[info("page.allan")]
+    )
 
 
 def curves_report(deviations: Sequence[Deviation]) -> Report:
@@ -132,7 +115,9 @@ def curves_report(deviations: Sequence[Deviation]) -> Report:
 
 def before_and_after(found: Sequence[ChannelComparison], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
     """Deviations before and after at equal averaging times, their ratio with its interval, and what to make of it."""
-    return Report("Noise before and after", facts=facts, parts=[_compared(c) for c in found], definitions=_COMPARED)
+    return Report(
+        "Noise before and after", facts=facts, parts=[_compared(c) for c in found], definitions=[info("page.filtered")]
+    )
 
 
 def _triad(triad: Triad) -> Report:

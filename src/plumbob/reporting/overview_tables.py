@@ -6,6 +6,7 @@ from operator import attrgetter
 from typing import Final
 
 from plumbob.core import flags
+from plumbob.core.findings import Finding, Note, info
 from plumbob.core.text import number
 from plumbob.core.units import to_deg
 from plumbob.data import UNCALIBRATED
@@ -14,7 +15,7 @@ from plumbob.overview.streaming_stats import AXES, MOTION_NAMES, TILT_NAMES, TRA
 from plumbob.quality import quality
 from plumbob.quality.grade import Grade
 from plumbob.quality.tilt import DEAD, Headings, Inclination, TiltMotion, TiltStatistics
-from plumbob.reporting.content import Table
+from plumbob.reporting.content import Both, Table
 from plumbob.rotations import North
 
 NARROW: Final = 0.7  # spread of headings, rad, up to which they are drawn about their mean
@@ -137,7 +138,7 @@ def grade_table(grade: Grade) -> Table:
             "rest at the start" if criterion.name == "rest" else criterion.name,
             f"{criterion.lost:.3g}",
             f"{criterion.points:g}",
-            "; ".join(filter(None, (criterion.measured, criterion.advice))),
+            Both(criterion.reason("; "), criterion.reason("；", "zh")),
         )
         for criterion in sorted(grade.criteria, key=attrgetter("lost"), reverse=True)
         if criterion.lost
@@ -220,59 +221,34 @@ def percent(share: float) -> str:
 BARE: Final = f"Calibration: {UNCALIBRATED}. All numbers of this page are of uncalibrated values."
 
 
-def remarks(subject: Subject) -> list[str]:
+def remarks(subject: Subject) -> list[Note]:
     """What a reader must know of a recording, a sentence each."""
-    g, lines = subject.gathered, []
+    g, lines = subject.gathered, list[Note]()
     if not subject.calibrated:
         lines.append(BARE)
     if g.traces.each > 1:
-        lines.append(
-            f"plots: each pair of points is the smallest and the largest of {g.traces.each} samples; statistics, "
-            "spectra and flags are of all samples"
-        )
-    lines += [str(finding) for finding in subject.remarks if finding.code != "samples.uncalibrated"]
+        lines.append(info("page.envelope", samples=g.traces.each))
+    lines += [finding for finding in subject.remarks if finding.code != "samples.uncalibrated"]
     if g.tilt is not None:
-        for name, motion in (("roll", g.tilt.roll), ("pitch", g.tilt.pitch)):
-            if motion.wrapped:
-                lines.append(f"{name} went through ±180°, so that its mean, its deviation and its waves are left out")
+        lines += [info(f"page.{name}_wrapped") for name in ("roll", "pitch") if getattr(g.tilt, name).wrapped]
     if subject.north is North.FREE:
-        lines.append("headings count from an arbitrary zero, so that the rose shows directions against it")
+        lines.append(info("page.free_north"))
     if g.spectra is not None and g.spectra.interpolated:
-        lines.append(
-            f"spectra: the samples of {g.spectra.interpolated} segments are not even in time and were interpolated, "
-            "which damps high frequencies"
-        )
+        lines.append(info("page.interpolated", segments=g.spectra.interpolated))
     return lines
 
 
-def definitions(subjects: Sequence[Subject]) -> tuple[str, ...]:
+def definitions(subjects: Sequence[Subject]) -> tuple[Finding, ...]:
     """What the words of the page mean."""
     first = subjects[0].gathered
     spectra = next((subject.gathered.spectra for subject in subjects if subject.gathered.spectra is not None), None)
-    welch = (
-        ""
-        if spectra is None
-        else f"Segments of {spectra.length * spectra.step:.4g} s at {1.0 / spectra.step:.6g} Hz, resolution "
-        f"{spectra.resolution:.3g} Hz; "
-    )
-    flagged = ", ".join(f"{flag} {word}" for flag, word in quality.MEANING.items())
+    welch: dict[str, float] = {}
+    if spectra is not None:
+        welch = {"length": spectra.length * spectra.step, "rate": 1.0 / spectra.step, "resolution": spectra.resolution}
     return (
-        "Roll, pitch and yaw are ZYX Euler angles from the navigation frame to the body; heading is that of the body's "
-        "x axis, clockwise from North; inclination is the angle between the body's vertical axis and the vertical. std "
-        "is the standard deviation about the mean, rms that about zero. The band about a line is ± 1 standard "
-        "deviation as the filter claims it; where it claims none, there is not a band.",
-        "Waves of roll and pitch lie between zero up-crossings about the mean of their burst; the angle must have been "
-        f"{DEAD:g} std below and above it on the two sides. A double amplitude is the highest less the lowest value "
-        "of a wave; the significant one is the mean of the highest third (for a narrow-banded Gaussian process 4.00 "
-        "std; Longuet-Higgins 1952, J. Mar. Res. 11, 245–266). Tz is the mean time between up-crossings, Tp the period "
-        f"of the spectrum's peak. A burst lasts {first.burst:g} s, the last one up to half as much more; statistics of "
-        "the whole are of all samples and of the waves of all bursts.",
-        f"Spectra: Welch's method (1967, doi:10.1109/TAU.1967.1161901). {welch}Hann window, half overlapping, mean "
-        "removed, one-sided, none across a gap or from burst to burst; from the 100th frequency on, values shown are "
-        "means of bands of 1/60 decade.",
-        "Heading statistics are circular: the mean is the direction of the mean vector, the spread √(−2 ln R) with its "
-        "length R, the resultant (Mardia and Jupp 2000, doi:10.1002/9780470316979).",
-        f"Quality flags are in the words of QARTOD: {flagged}; each is the worst of its tests. Tests and recommended "
-        "thresholds follow its table for the time series of waves (cdip.ucsd.edu); thresholds that it leaves to the "
-        "user are those of the table above.",
+        info("page.angles"),
+        info("page.waves", dead=DEAD, burst=first.burst),
+        info("page.spectra", **welch),
+        info("page.headings"),
+        info("page.quality"),
     )

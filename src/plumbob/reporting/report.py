@@ -24,7 +24,7 @@ class Report:
     # drawn only where they are shown; a function is called only there
     figures: Sequence[Figure] | Callable[[], Sequence[Figure]] = ()
     parts: "Sequence[Report]" = ()  # one for each subject in it
-    definitions: Sequence[str] = ()  # what the words and signs mean, for the foot of a page
+    definitions: Sequence[Note] = ()  # what the words and signs mean, for the foot of a page
     scenes: Sequence[Scene] = ()  # bodies that move, on a page only
     links: Sequence[tuple[str, str]] = ()  # names and addresses of pages beside this one, on a page only
     # gives further tables with a `detail`; called only where they are shown
