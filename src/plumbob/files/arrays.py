@@ -37,22 +37,17 @@ PROFILE: Final = "plumbob_profile"
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 MAT5_SIGNATURE: Final = b"MATLAB 5.0"
 MAX_VARIABLES: Final = 10_000
-NUMBERS: Final = "fiub"
-"""Kinds of NumPy's types that are numbers."""
+NUMBERS: Final = "fiub"  # kinds of NumPy's types that are numbers
 HEADER_BYTES: Final = 128
 _CHUNK_SLACK: Final = 1_000_000  # values; a writer may choose chunks larger than a short data set
 _BEGINNING_BYTES: Final = 1024
 """Bytes of a variable in which its class, shape and name must end; of other variables no more is unpacked."""
-_DEEPEST: Final = 6
-"""Structs or groups in each other."""
+_DEEPEST: Final = 6  # structs or groups in each other
 
 
 @contextmanager
 def opened_hdf5(file: Path) -> Iterator[tuple[Any, Any]]:
-    """The module h5py and an open file; everything that goes wrong inside is an error of this package.
-
-    Raises MissingExtraError if h5py is not installed; DecodeError if the file is cut or damaged.
-    """
+    """The module h5py and an open file; everything that goes wrong inside is an error of this package."""
     h5py = needed("h5py", "HDF5 files", "plumbob[hdf5]")
     try:
         with h5py.File(file, "r") as hdf5:
@@ -127,27 +122,20 @@ _COMPLEX_FLAG = 0x800
 
 
 class Variable(NamedTuple):
-    """A variable, of which no more than the beginning has been unpacked.
+    """A variable, of which no more than the beginning has been unpacked."""
 
-    `element` is its packed or plain bytes at `place` in the file, `size` what they state to unpack to, and `start`
-    where its numbers begin in those.
-    """
-
-    place: int
-    element: memoryview
+    place: int  # in the file
+    element: memoryview  # its packed or plain bytes
     packed: bool
-    size: int
+    size: int  # what they state to unpack to
     name: str
     kind: str
     shape: tuple[int, ...]
-    start: int
+    start: int  # where its numbers begin in those
 
 
 def mat_variables(raw: memoryview, order: str) -> dict[str, Variable]:
-    """Variables of a MATLAB v5 file by name.
-
-    Raises DecodeError if one is cut or damaged, occurs twice, or there are more than `MAX_VARIABLES`.
-    """
+    """Variables of a MATLAB v5 file by name; DecodeError if one is cut or damaged, or occurs twice."""
     variables: dict[str, Variable] = {}
     place, count = HEADER_BYTES, 0
     while place < len(raw):
@@ -166,10 +154,7 @@ def mat_variables(raw: memoryview, order: str) -> dict[str, Variable]:
 
 
 def mat_order(raw: memoryview) -> str:
-    """Byte order of a MATLAB v5 file, as `struct` writes it.
-
-    Raises DecodeError if its header does not end as one does.
-    """
+    """Byte order of a MATLAB v5 file, as `struct` writes it; DecodeError if its header does not say it."""
     order = {b"IM": "<", b"MI": ">"}.get(bytes(raw[HEADER_BYTES - 2 : HEADER_BYTES]))
     if order is None:
         raise DecodeError("its header is cut or damaged: it does not end in IM or MI; use an intact copy.")
@@ -179,10 +164,7 @@ def mat_order(raw: memoryview) -> str:
 def mat_fields(variable: Variable, order: str, room: int, depth: int = 0) -> dict[str, Variable]:
     """Fields of a struct of one element, those of structs in it as ``a/b``; none of anything else.
 
-    Raises DecodeError if it is cut or damaged, or unpacks to too much.
-
-    `variable`: the struct; `order`: byte order; `room`: size of the file, which limits what it may unpack to; `depth`:
-    how many structs it lies in.
+    `room` is the size of the file, which limits what it may unpack to; `depth`, how many structs it lies in.
     """
     if variable.kind != "struct" or math.prod(variable.shape) != 1 or depth > _DEEPEST:
         return {}
@@ -239,10 +221,7 @@ def _kind(word: int) -> str:
 
 
 def mat_array(variable: Variable, order: str) -> NDArray[Any]:
-    """Numbers of a variable, in its shape.
-
-    Raises DecodeError if it is cut or damaged, or does not unpack to what it states.
-    """
+    """Numbers of a variable, in its shape; DecodeError if it is damaged, or does not unpack to what it states."""
     with _damage_at(variable.place):
         kind, numbers, values = _content(variable, order)
         dtype = np.dtype(order + _DTYPES.get(kind, "f8"))
@@ -316,11 +295,7 @@ def _tables(path: Path, recording: Recording) -> tuple[dict[str, tuple[NDArray[A
 
 
 def write_mat(path: Path, recording: Recording, overwrite: bool = False) -> None:
-    """Write named arrays as MATLAB v5: `time` (s), `gyr`, `acc`, `q_nb` and so on, and the struct `units`.
-
-    Raises ClockError if imu and track have different time stamps; ParameterError if the file exists and `overwrite` is
-    false, or there are several units; DecodeError if the system refuses to write.
-    """
+    """Write named arrays as MATLAB v5: `time` (s), `gyr`, `acc`, `q_nb` and so on, and the struct `units`."""
     from scipy.io import savemat
 
     tables, profile = _tables(path, recording)
@@ -349,15 +324,11 @@ _ANGLES: Final = {
     "yaw": "platform_yaw_fore_{}",
     "pitch": "platform_pitch_fore_{}",
     "roll": "platform_roll_starboard_down",
-}
-"""Standard names of the angles of a track, whose sense is that of its frame's axes."""
+}  # standard names of the angles of a track, whose sense is that of its frame's axes
 
 
 def write_netcdf(path: Path, recording: Recording, overwrite: bool = False) -> None:
-    """Write named arrays as NetCDF-4 by the CF conventions 1.11; errors as of `write_mat`, and those of the extra.
-
-    Raises MissingExtraError if h5netcdf is not installed.
-    """
+    """Write named arrays as NetCDF-4 by the CF conventions 1.11; MissingExtraError without h5netcdf."""
     h5netcdf, h5py = (needed(name, "NetCDF files", "plumbob[netcdf]") for name in ("h5netcdf", "h5py"))
     tables, profile = _tables(path, recording)
     imu, track, stream = recording.imu, recording.track, io.BytesIO()

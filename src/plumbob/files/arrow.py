@@ -59,10 +59,7 @@ _BOOLEANS, _BYTE, _INTEGERS, _DOUBLE, _TEXT, _STRUCT = (1, 2), 3, (4, 5, 6), 7, 
 
 
 def unpacked_bytes(file: Path, contents: "pq.FileMetaData") -> int:
-    """Bytes that the pages of all columns say that they unpack to.
-
-    Raises DecodeError if a page lies outside the file, or its header is damaged.
-    """
+    """Bytes that the pages of all columns say that they unpack to; DecodeError where one is outside or damaged."""
     size, total = file.stat().st_size, 0
     with file.open("rb") as stream:
         for group in range(contents.num_row_groups):
@@ -136,10 +133,9 @@ _AT_ONCE: Final = 1 << 20
 def text_bytes(path: Path, most: int | None = None) -> bytes:
     """Bytes of a text file, or the first `most` of them.
 
-    What is packed (gzip, bzip2, xz, Zstandard, a ZIP of one file) is unpacked, and a table of other programs in
-    Parquet, Feather or ORC is one with tabs: a vector in one column becomes columns ``name_x`` and so on.
-
-    Raises DecodeError if it is damaged, a ZIP holds several files, or it unpacks to more than `require_room` allows.
+    What is packed (gzip, bzip2, xz, Zstandard, a ZIP of one file) is unpacked, within `require_room`, and a table of
+    other programs in Parquet, Feather or ORC is one with tabs: a vector in one column becomes columns ``name_x`` and so
+    on.
     """
     with path.open("rb") as file:
         start = file.read(8)
@@ -239,8 +235,7 @@ def _table_text(path: Path, kind: str, most: int | None) -> bytes:
     return text.getvalue().to_pybytes()[:most]
 
 
-TABLES: Final = (".csv", ".parquet")
-"""Endings of a table's file."""
+TABLES: Final = (".csv", ".parquet")  # endings of a table's file
 
 
 def write_table(
@@ -252,10 +247,7 @@ def write_table(
 ) -> Path:
     """Write columns (N,) of numbers; the file appears whole or not at all, and keeps every bit.
 
-    `metadata` goes into a ``.parquet`` file; a ``.csv`` has no place for it.
-
-    Raises ParameterError if the suffix is another, or the file exists and `overwrite` is false; DecodeError if the
-    system refuses to write.
+    `metadata` goes into a ``.parquet`` file; a ``.csv`` has no place for it. ParameterError for another suffix.
     """
     kind = path.suffix.lower()
     if kind not in TABLES:

@@ -31,8 +31,7 @@ _PHRASES: Final = {
         r"magnetic( field)?|^field$|local flux|"
         r"\b(akm|ak \d{4}|hmc|qmc|mmc|bmm|ist 83|rm 3100|lis \d mdl)( ?\d|\b)"
     ),
-}
-"""Phrases, and parts that measure one thing alone by their makers' names."""
+}  # phrases, and parts that measure one thing alone by their makers' names
 _WITHOUT_GRAVITY: Final = re.compile(r"\b(linear|lin|free|user|usr)\b")
 _OTHER: Final = re.compile(
     r"\b(covariance\d*|cov|std|sd|var|bias|offset|setpoint|norm|abs\w*|total|magnitude|(?<!including )gravity|grav|"
@@ -58,8 +57,7 @@ _ROLLS: Final = {
     "x": re.compile(rf"{_DIRECTIONS['x'].pattern}|roll|beta"),
     "y": re.compile(rf"{_DIRECTIONS['y'].pattern}|pitch|gamma"),
     "z": re.compile(rf"{_DIRECTIONS['z'].pattern}|yaw|alpha"),
-}
-"""Of rates also by the angle that they change, Greek ones as W3C's Device Orientation has them."""
+}  # of rates also by the angle that they change, Greek ones as W3C's Device Orientation has them
 REVERSED: Final = re.compile(r"(?i)(?<![a-z])(back|aft|right|starboard|down)(?![a-z])")
 """Directions against forward, left and up."""
 _SUFFIXES: Final = {
@@ -192,10 +190,8 @@ _SPELLINGS: Final = (
     (r"[*.· ]*s\^?(-|⁻)[1¹]$", "/s"),
     (r"[*.· ]*s\^?(-|⁻)[2²]$", "/s2"),
     (r"/s(\^|\*\*| )?[2²]$|/s squared$", "/s2"),
-)
-"""How people spell units, and what that comes to, one after the other."""
-_LETTERS: Final = {"G": "g", "mG": "mg"}
-"""Gauss for a field, and for an acceleration what it is at rest."""
+)  # how people spell units, and what that comes to, one after the other
+_LETTERS: Final = {"G": "g", "mG": "mg"}  # Gauss for a field, and for an acceleration what it is at rest
 
 
 @cache

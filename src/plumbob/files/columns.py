@@ -56,8 +56,7 @@ _WORDED: Final = re.compile(
     rf"(?:[a-z]{{3,9}},? )?(?P<month>{_MONTH}) +(?P<day>\d{{1,2}}),? +"
     r"(?:(?P<year>\d{4}),? +(?P<clock>.+)|(?P<inner>\S+(?: [ap]m)?(?: \S+)?) +(?P<last>\d{4}))",
     re.IGNORECASE,
-)
-"""A month before its day, as C's ``asctime``, Java and ``date`` print: ``Wed Dec 22 21:09:46 UTC 2021``."""
+)  # A month before its day, as C's ``asctime``, Java and ``date`` print: ``Wed Dec 22 21:09:46 UTC 2021``
 _DIGITS: Final = re.compile(r"^([01]?\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d+)?)$")
 _CLOCKLIKE: Final = re.compile(
     r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ].*)?|.*\d{1,2}:\d\d:\d\d.*|\d+:\d\d[.,]\d+|\d{8}[T _-]\d{6}.*"
@@ -96,10 +95,7 @@ def has_zone(cell: str) -> bool:
 
 
 def zone_ns(text: str) -> int:
-    """What a zone is ahead of UTC, ns, from ``"UTC"``, ``"Z"`` or ``"+08:00"``.
-
-    Raises DecodeError if it is none of these.
-    """
+    """What a zone is ahead of UTC, ns, from ``"UTC"``, ``"Z"`` or ``"+08:00"``; DecodeError for another text."""
     if not re.fullmatch(_ZONE, text.strip(), re.IGNORECASE):
         raise DecodeError(f"{excerpt(text)} is not a time zone; write 'UTC' or the offset from it, as '+08:00'.")
     return _ahead(text.strip())
@@ -114,7 +110,7 @@ class StampError(DecodeError):
 
 
 def to_seconds(columns: Sequence[Sequence[str]], zone: int | None) -> tuple[Floats, int]:
-    """Time since the first row, s, by one column of stamps or by two of dates and clock times, and the start.
+    """Time since the first row, s, by a column of stamps or two of dates and clock times, and the start.
 
     The start is in ns since 1970 (UTC), or 0 where that is not known. Errors as in `stamps_ns`.
     """
@@ -125,8 +121,8 @@ def to_seconds(columns: Sequence[Sequence[str]], zone: int | None) -> tuple[Floa
 def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
     """Time of each cell, ns, since 1970 (UTC) or since some midnight of the clock, and whether it is since 1970.
 
-    Cells are dates with clock times, or clock times alone; `zone` is what the clock is ahead of UTC, ns, where they do
-    not say so. Raises StampError if a cell is not a clock time, or some have a date or a zone and others do not.
+    `zone` is what the clock is ahead of UTC, ns, where cells do not say so. StampError if a cell is not a clock time,
+    or some have a date or a zone and others do not.
     """
     times: list[int] = []
     first: tuple[bool, bool] | None = None
@@ -230,10 +226,7 @@ OF_UNIT: Final = (*(name for triad in TRIADS for name in GROUPS[triad]), "temp_c
 
 
 def column(name: str) -> ColumnFormat:
-    """What a column of this name is.
-
-    Raises DecodeError if there is none such.
-    """
+    """What a column of this name is; DecodeError if there is none such."""
     unit, dot, base = name.rpartition(".")
     if base not in COLUMNS or (dot and not (unit and base in OF_UNIT)):
         raise DecodeError(f"the column {name} is unknown; known: {', '.join(COLUMNS)}.")
@@ -249,8 +242,7 @@ def of_unit(columns: Mapping[str, NDArray[Any]], unit: str) -> Columns:
 def to_columns(recording: Recording) -> Columns:
     """Columns of a recording, in the order of `COLUMNS`; of several units, in the order of these.
 
-    Raises ClockError if imu and track have different time stamps; PlumbobError if a part of a recording cannot stand
-    alone: a slice may hold a triad that is absent throughout.
+    ClockError if imu and track have different time stamps.
     """
     imu, track = recording.imu, recording.track
     columns: Columns = {}
@@ -272,10 +264,7 @@ def to_columns(recording: Recording) -> Columns:
 
 
 def require(names: Iterable[str], *, imu: bool, track: bool, units: Sequence[str] = ()) -> None:
-    """Refuse a set of column names that no recording with these parts has, or these units.
-
-    Raises DecodeError if columns are missing or unknown, or belong to a part that is not there.
-    """
+    """Refuse column names that no recording with these parts or units has: missing, unknown, or of another part."""
     groups: dict[str, set[str]] = {"": set()}
     for name in names:
         unit, _, base = name.rpartition(".")
@@ -298,13 +287,7 @@ def require(names: Iterable[str], *, imu: bool, track: bool, units: Sequence[str
 def imu_from(columns: Mapping[str, NDArray[Any]], meta: ImuMeta) -> ImuData:
     """Samples from their columns."""
     triads = {name: joined(columns, name) for name in TRIADS}
-    return ImuData(
-        t=to_s(columns[TIME]),
-        temp_c=columns.get("temp_c"),
-        flags=columns["flags"],
-        meta=meta,
-        **triads,
-    )
+    return ImuData(t=to_s(columns[TIME]), temp_c=columns.get("temp_c"), flags=columns["flags"], meta=meta, **triads)
 
 
 def track_from(columns: Mapping[str, NDArray[Any]], frame: Frame, north: North, source: str) -> AttitudeTrack:

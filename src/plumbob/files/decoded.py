@@ -25,38 +25,20 @@ if TYPE_CHECKING:
     from plumbob.protocols.decode import Counts, Frames
     from plumbob.protocols.format import Format, Message
 
-TEXTS: Final = (".csv", ".txt")
-"""Suffixes of tables that get their profile beside them."""
-TIME: Final = "t [s]"
-"""Column of time."""
-KEY: Final = b"plumbob profile"
-"""Where a Parquet table keeps its profile among its metadata."""
+TEXTS: Final = (".csv", ".txt")  # suffixes of tables that get their profile beside them
+TIME: Final = "t [s]"  # column of time
+KEY: Final = b"plumbob profile"  # where a Parquet table keeps its profile among its metadata
 _MOST_BYTES: Final = 4096
 """Bytes of numbers that a byte of a Parquet file may hold, beyond what is free; a file that claims more lies."""
 _FREE_BYTES: Final = 16 * 1024 * 1024
 
 
 class DecodedTable:
-    """Rows of one message, as its frames come.
-
-    Parameters
-    ----------
-    form : Format
-        What is decoded.
-    message : str
-        Name of the message; empty for the first that comes.
-    rate : float, optional
-        Frames per second, Hz: adds a column of time.
-
-    Attributes
-    ----------
-    skipped : int
-        How many frames the counter skips; a count that repeats skips nothing.
-    """
+    """Rows of one message, empty for the first that comes, as its frames come; `rate`, Hz, adds a column of time."""
 
     def __init__(self, form: "Format", message: str, rate: float | None) -> None:
         self.form, self.message, self.rate = form, message, rate
-        self.skipped = self._rows = 0
+        self.skipped = self._rows = 0  # how many frames the counter skips; a count that repeats skips nothing
         self._parts: list[Frames] = []
         self._count: int | None = None
 
@@ -81,13 +63,7 @@ class DecodedTable:
             yield from (",".join(map(_cell, row)) + "\n" for row in zip(*block.values(), strict=True))
 
     def write(self, path: Path, counts: "Counts", unit: str | None, *, overwrite: bool) -> None:
-        """Write all as the suffix says, described as a recording of a unit: beside a text, inside Parquet.
-
-        Raises
-        ------
-        ParameterError
-            If the message has no such unit, or a file lies there and `overwrite` is false.
-        """
+        """Write all as the suffix says, described as a recording of a unit: beside a text, inside Parquet."""
         profile = profile_text(self.form, self.form.message(self.message), unit, TIME if self.rate else "")
         if path.suffix in TEXTS:
             beside = [profile_beside(path)] if profile else []
@@ -138,12 +114,9 @@ def _cell(value: Any) -> str:
 
 
 def profile_text(form: "Format", message: "Message", unit: str | None, time: str) -> str:
-    """Profile of a decoded table; empty where the message has no triad.
+    """Profile of a decoded table, of a unit by its prefix, None for the first; empty where there is no triad.
 
-    Raises ParameterError if the message lacks the unit.
-
-    `form`, `message`: what was decoded; `unit`: prefix of the unit that it describes, None for the first; `time`: name
-    of the column of time, s, empty where the table has none.
+    `time` is the name of the column of time, s, empty where the table has none. ParameterError without such a unit.
     """
     from plumbob.protocols.decode import format_title, prefix_by_unit
 
@@ -186,10 +159,7 @@ def _time(column: str, rate: float | None) -> list[str]:
 
 
 def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
-    """Recording of a Parquet table that carries its profile.
-
-    Raises PlumbobError as `plumbob.files.text.read_text`.
-    """
+    """Recording of a Parquet table that carries its profile; errors as of `text.read_text`."""
     from plumbob.files.profile_toml import parse_profile
     from plumbob.files.text import table_recording
     from plumbob.files.text_table import TextTable

@@ -40,11 +40,9 @@ from plumbob.files.stamps import CENTURY, falls
 from plumbob.files.text_table import LEFT_OUT_MOST, read_table
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
-_HEAD: Final = 1 << 16
-"""Bytes in which a log that is known has its names."""
+_HEAD: Final = 1 << 16  # bytes in which a log that is known has its names
 _TIMES: Final = ("s", "ms", "us", "ns")
-_RATES: Final = (0.5, 50_000.0)
-"""Sampling rates that are plausible, Hz."""
+_RATES: Final = (0.5, 50_000.0)  # sampling rates that are plausible, Hz
 _SPREADSHEET: Final = (36_526.0, 51_544.0)
 """Days since 1899-12-30 of 2000, and of 2041; from there on they may be modified Julian days, since 2000."""
 _HUNDRED_NS: Final = ((1.2591e17, 1.5747e17), (6.3082e17, 6.6239e17))
@@ -54,32 +52,26 @@ _SAID_RATES: Final = (
     (r"(?:\bat|sampling|@)\W*(\d+(?:\.\d+)?)\s*(?:hz|sps)\b", "Hz"),
     (r"(?:rate|interval|period|sampling)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*ms\b", "ms"),
     (r"(?:interval|period)[^:=]*[ _(\[]ms[)\]]?\s*[:=\s]+(\d+(?:\.\d+)?)$", "ms"),
-)
-"""How lines before a table say its sampling rate, and the unit of the number."""
+)  # how lines before a table say its sampling rate, and the unit of the number
 _COUNTS: Final = "counts_per_unit"
 _COUNT: Final = r"(?:lsbs?|counts?|digits?)"
 _SCALES: Final = {
     _COUNTS: rf"(\d+(?:\.\d+)?)\s*{_COUNT}\s*(?:/|per)\s*([^\s,:;()]+|\([^()]*\))",
     "unit_per_count": rf"(\d+(?:\.\d+)?(?:e-?\d+)?)\s*([^\s,;\d]+?)\s*(?:/|per)\s*{_COUNT}\b",
-}
-"""How lines before a table say what a count is, by the key of a profile."""
-_USUAL_RATES: Final = (4.0, 9000.0)
-"""Sampling rates of inertial sensors in use, Hz."""
+}  # how lines before a table say what a count is, by the key of a profile
+_USUAL_RATES: Final = (4.0, 9000.0)  # sampling rates of inertial sensors in use, Hz
 _UNIT_NORM: Final = 0.02
 _EVEN: Final = 0.2
 """How far nearly all steps of a column without a name are off their median, in steps, where it is surely a clock."""
 _MOST_SENSORS: Final = 20
 _ANGLES: Final = ("yaw", "pitch", "roll")
-_REST: Final = {"m/s2": G0, "g": 1.0, "mg": 1000.0}
-"""|acc| at rest, by unit."""
+_REST: Final = {"m/s2": G0, "g": 1.0, "mg": 1000.0}  # |acc| at rest, by unit
 _EARTH: Final = {"uT": (22.0, 67.0), "mgauss": (220.0, 670.0), "gauss": (0.22, 0.67), "nT": (22e3, 67e3)}
 """The Earth's field, by unit: `plumbob.data.recording.EARTH_FIELD`."""
-_FASTEST: Final = 70.0
-"""Beyond nearly every part, rad/s: 4000 deg/s."""
+_FASTEST: Final = 70.0  # beyond nearly every part, rad/s: 4000 deg/s
 _ABOUT: Final = 0.15
 """A size at rest counts as one of a unit within this fraction; a sensor that is not calibrated errs by less."""
-_BEST: Final = 0.8
-"""Correlation above which other axes are proposed, where the declared ones have less than half of it."""
+_BEST: Final = 0.8  # correlation above which other axes are proposed, where the declared ones have less than half of it
 
 
 @dataclass(frozen=True, repr=False)
@@ -164,18 +156,11 @@ def known_profile(file: Path) -> Profile | None:
 
 _DEVICE: Final = re.compile(r"\b(id|device|addr(ess)?|mac|node|serial|sensor|imu|unit|tag|name|station)\b")
 """Words of the name of a column that says of which device a row is."""
-_NINE: Final = {"acc": 0, "gyr": 3, "mag": 6}
-"""Where the triads begin in lines of nine, as MotionCal has them."""
+_NINE: Final = {"acc": 0, "gyr": 3, "mag": 6}  # where the triads begin in lines of nine, as MotionCal has them
 
 
 def read_triples(path: str | Path, sensor: str) -> Floats:
-    """Triples (N, 3) of a sensor in a text, in the unit that they have there.
-
-    Raises
-    ------
-    DecodeError
-        If it is not a table, or does not say which of its columns they are.
-    """
+    """Triples (N, 3) of a sensor in a text, in the unit that they have there; DecodeError if it has no such columns."""
     file = existing_file(path)
     with reading(file):
         sample = read_sample(file)
@@ -199,13 +184,7 @@ def read_triples(path: str | Path, sensor: str) -> Floats:
 
 
 def answer(text: str) -> tuple[str, Any]:
-    """Key and value of an answer as ``gyr.unit=deg/s``; lists and numbers as TOML has them, other text without quotes.
-
-    Raises
-    ------
-    ParameterError
-        If it is not KEY=VALUE.
-    """
+    """Key and value of an answer as ``gyr.unit=deg/s``; lists and numbers as TOML has them, other text bare."""
     key, equals, value = text.partition("=")
     if not equals or not re.fullmatch(r"[a-z_0-9.]+", key.strip()):
         raise ParameterError(f"an answer must be KEY=VALUE, as frame=ENU or time.rate='100 Hz', but it is {text!r}.")

@@ -84,8 +84,7 @@ def _foreign(name: str, module: str, *suffixes: str, takes_unit: bool = False, m
     return FileFormat(name, suffixes, reader, accepts=f"foreign.{module}.accepts", takes_unit=takes_unit)
 
 
-_IN_MEMORY: Final = 2 << 30
-"""Bytes of a log at most that is kept in memory while it is searched."""
+_IN_MEMORY: Final = 2 << 30  # bytes of a log at most that is kept in memory while it is searched
 
 FORMATS: Final = (
     FileFormat(
@@ -120,8 +119,7 @@ FORMATS: Final = (
 
 _BUILTIN: Final = {
     suffix: [kind for kind in FORMATS if suffix in kind.suffixes] for some in FORMATS for suffix in some.suffixes
-}
-"""Plumbob's formats by suffix, "" for a folder."""
+}  # plumbob's formats by suffix, "" for a folder
 
 
 def _of_package(name: str, what: Any) -> FileFormat:
@@ -154,8 +152,7 @@ def _of_package(name: str, what: Any) -> FileFormat:
 
 _ALONE: Final = {
     suffix[1:]: kind for kind in FORMATS if not (kind.accepts or kind.takes_profile) for suffix in kind.suffixes
-}
-"""Suffixes that other packages cannot have, because what ends so is of that format, whatever is in it."""
+}  # suffixes that other packages cannot have, because what ends so is of that format, whatever is in it
 EXTENSIBLE: Final = ExtensibleTable[FileFormat]("file", lambda: _ALONE, _of_package)
 """Formats of other packages by their suffixes; `plumbob.register` adds to them."""
 
@@ -294,21 +291,8 @@ def _recording(what: Recording | ImuData | ImuArray | AttitudeTrack, name: str) 
 def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFormat:
     """Format of a file or a folder, by its suffix, and by its content where several share that.
 
-    A text table beside which its profile lies is one, whatever its columns look like.
-
-    Parameters
-    ----------
-    path : path
-        The file, or the folder where a format is one.
-    described : bool
-        Whether a profile is given for it.
-
-    Raises
-    ------
-    UnknownFormatError
-        If its suffix is unknown, or no format of its suffix knows its content; a `DecodeError`.
-    DecodeError
-        If there is none, or it is empty.
+    A text table whose profile lies beside it or is given (`described`) is one, whatever its columns look like.
+    UnknownFormatError if no format of its suffix knows its content; DecodeError if there is none, or it is empty.
     """
     file = check.path("path", path)
     suffix = "" if file.is_dir() else file.suffix.lower() or "."

@@ -20,8 +20,7 @@ from plumbob.rotations import Frame, North
 
 KIND: Final = "plumbob recording"
 FORMAT_VERSION: Final = 1
-ARRAY_VERSION: Final = 2
-"""Of recordings of several units; others stay as they were, so that older programs read them."""
+ARRAY_VERSION: Final = 2  # of recordings of several units; others stay as they were, so that older programs read them
 
 
 def file_header(recording: Recording, columns: list[str]) -> dict[str, Any]:
@@ -52,13 +51,7 @@ def _mount_told(mount: UnitMount) -> dict[str, Any]:
 
 
 def plain_meta(meta: ImuMeta) -> ImuMeta:
-    """Meta with Python's own types instead of NumPy's.
-
-    Raises
-    ------
-    ParameterError
-        If a field has a type that no file can keep.
-    """
+    """Meta with Python's own types instead of NumPy's; ParameterError where no file can keep one."""
     plain: ImuMeta = _storable(META, "meta", asdict(meta))
     return plain
 
@@ -83,13 +76,7 @@ def dump(content: dict[str, Any]) -> bytes:
 
 
 def load(raw: bytes) -> dict[str, Any]:
-    """Parse a header, refusing repeated keys, NaN and anything that is not an object.
-
-    Raises
-    ------
-    DecodeError
-        If it is damaged, not a native recording, or of a newer version.
-    """
+    """Parse a header; DecodeError if it is damaged, not a native recording, or of a newer version."""
     try:
         content = strict_json(raw)
     except (ValueError, RecursionError) as error:
@@ -107,13 +94,7 @@ def load(raw: bytes) -> dict[str, Any]:
 
 
 def parsed(parse: Parse, where: str, content: Any) -> Any:
-    """What a parser such as `META` makes of a part of a header.
-
-    Raises
-    ------
-    PlumbobError
-        If the part is not what the parser expects.
-    """
+    """What a parser such as `META` makes of a part of a header; errors say that it is one."""
     try:
         return parse(where, content)
     except PlumbobError as error:
@@ -141,8 +122,7 @@ def _array(units: tuple[dict[str, Any], ...]) -> dict[str, tuple[ImuMeta, UnitMo
 META: Final = schema.table(ImuMeta, required=[key for key in schema.keys(ImuMeta) if not key.endswith("_left")])
 """Parser of the meta of samples; older recordings do not have what a calibration leaves."""
 _TRACK: Final = {"frame": schema.converted(Frame.parse), "north": schema.converted(North.parse), "source": schema.text}
-TRACK: Final = schema.form(_TRACK, _TRACK)
-"""Parser of frame, heading reference and source of a track."""
+TRACK: Final = schema.form(_TRACK, _TRACK)  # parser of frame, heading reference and source of a track
 _NOISE: Final = schema.optional(lambda where, value: NoiseCard.from_text(json.dumps(value), where))
 _MOUNT: Final = schema.table(UnitMount, required=("q_bs", "lever_b", "clock_offset", "noise"), noise=_NOISE)
 _UNIT: Final = {"name": schema.text, "imu": META, "mount": _MOUNT}

@@ -26,8 +26,7 @@ from plumbob.files.arrow import column_numbers
 from plumbob.files.profile_toml import GUIDE
 from plumbob.files.text_table import single_blanks
 
-CHUNK: Final = 1 << 20
-"""Bytes that are read at once; a line longer than these must be the only one."""
+CHUNK: Final = 1 << 20  # bytes that are read at once; a line longer than these must be the only one
 
 _BOM: Final = b"\xef\xbb\xbf"
 _TWO_OR_ONE = re.compile(rb"\s*[-+]?\d+,\d+\s*")
@@ -39,21 +38,15 @@ _ADVICE: Final = (
 
 @dataclass(frozen=True)
 class Text:
-    """Numbers in a text.
-
-    `path`: the file; `separator`: between the numbers of a line: a comma, a semicolon, or empty for blanks and tabs;
-    `columns`: numbers in a row; `one_line`: whether all rows stand on one line; `start`, `line`: byte at which the
-    first row begins, and the number of its line, counted from 1; `complete`: whether something follows the last number
-    (on several lines: a line end).
-    """
+    """Numbers in a text."""
 
     path: Path
-    separator: bytes
-    columns: int
-    one_line: bool
-    start: int
-    line: int
-    complete: bool
+    separator: bytes  # between the numbers of a line: a comma, a semicolon, or empty for blanks and tabs
+    columns: int  # numbers in a row
+    one_line: bool  # whether all rows stand on one line
+    start: int  # byte at which the first row begins
+    line: int  # number of its line, from 1
+    complete: bool  # whether something follows the last number (on several lines: a line end)
 
     @property
     def notes(self) -> tuple[Finding, ...]:
@@ -107,10 +100,7 @@ class Text:
 
 
 def open_text(file: Path, columns: int | None) -> Text:
-    """Find the first row, and how it is laid out.
-
-    Raises DecodeError if it holds no number, or its first row can be read in two ways.
-    """
+    """Find the first row, and how it is laid out; DecodeError if it can be read in two ways, or there is none."""
     with file.open("rb") as stream:
         start, number, first = _first_row(stream)
         one_line = not (first.endswith(b"\n") and _first_row(stream)[2])
@@ -241,18 +231,14 @@ _BLOCK_VALUES: Final = 1 << 16
 
 @dataclass(frozen=True)
 class Binary:
-    """A table in a file.
-
-    `path`: the file; `dtype`: of its values; `offset`: bytes before them; `rows`, `columns`: size of the table;
-    `by_column`: whether the values of a column follow each other, instead of those of a row.
-    """
+    """A table in a file."""
 
     path: Path
-    dtype: np.dtype[Any]
-    offset: int
+    dtype: np.dtype[Any]  # of its values
+    offset: int  # bytes before them
     rows: int
     columns: int
-    by_column: bool = False
+    by_column: bool = False  # whether the values of a column follow each other, instead of those of a row
     notes: tuple[Finding, ...] = ()
 
     def blocks(self) -> Iterator[tuple[Floats, int]]:
@@ -280,10 +266,7 @@ class Binary:
 
 
 def open_raw(file: Path, kind: str, columns: int | None) -> Binary:
-    """Open raw values of one of the types in `RAW`.
-
-    Raises ParameterError if the columns are not declared; DecodeError if the file does not hold whole rows.
-    """
+    """Open raw values of one of the types in `RAW`; DecodeError if the file does not hold whole rows."""
     if columns is None:
         raise ParameterError(f"raw {kind} values do not say how many make a row; declare the columns, 1 for one axis.")
     dtype = np.dtype(RAW[kind])
@@ -297,10 +280,7 @@ def open_raw(file: Path, kind: str, columns: int | None) -> Binary:
 
 
 def open_npy(file: Path, columns: int | None) -> Binary:
-    """Open an array of one or two dimensions.
-
-    Raises DecodeError if it is not such an array, or is cut.
-    """
+    """Open an array of one or two dimensions; DecodeError if it is not such an array, or is cut."""
     try:
         array = np.load(file, mmap_mode="r", allow_pickle=False)
     except OSError:
@@ -328,8 +308,7 @@ SUFFIXES: Final[dict[str, str]] = {
     ".npy": "npy",
     **{f".{kind}": kind for kind in RAW},
     **dict.fromkeys(TEXT_SUFFIXES, "text"),
-}
-"""What kind of file of numbers a suffix tells; any other needs its kind declared."""
+}  # what kind of file of numbers a suffix tells; any other needs its kind declared
 _LARGEST: Final = 1e30
 
 
@@ -353,23 +332,7 @@ class Numbers:
         return self.source.notes
 
     def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[Floats]:
-        """Read the file from its start.
-
-        Parameters
-        ----------
-        progress : callable, optional
-            Is given after every block how many of `size` bytes are done.
-
-        Yields
-        ------
-        ndarray (rows, columns)
-            The next rows; some megabytes at most.
-
-        Raises
-        ------
-        DecodeError
-            If something is not a number, or beyond every sensor, or a row has another number of them.
-        """
+        """Read the file from its start, some megabytes at a time; `progress` gets how many of `size` bytes are done."""
         blocks, rows = self.source.blocks(), 0
         while True:
             with reading(self.path):  # only here, for what the caller does with a block is not this file's fault
@@ -405,26 +368,11 @@ class Numbers:
 
 
 def open_numbers(path: str | os.PathLike[str], *, kind: str | None = None, columns: int | None = None) -> Numbers:
-    """Open a file of numbers.
+    """Open a file of numbers: ``.npy``, raw little-endian values (``.f32``, ``.i16``, …) or a text.
 
-    Parameters
-    ----------
-    path : path
-        NumPy's ``.npy``; raw little-endian values, where the suffix (``.f32``, ``.i16``, …) or `kind` says their type;
-        or text: numbers between blanks, commas or semicolons, one row a line or all on one line, with lines of comment
-        that begin with # or %.
-    kind : str, optional
-        ``"npy"``, ``"text"`` or a raw type, where the suffix does not say it.
-    columns : int, optional
-        Numbers in a row: needed for raw values; elsewhere the file must agree. A text of a single line is one column
-        without it.
-
-    Raises
-    ------
-    DecodeError
-        If there is no such file, it is empty or cut, or is not what it claims to be.
-    ParameterError
-        If the kind or the columns must be declared and are not, or cannot be.
+    A text has numbers between blanks, commas or semicolons, one row a line or all on one line (one column unless
+    `columns` says more), and comment lines that begin with # or %. `kind` is ``"npy"``, ``"text"`` or a raw type, where
+    the suffix does not say it; `columns`, which raw values need, are the numbers in a row.
     """
     file = existing_file(path)
     kind = _kind(file, kind)

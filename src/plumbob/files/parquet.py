@@ -54,24 +54,16 @@ _PAGE_BYTES: Final = 64 * 1024
 # A table of contents lists 15 columns for each million rows in less than 3 kB; Arrow takes a hundred times its size.
 _CONTENTS_BYTES: Final = 1024 * 1024
 _THRIFT_ITEMS: Final = 10_000
-_BATCH: Final = 1 << 16
-"""Rows that are read at a time."""
-GROUP: Final = 1 << 15
-"""Rows of the first row groups that are written: a writer holds one. The table of contents lists all, so that after"""
-ALIKE: Final = 300
-"""groups they are four times as large, and so on until they have"""
-LARGEST: Final = 1 << 20
-"""rows."""
+_BATCH: Final = 1 << 16  # rows that are read at a time
+GROUP: Final = 1 << 15  # rows of the first row groups that are written: a writer holds one
+ALIKE: Final = 300  # groups of a size; then they are four times as large, as the table of contents lists them all
+LARGEST: Final = 1 << 20  # rows of a group at most
 
 
 def write_parquet(path: Path, parts: Recording | Iterable[Recording], overwrite: bool = False) -> None:
-    """Write a native recording; the final name appears only when the file is complete.
+    """Write a native recording, or consecutive parts of it, none of which is kept; errors as of `plumbob.write`.
 
-    Raises ClockError if imu and track have different time stamps; ParameterError if the file exists and `overwrite` is
-    false; DecodeError if the system refuses to write.
-
-    `path`: the file; `parts`: it, or consecutive parts of it, none of which is kept; what the header says of all is
-    taken from the last; `overwrite`: whether a file that lies there may be replaced.
+    The final name appears only when the file is complete; what the header says is taken from the last part.
     """
     with replacing(path, overwrite=overwrite, seeks=True) as temporary, closing(_RowGroupWriter(temporary)) as writer:
         for recording in (parts,) if isinstance(parts, Recording) else parts:
@@ -150,12 +142,9 @@ class _RowGroupWriter:
 
 
 def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
-    """Read a native recording, to the bit; unless all is to be in memory, samples without an attitude stay in the file.
+    """Read a native recording, or a table that carries its profile or has one; what is damaged is a DecodeError.
 
-    A table of another program is read as its profile beside it says.
-
-    Raises DecodeError if the file is not Parquet, cut, damaged, foreign, or of a newer version; the message is one
-    line.
+    Unless `in_memory`, samples without an attitude stay in their file.
     """
     file = existing_file(path)
     with reading(file), _open(file) as parquet:
@@ -224,10 +213,7 @@ class Stored(ImuData):
 
     @classmethod
     def open(cls, file: Path, meta: ImuMeta, unit: str = "") -> Self:
-        """Samples of a file whose content has been found to be whole, or of one of its units.
-
-        Raises ClockError, ShapeError, UnitError as of `ImuData`.
-        """
+        """Samples of a file whose content has been found to be whole, or of one of its units."""
         made = object.__new__(cls)
         with _open(file) as parquet:
             names = tuple(of_unit(dict.fromkeys(parquet.schema_arrow.names), unit))  # type: ignore[arg-type]

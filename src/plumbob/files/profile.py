@@ -35,20 +35,15 @@ def columns(*sizes: int) -> Parse:
 ColumnRef = Annotated[int | str, COLUMN]
 """A column by its number, counted from 1, or by its name; one of an array as ``"imu/gyr[1]"``, counted from 1 too."""
 
-NO_COLUMN: Final = "none"
-"""Stands for the column of an axis that the sensor does not have."""
+NO_COLUMN: Final = "none"  # stands for the column of an axis that the sensor does not have
 
-QUOTED: Final = "quoted"
-"""Separator of cells in quotes with commas between them, as decimal commas need it."""
+QUOTED: Final = "quoted"  # separator of cells in quotes with commas between them, as decimal commas need it
 
-JSON: Final = "json"
-"""Separator of objects of JSON, whose keys are the names of columns."""
+JSON: Final = "json"  # separator of objects of JSON, whose keys are the names of columns
 
-BLANK: Final = "blank"
-"""Separator of rows in which each single blank is one, so that cells may be empty."""
+BLANK: Final = "blank"  # separator of rows in which each single blank is one, so that cells may be empty
 
-AS_MOUNTED: Final = "x y z"
-"""Axes that change nothing."""
+AS_MOUNTED: Final = "x y z"  # axes that change nothing
 
 SEPARATORS: Final = {"tab": "\t", "\\t": "\t", **{word: word for word in (*",;| \t", BLANK, QUOTED, JSON)}}
 """Separators by the names that a profile may give them."""

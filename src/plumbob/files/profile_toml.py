@@ -52,14 +52,8 @@ _LAYOUT = ("separator", "decimal", "thousands", "encoding", "comment", "missing"
 def load_profile(path: str | Path) -> Profile:
     """Read a profile.
 
-    Raises
-    ------
-    DecodeError
-        If it is not TOML, or a key is unknown, missing or of the wrong type.
-    UnitError
-        If a unit is missing or unknown.
-    FrameError
-        If body axes, a navigation frame or a heading reference is missing or unknown.
+    DecodeError if it is not TOML, or a key is unknown, missing or of the wrong type; UnitError or FrameError if a unit,
+    body axes, a frame or a heading reference is.
     """
     text = text_of(path, "profile")
     with reading(Path(path)):

@@ -46,20 +46,13 @@ from plumbob.files.text_table import (
     vector,
 )
 
-READ: Final = 1 << 20
-"""Bytes that are looked at."""
-TRIED: Final = 1000
-"""Lines with which every layout is tried."""
-_NAMES_WITHIN: Final = 1 << 14
-"""Characters in which names are sought to tell an encoding."""
-_MOST_KINDS: Final = 6
-"""Kinds of rows in a file."""
-_MOST_CHANNELS: Final = 60
-"""Sensors' axes in a table with a row for each number."""
-FEWEST: Final = 3
-"""Rows that make a table."""
-ROWS: Final = 4000
-"""Rows of arrays that are looked at."""
+READ: Final = 1 << 20  # bytes that are looked at
+TRIED: Final = 1000  # lines with which every layout is tried
+_NAMES_WITHIN: Final = 1 << 14  # characters in which names are sought to tell an encoding
+_MOST_KINDS: Final = 6  # kinds of rows in a file
+_MOST_CHANNELS: Final = 60  # sensors' axes in a table with a row for each number
+FEWEST: Final = 3  # rows that make a table
+ROWS: Final = 4000  # rows of arrays that are looked at
 MISSING: Final = (
     "", "NaN", "nan", "--", "null", "NULL", "N/A", "#N/A", "NA", "None", "none", "-", ".nan", "1.#QNAN", "#DIV/0!",
 )  # fmt: skip
@@ -67,8 +60,7 @@ _COMMENTS: Final = ("#", "%", "//")
 _GROUPED: Final = {
     ".": re.compile(r"[-+]?\d{1,3}((,\d{3}){2,}|(,\d{3})+\.\d+|([' ]\d{3})+(\.\d*)?)"),
     ",": re.compile(r"[-+]?\d{1,3}(\.\d{3}|[' ]\d{3})+,\d+"),
-}
-"""Numbers that surely stand in groups of three digits; between commas, a cell with one was quoted."""
+}  # numbers that surely stand in groups of three digits; between commas, a cell with one was quoted
 _LAYOUTS: Final = (*product(";\t", ".,"), *product(",|", "."), *product(" ", ".,"), (QUOTED, ","))
 _NINE: Final = tuple(f"{sensor}_{axis}" for sensor in ("mag (gauss)", "acc (m/s2)", "gyr (rad/s)") for axis in "xyz")
 SENTENCES: Final = {
@@ -76,8 +68,7 @@ SENTENCES: Final = {
     "VNQMR": ("q_x", "q_y", "q_z", "q_w", *_NINE),
     "VNIMU": (*_NINE, "temp (degC)", "pressure (kPa)"),
     "YPR": ("yaw (deg)", "pitch (deg)", "roll (deg)"),
-}
-"""Fields of sentences whose makers publish them: VectorNav's (UM001, output formats), and those of Razor's firmware."""
+}  # fields of sentences whose makers publish them: VectorNav's (UM001, output formats), and those of Razor's firmware
 _WORDS_BEFORE: Final = re.compile(r"(?!.*\d:\d\d)(.*?[^\w\s.+-]\s*|.*[^\W\d].*?\s)(?=[-+.\d])")
 """What a log or a prompt writes before the first number of a row."""
 _UNIT_CELL: Final = re.compile(r"[\[(].*[\])]")
@@ -132,13 +123,7 @@ class _SniffedTable:
 
 
 def read_sample(path: Path) -> Sample:
-    """First rows of a text file, and how it is laid out.
-
-    Raises
-    ------
-    DecodeError
-        If no layout makes a table of numbers of it.
-    """
+    """First rows of a text file, and how it is laid out; DecodeError if no layout makes a table of it."""
     raw = text_bytes(path, READ)
     complete = len(raw) < READ
     text, encoding = _decoded(raw)

@@ -25,13 +25,10 @@ from plumbob.core.findings import Finding, warning
 from plumbob.core.time import GAP_FACTOR, LONGEST
 
 _COUNTERS: Final = tuple(float(1 << bits) for bits in (8, 12, 16, 24, 32))
-_DECIMALS: Final = (1e3, 1e6, 1e9)
-"""Counters of a part of a second."""
-WEEK: Final = 604_800
-"""Seconds."""
+_DECIMALS: Final = (1e3, 1e6, 1e9)  # counters of a part of a second
+WEEK: Final = 604_800  # seconds
 _PERIODS_NS: Final = {"midnight": 86_400e9, "the end of the week": WEEK * 1e9}
-CENTURY: Final = (946_684_800.0, 4_102_444_800.0)
-"""Unix time of 2000 and of 2100, s."""
+CENTURY: Final = (946_684_800.0, 4_102_444_800.0)  # unix time of 2000 and of 2100, s
 _GPS_EPOCH: Final = 315_964_800
 _LEAPS: Final = (
     46828800, 78364801, 109900802, 173059203, 252028804, 315187205, 346723206, 393984007, 425520008, 457056009,
@@ -66,8 +63,7 @@ def time_line(
 ) -> SampleTimes:
     """Times of samples by their stamps (N,) in the order of the samples, in units of `unit_ns` ns.
 
-    `place` says for messages where a row is, which counts from 0. Raises ClockError if a stamp is not a number, all are
-    one, or time begins again.
+    `place` says where a row is. ClockError if a stamp is not a number, all are one, or time begins again.
     """
     if not np.isfinite(stamps).all():
         raise ClockError(f"{place(int(np.argmin(np.isfinite(stamps))))} has no time stamp.")
@@ -91,10 +87,7 @@ def turn_lengths(largest: float, unit_ns: float) -> dict[str, float]:
 
 
 def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], str]) -> tuple[Floats, list[Finding]]:
-    """What to add to the values of a counter that began again; zeros where none of the known lengths explains it.
-
-    A length explains a step back if what is then left is a step forward no longer than those that the file has.
-    """
+    """What to add to the values of a counter that began again, where a length makes a step that the file has."""
     steps = np.diff(values)
     forward = steps[steps > 0.0]
     if not forward.size:
@@ -161,9 +154,8 @@ def _even(t_ns: NDArray[np.int64], place: Callable[[int], str]) -> tuple[NDArray
 def without_leaps(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
     """Stamps (N,) of which those that leap far off their neighbours lie between these, and how many do.
 
-    They are damaged, and their samples are kept: one that leaps ahead would make all behind it late. A stamp is far
-    off if it is more than a gap away from neighbours that are within a gap of each other, or more than half of the
-    longest possible recording away from the median.
+    They are damaged: more than a gap away from neighbours that are within a gap of each other, or more than half of the
+    longest possible recording away from the median. Their samples are kept.
     """
     if stamps.size < 3:
         return stamps, 0

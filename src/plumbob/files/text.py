@@ -60,9 +60,8 @@ _UPTIME = float(1 << 22)
 def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | Path | None = None) -> Recording:
     """Read a CSV or TXT file, or several with a sensor each; without a profile, ``NAME.toml`` beside it is taken.
 
-    Raises DecodeError if there is no profile, it is invalid, or the file does not fit it; UnitError if the values
-    cannot be in the declared units; ClockError if time is missing or begins again, or sensors do not overlap;
-    ShapeError if a declared triad holds no number.
+    DecodeError without a profile that fits it; UnitError if values cannot be in the declared units; ClockError if time
+    is missing or begins again, or sensors do not overlap; ShapeError if a declared triad holds no number.
     """
     files = [existing_file(item) for item in as_list(path)]
     declared, note = text_profile(files[0], profile)
@@ -296,8 +295,7 @@ def to_vectors(group: GroupSource, table: TextTable, turn: str | None) -> Floats
 def _undelayed(t: Floats, values: Floats, delay: float) -> Floats:
     """Values (N, 3) at the times of their rows, where they came `delay` late, by straight lines between known ones.
 
-    Rows without values stay without: a slower sensor keeps its rate. What lies in a gap of an axis, or outside the
-    recording, is NaN.
+    A slower sensor keeps its rate; what lies in a gap of an axis, or outside the recording, is NaN.
     """
     if delay == 0.0:
         return values
@@ -350,8 +348,7 @@ def _changes(profile: Profile, t0_ns: int) -> tuple[Note, ...]:
     return tuple(notes)
 
 
-SPANS = ("part", "from_s", "to_s")
-"""Columns of a table of spans."""
+SPANS = ("part", "from_s", "to_s")  # columns of a table of spans
 
 
 def read_labels(path: str | Path, column: ColumnRef, profile: Profile | str | Path | None = None) -> list[str]:
@@ -365,13 +362,7 @@ def read_labels(path: str | Path, column: ColumnRef, profile: Profile | str | Pa
 
 
 def read_spans(path: str | Path) -> dict[str, tuple[float, float]]:
-    """Spans of time by name, s, from a CSV file with the columns `SPANS`.
-
-    Raises
-    ------
-    DecodeError
-        If it is not such a table, a name comes twice or a span has no length.
-    """
+    """Spans of time by name, s, from a CSV file with the columns `SPANS`; DecodeError if it is not one."""
     file, text = Path(path), text_of(path)
     spans: dict[str, tuple[float, float]] = {}
     with reading(file):

@@ -33,8 +33,7 @@ TOKEN: Final = re.compile(
     r"^\s*\d+(?=: )|"
     r"(?<![\w.^:-])(?:\d{4}[-/]\d{1,2}[-/]\d{1,2}[T ])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?(?:Z\b|[-+]\d\d:?\d\d\b)?|"
     r"(?<![\w.^+-])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\d.:x^])|\b(?:nan|NaN|null)\b"
-)
-"""A number or a clock time among words; not a digit of a name, an exponent or a code."""
+)  # A number or a clock time among words; not a digit of a name, an exponent or a code
 
 
 def label(text: str) -> str:
@@ -115,11 +114,6 @@ def objects_as_rows(text: str) -> str:
 
     Rows are the longest array of objects, or arrays of one length beside each other, or an array of arrays whose names
     stand beside it. Several arrays of objects with the same keys are one table, with their own key as its ``sensor``.
-
-    Raises
-    ------
-    DecodeError
-        If it is not JSON, or no array in it has rows.
     """
     tables: dict[str, list[dict[str, str]]] = {}
     facts: dict[str, str] = {}
@@ -145,8 +139,7 @@ def objects_as_rows(text: str) -> str:
     return "\n".join(lines) + "\n" * text.endswith(("\n", "}", "]", "-"))  # else the last number may be cut
 
 
-_MOST_EMPTY: Final = 16
-"""Cells of a table for each character of JSON: what other sensors' objects lack is empty."""
+_MOST_EMPTY: Final = 16  # cells of a table for each character of JSON: what other sensors' objects lack is empty
 _IN_LINES: Final = re.compile(r"\s*\{.*\}[ \r]*\n\s*\{")
 
 
@@ -206,13 +199,7 @@ class Head:
 
 
 def decode(raw: bytes, encoding: str) -> str:
-    r"""Text of a file: without a byte order mark, its lines ended by ``\n``.
-
-    Raises
-    ------
-    DecodeError
-        If a byte does not belong to the encoding.
-    """
+    """Text of a file: without a byte order mark, its lines ended by one sign; DecodeError in another encoding."""
     try:
         text = raw.decode(encoding)
     except UnicodeError as error:
@@ -273,13 +260,7 @@ def channels_as_columns(text: str, layout: TextLayout) -> tuple[str, TextLayout]
 
 
 def find_head(text: str, layout: TextLayout) -> Head:
-    """Find where the numbers begin.
-
-    Raises
-    ------
-    DecodeError
-        If the marker does not come, or the file ends before.
-    """
+    """Find where the numbers begin; DecodeError if the marker does not come, or the file ends before."""
     place, line = _after_marker(text, layout) if layout.marker else (0, 1)
     place, line = _forward(text, place, line, layout.skip)
     names: tuple[str, ...] = ()
@@ -294,13 +275,7 @@ def find_head(text: str, layout: TextLayout) -> Head:
 
 
 def split_row(row: str, separator: str, line: int) -> list[str]:
-    """Cells of one row, which is line number `line`; quoted cells may hold the separator.
-
-    Raises
-    ------
-    DecodeError
-        If a quote is not closed, or the row or a cell is absurdly long.
-    """
+    """Cells of one row, which is line number `line`; quoted cells may hold the separator; DecodeError if too long."""
     if len(row) > _LONGEST_ROW:
         raise DecodeError(
             f"line {line} has {len(row)} characters, but a row of numbers has {_LONGEST_ROW} at most; is this the file?"
@@ -325,8 +300,7 @@ _SAID_NUMBER: Final = re.compile(r"[-+]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][-+]?\d+)?")
 NUMBER: Final = {
     ".": re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"),
     ",": re.compile(r"[-+]?(\d+(,\d+)?|,\d+)([eE][-+]?\d+)?"),
-}
-"""A number by its decimal sign."""
+}  # A number by its decimal sign
 
 
 def split_vectors(row: str, separator: str, line: int) -> list[str]:
@@ -363,13 +337,7 @@ def names_apart(names: Sequence[str], forms: Sequence[str]) -> tuple[str, ...]:
 
 
 def cells_apart(cells: Sequence[str], layout: TextLayout, line: int) -> list[str]:
-    """Cells of a row with each number of a vector in a cell of its own, and without units.
-
-    Raises
-    ------
-    DecodeError
-        If a cell has another unit than its column.
-    """
+    """Cells of a row with each number of a vector in one of its own, without units; another unit is refused."""
     numbers: list[str] = []
     for place, (cell, form) in enumerate(zip(cells, layout.cells, strict=True), 1):
         number, unit = number_and_unit(cell)
@@ -601,9 +569,8 @@ def read_table(
 ) -> TextTable:
     """Read columns of a text file, by number from 1 or by name; `texts` are those that are not numbers.
 
-    Of the `exact` one its first value is subtracted before it is rounded to float64, as Unix time in nanoseconds needs.
-    Raises DecodeError if a column is missing, or too many rows cannot be read; the message names the first line and
-    column.
+    Of the `exact` one its first value is subtracted before it is rounded to float64, as Unix time in ns needs.
+    DecodeError if a column is missing, or too many rows cannot be read, with the first line and column.
     """
     text = decode(raw, layout.encoding)
     del raw  # which is as large
@@ -726,13 +693,7 @@ def row_cells(row: str, layout: TextLayout, line: int) -> list[str]:
 
 
 def _checked(row: str, line: int) -> str:
-    """A sentence without its checksum.
-
-    Raises
-    ------
-    DecodeError
-        If the checksum is missing or another.
-    """
+    """A sentence without its checksum; DecodeError if that is missing or another."""
     text, _, digits = row.rstrip().rpartition("*")
     checksum = sentence_checksum(text[1:])
     if digits.upper() != checksum:

@@ -37,17 +37,7 @@ _PLACES: Final = (
 
 
 def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None:
-    """Write ``NAME.csv`` and ``NAME.profile.toml``.
-
-    Raises
-    ------
-    ClockError
-        If imu and track have different time stamps.
-    DecodeError
-        If a profile of another name lies beside the file, or the system refuses to write.
-    ParameterError
-        If one of the two exists and `overwrite` is false, or there are several units.
-    """
+    """Write ``NAME.csv`` and ``NAME.profile.toml``; errors as of `plumbob.write`, and beside another profile."""
     columns = columns_of_unit(path, recording)
     other, profile = sidecars(path)
     if other.exists():
@@ -61,13 +51,7 @@ def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None
 
 
 def columns_of_unit(path: Path, recording: Recording) -> Columns:
-    """Columns of a recording of one unit.
-
-    Raises
-    ------
-    ParameterError
-        If there are several.
-    """
+    """Columns of a recording of one unit; ParameterError if there are several."""
     if recording.array is not None:
         raise ParameterError(
             f"{path}: such a file holds one unit, and there are {', '.join(recording.array.names)}. Write .parquet "

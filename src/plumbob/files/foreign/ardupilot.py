@@ -50,8 +50,7 @@ _WANTED: Final = frozenset(("IMU", "IMU2", "IMU3", "MAG", "MAG2", "MAG3", "ATT",
 _QUATERNIONS: Final = ("XKQ", "XKQ1", "NKQ1")
 _TEXTS: Final = "nNZa"
 _WORD: Final = 64
-_LINE: Final = 4096
-"""Bytes of a line of text at most."""
+_LINE: Final = 4096  # bytes of a line of text at most
 
 
 @dataclass

@@ -128,10 +128,7 @@ def _places(table: Path) -> dict[str, tuple[list[int], str]]:
 
 
 def _sensor(file: Path, name: str, notes: list[Note]) -> tuple[Floats, float | None]:
-    """Rotation of ``T_BS`` as a quaternion, sensor to body, and the rate, Hz, as far as ``sensor.yaml`` says them.
-
-    Of YAML it reads what these files use: keys at the start of a line, numbers, and a list in brackets.
-    """
+    """Rotation of ``T_BS`` as a quaternion, sensor to body, and the rate, Hz, as far as ``sensor.yaml`` says them."""
     identity = np.array([1.0, 0.0, 0.0, 0.0])
     if not file.is_file():
         notes.append(warning("source.euroc_no_sensor", name=name))
@@ -202,10 +199,7 @@ T_BS:
 
 
 def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> None:
-    """Write the folder; errors as in `plumbob.write`.
-
-    Raises ShapeError if there are no samples, or a unit has no gyroscope or no accelerometer.
-    """
+    """Write the folder; errors as in `plumbob.write`; ShapeError if a unit has no gyroscope or no accelerometer."""
     units: Mapping[str, ImuData] = {} if recording.imu is None else {"": recording.imu}
     units = units if recording.array is None else recording.array.units
     if not units:

@@ -33,18 +33,10 @@ _SLOW, _FAST = 0.5, 1.5
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What one sensor said, by its own clock.
+    """What one sensor said, by its own clock."""
 
-    Parameters
-    ----------
-    t_ns : array_like (N,) of int
-        Stamps, ns, of a clock that all streams of a recording share.
-    values : array_like (N, 3) or (N,)
-        Values in SI units: rad/s, m/s², µT, °C; NaN where there is none.
-    """
-
-    t_ns: ArrayLike
-    values: ArrayLike
+    t_ns: ArrayLike  # stamps (N,), ns, of a clock that all streams of a recording share
+    values: ArrayLike  # (N, 3) or (N,), SI: rad/s, m/s², µT, °C; NaN where there is none
 
 
 class Joined(NamedTuple):
@@ -58,10 +50,8 @@ class Joined(NamedTuple):
 def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | None = None) -> Joined:
     """Samples of several sensors on the time line of the gyroscope, or of the fastest where there is none.
 
-    Streams are ``gyr``, ``acc``, ``mag`` and ``temp_c``; `epoch_ns` is the UTC of the stamp 0, ns since 1970, None
-    where it is unknown. Time begins at 0 with the first row, whose UTC is put into `meta`. Raises ShapeError if no
-    triad is among them, or shapes differ; ClockError if the time of a stream begins again, or recordings do not
-    overlap.
+    `epoch_ns` is the UTC of the stamp 0, None where it is unknown. ShapeError if no triad is among the streams, or
+    shapes differ; ClockError if the time of one begins again.
     """
     ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[Finding]()
     for name, stream in streams.items():
@@ -85,14 +75,10 @@ def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | No
 
 
 def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
-    """One recording of sensors that have a file, a topic or rows of their own, by their common clock.
+    """One recording of sensors that have a file, a topic or rows of their own, by UTC or the clock of their stamps.
 
-    That is UTC where all know it, and otherwise that of their stamps. Only rows of the leading sensor between the first
-    and the last sample of the others are kept.
-
-    Raises ShapeError if two of them hold the same triad; ClockError if they do not overlap in time.
-
-    `parts`: of different triads; at least one; `name`: of the recording.
+    Only rows of the leading sensor between the first and the last sample of the others are kept. ShapeError if two hold
+    the same triad; ClockError if they do not overlap in time.
     """
     samples = [part.imu for part in parts if part.imu is not None]
     absolute = all(imu.meta.t0_ns for imu in samples)
@@ -198,10 +184,7 @@ def _parts(stamps: NDArray[np.int64]) -> Iterator[slice]:
 
 
 def seconds_to_ns(name: str, seconds: ArrayLike) -> NDArray[np.int64]:
-    """Integer ns of seconds (N,), as some logs keep them; float64 keeps today's Unix seconds to .24 µs.
-
-    Raises ClockError if one is not a number, or no clock has it.
-    """
+    """Integer ns of seconds (N,), which float64 keeps to .24 µs since 1970; ClockError if one is no time."""
     values = check.column(name, seconds)
     if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > 9.2e9:
         raise ClockError(f"{name} holds numbers that are not times in seconds; check the column.")

@@ -102,10 +102,7 @@ def _stamps(file: Path) -> NDArray[np.int64]:
 
 
 def _recording(t_ns: NDArray[np.int64], table: Floats, stamped: int, name: str) -> Recording:
-    notes: list[Note] = [
-        info("source.kitti"),
-        info("source.kitti_no_zone"),
-    ]
+    notes: list[Note] = [info("source.kitti"), info("source.kitti_no_zone")]
     if missing := stamped - t_ns.size:
         notes.append(warning("reading.kitti_missing", missing=missing, stamped=stamped))
     meta = ImuMeta(device="OXTS RT3003", frame=Frame.ENU, north=North.TRUE, unit_check=False)

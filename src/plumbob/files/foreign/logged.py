@@ -33,8 +33,7 @@ from plumbob.files.profile import ColumnRef
 from plumbob.files.stamps import time_line, without_leaps
 from plumbob.rotations import Frame, North, quat_normalize
 
-MOST: Final = 2 << 30
-"""Bytes of a log at most: it is kept in memory while it is searched."""
+MOST: Final = 2 << 30  # bytes of a log at most: it is kept in memory while it is searched
 _PART: Final = 1 << 14
 _NORM: Final = 1e-3
 
@@ -42,15 +41,13 @@ RELATIVE_NOTE: Final = (
     f"mag is in arbitrary units, 1 at the place of calibration, which is taken for {NOMINAL_FIELD:g} µT"
 )
 
-Table = Mapping[str, NDArray[Any]]
-"""Columns (N,) of one kind of record, by name."""
+Table = Mapping[str, NDArray[Any]]  # columns (N,) of one kind of record, by name
 
 
 class LoggedAttitude(NamedTuple):
     """An attitude on stamps of its own (M,), ns, by the clock of the samples: body to `frame` (M, 4), wxyz.
 
-    What is not a rotation (a norm that is not 1 within 1e-3) is taken for 'not known'. `note` is said where it is
-    taken, behind its source.
+    What is not a rotation (a norm that is not 1 within 1e-3) is taken for 'not known'.
     """
 
     t_ns: NDArray[np.int64]
@@ -58,7 +55,7 @@ class LoggedAttitude(NamedTuple):
     source: str
     frame: Frame = Frame.NED
     north: North = North.TRUE
-    note: str = ""
+    note: str = ""  # is said where it is taken, behind its source
     kind: str = "attitude"
 
 
@@ -94,10 +91,7 @@ class SensorLog:
     def recording(
         self, name: str, *, none: str = "", flags: Callable[[NDArray[np.int64]], NDArray[np.uint32]] | None = None
     ) -> Recording:
-        """Recording of it all; `none` is the note where no attitude is known at the samples' times.
-
-        `flags` makes those of the rows from their stamps, ns.
-        """
+        """Recording of it all; `none` is the note where no attitude is known, `flags` makes those of rows by stamps."""
         imu, rows_ns, how = self.joined()
         notes = [*self.notes, *how]
         imu = imu if flags is None else imu.flagged(flags(rows_ns))
@@ -116,10 +110,7 @@ class SensorLog:
 
 
 def array_recording(units: Mapping[str, Joined], name: str, notes: Sequence[Note]) -> Recording:
-    """Recording of several units that were sampled together.
-
-    Raises ParameterError if they have stamps of their own.
-    """
+    """Recording of several units that were sampled together; ParameterError if they have stamps of their own."""
     rows_ns = next(iter(units.values())).rows_ns
     if any(not np.array_equal(unit.rows_ns, rows_ns) for unit in units.values()):
         raise ParameterError(
@@ -132,10 +123,7 @@ def array_recording(units: Mapping[str, Joined], name: str, notes: Sequence[Note
 def choose(
     notes: list[Note], counts: Mapping[str, int], unit: str | None, of: str = "samples", what: str = "record"
 ) -> str:
-    """One of a log's units, with the counts of their records: by name (``IMU.1``, ``imu1``) or number, or the first.
-
-    Raises ParameterError if the log has no unit of that name.
-    """
+    """One of a log's units, with the counts of their records: by name (``IMU.1``, ``imu1``) or number, or the first."""
     taken = chosen([*counts], unit)
     others = {name: count for name, count in counts.items() if name != taken}
     listed = first_words([f"{name} ({count})" for name, count in others.items()], 20)
@@ -231,10 +219,7 @@ def _letters(name: str) -> str:
 
 
 def inside(folder: Path, *parts: str) -> Path:
-    """Path of a file in a folder, refused where a link leads out of it.
-
-    Raises DecodeError if it is not in the folder.
-    """
+    """Path of a file in a folder; DecodeError where a link leads out of it."""
     path = folder.joinpath(*parts)
     if not path.resolve().is_relative_to(folder.resolve()):
         raise DecodeError(f"{'/'.join(parts)} leads out of the folder; copy the data set with its files.")
@@ -246,9 +231,7 @@ def text_rows(
 ) -> tuple[NDArray[Any], Floats]:
     """Stamps (N,), of a type, and the columns of numbers behind them (N, columns), of a text table.
 
-    `blanks` also stands between cells; `how` is as `numpy.loadtxt` has it.
-
-    Raises DecodeError if a row has too few columns or holds what is not a number, or there is none.
+    `blanks` also stands between cells; `how` is as `numpy.loadtxt` has it. DecodeError without such rows.
     """
     file = existing_file(path, MOST)
     layout = np.dtype([("t", stamps), ("values", "f8", (columns,))])

@@ -59,13 +59,11 @@ _KINDS: Final = {
 """By message number: fields and CRC_EXTRA of `common.xml`."""
 _ANGLES: Final = ("yaw", "pitch", "roll")
 _PREFERRED: Final = (105, 26, 27, 116, 129)
-_ARDUPILOT: Final = 3
-"""`MAV_AUTOPILOT_ARDUPILOTMEGA`."""
+_ARDUPILOT: Final = 3  # `MAV_AUTOPILOT_ARDUPILOTMEGA`
 _EARLIEST_US, _LATEST_US = 946_684_800 * 10**6, 4_102_444_800 * 10**6
 _SIGNED: Final = 0x01
 _CHECK: Final = "crc16-mcrf4xx"
-_BITS: Final = {"acc": 0x007, "gyr": 0x038, "mag": 0x1C0}
-"""`HIGHRES_IMU_UPDATED_FLAGS`."""
+_BITS: Final = {"acc": 0x007, "gyr": 0x038, "mag": 0x1C0}  # `HIGHRES_IMU_UPDATED_FLAGS`
 
 
 @dataclass
@@ -178,10 +176,7 @@ def _checked(data: NDArray[np.uint8], number: int, packets: _Packets) -> tuple[N
 
 
 def _chosen(tables: dict[tuple[int, int], Any], unit: str | None, log: SensorLog) -> tuple[int, int]:
-    """System and message that the samples are of: the first of the preferred, of the first system that has one.
-
-    They are called by the message, and by the system where several have it, as ``SCALED_IMU2.1``.
-    """
+    """System and message that the samples are of: the first of the preferred, or the one asked for by its name."""
     listed_units = [
         (system, number)
         for system in sorted({system for system, _ in tables})

@@ -20,12 +20,9 @@ from plumbob.core.files import existing_file, require_room
 from plumbob.files.profile import ColumnRef, TextLayout
 from plumbob.files.text_table import TextTable, decode, find_head, is_idle, read_table, split_row
 
-MAX_MEMBERS: Final = 1000
-"""Files of an archive or a folder; an app writes a few dozen."""
-MAX_DIRECTORY: Final = 4 << 20
-"""Bytes of the list of members of an archive."""
-HEAD_BYTES: Final = 4096
-"""Bytes of a file that are looked at to see what it is."""
+MAX_MEMBERS: Final = 1000  # files of an archive or a folder; an app writes a few dozen
+MAX_DIRECTORY: Final = 4 << 20  # bytes of the list of members of an archive
+HEAD_BYTES: Final = 4096  # bytes of a file that are looked at to see what it is
 MISSING: Final = ("", "NaN", "nan", "null", "N/A")
 """Cells without a value in the tables of phone apps and of vendors' programs."""
 
@@ -37,17 +34,9 @@ _SEPARATORS: Final = (",", ";", "\t")
 
 
 class Parts:
-    """Files of a recording by their path inside it, with ``/`` between folders.
+    """Files of a recording, a zip archive, a folder (with ``meta``) or one file, by their path inside it, with ``/``.
 
-    Parameters
-    ----------
-    path : path
-        A zip archive, a folder (with its folder ``meta``), or one file, which is its only member.
-
-    Raises
-    ------
-    DecodeError
-        If the archive is damaged or encrypted, or has more members or packs more than a recording does.
+    DecodeError if the archive is damaged or encrypted, or has more members or packs more than a recording does.
     """
 
     def __init__(self, path: Path) -> None:
@@ -170,10 +159,7 @@ def _folder_members(folder: Path) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A table of numbers with a row of names.
-
-    `title`: its file, for messages; `raw`: the file; `layout`: how it is laid out; `names`: names of its columns.
-    """
+    """A table of numbers with a row of names; `title` is its file, for messages."""
 
     title: str
     raw: bytes
@@ -183,10 +169,7 @@ class Sheet:
     def table(
         self, refs: Sequence[ColumnRef], exact: ColumnRef | None = None, texts: Sequence[ColumnRef] = ()
     ) -> TextTable | None:
-        """Columns by name, as `plumbob.files.text_table.read_table` reads them; None where there is no row.
-
-        Raises DecodeError if a column is missing or a cell is not a number; the message names file, line and column.
-        """
+        """Columns by name, as `text_table.read_table` reads them; None where there is no row; errors name the file."""
         try:
             text = decode(self.raw, self.layout.encoding)
             if not text[find_head(f"{text}\n ", self.layout).start :].strip():
@@ -197,12 +180,7 @@ class Sheet:
 
 
 def sheet(title: str, raw: bytes, *, comment: str = "") -> Sheet:
-    """Read the row of names of a table, and find its separator and decimal sign.
-
-    Raises DecodeError if a row of names is missing, or it is not text.
-
-    `title`: name of the file; `raw`: its content; `comment`: lines before the names that begin so are passed over.
-    """
+    """Row of names of a table, after lines of comment, its separator and decimal sign; DecodeError without one."""
     head, first = _first_rows(title, raw, comment)
     separator = max(_SEPARATORS, key=head.count)
     decimal = "," if separator != "," and "," in first and "." not in first else "."

@@ -36,15 +36,7 @@ from plumbob.data.recording import Recording
 from plumbob.files.columns import has_zone, is_stamp, stamps_ns
 from plumbob.files.foreign.join import Readings, seconds_to_ns
 from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, vectors
-from plumbob.files.foreign.parts import (
-    Parts,
-    Sheet,
-    names_in,
-    records,
-    sheet,
-    small_table,
-    zipfile_like,
-)
+from plumbob.files.foreign.parts import Parts, Sheet, names_in, records, sheet, small_table, zipfile_like
 from plumbob.files.profile import TextLayout
 from plumbob.files.stamps import time_line
 from plumbob.files.text_table import read_table
@@ -143,7 +135,7 @@ def _is_phyphox(name: str, names: tuple[str, ...]) -> bool:
 
 
 def _phyphox_triads(name: str, names: tuple[str, ...]) -> list[tuple[str, list[str]]]:
-    """Which triads the columns are, ``"acc?"`` where it is not known whether with gravity, with their names.
+    """Which triads the columns are, with their names; ``"acc?"`` where it is not known whether with gravity.
 
     An experiment may keep its sensors in one table, or name columns plainly and say 'without g' in the table's name.
     """

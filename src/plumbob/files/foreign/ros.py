@@ -47,10 +47,8 @@ POSES: Final = {
     "geometry_msgs/QuaternionStamped": 0,
     "geometry_msgs/TransformStamped": 3,
     "nav_msgs/Odometry": 3,
-}
-"""Types that hold an attitude, and the column at which its quaternion begins."""
-UTC_FROM: Final = 10**18
-"""Stamps from here on, ns, are taken for UTC: 2001-09-09."""
+}  # types that hold an attitude, and the column at which its quaternion begins
+UTC_FROM: Final = 10**18  # stamps from here on, ns, are taken for UTC: 2001-09-09
 _WORLD: Final = (
     "; yaw counts from magnetic north if the unit uses a magnetometer (REP 145), which is not said: North is free"
 )
@@ -61,10 +59,7 @@ _UNSET: Final = (0.0, 0.0, 0.0, 1.0)
 
 
 def accepts(path: Path) -> bool:
-    """Whether a path is of this format, by its first bytes; an MCAP by its profile, or by the channels of its summary.
-
-    A recording by Plumbob never is: its profile is empty, and its messages are JSON.
-    """
+    """Whether a path is a bag, by its first bytes; an MCAP by its profile, or its summary's channels; none of ours."""
     if path.is_dir():
         metadata = path / ros_bags.METADATA
         return metadata.is_file() and b"rosbag2_bagfile_information" in _start(metadata, 4096)
@@ -103,9 +98,8 @@ def _is_ros_mcap(path: Path) -> bool:
 def read(path: Path, unit: str | None = None) -> Recording:
     """Samples of the IMU of a bag, with its orientation as a track; or, where there is none, the attitudes of poses.
 
-    Several IMUs on the same stamps are an array, called by their topics. Where their stamps differ, or there are
-    several topics of poses and no IMU, `unit` chooses: a topic, or its number in the message that lists them. Poses
-    beside an IMU are left out unless asked for: their body is seldom the IMU's.
+    Several IMUs on the same stamps are an array, called by their topics. Else `unit` chooses: a topic, or its number in
+    the message that lists them. Poses beside an IMU are left out unless asked for: their body is seldom the IMU's.
     """
     bag = ros_bags.open_bag(path)
     recording = _recording(bag, path.stem, unit)
@@ -141,10 +135,7 @@ def _listed(topics: Sequence[Topic]) -> str:
 
 
 def _without_raw(imus: list[Topic]) -> list[Topic]:
-    """IMUs by topic, without the raw ones of which a filter made another with an orientation, as those of imu_tools do.
-
-    They take ``imu/data_raw`` and give ``imu/data`` (https://wiki.ros.org/imu_filter_madgwick).
-    """
+    """IMUs without those of which imu_tools' filter made another: it takes ``imu/data_raw`` and gives ``imu/data``."""
     names = {topic.name for topic in imus}
     return [topic for topic in imus if topic.name.removesuffix("_raw") not in names - {topic.name}]
 
@@ -182,10 +173,7 @@ class _RosImu:
 
 
 def _measured(table: MessageTable) -> dict[str, Floats]:
-    """Triads that an IMU's messages hold: neither absent by their covariance nor exactly zero in every one.
-
-    A driver that has no value leaves zeros, and no sensor measures exactly zero throughout.
-    """
+    """Triads that an IMU's messages hold: neither absent by their covariance nor zero in every one, as no sensor is."""
     triads = {}
     for key, at, said in (("gyr", 13, 16), ("acc", 25, 28)):
         values = _present(table.numbers[:, at : at + 3], table.numbers[:, said])

@@ -35,8 +35,7 @@ _ZSTD: Final = b"\x28\xb5\x2f\xfd"
 _BAG_2: Final = b"#ROSBAG V2.0\n"
 _DATA, _BAG_HEADER, _CHUNK, _CONNECTION = 2, 3, 5, 7
 _LATEST_NS: Final = (1 << 63) - 1
-_HEAD: Final = 1 << 20
-"""Bytes that a record's own header may have."""
+_HEAD: Final = 1 << 20  # bytes that a record's own header may have
 
 
 class MessageLayout(NamedTuple):
@@ -55,8 +54,7 @@ LAYOUTS: Final = {
     "geometry_msgs/QuaternionStamped": MessageLayout(False, 4),  # xyzw
     "geometry_msgs/TransformStamped": MessageLayout(True, 7),  # translation 3, quaternion xyzw
     "nav_msgs/Odometry": MessageLayout(True, 85),  # position 3, quaternion xyzw, 36; twist 6, 36
-}
-"""By type: its layout behind std_msgs/Header, the same in ROS 1 and ROS 2 (github.com/ros2/common_interfaces)."""
+}  # by type: its layout behind std_msgs/Header, the same in ROS 1 and ROS 2 (github.com/ros2/common_interfaces)
 
 
 @dataclass(slots=True, eq=False)
@@ -118,10 +116,7 @@ class Bag:
 
 
 def open_bag(path: Path) -> Bag:
-    """Topics and messages of a file or a folder.
-
-    Raises DecodeError if it is damaged other than by a cut, unpacks to too much, or is in a version that is not read.
-    """
+    """Topics and messages of a file or a folder; DecodeError if it is damaged other than by a cut, or too large."""
     bag = Bag()
     if path.is_dir():
         for file in _parts(path):

@@ -33,12 +33,10 @@ from plumbob.files.foreign import ros
 from plumbob.files.foreign.ros_bags import METADATA
 from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_multiply, quat_to_xyzw
 
-_LAST_NS: Final = (1 << 31) * 10**9
-"""Stamps of ROS 2 have 32 bits with a sign for seconds."""
+_LAST_NS: Final = (1 << 31) * 10**9  # stamps of ROS 2 have 32 bits with a sign for seconds
 _UNKNOWN: Final = np.zeros(9)
 _SIGNS: Final = np.array([1.0, -1.0, -1.0])
-_HALF_TURN: Final = np.array([0.0, 1.0, 0.0, 0.0])
-"""Between forward-left-up and forward-right-down."""
+_HALF_TURN: Final = np.array([0.0, 1.0, 0.0, 0.0])  # between forward-left-up and forward-right-down
 _ABSENT: Final = np.array([-1.0, *[0.0] * 8])
 
 

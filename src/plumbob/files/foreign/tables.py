@@ -51,8 +51,7 @@ from plumbob.files.sniff import FEWEST, ROWS, Sample
 from plumbob.files.text import table_recording, text_profile
 from plumbob.files.text_table import TextTable
 
-MAX_BYTES: Final = 256 << 20
-"""Bytes of a MATLAB v5 file, which is read as a whole."""
+MAX_BYTES: Final = 256 << 20  # bytes of a MATLAB v5 file, which is read as a whole
 MAX_ARRAYS: Final = 1000
 _MAT73: Final = b"MATLAB 7.3"
 _MAT73_AT: Final = 512
@@ -61,8 +60,7 @@ _LISTED: Final = 20
 _DIMENSIONS: Final = 2
 _NO_NUMBERS: Final = "data set that is not of numbers"
 _DEEPEST: Final = 6
-_INSIDE: Final = "in the file itself"
-"""Origin of a profile that a file of Plumbob holds."""
+_INSIDE: Final = "in the file itself"  # origin of a profile that a file of Plumbob holds
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,12 +88,10 @@ class _Listed:
 
 
 def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
-    """Read named arrays as their profile describes them.
+    """Read named arrays as their profile describes them; a ``.npy`` array is called as the file is.
 
-    A ``.npy`` array is called as the file is. Without a profile, ``NAME.toml`` or ``NAME.profile.toml`` beside the file
-    is taken, and arrays that are known by their names need none. Raises DecodeError if there is no profile, an array is
-    missing or not of numbers, lengths differ, or the file is damaged; MissingExtraError if it is HDF5 and h5py is not
-    installed; UnitError, ClockError, ShapeError or FrameError if the numbers cannot be what they are declared to be.
+    Without a profile, one beside the file is taken, and arrays that are known by their names need none. Errors as of
+    `text.read_text`; MissingExtraError for HDF5 without h5py.
     """
     file = existing_file(path)
     with reading(file):
@@ -137,8 +133,6 @@ def array_sample(path: Path) -> Sample:
     """First rows of the arrays of a file that are of one time line, by their columns, and what single numbers it has.
 
     Columns are called as a profile calls them: ``gyr[1]`` of a table, ``t`` of an array of one column.
-
-    Raises DecodeError as in `read`, or if no two arrays have as many rows.
     """
     container = _container(path)
     shapes = container.listed.shapes
@@ -298,10 +292,7 @@ class Hdf5Arrays(_Container):
 
 
 def _walk(h5py: Any, group: Any, prefix: str = "") -> Iterator[tuple[str, str, Any]]:
-    """Names of what lies in this very file, what it is where it is not a data set of numbers, and the data set.
-
-    Links are not followed.
-    """
+    """What lies in this very file, by name: what it is if not numbers, and the data set; links are not followed."""
     for key in islice(group, MAX_ARRAYS):
         name = f"{prefix}{key}"
         if group.id.links.get_info(key.encode()).type != h5py.h5l.TYPE_HARD:

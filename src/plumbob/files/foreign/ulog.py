@@ -39,10 +39,8 @@ from plumbob.files.foreign.logged import SensorLog, Table, choose, micro, of_veh
 from plumbob.rotations import Frame, North
 
 _MAGIC: Final = b"ULog\x01\x12\x35"
-_HEAD: Final = 3
-"""Bytes of the head of a message."""
-_UNKNOWN_STAMP: Final = 0x7FFFFFFF
-"""`RELATIVE_TIMESTAMP_INVALID` of `SensorCombined.msg`: no new acceleration."""
+_HEAD: Final = 3  # bytes of the head of a message
+_UNKNOWN_STAMP: Final = 0x7FFFFFFF  # `RELATIVE_TIMESTAMP_INVALID` of `SensorCombined.msg`: no new acceleration
 _LONGEST_RECORD: Final = 0xFFFF
 _BUS: Final = 0xFFFF
 """Bits of a device identity that are its bus type, bus and address; the rest is the type of the device."""
@@ -50,8 +48,7 @@ _NEEDED: Final = {
     "sensor_combined": ("timestamp", "gyro_rad[0]", "accelerometer_m_s2[0]"),
     "vehicle_imu": ("timestamp", "delta_angle[0]", "delta_velocity[0]", "delta_angle_dt", "delta_velocity_dt"),
     "sensor_gyro": ("timestamp", "x", "y", "z"),
-}
-"""Topics that samples are of, and what they must have."""
+}  # topics that samples are of, and what they must have
 _WANTED: Final = (*_NEEDED, "sensor_accel", "sensor_mag", "vehicle_magnetometer", "vehicle_attitude",
                   "vehicle_gps_position", "sensor_gps")  # fmt: skip
 

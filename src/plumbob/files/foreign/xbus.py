@@ -33,8 +33,7 @@ _DEVICE_ID, _CONFIGURATION, _PRODUCT_CODE, _OUTPUT_CONFIGURATION = 0x01, 0x0D, 0
 _MASTER: Final = 0xFF
 _LONG: Final = 0xFF
 _PART: Final = 1 << 20
-_MOST_LAYOUTS: Final = 8
-"""Lists of blocks that are told apart among packets of one size; a unit sends a few."""
+_MOST_LAYOUTS: Final = 8  # lists of blocks that are told apart among packets of one size; a unit sends a few
 _PERIOD_HZ: Final = 115_200.0
 _EVERY_PACKET: Final = (0, 0xFFFF)
 _UTC_VALID: Final = 0x04
@@ -55,8 +54,7 @@ _COLUMNS: Final[dict[int, tuple[str, ...]]] = {
     0x8030: tuple(f"OriInc_q{k}" for k in range(4)),
     **{kind: tuple(f"{name}_{axis}" for axis in "XYZ") for kind, name in _VECTORS.items()},
     _STATUS: ("StatusWord",),
-}
-"""Columns that MT Manager makes of a block in its export."""
+}  # columns that MT Manager makes of a block in its export
 _CHOICES: Final = ((0x8020, 0x8040, 0x8030), (0x4020, 0x4040, 0x4010), (_QUATERNION, _MATRIX, _EULER))
 """Blocks of which the first that a log has is taken."""
 _NAMES: Final = {
@@ -74,16 +72,12 @@ _WHOLE: Final[dict[int, list[tuple[str, str]]]] = {
 }
 _FRACTIONS: Final = {0: (">f4", 1.0), 1: (">i4", 2.0**-20), 3: (">f8", 1.0)}
 _SIZES: Final = {0: 4, 1: 4, 2: 6, 3: 8}
-_Block = tuple[int, int, int]
-"""Identity, place in the data, and size."""
+_Block = tuple[int, int, int]  # identity, place in the data, and size
 
 
 @dataclass
 class XbusUnit:
-    """What one unit sent, as MT Manager exports it: what stands before its table, by key, the table, and notes.
-
-    A column is a vector (N,) with a row for each packet; NaN where a packet has no such value.
-    """
+    """What one unit sent, as MT Manager exports it."""
 
     head: dict[str, str] = field(default_factory=dict)
     columns: dict[str, Floats] = field(default_factory=dict)

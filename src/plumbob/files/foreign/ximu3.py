@@ -32,8 +32,7 @@ _HEADINGS: Final = {
     "M": [rf"(Magnetometer )?{axis}( Axis)? \(a\.u\.\)" for axis in "XYZ"],
     "Q": [f"{axis}( Element)?" for axis in "WXYZ"],
     "T": [r"Temperature \((degC|°C)\)"],
-}
-"""Columns of the messages that are read: inertial, magnetometer, quaternion, temperature."""
+}  # columns of the messages that are read: inertial, magnetometer, quaternion, temperature
 NUMBERS: Final = {letter: len(names) for letter, names in _HEADINGS.items()}
 TABLES: Final = {"I": "Inertial.csv", "M": "Magnetometer.csv", "Q": "Quaternion.csv", "T": "Temperature.csv"}
 STAMP: Final = "Timestamp (us)"

@@ -54,10 +54,7 @@ _TIME_WRAPS: Final = 1 << 32
 _TRIADS: Final = {
     kind: tuple(f"{what}_{axis}" for axis in "XYZ") for kind, what in (("gyr", "Gyr"), ("acc", "Acc"), ("mag", "Mag"))
 }
-_INCREMENTS: Final = {
-    "gyr": tuple(f"OriInc_q{k}" for k in range(4)),
-    "acc": tuple(f"VelInc_{axis}" for axis in "XYZ"),
-}
+_INCREMENTS: Final = {"gyr": tuple(f"OriInc_q{k}" for k in range(4)), "acc": tuple(f"VelInc_{axis}" for axis in "XYZ")}
 _CLIPPED: Final = {flags.ACC_CLIPPED: 0x0700, flags.GYR_CLIPPED: 0x3800, flags.MAG_CLIPPED: 0x1C000}
 """Bits of StatusWord that say of an axis that it is at the end of its range (xsstatusflag.h)."""
 _ATTITUDES: Final = (
@@ -129,10 +126,7 @@ def _head(raw: bytes) -> dict[str, str]:
 
 def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: list[Note]) -> Recording:
     """Recording of columns by the names of an export."""
-    notes: list[Note] = [
-        info("source.mt_manager"),
-        *left_out,
-    ]
+    notes: list[Note] = [info("source.mt_manager"), *left_out]
     stamps = _stamps(columns, head, notes)
     frame = _frame(head)
     attitude = _attitude_columns(columns.keys())

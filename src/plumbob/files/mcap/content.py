@@ -7,18 +7,15 @@ from typing import Final
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.layout import Channel, Schema, parse_schema
 
-FOREIGN_BYTES: Final = 256 << 20
-"""Larger chunks of other programs are not inflated."""
+FOREIGN_BYTES: Final = 256 << 20  # larger chunks of other programs are not inflated
 FREE_BYTES: Final = 16 << 20
 MAX_RATIO: Final = 16
 """A chunk of another program may state `FREE_BYTES` and this many times its size; short rows take ten times that."""
-_KEPT_BYTES: Final = 64 << 20
-"""Schemas and channels that are kept of one file, in bytes."""
+_KEPT_BYTES: Final = 64 << 20  # schemas and channels that are kept of one file, in bytes
 _STEP: Final = 1 << 20
 _KINDS: Final = 4096
 
-Row = tuple[int, int, int, bytes]
-"""Channel number, sequence as on disk, log time in ns, data."""
+Row = tuple[int, int, int, bytes]  # channel number, sequence as on disk, log time in ns, data
 
 
 class BrokenRecordError(ValueError):
@@ -27,14 +24,11 @@ class BrokenRecordError(ValueError):
 
 @dataclass(slots=True)
 class Content:
-    """What a chunk holds, or a stretch of records outside chunks.
+    """What a chunk holds, or a stretch of records outside chunks."""
 
-    `channels`: channels that it declares; `rows`: messages, in order; `entries`: per channel, log time and offset of
-    its messages in turn: the message index.
-    """
-
-    channels: dict[int, Channel] = field(default_factory=dict)
-    rows: list[Row] = field(default_factory=list)
+    channels: dict[int, Channel] = field(default_factory=dict)  # that it declares
+    rows: list[Row] = field(default_factory=list)  # messages, in order
+    # the message index: per channel, log time and offset of its messages in turn
     entries: dict[int, list[int]] = field(default_factory=dict)
 
 
@@ -46,12 +40,10 @@ class RecordParser:
         self._kept = 0
 
     def parse(self, content: bytes, schemas: dict[int, bytes] | None = None) -> Content:
-        """Schemas, channels and messages of a stretch of records; other records are passed over.
+        """Schemas, channels and messages of whole records; others are passed over.
 
-        Raises BrokenRecordError if a record reaches beyond the end, or cannot be read.
-
-        `content`: records from first byte to last; `schemas`: bodies of schema records known from elsewhere; grows by
-        those found here.
+        `schemas` are bodies of schema records known from elsewhere, which grow. BrokenRecordError if a record reaches
+        beyond the end, or cannot be read.
         """
         stay = schemas is not None
         parsed, schemas, at, end = Content(), {} if schemas is None else schemas, 0, len(content)
@@ -111,10 +103,7 @@ def _number(content: bytes, at: int) -> int:
 
 
 def inflate(stored: bytes, compression: bytes, size: int) -> bytes:
-    """Content of a chunk, `size` bytes; never more, whatever the compressed bytes claim.
-
-    Raises BrokenRecordError if the bytes are not `size` bytes compressed.
-    """
+    """Content of a chunk; BrokenRecordError unless it is `size` bytes, and never more is unpacked."""
     if compression == b"":
         content = stored
     elif compression == b"zstd":

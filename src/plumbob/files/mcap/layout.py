@@ -47,8 +47,7 @@ CRC: Final = struct.Struct("<I")
 
 FOOTER_SIZE: Final = RECORD_HEAD.size + FOOTER_BODY.size
 DATA_END_SIZE: Final = RECORD_HEAD.size + CRC.size
-SEQUENCES: Final = 1 << 32
-"""Sequence numbers of messages are 32 bits wide on disk, and start over."""
+SEQUENCES: Final = 1 << 32  # sequence numbers of messages are 32 bits wide on disk, and start over
 
 
 def encode(record: "McapRecord") -> bytes:
@@ -74,10 +73,7 @@ def chunk_length(name: int, stored: int) -> int:
 
 
 def index_records(entries: Mapping[int, Sequence[int]]) -> dict[int, bytes]:
-    """Message index record of each channel.
-
-    `entries`: per channel, log time and offset in the chunk's content, in turn.
-    """
+    """Message index record of each channel, of log times and offsets in the chunk's content, in turn."""
     return {
         channel: INDEX_HEAD.pack(MESSAGE_INDEX, 6 + 8 * len(flat), channel, 8 * len(flat))
         + struct.pack(f"<{len(flat)}Q", *flat)
@@ -86,17 +82,11 @@ def index_records(entries: Mapping[int, Sequence[int]]) -> dict[int, bytes]:
 
 
 SUFFIX: Final = ".mcap"
-UTC_FIELD: Final = "{utc}"
-"""What a name may hold for the time of the start."""
+UTC_FIELD: Final = "{utc}"  # what a name may hold for the time of the start
 
 
 def dated(path: str, utc_ns: int) -> str:
-    """Name with the time of the start, as 20260314T150926Z: it sorts by time, and every file system takes it.
-
-    Raises ParameterError if another word stands in braces.
-
-    `path`: name that may hold ``{utc}``; `utc_ns`: UTC, ns since 1970.
-    """
+    """Name with ``{utc}`` as 20260314T150926Z, which sorts by time and every file system takes."""
     for place in re.findall(r"\{[^{}]*\}", path):
         if place != UTC_FIELD:
             raise ParameterError(f"{path}: a name can hold {UTC_FIELD} for the time of the start, but not {place}.")
@@ -160,14 +150,11 @@ OFFSET_KEY: Final = "plumbob.epoch_offset_ns"
 
 @dataclass(frozen=True, slots=True)
 class Schema:
-    """What the messages of a channel hold.
+    """What the messages of a channel hold."""
 
-    `name`: name of the type; `encoding`: language of the schema, such as ``"jsonschema"``; `data`: the schema itself.
-    """
-
-    name: str
-    encoding: str
-    data: bytes
+    name: str  # of the type
+    encoding: str  # language of the schema, such as ``"jsonschema"``
+    data: bytes  # the schema itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,10 +187,7 @@ class Channel:
 
     @classmethod
     def parse(cls, body: bytes, schema: Schema | None) -> Self:
-        """Channel from the body of its record.
-
-        Raises ValueError, struct.error, mcap.exceptions.McapError if the body is damaged.
-        """
+        """Channel from the body of its record; ValueError, struct.error or McapError if that is damaged."""
         from mcap import records
 
         record = records.Channel.read(_stream(body))
@@ -232,12 +216,9 @@ def _stream(body: bytes) -> "ReadDataStream":
     return ReadDataStream(BytesIO(body))
 
 
-CHUNK_BYTES: Final = 1 << 20
-"""A chunk is closed at this size, however short its time."""
-MESSAGE_BYTES: Final = 8 << 20
-"""Largest message that is taken."""
-PLAIN_BYTES: Final = CHUNK_BYTES + MESSAGE_BYTES + (1 << 20)
-"""No chunk of ours is larger than this before compression."""
+CHUNK_BYTES: Final = 1 << 20  # A chunk is closed at this size, however short its time
+MESSAGE_BYTES: Final = 8 << 20  # largest message that is taken
+PLAIN_BYTES: Final = CHUNK_BYTES + MESSAGE_BYTES + (1 << 20)  # no chunk of ours is larger than this before compression
 ZSTD_LEVEL: Final = 3
 
 Compress = Callable[[bytes], bytes]
@@ -245,12 +226,9 @@ Compress = Callable[[bytes], bytes]
 
 @dataclass(slots=True)
 class OpenChunk:
-    """Rows gathered until they are due; self-contained, since it repeats the schemas and channels that it uses.
+    """Rows gathered until they are due; self-contained, since it repeats the schemas and channels that it uses."""
 
-    `t_ns`: time at which it was opened, ns.
-    """
-
-    t_ns: int
+    t_ns: int  # when it was opened, ns
     pieces: list[bytes] = field(default_factory=list)
     size: int = 0
     rows: int = 0
@@ -289,13 +267,10 @@ class OpenChunk:
 
 @dataclass(frozen=True, slots=True)
 class PackedChunk:
-    """A chunk as it goes to disk.
-
-    `record`: the chunk record; `indexes`: message index record of each channel, which follow it.
-    """
+    """A chunk as it goes to disk."""
 
     record: bytes
-    indexes: dict[int, bytes]
+    indexes: dict[int, bytes]  # message index record of each channel, which follow it
     plain_size: int
     stored_size: int
     compression: str
@@ -310,10 +285,7 @@ def pack(chunk: OpenChunk, compression: str, compress: Compress) -> PackedChunk:
 
 
 def compressor(name: str) -> tuple[str, Compress]:
-    """Name of a compression in MCAP, and the function that does it.
-
-    A zstd frame carries a checksum of its own: a chunk that is damaged passes two.
-    """
+    """Name of a compression in MCAP, and the function that does it; a zstd frame has a checksum of its own."""
     if name == "none":
         return "", bytes
     from zstandard import ZstdCompressor
@@ -321,10 +293,8 @@ def compressor(name: str) -> tuple[str, Compress]:
     return "zstd", ZstdCompressor(level=ZSTD_LEVEL, write_checksum=True).compress
 
 
-NAME: Final = "plumbob"
-"""Name of the metadata record."""
-RESERVED: Final = "plumbob."
-"""Keys that begin so are not the user's."""
+NAME: Final = "plumbob"  # name of the metadata record
+RESERVED: Final = "plumbob."  # keys that begin so are not the user's
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,24 +16,11 @@ from plumbob.files.mcap.scan import Damage, FileBytes, Identity, RowBlock, Scan,
 
 
 class SequenceGaps:
-    """Sequence numbers of one channel.
-
-    Parameters
-    ----------
-    base : int or None
-        First number that can come; None where nobody knows.
-
-    Attributes
-    ----------
-    next : int or None
-        One more than the largest number that has come.
-    missing : int
-        How many numbers are missing.
-    """
+    """Sequence numbers of one channel; `base` is the first that can come, None where nobody knows."""
 
     def __init__(self, base: int | None) -> None:
-        self.next = base
-        self.missing = 0
+        self.next = base  # one more than the largest number that has come
+        self.missing = 0  # how many numbers are missing
         self._holes: list[tuple[int, int]] = []  # in order
 
     def place(self, on_disk: int) -> int:
@@ -74,8 +61,7 @@ class SequenceGaps:
         return bisect_right(self._holes, low, key=itemgetter(0)) - 1
 
 
-UNKNOWN_NS: Final = 10_000_000_000
-"""Distance of two starts of which no clock tells it, ns."""
+UNKNOWN_NS: Final = 10_000_000_000  # distance of two starts of which no clock tells it, ns
 
 
 class LogMessage(NamedTuple):
@@ -106,26 +92,8 @@ class _Run:
 
 
 class Log:
-    """A recording to be read, as `open_log` returns it. Each iteration reads all of it, holding one chunk at a time.
+    """A recording to be read, as `open_log` returns it; each iteration reads all of it, holding one chunk at a time.
 
-    Parameters
-    ----------
-    parts : sequence of Identity
-        Its files, in order.
-
-    Attributes
-    ----------
-    damage : list of Damage
-        What is wrong with the files, as far as they have been read.
-    dropped : dict of str to int
-        Rows per topic that the recorder gave up itself, and said so.
-    unchecked : int
-        Chunks, and messages outside chunks, that came without a CRC; only in files of other programs.
-    clean : bool
-        Whether every part has its end; known once all has been read. A crash leaves none.
-
-    Notes
-    -----
     Where a recorder was started again and went on with the next part, sequence numbers and times go on too.
     """
 
@@ -200,10 +168,10 @@ class Log:
             self._end_part(part, scan)
 
     def _start(self) -> None:
-        self.damage: list[Damage] = []
-        self.dropped: dict[str, int] = {}
-        self.unchecked = 0
-        self.clean = True
+        self.damage: list[Damage] = []  # what is wrong with the files, as far as they have been read
+        self.dropped: dict[str, int] = {}  # rows per topic that the recorder gave up itself, and said so
+        self.unchecked = 0  # chunks, and messages outside chunks, without a CRC; only in files of other programs
+        self.clean = True  # whether every part has its end, known once all has been read; a crash leaves none
         self._sequences: dict[str, SequenceGaps] = {}
         self._last_part: int | None = None
         self._run = _Run(self.recording)
@@ -213,10 +181,7 @@ class Log:
 
     @property
     def shift_ns(self) -> int:
-        """What was added to the times of the latest rows, ns.
-
-        After a restart of the host its monotonic clock counts from another moment, and rows go on by the wall clock.
-        """
+        """What was added to the latest times, ns: after a restart of the host they go on by the wall clock."""
         return self._run.shift_ns or 0
 
     # --- parts --------------------------------------------------------------------------------------------------
@@ -290,10 +255,7 @@ class Log:
         self._attribute(before)
         messages = [
             LogMessage(
-                channels[number],
-                places[number] + (sequence - lows[number]) % layout.SEQUENCES,
-                log_time - offset,
-                data,
+                channels[number], places[number] + (sequence - lows[number]) % layout.SEQUENCES, log_time - offset, data
             )
             for number, sequence, log_time, data in block.rows
         ]
@@ -349,16 +311,9 @@ class Log:
 def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:
     """Open a recording, whole or damaged, or an MCAP file of another program.
 
-    Parameters
-    ----------
-    path : path or sequence of path
-        The name that the recorder was given, for all parts of a recording; one part, for this part; a folder that
-        holds the parts of one recording and nothing else; or a list of parts.
-
-    Raises
-    ------
-    DecodeError
-        If there is no such file, it is not MCAP, or the files are not of one recording.
+    `path` is the name that the recorder was given, for all parts; one part; a folder that holds the parts of one
+    recording and nothing else; or a list of parts. DecodeError if there is none, it is not MCAP, or they are of several
+    recordings.
     """
     files = _files(path)
     parts = _identified(files, strict=not isinstance(path, str | PathLike))

@@ -12,16 +12,12 @@ from plumbob.files.mcap.layout import OpenChunk, PackedChunk, PartInfo
 
 @dataclass(slots=True)
 class Contents:
-    """What has been written to a part so far.
+    """What has been written to a part so far."""
 
-    `counts`: rows per channel; `ends`: per channel, one more than the last sequence number; `chunk_indexes`: chunk
-    index records; `infos`: offset and length of each metadata record.
-    """
-
-    counts: dict[int, int] = field(default_factory=dict)
-    ends: dict[int, int] = field(default_factory=dict)
-    chunk_indexes: bytearray = field(default_factory=bytearray)
-    infos: list[tuple[int, int]] = field(default_factory=list)
+    counts: dict[int, int] = field(default_factory=dict)  # rows per channel
+    ends: dict[int, int] = field(default_factory=dict)  # per channel, one more than the last sequence number
+    chunk_indexes: bytearray = field(default_factory=bytearray)  # chunk index records
+    infos: list[tuple[int, int]] = field(default_factory=list)  # offset and length of each metadata record
     chunks: int = 0
     rows: int = 0
     first: int = 1 << 64
@@ -57,10 +53,7 @@ class Contents:
 
 
 def closing(contents: Contents, channels: Mapping[int, tuple[bytes, bytes]], offset: int, data_crc: int) -> bytes:
-    """Everything from the end of the data, which is at `offset` and has the CRC `data_crc`, to the end of the file.
-
-    `channels` are schema and channel records by number.
-    """
+    """Everything from the end of the data, at `offset`, to the end of the file; `channels` are records by number."""
     from mcap import records
 
     data_end = layout.encode(records.DataEnd(data_crc))
@@ -110,11 +103,7 @@ LIBRARY = "plumbob recording 1"
 
 
 class RecordingPart:
-    """A file that holds whole chunks only, and says so at its end if it gets there.
-
-    `path`: where; there must be nothing yet; `info`: what the part says of itself at its beginning; `create`: makes the
-    file, and returns its descriptor.
-    """
+    """A file that holds whole chunks only, and says so at its end if it gets there; `create` gives its descriptor."""
 
     def __init__(self, path: Path, info: PartInfo, create: Callable[[Path], int] = disk.create) -> None:
         self.path = path
@@ -127,10 +116,7 @@ class RecordingPart:
         self._synced = (0, 0)  # size, rows
 
     def begin(self) -> None:
-        """Create the file and write its beginning; leave none behind where that fails.
-
-        Raises OSError if the system refuses.
-        """
+        """Create the file and write its beginning; leave none behind where the system refuses (OSError)."""
         from mcap.records import Header
 
         self._fd = self._create(self.path)
@@ -152,10 +138,7 @@ class RecordingPart:
     def finish(
         self, channels: Mapping[int, tuple[bytes, bytes]], ends: dict[str, int], dropped: dict[str, int]
     ) -> None:
-        """Write the end: what was said at the beginning once more, the index, the footer.
-
-        Raises OSError if it does not go to disk; then the file ends with its last whole chunk.
-        """
+        """Write what was said first once more, the index, the footer; on OSError it ends with its whole chunks."""
         size, crc = self.size, self._crc
         try:
             self._append_info(replace(self.info, ends=ends, dropped=dropped))

@@ -20,8 +20,7 @@ from plumbob.files.mcap.layout import CHUNK_BYTES, MESSAGE_BYTES, Channel, OpenC
 from plumbob.files.mcap.scan import identify
 from plumbob.files.mcap.writer import Backlog, Writer
 
-BACKLOG: Final = 64 << 20
-"""Bytes of rows that may wait for a slow or full disk."""
+BACKLOG: Final = 64 << 20  # bytes of rows that may wait for a slow or full disk
 VERSION_KEY: Final = "plumbob"
 """Under this name the metadata have the version of the program, which may change from a part to the next."""
 COMPRESSIONS: Final = ("zstd", "none")
@@ -32,68 +31,29 @@ class Recorder:
     """A log of messages on channels, in MCAP, that survives a crash.
 
     Rows are gathered in chunks of at most `every` seconds; a thread writes each chunk whole, so that a killed process
-    loses at most the last one. Parts are named ``name.mcap``, ``name.0002.mcap`` and so on.
-
-    Parameters
-    ----------
-    path : path
-        First part; neither it nor a later part may exist, unless `next_part`.
-    epoch_offset_ns : int
-        What is added to the host's monotonic clock to get UTC, ns; fixed for the recording.
-    every : float
-        Longest time of a chunk, s.
-    rotate, rotate_bytes : float, int, optional
-        A part ends after so many seconds of rows, or at this size in bytes.
-    reserve : int, optional
-        Bytes that stay free on the disk; the smaller of 1 GiB and 5 % of the disk if not given.
-    fsync : float or None
-        Longest time until the disk is asked to confirm, s; None asks only at the end of a part.
-    compression : {"zstd", "none"}
-        Of chunks.
-    backlog : int
-        Bytes of rows that may wait for the disk; rows beyond are dropped and counted.
-    next_part : bool
-        Where parts of this name exist already, as after a crash, go on with a new part behind them. They are left as
-        they are, and `open_log` reads them and the new ones as one recording, if the metadata are the same.
-
-    Attributes
-    ----------
-    path : Path
-        First part that this recorder writes; known once it has started.
-    follows : Path or None
-        Part behind which it goes on; None where it begins.
-    alone : bool
-        Whether the parts before it are of another kind, so that they are not read together with its own.
-    metadata : dict of str to str
-        What is to be said of the whole recording; fixed once it has started.
-    written, dropped : int
-        Rows taken by `write`, and those of them that no disk will ever have.
-
-    Notes
-    -----
-    Sequence numbers count each channel's rows from 0 over all parts; a dropped row leaves a hole in them. One thread
-    calls the methods.
+    loses at most the last one. Parts are named ``name.mcap``, ``name.0002.mcap`` and so on. Sequence numbers count each
+    channel's rows from 0 over all parts; a dropped row leaves a hole in them. One thread calls the methods.
     """
 
     def __init__(
         self,
-        path: str | PathLike[str],
+        path: str | PathLike[str],  # first part; neither it nor a later part may exist, unless `next_part`
         *,
-        epoch_offset_ns: int,
-        every: float = 0.1,
-        rotate: float | None = None,
-        rotate_bytes: int | None = None,
-        reserve: int | None = None,
-        fsync: float | None = 1.0,
-        compression: str = "zstd",
-        backlog: int = BACKLOG,
-        next_part: bool = False,
+        epoch_offset_ns: int,  # what is added to the host's monotonic clock to get UTC, ns; fixed for the recording
+        every: float = 0.1,  # longest time of a chunk, s
+        rotate: float | None = None,  # a part ends after so many seconds of rows
+        rotate_bytes: int | None = None,  # or at this size
+        reserve: int | None = None,  # bytes that stay free; the smaller of 1 GiB and 5 % of the disk if not given
+        fsync: float | None = 1.0,  # longest time until the disk is asked to confirm, s; None: at the end of a part
+        compression: str = "zstd",  # of chunks, or "none"
+        backlog: int = BACKLOG,  # bytes of rows that may wait for the disk; rows beyond are dropped and counted
+        next_part: bool = False,  # go on behind parts of this name, which stay; `open_log` reads all if metadata agree
     ) -> None:
-        self.metadata: dict[str, str] = {}
-        self.written = 0
-        self.path = self._path = Path(path)
-        self.follows: Path | None = None
-        self.alone = False
+        self.metadata: dict[str, str] = {}  # what is to be said of the whole recording; fixed once it has started
+        self.written = 0  # rows taken by `write`
+        self.path = self._path = Path(path)  # first part that this recorder writes, once it has started
+        self.follows: Path | None = None  # part behind which it goes on; None where it begins
+        self.alone = False  # whether parts before it are of another kind, and not read together with its own
         self._next_part = next_part
         self._offset = epoch_offset_ns
         self._every_ns = round(every * 1e9)
@@ -127,12 +87,10 @@ class Recorder:
         return self._lost + (0 if self._writer is None else self._writer.unwritten)
 
     def start(self) -> Self:
-        """Create the first part and begin to write.
+        """Create the first part and begin to write; on a full disk as ``stopped``, going on once there is room.
 
-        A full disk is not an error here: the recording starts as ``stopped`` and goes on once there is room.
-
-        Raises ParameterError if an option has no meaning, or a part of this name exists already and is not to be
-        followed by the next, or is being written; DecodeError if the system does not let the file be created.
+        ParameterError if an option has no meaning, or a part of this name exists and is not to be followed, or is being
+        written; DecodeError if the system does not let the file be created.
         """
         if self._writer is not None:
             raise ParameterError(f"the recording {self._path.name} has been started before; make another Recorder.")
@@ -161,10 +119,7 @@ class Recorder:
     def channel(
         self, topic: str, encoding: str, schema: Schema | None = None, metadata: Mapping[str, str] | None = None
     ) -> int:
-        """Declare a channel, before or after the start, and return its number.
-
-        Raises ParameterError if the topic is taken, or metadata has a key that begins with ``plumbob.``.
-        """
+        """Declare a channel, before or after the start, and return its number; ParameterError if the topic is taken."""
         if any(name == topic for name, _ in self._channels.values()):
             raise ParameterError(f"the recording {self._path.name} has a channel '{topic}' already.")
         _refuse_reserved(metadata or {})
@@ -175,21 +130,10 @@ class Recorder:
         return number
 
     def write(self, channel: int, t_ns: int, data: bytes) -> None:
-        """Take a row; it is on its way to the disk within `every` seconds.
+        """Take a row of a channel, by the host's monotonic clock, ns; it goes to the disk within `every` seconds.
 
-        Parameters
-        ----------
-        channel : int
-            Number from `channel`.
-        t_ns : int
-            Host's monotonic clock, ns.
-        data : bytes
-            The message, which must not change any more; larger than 8 MiB it is dropped and counted.
-
-        Raises
-        ------
-        ParameterError
-            If there is no such channel, or the row is not bytes.
+        `data` must not change any more; larger than 8 MiB it is dropped and counted. ParameterError if there is no such
+        channel, or it is not bytes.
         """
         if channel not in self._next:
             raise ParameterError(f"the recording {self._path.name} has no channel {channel}; declare it first.")
@@ -223,10 +167,7 @@ class Recorder:
         return events
 
     def close(self, timeout: float = 10.0) -> None:
-        """Write everything that waits and end the part; more than once does no harm.
-
-        `timeout`: longest wait for the disk, s; after it, an event says how many rows are in doubt.
-        """
+        """Write everything that waits, within `timeout` s, and end the part; more than once does no harm."""
         if self._writer is None or self.state == "closed":
             return
         self._hand_over()

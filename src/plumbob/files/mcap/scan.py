@@ -38,10 +38,7 @@ _SEARCHES: Final = 32
 
 
 class FileBytes:
-    """Bytes of a file by offset; whatever lies beyond its end is missing from the answer.
-
-    `path`: the file; `content`: what it unpacks to.
-    """
+    """Bytes of a file, or of what it unpacks to, by offset; what lies beyond its end is missing from the answer."""
 
     def __init__(self, path: Path, content: BinaryIO | None = None) -> None:
         self.path = path
@@ -62,11 +59,7 @@ class FileBytes:
             raise DecodeError(f"{self.path} cannot be read at byte {offset}: {error.strerror}.") from error
 
     def may_search(self, count: int) -> bool:
-        """Whether `count` more bytes may be searched for records, or read to judge one: 32 times the file in all.
-
-        A whole file is read thrice at most. One that holds thousands of false records, each with much to check, must
-        not be read for as many times.
-        """
+        """Whether `count` more bytes may be searched or read to judge a record: 32 times the file in all, not more."""
         self._left -= count
         return self._left >= 0
 
@@ -97,12 +90,9 @@ _OVERLAP: Final = 63  # no landmark is longer than one byte more
 def next_landmark(
     source: FileBytes, start: int, is_good: Callable[[int], bool], checked: bool
 ) -> tuple[int, int | None]:
-    """Offset, from `start` on, of the next good record or of the end of the data section; else the file's size.
+    """Offset, from `start` on, of the next `is_good` record or the end of the data section; else the file's size.
 
-    Where it is the end of the data, the second number shows where its summary begins.
-
-    `is_good`: whether a whole chunk, or a whole word of the part about itself, stands at an offset; `checked`: whether
-    a summary must have a CRC.
+    Where it is the end of the data, the second number shows where its summary begins, whose CRC must be `checked`.
     """
     for at, opcode in _candidates(source, start, _LANDMARK):
         if opcode != layout.FOOTER:
@@ -210,38 +200,17 @@ class _Chunk:
 
 
 class Scan:
-    """One pass over a file.
+    """One pass over a file; `recording` is the name of the one whose chunks are wanted, empty if it is not known.
 
-    Parameters
-    ----------
-    source : FileBytes
-        The file.
-    recording : str or None
-        Name of the recording whose chunks are wanted, empty if it is not known; None for a file of another program,
-        where CRCs may be absent and messages may stand outside chunks.
-
-    Attributes
-    ----------
-    clean : bool
-        Whether the file has its end: a summary whose CRC holds.
-    info : PartInfo or None
-        The last word of the part about itself, so far.
-    counts : dict of str to int
-        Rows per topic by the summary of a file of ours.
-    unchecked : int
-        Chunks and messages that had no CRC.
-    orphans : int
-        Rows whose channel is not known, in files of other programs.
-    summary_at : int or None
-        Where the summary begins; None until the end of the data has come.
+    It is None for a file of another program, where CRCs may be absent and messages may stand outside chunks.
     """
 
     def __init__(self, source: FileBytes, recording: str | None) -> None:
-        self.clean = False
-        self.info: PartInfo | None = None
-        self.counts: dict[str, int] = {}
-        self.unchecked = 0
-        self.orphans = 0
+        self.clean = False  # whether the file has its end: a summary whose CRC holds
+        self.info: PartInfo | None = None  # the last word of the part about itself, so far
+        self.counts: dict[str, int] = {}  # rows per topic by the summary of a file of ours
+        self.unchecked = 0  # chunks and messages that had no CRC
+        self.orphans = 0  # rows whose channel is not known, in files of other programs
         self._source = source
         self._recording = recording
         self._ours = recording is not None
@@ -249,7 +218,7 @@ class Scan:
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, bytes] = {}
         self._damaged = False
-        self.summary_at: int | None = None
+        self.summary_at: int | None = None  # where the summary begins; None until the end of the data has come
         self._crc, self._crc_end = 0, 0
 
     def items(self) -> Iterator[RowBlock | Damage]:
@@ -313,7 +282,7 @@ class Scan:
         return []
 
     def info_at(self, at: int) -> PartInfo | None:
-        """What a part says about itself at an offset; None where no whole word of the wanted recording stands there."""
+        """What a part says about itself at an offset; None without a whole word of the wanted recording."""
         opcode, length = layout.RECORD_HEAD.unpack(self._source.read(at, 9).ljust(9, b"\0"))
         complete = opcode == layout.METADATA and length <= self._source.size - at and self._source.may_search(length)
         info = PartInfo.parse(self._source.read(at + 9, length)) if complete else None
@@ -379,10 +348,7 @@ class Scan:
             self.unchecked = unchecked
 
     def _chunk(self, at: int) -> _Chunk:
-        """Read a chunk and check it.
-
-        Raises BrokenRecordError if it is not whole, or not of this recording.
-        """
+        """Read a chunk and check it; BrokenRecordError where it is not whole, or not of this recording."""
         head = self._source.read(at, layout.CHUNK_HEAD.size)
         if len(head) < layout.CHUNK_HEAD.size:
             raise BrokenRecordError("the file ends within a chunk")
@@ -459,22 +425,16 @@ _OWN: Final = b"plumbob "
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Whose file it is.
-
-    `recording`: name of the recording; empty where a file of ours is too damaged to tell; None in files of other
-    programs; `info`: what the part says about itself, at its end or at its beginning.
-    """
+    """Whose file it is."""
 
     path: Path
+    # name of the recording; empty where a file of ours is too damaged to tell; None in files of other programs
     recording: str | None
-    info: PartInfo | None = None
+    info: PartInfo | None = None  # what the part says about itself, at its end or at its beginning
 
 
 def identify(path: Path) -> Identity:
-    """Whose file this is.
-
-    Raises DecodeError if it cannot be read, or holds no MCAP.
-    """
+    """Whose file this is; DecodeError if it cannot be read, or holds no MCAP."""
     with FileBytes(path) as source:
         magic = source.read(0, len(layout.MAGIC))
         if len(magic) < len(layout.MAGIC) and layout.MAGIC.startswith(magic):

@@ -17,17 +17,13 @@ from plumbob.files.mcap.log import Log, LogMessage, open_log
 from plumbob.files.mcap.part import RecordingPart
 from plumbob.files.mcap.scan import Damage
 
-CHUNK_NS: Final = 10**9
-"""Longest time of a chunk, ns: what a damaged place costs at most."""
+CHUNK_NS: Final = 10**9  # longest time of a chunk, ns: what a damaged place costs at most
 _TIMES: Final = 1 << 64
 
 
 @contextmanager
 def whole_part(file: Path, info: PartInfo) -> Iterator[tuple[RecordingPart, Callable[[OpenChunk], None]]]:
-    """Give the only part of a recording, to be finished, and what writes a chunk to it.
-
-    `file`: an empty file, as `plumbob.core.files.replacing` gives it; `info`: what the part says of itself.
-    """
+    """Give the only part of a recording, in an empty file, to be finished, and what writes a chunk to it."""
     part = RecordingPart(file, info, disk.open_empty)
     compression, compress = compressor("zstd")
     part.begin()
@@ -46,24 +42,10 @@ def write_rows(
     metadata: Mapping[str, str],
     overwrite: bool = False,
 ) -> None:
-    """Write a complete recording of rows, in one file.
+    """Write a complete recording in one file: rows of time, ns, topic and content, in the order of time.
 
-    Raises ParameterError, DecodeError as `plumbob.core.files.replacing` does; also if a time cannot be stored.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    topics : mapping
-        Encoding and schema of the rows of each topic.
-    rows : iterable of (int, str, bytes)
-        Time, ns, topic and content, in the order of time.
-    epoch_offset_ns : int
-        What is added to the times to get UTC, ns.
-    metadata : mapping of str to str
-        What is said of the whole recording.
-    overwrite : bool
-        Whether a file that lies there may be replaced.
+    `topics` have encoding and schema; `epoch_offset_ns` added to the times gives UTC. Errors as of `replacing`;
+    ParameterError, too, if a time cannot be stored.
     """
     info = PartInfo(secrets.token_hex(16), 1, epoch_offset_ns, metadata=metadata)
     names = {topic: number for number, topic in enumerate(topics, 1)}

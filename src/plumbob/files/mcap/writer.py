@@ -14,10 +14,7 @@ from plumbob.files.mcap.part import RecordingPart
 
 
 class Backlog:
-    """A queue between the recorder's caller, who never waits, and the thread that writes.
-
-    `limit`: bytes that may wait.
-    """
+    """A queue of `limit` bytes between the recorder's caller, who never waits, and the thread that writes."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
@@ -79,8 +76,7 @@ class Backlog:
             self._changed.notify_all()
 
 
-RETRY: Final = 1.0
-"""A stopped recording looks so often whether it can go on, s; also how often free space is looked at."""
+RETRY: Final = 1.0  # A stopped recording looks so often whether it can go on, s; also how often free space is looked at
 INDEX_BYTES: Final = 16 << 20
 """A part ends when its index is as large as this, which takes some three hours: the index is kept in memory."""
 MARGIN: Final = 16 << 20
@@ -88,22 +84,10 @@ MARGIN: Final = 16 << 20
 
 
 class Writer:
-    """Writes chunks; the only one who touches the disk.
+    """Writes chunks of the backlog, the only one who touches the disk; `info` is what each part says of itself.
 
-    Parameters
-    ----------
-    rules : Rules
-        How.
-    info : PartInfo
-        What each part says of itself; number and starts are filled in.
-    backlog : Backlog
-        Where chunks come from.
-    channels : dict
-        Per channel, topic and records; grows while the recording goes on.
-    take_drops : callable
-        Rows per topic that had no room since it was last asked.
-    tell : callable
-        Takes kind, text and count of an event.
+    `channels` holds topic and records by number, and grows; `take_drops` gives rows per topic that had no room since it
+    was last asked; `tell` takes kind, text and count of an event.
     """
 
     def __init__(
@@ -137,10 +121,7 @@ class Writer:
         self._barren = False
 
     def start(self) -> None:
-        """Open the first part, unless the disk is full, and begin to write.
-
-        Raises OSError if the part cannot be created for another reason than a full disk.
-        """
+        """Open the first part, unless the disk is full, and begin to write; OSError where it cannot otherwise."""
         self.state = "recording"
         if self._is_low():
             self._stop(self._low_text())
