@@ -22,7 +22,7 @@ from plumbob.core.files import MAX_TEXT, replacing, write_text
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadCalibration, TriadNoise, open_card
 from plumbob.files.mcap import repair, verdict
 from plumbob.files.mcap.layout import pack
-from plumbob.files.profile_toml import load_profile
+from plumbob.files.profile import load_profile
 from plumbob.files.text import read_spans
 from plumbob.live.sources import CaptureSource
 from plumbob.reporting.calibration import certificate

@@ -20,7 +20,7 @@ from plumbob.core.findings import (
     warnings,
     words,
 )
-from plumbob.files.text_write import inline_toml
+from plumbob.files.text import inline_toml
 
 PACKAGE = Path(plumbob.__file__).parent
 

@@ -21,7 +21,7 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import profile_beside
 from plumbob.files import arrow, parse_profile, read
-from plumbob.files.profile_toml import questions
+from plumbob.files.profile import questions
 from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate, rotvec_from_quat
 from tests.helpers.io_samples import refused
 from tests.helpers.real_data import DATA, needs

@@ -5,7 +5,7 @@ import pytest
 
 from plumbob.core.errors import ClockError, ShapeError
 from plumbob.data import ImuMeta
-from plumbob.files.foreign.join import Readings, joined, seconds_to_ns
+from plumbob.files.foreign.logged import Readings, joined, seconds_to_ns
 
 MS = 1_000_000
 

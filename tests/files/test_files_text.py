@@ -14,8 +14,7 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, DecodeError, ShapeError, UnitError
 from plumbob.data.recording import Recording
 from plumbob.files import parse_profile, read, text_table, write
-from plumbob.files.text import read_labels, read_spans
-from plumbob.files.text_write import text_cell
+from plumbob.files.text import read_labels, read_spans, text_cell
 from plumbob.rotations import Frame, North, body_axes, quat_angle, quat_from_euler_zyx, quat_rotate
 from tests.helpers import examples
 from tests.helpers.io_samples import make_imu, refused

@@ -8,7 +8,7 @@ import pytest
 from plumbob import find_format, flags
 from plumbob.core.event import Event
 from plumbob.data.cards import CalibrationCard, TriadCalibration
-from plumbob.files.mcap import disk, verify
+from plumbob.files.mcap import verify, writer
 from plumbob.filters.offline import run_stage
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
@@ -98,7 +98,7 @@ def test_full_disk_stops_the_recording_and_not_the_filter(tmp_path, monkeypatch)
     """From some chunk on the system has no room; the line goes on, and says so once."""
     chosen, found = session(), Collected()
     recording_sink = RecordingSink(chosen, RecordSpec(str(tmp_path / "a.mcap")))
-    real, sizes = disk.write_all, []
+    real, sizes = writer.write_all, []
 
     def limited(fd, data, offset):
         sizes.append(len(data))
@@ -106,7 +106,7 @@ def test_full_disk_stops_the_recording_and_not_the_filter(tmp_path, monkeypatch)
             raise OSError(errno.ENOSPC, "No space left on device")
         real(fd, data, offset)
 
-    monkeypatch.setattr(disk, "write_all", limited)
+    monkeypatch.setattr(writer, "write_all", limited)
     run_stream(Stream(chosen), Handed(reads(stream())), sinks=[found], recording=recording_sink)
     assert len(found.imu(calibrated=True)) == len(motion().imu)
     assert [e.kind for e in found.events].count("stopped") == 1

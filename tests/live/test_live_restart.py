@@ -8,7 +8,7 @@ import pytest
 
 from plumbob import Stream, flags, replay
 from plumbob.core.errors import DecodeError
-from plumbob.files.mcap import disk, open_log, repair
+from plumbob.files.mcap import open_log, repair, writer
 from plumbob.live.recorded import read_recorded
 from plumbob.live.runner import run_stream
 from plumbob.live.session import OutputSpec, RecordSpec
@@ -30,9 +30,9 @@ def two_starts(path, monkeypatch, *, reboot):
     items = reads(stream(4.0))
     half = len(items) // 2
     later = 2 * 10**9 - (HOUR if reboot else 0)
-    monkeypatch.setattr(disk, "boot", lambda: "first")
+    monkeypatch.setattr(writer, "boot_id", lambda: "first")
     first = start(path, items[:half])
-    monkeypatch.setattr(disk, "boot", lambda: "second" if reboot else "first")
+    monkeypatch.setattr(writer, "boot_id", lambda: "second" if reboot else "first")
     again = [Received(item.t_ns + later, item.data) for item in items[half:]]
     return first, start(path, again, OFFSET + (HOUR if reboot else 0))
 

@@ -13,7 +13,7 @@ from plumbob.core import flags
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.text import sentence_checksum
 from plumbob.files.mcap import open_log
-from plumbob.files.profile_toml import parse_profile
+from plumbob.files.profile import parse_profile
 from plumbob.live import rows
 from plumbob.live.lines import CLOCK, decoder_of, line_format
 from plumbob.live.record import record

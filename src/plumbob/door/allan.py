@@ -18,7 +18,7 @@ from plumbob.data.cards import CalibrationCard
 from plumbob.data.recording import Recording, unsaved
 from plumbob.door.reading import read
 from plumbob.files.numbers import SUFFIXES, TEXT_SUFFIXES, open_numbers
-from plumbob.files.profile_toml import profiles_beside
+from plumbob.files.profile import profiles_beside
 from plumbob.noise.allan import Noise, Taus, characterise
 from plumbob.noise.static import StaticReport
 from plumbob.noise.static_record import StaticRecord, check_static, static_channels, static_of_numbers, static_of_plain

@@ -8,8 +8,7 @@ if TYPE_CHECKING:
     from plumbob.files.foreign.opensim import write_orientations
     from plumbob.files.formats import FORMATS, FileFormat, is_known_log, is_recording, kind_of, read, write
     from plumbob.files.numbers import Numbers, open_numbers
-    from plumbob.files.profile import Profile
-    from plumbob.files.profile_toml import load_profile, parse_profile
+    from plumbob.files.profile import Profile, load_profile, parse_profile
 
 __getattr__, __dir__ = lazily(
     __name__,
@@ -21,9 +20,9 @@ __getattr__, __dir__ = lazily(
         "is_known_log": "formats",
         "is_recording": "formats",
         "kind_of": "formats",
-        "load_profile": "profile_toml",
+        "load_profile": "profile",
         "open_numbers": "numbers",
-        "parse_profile": "profile_toml",
+        "parse_profile": "profile",
         "read": "formats",
         "write": "formats",
         "write_orientations": "foreign.opensim",

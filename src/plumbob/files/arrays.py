@@ -29,7 +29,7 @@ from plumbob.core.time import to_s
 from plumbob.core.units import to_deg
 from plumbob.data.recording import Recording, stored_notes
 from plumbob.files.columns import COLUMNS, GROUPS, TIME
-from plumbob.files.text_write import ARRAY_NAMES, columns_of_unit, table_profile
+from plumbob.files.text import ARRAY_NAMES, columns_of_unit, table_profile
 from plumbob.rotations import Frame
 
 PROFILE: Final = "plumbob_profile"

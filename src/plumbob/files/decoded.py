@@ -160,7 +160,7 @@ def _time(column: str, rate: float | None) -> list[str]:
 
 def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     """Recording of a Parquet table that carries its profile; errors as of `text.read_text`."""
-    from plumbob.files.profile_toml import parse_profile
+    from plumbob.files.profile import parse_profile
     from plumbob.files.text import table_recording
     from plumbob.files.text_table import TextTable
 

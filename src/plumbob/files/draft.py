@@ -33,8 +33,7 @@ from plumbob.files.arrow import text_bytes
 from plumbob.files.column_names import REVERSED, ColumnName, canonical, named_sensor, taken_apart
 from plumbob.files.columns import FORM, StampError, has_zone, is_stamp, is_time_of_day, to_seconds
 from plumbob.files.known_logs import KNOWN
-from plumbob.files.profile import AS_MOUNTED, JSON, Profile, TextLayout
-from plumbob.files.profile_toml import GUIDE, parse_profile
+from plumbob.files.profile import AS_MOUNTED, GUIDE, JSON, Profile, TextLayout, parse_profile
 from plumbob.files.sniff import FEWEST, Sample, read_sample, rises
 from plumbob.files.stamps import CENTURY, falls
 from plumbob.files.text_table import LEFT_OUT_MOST, read_table
@@ -196,7 +195,7 @@ def answer(text: str) -> tuple[str, Any]:
 
 def _joined(streams: "Sequence[_DraftWriter]", accept: bool) -> Draft:
     """One draft of all streams; each answer is for every stream that has its key."""
-    drafts = [stream.draft(accept) for stream in [of for of in streams if of.has_triads] or streams[:1]]
+    drafts = [stream.draft(accept) for stream in [of for of in streams if of.triads] or streams[:1]]
     questions = dict.fromkeys(question for draft in drafts for question in draft.questions)
     evidence = dict.fromkeys(fact for draft in drafts for fact in draft.evidence)
     return Draft("\n".join(draft.text for draft in drafts), tuple(questions), tuple(evidence))
@@ -241,12 +240,9 @@ def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str] | tu
                 [units[word][1] * (k in values) for k in range(sample.width)] if units else sample.units
                 for word in sensor_by_word
             ]
+            rows = {word: [row for row in sample.rows if row[i].strip() == word] for word in sensor_by_word}
             return [
-                (
-                    replace(sample, rows=[row for row in sample.rows if row[i].strip() == word], units=tuple(beside)),
-                    (ref, word),
-                    sensor,
-                )
+                (replace(sample, rows=rows[word], units=tuple(beside)), (ref, word), sensor)
                 for (word, sensor), beside in zip(sensor_by_word.items(), said, strict=True)
             ]
     return []
@@ -296,9 +292,8 @@ class _DraftWriter:
         above = "" if len(groups) > 1 or taken_apart(min(groups)).sensor else f"{min(groups)}/"
         names = [name.removeprefix(above) for name in self._names]
         self._parts = [taken_apart(*both) for both in zip(names, units, strict=True)]
-        if clocks := [
-            clock for i, part in enumerate(self._parts) if part.is_time and (clock := _clock(sample, i)).size
-        ]:
+        clocks = [_clock(sample, i) for i, part in enumerate(self._parts) if part.is_time]
+        if clocks := [clock for clock in clocks if clock.size]:
             sample = replace(sample, rows=sample.rows[::-1]) if all(map(falls, clocks)) else sample
         self._name, self._sample, self._where, self._stream, self._answers = name, sample, where, stream, answers
         self._parts = _with_axes(_turn_rates(self._parts, self._names))
@@ -319,9 +314,9 @@ class _DraftWriter:
         self._quaternion = self._quaternion_columns()
         self._angles = () if self._quaternion else self._angle_columns()
         self._plus: tuple[int, ...] = ()
-        self._triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
-        self._triads |= self._answered_triads()
-        self._triads = {name: columns for name, columns in self._triads.items() if columns}
+        self.triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
+        self.triads |= self._answered_triads()
+        self.triads = {name: columns for name, columns in self.triads.items() if columns}
         self._turns = self._best_turning()
         self._temperature = next((i for i in self._free() if self._parts[i].is_temperature), None)
         self._lines: list[str] = []
@@ -330,15 +325,10 @@ class _DraftWriter:
         self._table = ""
         self._accept = False
 
-    @property
-    def has_triads(self) -> bool:
-        """Whether it is of a sensor."""
-        return bool(self._triads)
-
     def draft(self, accept: bool) -> Draft:
         """Write all tables."""
         self._accept = accept
-        if not self._triads and not self._quaternion and not self._angles:
+        if not self.triads and not self._quaternion and not self._angles:
             linear = any(part.sensor == "linear" for part in self._parts)
             raise DecodeError(
                 "the acceleration in it is without gravity, and there is no gyroscope: nothing in it can give an "
@@ -354,15 +344,15 @@ class _DraftWriter:
             self._lines += ["[[stream]]", f"file = {json.dumps(self._stream)}"]
         self._top()
         self._write_time()
-        for name in (name for name in TRIADS if name in self._triads):
-            self._write_triad(name, self._triads[name])
-        if self._temperature is not None and self._triads:
+        for name in (name for name in TRIADS if name in self.triads):
+            self._write_triad(name, self.triads[name])
+        if self._temperature is not None and self.triads:
             self._open("temperature")
             self._set("column", self._ref(self._temperature), "the name of the column", ask=True, sure=True)
             typical = float(np.nanmedian(self._numbers[self._temperature]))
             usual = _Guess("degC", f"{typical:.4g} is usual in degC") if -40.0 < typical < 85.0 else _Guess()
             self._write_unit(Quantity.TEMPERATURE, [self._temperature], usual)
-        if self._quaternion or (self._angles and not self._triads):  # beside samples, no two makers turn alike
+        if self._quaternion or (self._angles and not self.triads):  # beside samples, no two makers turn alike
             self._write_reference()
         return Draft("\n".join(self._lines) + "\n", tuple(self._questions), tuple(self._evidence))
 
@@ -375,7 +365,7 @@ class _DraftWriter:
     def _free(self) -> list[int]:
         """Columns of numbers that have no meaning yet."""
         taken = {*self._time, *self._clocks, *self._quaternion}
-        taken |= {i for columns in getattr(self, "_triads", {}).values() for i in columns} | {*self._plus}
+        taken |= {i for columns in getattr(self, "triads", {}).values() for i in columns} | {*self._plus}
         return [i for i in range(self._sample.width) if i not in taken and np.isfinite(self._numbers[i]).any()]
 
     def _place(self, key: str, ref: Any) -> int:
@@ -392,9 +382,9 @@ class _DraftWriter:
         answered = {
             name: tuple(self._place(key, ref) for ref in self._answers[key])
             for name, key in keys.items()
-            if key in self._answers and (name in self._triads or not self._stream)
+            if key in self._answers and (name in self.triads or not self._stream)
         }
-        others = set(self._triads) - set(answered) if any(answered.values()) and self._is_nameless() else set()
+        others = set(self.triads) - set(answered) if any(answered.values()) and self._is_nameless() else set()
         return dict.fromkeys(others, ()) | answered
 
     def _time_columns(self) -> tuple[int, ...]:
@@ -404,14 +394,15 @@ class _DraftWriter:
         named = [i for i, part in enumerate(self._parts) if part.is_time]
         if clocks := list(filter(self._is_time_of_day, named)):
             return (clocks[0],)
-        if rising := [i for i in named if self._rises(i)]:
+        if rising := [i for i in named if rises(self._numbers[i])]:
             return self._in_two_parts(named) or (min(rising, key=self._time_rank),)
         others = [i for i in range(self._sample.width) if i not in named]
         for i in (*named, *others):
             cells = self._sample.cells(i)
             if all(map(is_stamp, cells)):
                 return (i,)
-            if i + 1 < self._sample.width and _dates(cells) and all(map(is_stamp, self._sample.cells(i + 1))):
+            dates = i + 1 < self._sample.width and all(re.fullmatch(r"\d{4}([-/])\d{1,2}\1\d{1,2}", c) for c in cells)
+            if dates and all(map(is_stamp, self._sample.cells(i + 1))):
                 return (i, i + 1)
         return self._clocks[:1] or (() if named else self._rising_column())
 
@@ -458,13 +449,10 @@ class _DraftWriter:
         for i, part in enumerate(self._parts[:-3]):
             four = [other.axis for other in self._parts[i : i + 4] if other.base == part.base]
             more = any(other.base == part.base and other.axis == "5" for other in self._parts)
-            if four == list("1234") and not more and self._rises(i) and not any(map(self._rises, range(i + 1, i + 4))):
+            others = any(rises(self._numbers[k]) for k in range(i + 1, i + 4))
+            if four == list("1234") and not more and rises(self._numbers[i]) and not others:
                 firsts.append(i)
         return tuple(firsts)
-
-    def _rises(self, column: int) -> bool:
-        """Whether numbers go on as time does: they rise in most steps, however often they repeat or begin again."""
-        return rises(self._numbers[column])
 
     def _time_rank(self, column: int) -> tuple[bool, bool, bool, bool]:
         """Which of several clocks is taken: one that does not begin again, of single samples, in a unit that it has."""
@@ -518,11 +506,8 @@ class _DraftWriter:
             triads |= {name: ranked[0]} if ranked else {}
         if "acc" not in triads and (without := self._threes(lambda part: part.sensor == "linear")):
             gravity = self._threes(lambda part: re.search(r"\bgrav(ity)?\b", part.base) is not None)
-            if (
-                gravity
-                and self._parts[gravity[0][0]].unit == self._parts[without[0][0]].unit
-                and self._has_gravity(gravity[0])
-            ):
+            same_unit = gravity and self._parts[gravity[0][0]].unit == self._parts[without[0][0]].unit
+            if same_unit and self._has_gravity(gravity[0]):
                 self._plus, triads["acc"] = gravity[0], without[0]
                 for i, k in zip(without[0], gravity[0], strict=True):
                     self._numbers[i] = self._numbers[i] + self._numbers[k]
@@ -602,7 +587,8 @@ class _DraftWriter:
         triads: dict[str, tuple[int, ...]] = {}
         for three in threes:
             size, steady = self._size(three), self._steady(three)
-            name = "acc" if steady and _at_rest(size) else "mag" if steady and _of_earth(size) else "gyr"
+            at_rest = size > 2000.0 or any(abs(size / rest - 1.0) < _ABOUT for rest in _REST.values())
+            name = "acc" if steady and at_rest else "mag" if steady and _field_unit(size).unit else "gyr"
             free_names = [other for other in (name, "acc", "gyr", "mag") if other not in triads]
             triads |= {free_names[0]: three} if free_names else {}
         return triads
@@ -636,11 +622,8 @@ class _DraftWriter:
         if dotted in self._answers:
             value, why, ask = self._answers[dotted], "as answered", False
         elif said is not None and self._known is not None:
-            value, why, ask = (
-                self._known.value(said, self._sample),
-                f"as of {self._known.name}",
-                ask and not self._accept,
-            )
+            value, why = self._known.value(said, self._sample), f"as of {self._known.name}"
+            ask = ask and not self._accept
         elif ask and sure and self._accept:
             ask = False
             self._evidence.append((dotted, why))
@@ -683,9 +666,8 @@ class _DraftWriter:
             start = round(Fraction(self._sample.facts["unix start"]) * 10**9)
             self._set("t0_ns", start, "the first line, since 1970 (UTC)")
         if not self._has("device") and not self._stream:
-            self._lines.append(
-                '# device = "unit 1"                     # name of this unit: a calibration card belongs to one'
-            )
+            name = "name of this unit: a calibration card belongs to one"
+            self._lines.append(f'# device = "unit 1"                     # {name}')
         unused = [i for i in self._free() if i != self._temperature]
         sensors = [i for i in unused if self._accept and self._parts[i].sensor not in {"", "other"}]
         names, measured = (
@@ -698,17 +680,21 @@ class _DraftWriter:
         if layout.separator:
             self._write_header(layout)
 
+    def _set_some(self, layout: TextLayout, **why: str) -> None:
+        """Write those of the keys that the layout has."""
+        for key, reason in why.items():
+            if value := getattr(layout, key):
+                self._set(key, value, reason)
+
     def _write_layout(self, layout: TextLayout) -> None:
         self._set("separator", {"\t": "tab"}.get(layout.separator, layout.separator), f"{self._sample.width} columns")
         self._set("decimal", layout.decimal)
-        if layout.thousands:
-            self._set("thousands", layout.thousands, "between groups of three digits")
+        self._set_some(layout, thousands="between groups of three digits")
         if layout.encoding != "utf-8":
             self._set("encoding", layout.encoding, "it is not UTF-8", ask=layout.encoding != "utf-16", sure=True)
-        if layout.comment:
-            self._set("comment", layout.comment, "lines that begin so are left out")
-        if layout.cells:
-            self._set("cells", layout.cells, "vectors, and units behind the numbers")
+        self._set_some(
+            layout, comment="lines that begin so are left out", cells="vectors, and units behind the numbers"
+        )
         if layout.missing != type(layout)(separator=",").missing:
             self._set("missing", layout.missing, "cells without a value")
 
@@ -718,18 +704,10 @@ class _DraftWriter:
         if layout.marker:
             self._set("marker", layout.marker, "the table begins behind this line")
             self._set("occurrence", layout.occurrence)
-        if layout.end:
-            self._set("end", layout.end, "and ends before this one")
-        if layout.skip:
-            self._set("skip", layout.skip, "lines there" if layout.marker else "lines at the top")
-        if layout.after_names:
-            self._set("after_names", layout.after_names, "the row of units")
-        marks = {"mark": "before the names", "words": "numbers stand among words", "checksum": "of each row"}
-        for key, what in marks.items():
-            if text := getattr(layout, key):
-                self._set(key, text, what)
-        if layout.channels:
-            self._set("channels", layout.channels, "of each row: time, what names its channel, the number")
+        skipped = "lines there" if layout.marker else "lines at the top"
+        self._set_some(layout, end="and ends before this one", skip=skipped, after_names="the row of units")
+        self._set_some(layout, mark="before the names", words="numbers stand among words", checksum="of each row")
+        self._set_some(layout, channels="of each row: time, what names its channel, the number")
         if where := self._where or layout.where:
             self._set("where", where, "rows of this kind alone")
 
@@ -748,9 +726,8 @@ class _DraftWriter:
             self._set("format", FORM, f"the first is {first}")
             self._set_known("zone")
             if not self._has("zone") and not has_zone(first):
-                self._lines.append(
-                    '# zone = "+08:00"                      # what the clock is ahead of UTC, if you know'
-                )
+                ahead = "what the clock is ahead of UTC, if you know"
+                self._lines.append(f'# zone = "+08:00"                      # {ahead}')
             return
         part, numbers = self._parts[self._time[0]], self._numbers[self._time[0]]
         steps = np.diff(numbers[np.isfinite(numbers)])
@@ -785,12 +762,8 @@ class _DraftWriter:
     def _write_reference(self) -> None:
         """Write the attitude that stands beside, or alone."""
         frame = self._answers.get("reference.frame") or self._answers.get("frame")
-        if (
-            self._triads
-            and frame is None
-            and self._accept
-            and not (self._known and "reference.frame" in self._known.answers)
-        ):
+        known = frame is not None or (self._known is not None and "reference.frame" in self._known.answers)
+        if self.triads and self._accept and not known:
             return  # an attitude in no known frame is nothing that could be compared with
         self._open("reference")
         columns = tuple(map(self._ref, self._quaternion or self._angles))
@@ -818,9 +791,9 @@ class _DraftWriter:
         if name == "acc" and self._plus:
             self._set("plus", tuple(map(self._ref, self._plus)), "gravity, which these lack", ask=True, sure=True)
         zero = self._middle(columns)
-        guess = self._triad_unit(name, columns, zero)
-        scale = self._stated_scale(name)
-        if scale:
+        by_size = {"acc": _gravity_unit, "mag": _field_unit}.get(name)
+        guess = by_size(self._size(columns, zero)) if by_size else self._rate_unit(columns, zero)
+        if scale := self._stated_scale(name):
             unit, key, number = scale
             sure = self._scales_fit()
             self._set("unit", unit, "the lines above say it", ask=True, sure=sure)
@@ -849,7 +822,7 @@ class _DraftWriter:
 
     def _stated_scale(self, name: str) -> tuple[str, str, float] | None:
         """Unit, key and number of the scale of whole numbers that the lines above say, as ``131 LSB/(deg/s)``."""
-        values = self._vectors(self._triads[name])
+        values = self._vectors(self.triads[name])
         if (values[np.isfinite(values)] % 1.0 != 0.0).any():
             return None
         text = "\n".join(f"{key}: {value}" for key, value in self._sample.facts.items())
@@ -863,9 +836,9 @@ class _DraftWriter:
 
     def _scales_fit(self) -> bool:
         """Whether the scales that the lines above say do not contradict gravity."""
-        if "acc" not in self._triads or (scale := self._stated_scale("acc")) is None:
+        if "acc" not in self.triads or (scale := self._stated_scale("acc")) is None:
             return True
-        columns, (unit, key, number) = self._triads["acc"], scale
+        columns, (unit, key, number) = self.triads["acc"], scale
         size = self._size(columns, self._middle(columns)) * (1.0 / number if key == _COUNTS else number)
         return abs(to_si(size, unit) / G0 - 1.0) < _ABOUT
 
@@ -899,12 +872,12 @@ class _DraftWriter:
 
     def _is_sure_by_size(self) -> bool:
         """Whether triads without names are surely these: gravity, perhaps the Earth's field, one that is neither."""
-        acc, mag, gyr = (self._triads.get(name) for name in ("acc", "mag", "gyr"))
+        acc, mag, gyr = (self.triads.get(name) for name in ("acc", "mag", "gyr"))
         if acc is None or len(self._free()) >= len("xyz"):
             return False
         is_normal = bool(np.ptp(self._norms(acc)) < 1e-3 * self._size(acc))  # directions, which no sensor measures
         steady = self._has_gravity(acc) and not (self._steady(gyr) if gyr else is_normal)
-        return steady and (mag is None or (self._steady(mag) and _of_earth(self._size(mag))))
+        return steady and (mag is None or (self._steady(mag) and bool(_field_unit(self._size(mag)).unit)))
 
     # Guesses ----------------------------------------------------------------------------------------------------------
 
@@ -916,13 +889,6 @@ class _DraftWriter:
             return 0.0
         typical = float(np.median(counts))
         return next((half for half in (32768.0, 8192.0, 2048.0, 512.0) if abs(typical - half) < 0.1 * half), 0.0)
-
-    def _triad_unit(self, name: str, columns: Sequence[int], zero: float) -> _Guess:
-        """Unit and reason, as far as the numbers tell."""
-        size = self._size(columns, zero)
-        if name == "acc":
-            return _gravity_unit(size)
-        return _field_unit(size) if name == "mag" else self._rate_unit(columns, zero)
 
     def _rate_unit(self, columns: Sequence[int], zero: float) -> _Guess:
         fit = self._turns[1]
@@ -955,7 +921,7 @@ class _DraftWriter:
 
     def _best_turning(self) -> tuple[str, Turning | None]:
         """Axes by which the gyroscope turns as the accelerometer does: its own, unless others fit far better."""
-        t, gyr, acc = self._seconds(), self._triads.get("gyr"), self._triads.get("acc")
+        t, gyr, acc = self._seconds(), self.triads.get("gyr"), self.triads.get("acc")
         if t is None or gyr is None or acc is None:
             return AS_MOUNTED, None
         rates, force = (self._vectors(columns) - self._middle(columns) for columns in (gyr, acc))
@@ -1006,11 +972,8 @@ def _with_axes(parts: list[ColumnName]) -> list[ColumnName]:
         letters = "".join(part.axis or part.base for part in others).lower()
         bare = all(p.base in {"", first.base, p.base * (not p.axis)} and p.unit in {"", first.unit} for p in others)
         has_all_axes = {first.axis or "x", *letters} == set("xyz")
-        if (
-            (first.sensor or first.by_unit)
-            and bare
-            and (has_all_axes or (letters in {"12", "23"} and first.axis in {"", "x"}))
-        ):
+        follow = has_all_axes or (letters in {"12", "23"} and first.axis in {"", "x"})
+        if (first.sensor or first.by_unit) and bare and follow:
             axes = (first.axis or "x", *letters) if has_all_axes else "xyz"
             parts[i : i + 3] = [replace(first, axis=axis) for axis in axes]
     return parts
@@ -1047,10 +1010,6 @@ def _device(sample: Sample) -> tuple[int, tuple[str, ...]] | None:
     return None
 
 
-def _dates(cells: Sequence[str]) -> bool:
-    return all(re.fullmatch(r"\d{4}([-/])\d{1,2}\1\d{1,2}", cell) for cell in cells)
-
-
 def _time_unit(numbers: Floats, part: ColumnName) -> tuple[str, str, bool]:
     """Unit in which steps make a plausible rate: the stated one, or that nearest to 100 Hz; and whether it is sure."""
     steps = np.diff(numbers[np.isfinite(numbers)])
@@ -1062,30 +1021,16 @@ def _time_unit(numbers: Floats, part: ColumnName) -> tuple[str, str, bool]:
         return "", "ticks of a length that nothing says; give unit_per_count, or declare rate = '100 Hz'", False
     if "tow" in part.base:
         return "s", "a time of week counts seconds", True
-    if (
-        _SPREADSHEET[0] <= numbers.min()
-        and numbers.max() < _SPREADSHEET[1]
-        and 0.0 < step < 2.0 * to_si(1.0, "s") / to_si(1.0, "day")
-    ):
-        return (
-            "day",
-            f"days since 1899-12-30, as spreadsheets count them: {1.0 / to_si(step, 'day'):.4g} Hz",
-            part.is_time,
-        )
+    are_days = _SPREADSHEET[0] <= numbers.min() and numbers.max() < _SPREADSHEET[1]
+    if are_days and 0.0 < step < 2.0 / to_si(1.0, "day"):  # s
+        rate = 1.0 / to_si(step, "day")
+        return "day", f"days since 1899-12-30, as spreadsheets count them: {rate:.4g} Hz", part.is_time
     plausible = {unit: rate for unit, rate in rates.items() if _RATES[0] <= rate <= _RATES[1]}
     if not plausible:
         return "", f"steps of {step:.4g} make no usual rate; or delete both keys and declare rate = '100 Hz'", False
     unit = min(plausible, key=lambda name: abs(np.log(plausible[name] / 100.0)))
     sure = sum(_USUAL_RATES[0] <= rate <= _USUAL_RATES[1] for rate in rates.values()) == 1 and not (steps == 1.0).all()
     return unit, f"steps of {step:.6g} {unit} make {plausible[unit]:.4g} Hz", sure
-
-
-def _at_rest(size: float) -> bool:
-    return any(abs(size / rest - 1.0) < _ABOUT for rest in _REST.values()) or size > 2000.0
-
-
-def _of_earth(size: float) -> bool:
-    return bool(_field_unit(size).unit)
 
 
 def _field_unit(size: float) -> _Guess:

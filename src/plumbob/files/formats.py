@@ -57,7 +57,7 @@ def _named(name: str | Callable[..., Any]) -> Callable[..., Any]:
 
 def read_table(path: Path, profile: "Profile | str | Path | None") -> Recording:
     """Read a text table; a log that is known by its names needs no profile."""
-    from plumbob.files.profile_toml import profiles_beside
+    from plumbob.files.profile import profiles_beside
     from plumbob.files.text import read_text
 
     if profile is None and not profiles_beside(path):
@@ -108,7 +108,7 @@ FORMATS: Final = (
     _foreign("x-IMU3", "ximu3", ".ximu3", ".csv", "", most=_IN_MEMORY),
     FileFormat(
         "text", TABLES, "formats.read_table", takes_profile=True,
-        writers=tuple((suffix, "text_write.write_csv") for suffix in (".csv", ".txt")),
+        writers=tuple((suffix, "text.write_csv") for suffix in (".csv", ".txt")),
     ),
     FileFormat(
         "arrays", ARRAYS, "foreign.tables.read", takes_profile=True,
@@ -217,7 +217,7 @@ def read(
 
 def _together(paths: "Sequence[str | os.PathLike[str]]", profile: "Profile | str | Path | None") -> Recording:
     """Recording of files that hold a sensor each: by a profile of all, or by what each says of itself."""
-    from plumbob.files.foreign.join import joined_recordings
+    from plumbob.files.foreign.logged import joined_recordings
     from plumbob.files.text import read_text
 
     if len(paths) == 1:
@@ -297,7 +297,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
     file = check.path("path", path)
     suffix = "" if file.is_dir() else file.suffix.lower() or "."
     if suffix not in ("", ".parquet") and not described and any(map(Path.is_file, sidecars(file))):
-        from plumbob.files.profile_toml import profiles_beside
+        from plumbob.files.profile import profiles_beside
 
         described = suffix != "." or bool(profiles_beside(file))
     kinds: Iterable[FileFormat] = _of_suffix(suffix)

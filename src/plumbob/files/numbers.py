@@ -23,7 +23,7 @@ from plumbob.core.errors import DecodeError, ParameterError, excerpt, one_line
 from plumbob.core.files import existing_file, reading
 from plumbob.core.findings import Finding, warning
 from plumbob.files.arrow import column_numbers
-from plumbob.files.profile_toml import GUIDE
+from plumbob.files.profile import GUIDE
 from plumbob.files.text_table import single_blanks
 
 CHUNK: Final = 1 << 20  # bytes that are read at once; a line longer than these must be the only one

@@ -324,15 +324,15 @@ def _decoded(raw: bytes) -> tuple[str, str]:
             texts[encoding] = normal(codecs.getincrementaldecoder(encoding)().decode(raw))
             if encoding == "utf-8":
                 return texts[encoding], encoding
-    encoding = max(texts, key=lambda name: _understood(texts[name]))
+
+    def understood(name: str) -> int:
+        """Words of the lines with other letters than English ones that name a sensor, time or a unit."""
+        lines = [line for line in texts[name][: 1 << 14].split("\n") if not line.isascii()]
+        parts = [taken_apart(w) for line in lines for w in re.split("[,;\t]", line) if re.search(r"[^\W\d]", w)]
+        return sum(bool(part.sensor) + part.is_time + is_unit(part.unit) for part in parts)
+
+    encoding = max(texts, key=understood)
     return texts[encoding], encoding
-
-
-def _understood(text: str) -> int:
-    """Words of the lines with other letters than English ones that name a sensor, time or a unit."""
-    lines = [line for line in text[:_NAMES_WITHIN].split("\n") if not line.isascii()]
-    parts = [taken_apart(word) for line in lines for word in re.split("[,;\t]", line) if re.search(r"[^\W\d]", word)]
-    return sum(bool(part.sensor) + part.is_time + is_unit(part.unit) for part in parts)
 
 
 def _table(lines: Sequence[str], separator: str, decimal: str) -> _SniffedTable:
@@ -463,12 +463,13 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
     bare = line.lstrip("#%/ ")
     marked = names and bare != line
     skip = at if names else table.first if any(not line.startswith(_COMMENTS) for _, line in before) else 0
+    body = lines[skip + 1 if marked else skip :]
     layout = TextLayout(
         separator=table.separator,
         decimal=table.decimal,
         thousands=_thousands(table.rows, table.decimal),
         encoding=encoding,
-        comment=_comment(lines[skip + 1 if marked else skip :]),
+        comment=next((sign for sign in _COMMENTS if any(row.startswith(sign) for row in body)), ""),
         missing=_missing(table.rows),
         skip=skip,
         names=bool(names),
@@ -587,10 +588,6 @@ def _are_units(cells: Sequence[str]) -> bool:
     return len(units) > 1 and 2 * len(units) >= len(words) and not any(is_clocklike(w) or _is_number(w) for w in words)
 
 
-def _comment(lines: Sequence[str]) -> str:
-    return next((sign for sign in _COMMENTS if any(line.startswith(sign) for line in lines)), "")
-
-
 def _missing(rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
     counts = [Counter(cell.strip() for cell in column) for column in zip(*rows, strict=False)]
     said = [(column, sum(n for cell, n in column.items() if re.search(r"\d", cell))) for column in counts]
@@ -600,15 +597,12 @@ def _missing(rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
         for cell, n in column.items()
         if cell in MISSING or (1 < n < numbers and len(cell) <= len("undefined") and not re.search(r"\d", cell))
     }
-    markers |= {cell for column in counts for cell in filter(_NINES.fullmatch, column) if _is_apart(cell, column)}
+    for column in counts:  # nines alone that are more than twice as large as all others stand for none
+        values = {other: abs(_value(other, "," if "," in other else ".")) for other in column}
+        for cell in filter(_NINES.fullmatch, column):
+            others = [value for other, value in values.items() if other != cell and np.isfinite(value)]
+            markers |= {cell} if len(others) >= FEWEST and values[cell] > 2.0 * max(others) else set()
     return tuple(dict.fromkeys((*TextLayout(separator=",").missing, *sorted(markers))))
 
 
 _NINES: Final = re.compile(r"[-+]?9{3,}([.,]9*|[.,]0*)?|[-+]?99[.,]99+")
-
-
-def _is_apart(cell: str, column: Counter[str]) -> bool:
-    """Whether a number is more than twice as large as all others of its column: of nines alone, it stands for none."""
-    values = {other: abs(_value(other, "," if "," in other else ".")) for other in column}
-    others = [value for other, value in values.items() if other != cell and np.isfinite(value)]
-    return len(others) >= FEWEST and values[cell] > 2.0 * max(others)

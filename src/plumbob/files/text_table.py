@@ -149,7 +149,11 @@ def _collect(key: str, value: Any, tables: dict[str, list[dict[str, str]]], fact
         tables[key] = [flat_cells("", item) for item in value]
     elif isinstance(value, dict):
         lists = {name: item for name, item in value.items() if isinstance(item, list) and item}
-        titles = [_titles(item) for item in lists.values()]
+        titles = []  # names of columns, with their units in brackets, in an array beside them
+        for items in lists.values():
+            entries = [item for item in items if isinstance(item, dict) and "name" in item]
+            named = [f"{item['name']} [{item.get('units', item.get('unit', ''))}]" for item in entries]
+            titles.append(items if all(isinstance(item, str) for item in items) else named)
         for name, item in lists.items():
             if isinstance(item[0], list) and (fitting := [words for words in titles if len(words) == len(item[0])]):
                 tables[name] = [flat_cells("", dict(zip(fitting[0], row, strict=False))) for row in item]
@@ -164,14 +168,6 @@ def _collect(key: str, value: Any, tables: dict[str, list[dict[str, str]]], fact
                 _collect(name, item, tables, facts)
     elif not isinstance(value, list):
         facts |= flat_cells(key, value)
-
-
-def _titles(items: list[Any]) -> list[str]:
-    """Names of columns, with their units in brackets, in an array beside them."""
-    if all(isinstance(item, str) for item in items):
-        return items
-    entries = [item for item in items if isinstance(item, dict) and "name" in item]
-    return [f"{item['name']} [{item.get('units', item.get('unit', ''))}]" for item in entries]
 
 
 def flat_cells(name: str, value: Any) -> dict[str, str]:
@@ -265,7 +261,9 @@ def find_head(text: str, layout: TextLayout) -> Head:
     place, line = _forward(text, place, line, layout.skip)
     names: tuple[str, ...] = ()
     if layout.names:
-        place, line = _past_comments(text, place, line, "" if layout.mark else layout.comment)
+        comment = "" if layout.mark else layout.comment
+        while place < len(text) and is_idle(text[place : _end(text, place)], comment):
+            place, line = _end(text, place) + 1, line + 1
         row = text[place : _end(text, place)].removeprefix(layout.mark)
         names = tuple(cell.strip() for cell in split_row(row, layout.separator, line))
         place, line = _forward(text, place, line, 1 + layout.after_names)
@@ -369,16 +367,6 @@ def with_cells_apart(text: str, head: Head, layout: TextLayout) -> tuple[str, He
     return text[: head.start] + "\n".join(rows), replace(head, names=names)
 
 
-def _before_end(text: str, start: int, end: str) -> str:
-    """Text up to the line that ends the table, empty for none."""
-    if not end:
-        return text
-    match = re.compile(rf"^[ \t]*{re.escape(end)}[ \t,;]*$", re.MULTILINE).search(text, start)
-    if match is None:
-        raise DecodeError(f"the table ends before the line {excerpt(end)}, which is not there; check header.end.")
-    return text[: match.start()]
-
-
 def _after_marker(text: str, layout: TextLayout) -> tuple[int, int]:
     place, line, remaining = 0, 1, layout.occurrence
     while place < len(text):
@@ -401,12 +389,6 @@ def _forward(text: str, place: int, line: int, lines: int) -> tuple[int, int]:
     return place, line
 
 
-def _past_comments(text: str, place: int, line: int, comment: str) -> tuple[int, int]:
-    while place < len(text) and is_idle(text[place : _end(text, place)], comment):
-        place, line = _end(text, place) + 1, line + 1
-    return place, line
-
-
 def is_idle(row: str, comment: str) -> bool:
     """Tell whether a line is blank or a comment."""
     return not row.strip(" ") or bool(comment and row.startswith(comment))
@@ -418,7 +400,6 @@ def _end(text: str, place: int) -> int:
 
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
-_LARGEST: Final = Decimal(10) ** 20
 _BLOCK: Final = 1 << 23
 _LOOKED_AT: Final = 200
 _WORD: Final = 1 << 30
@@ -474,8 +455,13 @@ class Reading:
         types |= {str(self.places[ref]): pa.string() for ref in self.texts}
         if self.exact is not None:
             types[str(self.places[self.exact])] = pa.decimal128(*_EXACT)
+        mark = self.layout.comment
+        block = block if separator == ";" else block.replace(";\n", "\n")
+        if mark and (block.startswith(mark) or f"\n{mark}" in block):
+            block = "".join(row for row in block.splitlines(keepends=True) if not row.startswith(mark))
+        packed = (single_blanks(block) if separator == " " else block).encode()
         try:
-            source: Any = pa.BufferReader(pa.py_buffer(_packed(block, self.layout)))
+            source: Any = pa.BufferReader(pa.py_buffer(packed))
             table = csv.read_csv(
                 source,
                 read_options=csv.ReadOptions(column_names=names),
@@ -533,24 +519,27 @@ class Reading:
             cells.append(words[self.places[ref]])
 
     def _number(self, cell: str, line: int, ref: ColumnRef) -> float:
-        if ref != self.exact:
-            return _number(cell, line, ref, self.layout)
-        stamp = _decimal(cell, line, ref, self.layout)
+        if ref != self.exact and cell.strip() in self.layout.missing:
+            return float("nan")
+        try:
+            if ref != self.exact:
+                return float(_plain(cell, self.layout))
+            stamp = Decimal(_plain(cell, self.layout))
+            if not abs(stamp) < Decimal(10) ** 20:
+                raise ValueError(cell)
+        except (ValueError, InvalidOperation):
+            raise _no_number(cell, line, ref, self.layout) from None
         self.zero = stamp if self.zero is None else self.zero
         return float(stamp - self.zero)
 
-    def refuse_too_many(self) -> None:
-        """Refuse a file of which too much cannot be read."""
-        if self.left_out and (len(self.left_out) > LEFT_OUT_MOST * self.rows or len(self.left_out) == self.rows):
-            _, first = next(iter(self.left_out.values()))
-            more = "" if len(self.left_out) == 1 else f" {len(self.left_out)} of {self.rows} rows cannot be read."
-            raise DecodeError(f"{first}{more}") from first
-
     def notes(self) -> tuple[Finding, ...]:
-        """What was left out."""
+        """What was left out; a file of which too much cannot be read is refused."""
         if not self.left_out:
             return ()
         _, first = next(iter(self.left_out.values()))
+        if len(self.left_out) > LEFT_OUT_MOST * self.rows or len(self.left_out) == self.rows:
+            more = "" if len(self.left_out) == 1 else f" {len(self.left_out)} of {self.rows} rows cannot be read."
+            raise DecodeError(f"{first}{more}") from first
         lines = [str(line) for line, _ in islice(self.left_out.values(), 1, 6)]
         return (
             warning(
@@ -580,7 +569,12 @@ def read_table(
     if layout.channels:
         text, layout = channels_as_columns(text, layout)
     head = find_head(text, layout)
-    text = _before_end(text, head.start, layout.end)
+    if layout.end:
+        end = re.compile(rf"^[ \t]*{re.escape(layout.end)}[ \t,;]*$", re.MULTILINE).search(text, head.start)
+        if end is None:
+            line = excerpt(layout.end)
+            raise DecodeError(f"the table ends before the line {line}, which is not there; check header.end.")
+        text = text[: end.start()]
     if layout.cells:
         text, head = with_cells_apart(text, head, layout)
     if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in head.names:
@@ -591,15 +585,20 @@ def read_table(
         raise DecodeError("there is no row of numbers; check the profile's [header].")
     width = Counter(first).most_common(1)[0][0]
     places = {ref: column_index(ref, head.names, width, layout) for ref in refs}
-    _refuse_shared(places)
+    firsts = {ref: next(r for r, p in places.items() if p == place) for ref, place in places.items()}
+    if twice := next((ref for ref, first in firsts.items() if ref != first), None):
+        raise DecodeError(f"{firsts[twice]!r} and {twice!r} are the same column; declare it once.")
     reading = Reading(layout, width, places, exact, {ref: [] for ref in texts})
     plain = not (layout.words or layout.where or layout.checksum)
     for start, end, line in body.blocks():
         if not (plain and reading.add_fast(text[start:end])):
             reading.add_slow(body.rows(start, end, line))
-    reading.refuse_too_many()
-    count = reading.rows - len(reading.left_out)
-    _refuse_rows(count, layout.rows)
+    notes, count = reading.notes(), reading.rows - len(reading.left_out)
+    if layout.rows not in (None, count):
+        raise DecodeError(
+            f"there are {count} complete rows of numbers, but the profile says rows = {layout.rows}; the file is cut, "
+            "or is not the one that was described. If that is intended, correct the profile."
+        )
     if not count:
         raise DecodeError("there is no row of numbers; check the profile's [header].")
     columns: dict[ColumnRef, Floats] = {ref: np.frombuffer(values) for ref, values in reading.numbers.items()}
@@ -610,7 +609,7 @@ def read_table(
         return next(islice((line for line, _ in body.rows() if line not in lines), row, None))
 
     zero = reading.zero if reading.zero is not None else Decimal(0)
-    return TextTable(columns, zero, count, (*cut, *reading.notes()), reading.texts, line_number, places_read)
+    return TextTable(columns, zero, count, (*cut, *notes), reading.texts, line_number, places_read)
 
 
 def ended(text: str, layout: TextLayout) -> tuple[str, tuple[Finding, ...]]:
@@ -701,23 +700,6 @@ def _checked(row: str, line: int) -> str:
     return text
 
 
-def _packed(block: str, layout: TextLayout) -> bytes:
-    """UTF-8 without comments and with single blanks, as Arrow takes it."""
-    mark = layout.comment
-    block = block if layout.separator == ";" else block.replace(";\n", "\n")
-    if mark and (block.startswith(mark) or f"\n{mark}" in block):
-        block = "".join(row for row in block.splitlines(keepends=True) if not row.startswith(mark))
-    return (single_blanks(block) if layout.separator == " " else block).encode()
-
-
-def _refuse_rows(rows: int, declared: int | None) -> None:
-    if declared is not None and rows != declared:
-        raise DecodeError(
-            f"there are {rows} complete rows of numbers, but the profile says rows = {declared}; the file is cut, or "
-            "is not the one that was described. If that is intended, correct the profile."
-        )
-
-
 def column_index(ref: ColumnRef, names: tuple[str, ...], width: int, layout: TextLayout) -> int:
     """Index of a column among the `width` cells of a row; DecodeError where it is not one of them."""
     if isinstance(ref, str):
@@ -732,32 +714,6 @@ def column_index(ref: ColumnRef, names: tuple[str, ...], width: int, layout: Tex
             "separator and [header] in the profile."
         )
     return ref - 1
-
-
-def _refuse_shared(places: dict[ColumnRef, int]) -> None:
-    for ref, place in places.items():
-        other = next(r for r, p in places.items() if p == place)
-        if other != ref:
-            raise DecodeError(f"{other!r} and {ref!r} are the same column; declare it once.")
-
-
-def _number(cell: str, line: int, ref: ColumnRef, layout: TextLayout) -> float:
-    if cell.strip() in layout.missing:
-        return float("nan")
-    try:
-        return float(_plain(cell, layout))
-    except ValueError:
-        raise _no_number(cell, line, ref, layout) from None
-
-
-def _decimal(cell: str, line: int, ref: ColumnRef, layout: TextLayout) -> Decimal:
-    try:
-        value = Decimal(_plain(cell, layout))
-        if not abs(value) < _LARGEST:
-            raise ValueError(cell)
-    except (ValueError, InvalidOperation):
-        raise _no_number(cell, line, ref, layout) from None
-    return value
 
 
 def _plain(cell: str, layout: TextLayout) -> str:

@@ -16,7 +16,7 @@ from plumbob.core.files import replacing
 from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, given
 from plumbob.door.estimate import given_noise
-from plumbob.files.text_write import text_cell
+from plumbob.files.text import text_cell
 from plumbob.fleet.items import JOBS, Item, Source, batch_items
 from plumbob.fleet.job import COLUMNS, VERDICTS, BatchSettings, JobOutcome
 from plumbob.fleet.places import Place, as_place, is_url

@@ -4,7 +4,7 @@ A line counts once its end has come, so that it does not matter how the bytes we
 last line does. A line that cannot be read is left out, counted and named. Time goes on where a counter comes round, a
 clock begins again (by the time that passed at the host) or stamps repeat (spread over their tick); a stamp far from its
 neighbours waits for the next one, which says whether it was wrong. Sensors with rows of their own are joined at the
-row of the gyroscope that is nearest in time, as `plumbob.files.foreign.join` joins slower ones.
+row of the gyroscope that is nearest in time, as `plumbob.files.foreign.logged` joins slower ones.
 """
 
 import re

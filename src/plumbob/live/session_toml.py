@@ -21,7 +21,7 @@ from plumbob.data.array_toml import ARRAY, UNIT, MountedUnit, listed_units
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.cards.file import Card
 from plumbob.data.earth_field import earth_field_at, parse_place
-from plumbob.files.profile_toml import parse_profile
+from plumbob.files.profile import parse_profile
 from plumbob.filters import SMOOTHER, CommonParams, load
 from plumbob.filters.offline import Stage, lagged, make_follower
 from plumbob.filters.start import TRUTH_WORD
@@ -111,7 +111,7 @@ def json_schema(kind: str) -> dict[str, Any]:
         If there is no such kind.
     """
     from plumbob.data.chain_toml import CHAIN
-    from plumbob.files.profile_toml import PROFILE
+    from plumbob.files.profile import PROFILE
 
     parsers = {"array": ARRAY, "chain": CHAIN, "format": FORMAT, "profile": PROFILE, "session": SESSION_FORM}
     parse = parsers[check.one_of("kind", kind, tuple(parsers))]

@@ -11,7 +11,7 @@ import time
 import pytest
 
 from plumbob.core.errors import ParameterError
-from plumbob.files.mcap import disk, open_log, verify, writer
+from plumbob.files.mcap import open_log, verify, writer
 from tests.helpers import until
 from tests.helpers.io_samples import refused
 from tests.helpers.record_samples import DECODED, RAW, channels, fill, read, recorder, rows_of
@@ -42,8 +42,8 @@ class Disk:
     def __init__(self, monkeypatch, error=errno.ENOSPC, room=None, fails=("write",)):
         self.error, self.room, self.fails, self.ill, self.synced = error, room, fails, True, False
         self._write, self._fsync = os.write, os.fsync
-        monkeypatch.setattr(disk.os, "write", self.write)
-        monkeypatch.setattr(disk.os, "fsync", self.fsync)
+        monkeypatch.setattr(writer.os, "write", self.write)
+        monkeypatch.setattr(writer.os, "fsync", self.fsync)
 
     attempts = 0
 
@@ -113,7 +113,7 @@ def test_a_slow_disk_costs_memory_then_counted_rows_but_never_the_callers_time(t
     r = recorder(tmp_path / "a.mcap", backlog=20_000, compression="none")
     numbers = channels(r)
     with r:
-        monkeypatch.setattr(disk.os, "write", lambda fd, data: (gate.wait(30), write(fd, data))[1])
+        monkeypatch.setattr(writer.os, "write", lambda fd, data: (gate.wait(30), write(fd, data))[1])
         fill(r, numbers, 1000)  # some 100 kB: returns though nothing can be written
         r.tick(10**12)
         dropped = r.dropped
@@ -158,7 +158,7 @@ def test_the_reserve_is_kept_and_the_part_ends_properly(tmp_path, monkeypatch):
         return r.state == "stopped"
 
     free, looks = [10**9], []
-    monkeypatch.setattr(disk, "free", lambda folder: looks.append(free[0]) or free[0])
+    monkeypatch.setattr(writer, "free_bytes", lambda folder: looks.append(free[0]) or free[0])
     r = recorder(tmp_path / "a.mcap", reserve=10**8)
     numbers = channels(r)
     with r:
@@ -182,7 +182,7 @@ def test_the_reserve_is_kept_and_the_part_ends_properly(tmp_path, monkeypatch):
 
 def test_a_disk_that_is_full_at_the_start_is_no_error(tmp_path, monkeypatch):
     free = [0]
-    monkeypatch.setattr(disk, "free", lambda folder: free[0])
+    monkeypatch.setattr(writer, "free_bytes", lambda folder: free[0])
     r = recorder(tmp_path / "a.mcap", reserve=1000)
     numbers = channels(r)
     with r:
@@ -195,7 +195,7 @@ def test_a_disk_that_is_full_at_the_start_is_no_error(tmp_path, monkeypatch):
 
 def test_the_default_reserve_is_the_smaller_of_a_gibibyte_and_a_twentieth(tmp_path):
     total = shutil.disk_usage(tmp_path).total
-    assert disk.default_reserve(tmp_path) == pytest.approx(min(2**30, total / 20), rel=1e-6)
+    assert writer.default_reserve(tmp_path) == pytest.approx(min(2**30, total / 20), rel=1e-6)
 
 
 def test_a_disk_that_does_not_answer_at_the_end_is_told(tmp_path, monkeypatch):
@@ -203,7 +203,7 @@ def test_a_disk_that_does_not_answer_at_the_end_is_told(tmp_path, monkeypatch):
     write = os.write
     r = recorder(tmp_path / "a.mcap").start()
     numbers = channels(r)
-    monkeypatch.setattr(disk.os, "write", lambda fd, data: (gate.wait(30), write(fd, data))[1])
+    monkeypatch.setattr(writer.os, "write", lambda fd, data: (gate.wait(30), write(fd, data))[1])
     fill(r, numbers, 10)
     r.close(timeout=0.1)
     events = r.take_events()

@@ -13,7 +13,7 @@ import time
 
 import pytest
 
-from plumbob.files.mcap import disk, repair, verify
+from plumbob.files.mcap import repair, verify, writer
 from tests.helpers.record_samples import channels, fill, library_rows, read, recorder
 
 CHILD = """
@@ -90,8 +90,8 @@ class WriteLog:
             self.steps.append(("fsync",))
             fsync(fd)
 
-        monkeypatch.setattr(disk.os, "write", logged_write)
-        monkeypatch.setattr(disk.os, "fsync", logged_fsync)
+        monkeypatch.setattr(writer.os, "write", logged_write)
+        monkeypatch.setattr(writer.os, "fsync", logged_fsync)
 
     def after_power_cut(self, at, rng):
         """File content if the power goes after step `at`: each sector written since the last fsync may be lost."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from plumbob.core.errors import ParameterError
-from plumbob.files.mcap import Recorder, disk, layout, open_log, repair, verify
+from plumbob.files.mcap import Recorder, layout, open_log, repair, verify, writer
 from plumbob.files.mcap.log import UNKNOWN_NS
 from tests.helpers.io_samples import refused
 from tests.helpers.record_samples import RAW, channels, fill, payload, recorder, rows_of
@@ -20,7 +20,7 @@ def boots(monkeypatch):
     """The machine is started anew; gives what does that."""
 
     def begin(word):
-        monkeypatch.setattr(disk, "boot", lambda: word)
+        monkeypatch.setattr(writer, "boot_id", lambda: word)
 
     begin("first")
     return begin

@@ -45,8 +45,6 @@ _TRUTHS: Final = {
     "mocap0": "TUM VI motion capture: poses of the IMU",
 }
 _PLACES: Final = {"gyr": ([0, 1, 2], "rad/s"), "acc": ([3, 4, 5], "m/s2")}
-_SYMBOLS: Final = {"w": "gyr", "a": "acc"}
-_ROTATION_TOLERANCE: Final = 1e-3
 
 
 def accepts(path: Path) -> bool:
@@ -66,17 +64,9 @@ def _home(folder: Path) -> Path | None:
 def read(path: Path) -> Recording:
     """Read samples, and the ground truth where a folder has one."""
     home = _home(path) if path.is_dir() else None
-    table = path if home is None else inside(home, "imu0", "data.csv")
-    return _recording(table, home, path.stem if home is None and path.stem != "data" else _stem(table))
-
-
-def _stem(table: Path) -> str:
-    """Name of the sequence: that of the folder about mav0."""
-    parts = [part for part in table.resolve().parts[:-1] if part not in ("mav0", "imu0", "data")]
-    return parts[-1] if parts else "imu0"
-
-
-def _recording(table: Path, home: Path | None, name: str) -> Recording:
+    table, name = path if home is None else inside(home, "imu0", "data.csv"), path.stem
+    if home is not None or name == "data":  # that of the folder about mav0
+        name = ["imu0", *(part for part in table.resolve().parts[:-1] if part not in ("mav0", "imu0", "data"))][-1]
     t_ns, values = text_rows(table, 6, delimiter=",", comments="#")
     notes: list[Note] = [info("source.euroc")]
     q_b_imu, rate = _sensor(table.with_name("sensor.yaml"), "imu0", notes)
@@ -107,12 +97,10 @@ def _places(table: Path) -> dict[str, tuple[list[int], str]]:
     for place, name in enumerate(head.lstrip("#").strip().split(",")[1:]):
         symbol = re.match(r"\s*([wa])_", name)
         column = taken_apart(name)
-        triad = _SYMBOLS[symbol[1]] if symbol else column.sensor
+        triad = {"w": "gyr", "a": "acc"}[symbol[1]] if symbol else column.sensor
         if triad in _PLACES and column.axis:
-            axes_by_triad.setdefault(triad, {})[column.axis] = (
-                place,
-                column.unit_as(QUANTITY_BY_TRIAD[triad]) or column.unit,
-            )
+            unit = column.unit_as(QUANTITY_BY_TRIAD[triad]) or column.unit
+            axes_by_triad.setdefault(triad, {})[column.axis] = (place, unit)
     places = {}
     for triad, axes in axes_by_triad.items():
         units = {unit for _, unit in axes.values()}
@@ -145,7 +133,7 @@ def _sensor(file: Path, name: str, notes: list[Note]) -> tuple[Floats, float | N
         raise DecodeError(f"T_BS in {name}/{file.name} must have 16 numbers, 4 rows of 4, but it has {len(numbers)}.")
     c_bs = np.array(numbers).reshape(4, 4)[:3, :3]
     try:
-        turn = quat_from_dcm(c_bs, tolerance=_ROTATION_TOLERANCE)
+        turn = quat_from_dcm(c_bs, tolerance=1e-3)
     except ShapeError as error:
         raise DecodeError(f"T_BS in {name}/{file.name} is not a rotation: {error}") from error
     if not np.allclose(c_bs, np.eye(3), atol=1e-6):
@@ -163,39 +151,18 @@ def _numbers(text: str, key: str, file: Path) -> list[float]:
     return values
 
 
-_RATE, _FORCE, _SPEED = "[rad s^-1]", "[m s^-2]", "[m s^-1]"
-_IMU: Final = ",".join(
-    ("#timestamp [ns]", *(f"w_RS_S_{x} {_RATE}" for x in "xyz"), *(f"a_RS_S_{x} {_FORCE}" for x in "xyz"))
-)
-_STATE: Final = ",".join(
-    (
-        "#timestamp [ns]",
-        *(f"p_RS_R_{x} [m]" for x in "xyz"),
-        *(f"q_RS_{x} []" for x in "wxyz"),
-        *(f"v_RS_R_{x} {_SPEED}" for x in "xyz"),
-        *(f"b_w_RS_S_{x} {_RATE}" for x in "xyz"),
-        *(f"b_a_RS_S_{x} {_FORCE}" for x in "xyz"),
-    )
-)
-_IMU_YAML: Final = """\
+_IMU: Final = {"w_RS_S": "rad s^-1", "a_RS_S": "m s^-2"}  # columns and their units
+_STATE: Final = {"p_RS_R": "m", "q_RS": "", "v_RS_R": "m s^-1", "b_w_RS_S": "rad s^-1", "b_a_RS_S": "m s^-2"}
+_YAML: Final = """\
 %YAML:1.0
-sensor_type: imu
-comment: written by Plumbob
-T_BS:
-  cols: 4
-  rows: 4
-  data: [{data}]
-rate_hz: {rate!r}
-"""
-_STATE_YAML: Final = """\
-%YAML:1.0
-sensor_type: visual-inertial
-comment: written by Plumbob; attitude in ENU, positions, velocities and accelerometer biases are not known and zero
+sensor_type: {kind}
+comment: written by Plumbob{comment}
 T_BS:
   cols: 4
   rows: 4
   data: [{data}]
 """
+_UNKNOWN: Final = "; attitude in ENU, positions, velocities and accelerometer biases are not known and zero"
 
 
 def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> None:
@@ -211,12 +178,14 @@ def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> No
         for number, (name, imu) in enumerate(units.items()):
             mount = UnitMount() if recording.array is None else recording.array.mounts[name]
             rate = 1.0 / float(np.median(np.diff(imu.t))) if len(imu) > 1 else 0.0
-            sensor = _IMU_YAML.format(data=_pose(mount), rate=float(imu.meta.rate_nominal or rate))
+            sensor = _YAML.format(kind="imu", comment="", data=_pose(mount))
+            sensor += f"rate_hz: {float(imu.meta.rate_nominal or rate)!r}\n"
             _write(folder / "mav0" / f"imu{number}", sensor, _IMU, _samples(imu))
         if (track := recording.track) is not None:
             t0_ns = next((imu.meta.t0_ns for imu in units.values()), 0)
             state = folder / "mav0" / "state_groundtruth_estimate0"
-            _write(state, _STATE_YAML.format(data=_pose(UnitMount())), _STATE, _states(track, t0_ns))
+            sensor = _YAML.format(kind="visual-inertial", comment=_UNKNOWN, data=_pose(UnitMount()))
+            _write(state, sensor, _STATE, _states(track, t0_ns))
 
 
 def is_euroc(path: Path) -> bool:
@@ -250,7 +219,9 @@ def _pose(mount: UnitMount) -> str:
     return ", ".join(map(repr, rows.ravel().tolist()))
 
 
-def _write(folder: Path, sensor: str, head: str, lines: Iterable[str]) -> None:
+def _write(folder: Path, sensor: str, columns: Mapping[str, str], lines: Iterable[str]) -> None:
+    axes = {name: "wxyz" if name == "q_RS" else "xyz" for name in columns}
+    head = ",".join(["#timestamp [ns]", *(f"{c}_{x} [{unit}]" for c, unit in columns.items() for x in axes[c])])
     folder.mkdir(parents=True)
     (folder / "sensor.yaml").write_text(sensor, encoding="utf-8")
     with (folder / "data.csv").open("w", encoding="utf-8", newline="\n") as file:

@@ -53,11 +53,26 @@ def read(path: Path) -> Recording:
     """Read samples and the unit's own attitude of a drive."""
     home = _home(path) or path
     rows, table = _table(home)
-    stamps = _stamps(inside(home, "timestamps.txt"))
+    lines = [line for line in text_of(inside(home, "timestamps.txt")).splitlines() if line.strip()]
+    try:
+        stamps = np.array(stamps_ns(lines, None)[0], np.int64)  # since 1970 if their zone were UTC
+    except StampError as error:
+        raise DecodeError(f"timestamps.txt, line {error.row + 1}: {error}") from error
     if rows[-1] >= stamps.size:
         raise DecodeError(f"sample {rows[-1]} has no stamp, as timestamps.txt has {counted(stamps.size, 'line')}.")
-    name = path.resolve().name if path.name != "oxts" else path.resolve().parent.name
-    return _recording(stamps[rows], table, stamps.size, name)
+    t_ns, name = stamps[rows], path.resolve().name if path.name != "oxts" else path.resolve().parent.name
+    notes: list[Note] = [info("source.kitti"), info("source.kitti_no_zone")]
+    if missing := stamps.size - t_ns.size:
+        notes.append(warning("reading.kitti_missing", missing=missing, stamped=stamps.size))
+    meta = ImuMeta(device="OXTS RT3003", frame=Frame.ENU, north=North.TRUE, unit_check=False)
+    log = SensorLog(notes, meta)
+    log.add("gyr", t_ns, table[:, _GYR])
+    log.add("acc", t_ns, table[:, _ACC])
+    source = "OXTS RT3003: the unit's own solution with GPS of two antennas and this IMU"
+    note = f"{source}; its heading counts from true north"
+    q_nb = quat_from_euler_zyx(table[:, _YPR])
+    log.attitudes.append(LoggedAttitude(t_ns, q_nb, source, Frame.ENU, note=note, kind="reference"))
+    return log.recording(name)
 
 
 def _table(home: Path) -> tuple[NDArray[np.int64], Floats]:
@@ -91,26 +106,3 @@ def _values(file: Path, name: str) -> list[float]:
     if len(values) != _COLUMNS:
         raise DecodeError(f"oxts/data/{name} must hold {_COLUMNS} numbers, but it does not; it has {len(words)} words.")
     return values
-
-
-def _stamps(file: Path) -> NDArray[np.int64]:
-    """Stamps of all samples, ns since 1970 if their zone were UTC."""
-    try:
-        return np.array(stamps_ns([line for line in text_of(file).splitlines() if line.strip()], None)[0], np.int64)
-    except StampError as error:
-        raise DecodeError(f"timestamps.txt, line {error.row + 1}: {error}") from error
-
-
-def _recording(t_ns: NDArray[np.int64], table: Floats, stamped: int, name: str) -> Recording:
-    notes: list[Note] = [info("source.kitti"), info("source.kitti_no_zone")]
-    if missing := stamped - t_ns.size:
-        notes.append(warning("reading.kitti_missing", missing=missing, stamped=stamped))
-    meta = ImuMeta(device="OXTS RT3003", frame=Frame.ENU, north=North.TRUE, unit_check=False)
-    log = SensorLog(notes, meta)
-    log.add("gyr", t_ns, table[:, _GYR])
-    log.add("acc", t_ns, table[:, _ACC])
-    source = "OXTS RT3003: the unit's own solution with GPS of two antennas and this IMU"
-    note = f"{source}; its heading counts from true north"
-    q_nb = quat_from_euler_zyx(table[:, _YPR])
-    log.attitudes.append(LoggedAttitude(t_ns, q_nb, source, Frame.ENU, note=note, kind="reference"))
-    return log.recording(name)

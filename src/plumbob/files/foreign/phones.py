@@ -34,8 +34,7 @@ from plumbob.core.time import interpolated
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.columns import has_zone, is_stamp, stamps_ns
-from plumbob.files.foreign.join import Readings, seconds_to_ns
-from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, vectors
+from plumbob.files.foreign.logged import LoggedAttitude, Readings, SensorLog, seconds_to_ns, vectors
 from plumbob.files.foreign.parts import Parts, Sheet, names_in, records, sheet, small_table, zipfile_like
 from plumbob.files.profile import TextLayout
 from plumbob.files.stamps import time_line

@@ -17,8 +17,7 @@ from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.findings import Note, info
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign.join import seconds_to_ns
-from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, text_rows
+from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, seconds_to_ns, text_rows
 from plumbob.rotations import Frame, North
 
 _HEAD: Final = 512

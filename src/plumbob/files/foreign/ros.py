@@ -31,8 +31,7 @@ from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import ros_bags
-from plumbob.files.foreign.join import joined_recordings
-from plumbob.files.foreign.logged import SensorLog, chosen
+from plumbob.files.foreign.logged import SensorLog, chosen, joined_recordings
 from plumbob.files.foreign.ros_bags import Bag, MessageTable, Topic
 from plumbob.files.mcap import layout
 from plumbob.files.stamps import time_line

@@ -25,8 +25,7 @@ from plumbob.core.files import MAX_TEXT, require_room
 from plumbob.core.findings import Finding, warning
 from plumbob.core.text import counted
 from plumbob.files.mcap import layout
-from plumbob.files.mcap.content import BrokenRecordError, inflate
-from plumbob.files.mcap.scan import FileBytes, RowBlock, Scan
+from plumbob.files.mcap.scan import BrokenRecordError, FileBytes, RowBlock, Scan, inflate
 
 BAG: Final = b"#ROSBAG V"
 SQLITE: Final = b"SQLite format 3\x00"

@@ -45,8 +45,7 @@ from plumbob.files.arrays import (
 )
 from plumbob.files.foreign.parts import Parts
 from plumbob.files.known_logs import KNOWN_ARRAYS
-from plumbob.files.profile import ColumnRef, Profile, TextLayout, TimeColumn
-from plumbob.files.profile_toml import parse_profile, profiles_beside
+from plumbob.files.profile import ColumnRef, Profile, TextLayout, TimeColumn, parse_profile, profiles_beside
 from plumbob.files.sniff import FEWEST, ROWS, Sample
 from plumbob.files.text import table_recording, text_profile
 from plumbob.files.text_table import TextTable

@@ -15,7 +15,7 @@ from typing import Final, Self
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.event import Event
-from plumbob.files.mcap import disk, layout
+from plumbob.files.mcap import layout, writer
 from plumbob.files.mcap.layout import CHUNK_BYTES, MESSAGE_BYTES, Channel, OpenChunk, Rules, Schema, State
 from plumbob.files.mcap.scan import identify
 from plumbob.files.mcap.writer import Backlog, Writer
@@ -102,18 +102,17 @@ class Recorder:
             rules = replace(rules, first=layout.part_number(self._path, self.path))
         before = self._recording_before(existing)
         self.alone = bool(existing) and before is None
-        part = layout.PartInfo(
-            self._recording, rules.first, self._offset, metadata=dict(self.metadata), follows=before, boot=disk.boot()
-        )
-        writer = Writer(rules, part, self._backlog, self._channels, self._take_drops, self._tell)
+        said = {"metadata": dict(self.metadata), "follows": before, "boot": writer.boot_id()}
+        part = layout.PartInfo(self._recording, rules.first, self._offset, **said)
+        thread = Writer(rules, part, self._backlog, self._channels, self._take_drops, self._tell)
         try:
-            writer.start()
+            thread.start()
         except FileExistsError:
             self._refuse(layout.existing_parts(self._path))
             raise
         except OSError as error:
             raise DecodeError(f"{self._path} cannot be written: {error.strerror}. Choose another place.") from error
-        self._writer = writer
+        self._writer = thread
         return self
 
     def channel(
@@ -149,7 +148,8 @@ class Recorder:
             return
         chunk = self._chunk
         if chunk is None or abs(t_ns - chunk.t_ns) >= self._every_ns or chunk.size >= CHUNK_BYTES:
-            chunk = self._next_chunk(t_ns)
+            self._hand_over()
+            chunk = self._chunk = OpenChunk(t_ns)
         if channel not in chunk.entries:
             chunk.introduce(channel, sequence, self._channels[channel][1])
         chunk.add(channel, sequence, log_time, data)
@@ -161,10 +161,7 @@ class Recorder:
 
     def take_events(self) -> list[Event]:
         """What has happened since the last call, oldest first."""
-        events = []
-        while self._events:
-            events.append(self._events.popleft())
-        return events
+        return [self._events.popleft() for _ in range(len(self._events))]
 
     def close(self, timeout: float = 10.0) -> None:
         """Write everything that waits, within `timeout` s, and end the part; more than once does no harm."""
@@ -199,12 +196,12 @@ class Recorder:
         folder = self._path.parent
         if not folder.is_dir():
             raise DecodeError(f"{self._path} cannot be written: there is no folder {folder}; create it first.")
-        reserve = disk.default_reserve(folder) if reserve is None else reserve
+        reserve = writer.default_reserve(folder) if reserve is None else reserve
         return Rules(self._path, rotate, rotate_bytes, reserve, fsync, compression)
 
     def _refuse(self, existing: Sequence[Path]) -> None:
         for part in existing:
-            if disk.is_locked(part):
+            if writer.is_locked(part):
                 raise ParameterError(f"{part} is being recorded by another process or recorder; name another file.")
         if existing and not self._next_part:
             raise ParameterError(
@@ -217,19 +214,11 @@ class Recorder:
         for part in reversed(existing):
             with suppress(DecodeError):
                 before = identify(part)
-                if before.info is not None:
-                    return before.recording if self._is_like(before.info.metadata) else None
+                if before.info is not None:  # of the same kind if only the version of the program differs
+                    said = (self.metadata, before.info.metadata)
+                    mine, other = ({k: v for k, v in all_.items() if k != VERSION_KEY} for all_ in said)
+                    return before.recording if mine == other else None
         return "" if existing else None
-
-    def _is_like(self, metadata: Mapping[str, str]) -> bool:
-        """Whether the owner says the same of both; only the version of the program may differ."""
-        mine, other = ({k: v for k, v in all_.items() if k != VERSION_KEY} for all_ in (self.metadata, metadata))
-        return mine == other
-
-    def _next_chunk(self, t_ns: int) -> OpenChunk:
-        self._hand_over()
-        self._chunk = OpenChunk(t_ns)
-        return self._chunk
 
     def _hand_over(self) -> None:
         chunk, self._chunk = self._chunk, None

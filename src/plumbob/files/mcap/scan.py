@@ -1,4 +1,4 @@
-"""Read a file record by record, go on behind every damage, count what was found, and tell whose it is.
+"""Read a file record by record, believing nothing unchecked, go on behind every damage, and tell whose it is.
 
 The file is looked at through windows of bytes; behind a damage, the next place is sought from which reading can go on.
 """
@@ -21,17 +21,141 @@ from mcap.exceptions import McapError
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import existing_file, reading
 from plumbob.files.mcap import layout
-from plumbob.files.mcap.content import (
-    FOREIGN_BYTES,
-    FREE_BYTES,
-    MAX_RATIO,
-    BrokenRecordError,
-    Content,
-    RecordParser,
-    Row,
-    inflate,
-)
-from plumbob.files.mcap.layout import PLAIN_BYTES, Channel, PartInfo
+from plumbob.files.mcap.layout import PLAIN_BYTES, Channel, PartInfo, parse_schema
+
+FOREIGN_BYTES: Final = 256 << 20  # larger chunks of other programs are not inflated
+FREE_BYTES: Final = 16 << 20
+MAX_RATIO: Final = 16
+"""A chunk of another program may state `FREE_BYTES` and this many times its size; short rows take ten times that."""
+_KEPT_BYTES: Final = 64 << 20  # schemas and channels that are kept of one file, in bytes
+_STEP: Final = 1 << 20
+_KINDS: Final = 4096
+
+Row = tuple[int, int, int, bytes]  # channel number, sequence as on disk, log time in ns, data
+
+
+class BrokenRecordError(ValueError):
+    """A record is damaged; only the reader sees it, and makes a finding of it."""
+
+
+@dataclass(slots=True)
+class Content:
+    """What a chunk holds, or a stretch of records outside chunks."""
+
+    channels: dict[int, Channel] = field(default_factory=dict)  # that it declares
+    rows: list[Row] = field(default_factory=list)  # messages, in order
+    # the message index: per channel, log time and offset of its messages in turn
+    entries: dict[int, list[int]] = field(default_factory=dict)
+
+
+class RecordParser:
+    """Parses stretches of records; a channel that is declared again and again is decoded once."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[bytes, bytes], Channel] = {}
+        self._kept = 0
+
+    def parse(self, content: bytes, schemas: dict[int, bytes] | None = None) -> Content:
+        """Schemas, channels and messages of whole records; others are passed over.
+
+        `schemas` are bodies of schema records known from elsewhere, which grow. BrokenRecordError if a record reaches
+        beyond the end, or cannot be read.
+        """
+        stay = schemas is not None
+        parsed, schemas, at, end = Content(), {} if schemas is None else schemas, 0, len(content)
+        head, message = layout.RECORD_HEAD.unpack_from, layout.MESSAGE_HEAD.unpack_from
+        try:
+            while at < end:
+                opcode, length = head(content, at)
+                after = at + 9 + length
+                if after > end:
+                    raise BrokenRecordError("a record in it extends beyond its end")
+                if opcode == layout.MESSAGE:
+                    if length < 22:
+                        raise BrokenRecordError("a message in it is too short")
+                    _, _, channel, sequence, log_time, _ = message(content, at)
+                    parsed.rows.append((channel, sequence, log_time, content[at + 31 : after]))
+                    parsed.entries.setdefault(channel, []).extend((log_time, at))
+                elif opcode == layout.SCHEMA:
+                    number, body = _number(content, at), content[at + 9 : after]
+                    if stay and schemas.get(number) != body:
+                        self._keep(len(body))
+                    schemas[number] = body
+                elif opcode == layout.CHANNEL:
+                    parsed.channels[_number(content, at)] = self._channel(content[at + 9 : after], schemas)
+                at = after
+        except struct.error as error:
+            raise BrokenRecordError("a record in it is cut off") from error
+        return parsed
+
+    def _keep(self, size: int) -> None:
+        self._kept += size
+        if self._kept > _KEPT_BYTES:
+            raise BrokenRecordError(f"the schemas and channels before it have more than {_KEPT_BYTES >> 20} MiB")
+
+    def _channel(self, body: bytes, schemas: dict[int, bytes]) -> Channel:
+        from mcap.exceptions import McapError
+
+        schema = schemas.get(int.from_bytes(body[2:4], "little"), b"")
+        channel = self._known.get((schema, body))
+        if channel is None:
+            self._keep(len(schema) + len(body))
+            try:
+                channel = Channel.parse(body, parse_schema(schema) if schema else None)
+            except (McapError, ValueError, struct.error) as error:
+                raise BrokenRecordError("a channel in it cannot be read") from error
+            if len(self._known) >= _KINDS:
+                self._known.clear()
+            self._known[schema, body] = channel
+        return channel
+
+
+def _number(content: bytes, at: int) -> int:
+    return int.from_bytes(content[at + 9 : at + 11], "little")
+
+
+def inflate(stored: bytes, compression: bytes, size: int) -> bytes:
+    """Content of a chunk; BrokenRecordError unless it is `size` bytes, and never more is unpacked."""
+    if compression == b"":
+        content = stored
+    elif compression == b"zstd":
+        content = _inflate_zstd(stored, size)
+    elif compression == b"lz4":
+        content = _inflate_lz4(stored, size)
+    else:
+        raise BrokenRecordError(f"the compression {compression!r} is not known")
+    if len(content) != size:
+        raise BrokenRecordError(f"the chunk does not inflate to the {size} bytes that it states")
+    return content
+
+
+def _inflate_zstd(stored: bytes, size: int) -> bytes:
+    from zstandard import ZstdDecompressor, ZstdError
+
+    pieces = []
+    try:
+        with ZstdDecompressor(max_window_size=1 << 27).stream_reader(stored, read_across_frames=True) as reader:
+            while size >= 0 and (piece := reader.read(min(size + 1, _STEP))):
+                pieces.append(piece)
+                size -= len(piece)
+    except (ZstdError, MemoryError) as error:
+        raise BrokenRecordError("the chunk cannot be decompressed") from error
+    return b"".join(pieces)
+
+
+def _inflate_lz4(stored: bytes, size: int) -> bytes:
+    from lz4.frame import LZ4FrameDecompressor
+
+    pieces, reader, rest = [], LZ4FrameDecompressor(), stored
+    try:
+        while size >= 0 and not reader.eof and (piece := reader.decompress(rest, min(size + 1, _STEP))):
+            pieces.append(piece)
+            size -= len(piece)
+            rest = b""
+    except (RuntimeError, EOFError, MemoryError) as error:
+        raise BrokenRecordError("the chunk cannot be decompressed") from error
+    return b"".join(pieces)
+
 
 WINDOW: Final = 1 << 20
 _SEARCHES: Final = 32
@@ -180,7 +304,6 @@ class Damage:
 
 
 _DATA_END = layout.RECORD_HEAD.pack(layout.DATA_END, layout.CRC.size)
-_RECORDS = (layout.SCHEMA, layout.CHANNEL, layout.MESSAGE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,16 +382,16 @@ class Scan:
             return self._data_end(at, length), after
         if opcode == layout.FOOTER and not self._ours:  # the other program wrote no end of data
             return [], self._summary(at)
-        return self._other(opcode, at, length), after
-
-    def _other(self, opcode: int, at: int, length: int) -> list[RowBlock | Damage]:
+        blocks: list[RowBlock | Damage] = []
         if opcode == layout.METADATA and self._ours:
-            return self._metadata(at, length)
-        if self._ours and not (opcode == layout.HEADER and at == len(layout.MAGIC)):
+            blocks = self._metadata(at, length)
+        elif self._ours and not (opcode == layout.HEADER and at == len(layout.MAGIC)):
             raise BrokenRecordError("this is not a record that the recorder writes here")
-        if opcode in _RECORDS and not self._ours:
-            return self._bare(at, length)
-        return []
+        elif opcode in (layout.SCHEMA, layout.CHANNEL, layout.MESSAGE) and not self._ours:
+            content = self._parser.parse(self._source.read(at, 9 + length), self._schemas)  # outside chunks
+            self.unchecked += len(content.rows)
+            blocks = self._foreign_rows(at, content)
+        return blocks, after
 
     def _metadata(self, at: int, length: int) -> list[RowBlock | Damage]:
         """What the part says about itself."""
@@ -297,12 +420,6 @@ class Scan:
 
     # --- rows ---------------------------------------------------------------------------------------------------
 
-    def _bare(self, at: int, length: int) -> list[RowBlock | Damage]:
-        """A schema, channel or message outside chunks."""
-        content = self._parser.parse(self._source.read(at, 9 + length), self._schemas)
-        self.unchecked += len(content.rows)
-        return self._foreign_rows(at, content)
-
     def _foreign_rows(self, at: int, content: Content) -> list[RowBlock | Damage]:
         """Rows of other programs' files, whose channels may have been declared earlier."""
         self._channels.update(content.channels)
@@ -311,7 +428,7 @@ class Scan:
         return [RowBlock(at, self._channels, rows)] if rows else []
 
     def _block(self, at: int) -> tuple[list[RowBlock | Damage], int]:
-        chunk = self._chunk(at)
+        chunk = self.chunk(at)
         if not self._ours:
             return self._foreign_rows(at, chunk.content), chunk.after
         blocks: list[RowBlock | Damage] = [RowBlock(at, chunk.content.channels, chunk.content.rows)]
@@ -333,21 +450,17 @@ class Scan:
             return end, [self._damage(chunk.after, len(there), "a message index is damaged; no row is lost")]
         return chunk.after, []
 
-    def recording_at(self, at: int) -> str:
-        """Name of the recording to which the chunk at an offset belongs."""
-        return next(iter(self._chunk(at).content.channels.values())).recording
-
     def is_chunk(self, at: int) -> bool:
         """Whether a chunk that is wanted, and whole, stands at an offset."""
         unchecked = self.unchecked
         try:
-            return bool(self._chunk(at).content.rows)
+            return bool(self.chunk(at).content.rows)
         except BrokenRecordError:
             return False
         finally:
             self.unchecked = unchecked
 
-    def _chunk(self, at: int) -> _Chunk:
+    def chunk(self, at: int) -> _Chunk:
         """Read a chunk and check it; BrokenRecordError where it is not whole, or not of this recording."""
         head = self._source.read(at, layout.CHUNK_HEAD.size)
         if len(head) < layout.CHUNK_HEAD.size:
@@ -399,16 +512,12 @@ class Scan:
         self.summary_at = at + layout.DATA_END_SIZE
         if crc == 0 and not self._ours:
             return []
-        if self._crc_until(at) != crc and not self._damaged:
+        for _, window in self._source.windows(self._crc_end, at):  # of everything before, which only grows
+            self._crc = zlib.crc32(window, self._crc)
+        self._crc_end = at
+        if self._crc != crc and not self._damaged:
             return [self._damage(0, at, "the CRC of all data does not hold, though that of every chunk does")]
         return []
-
-    def _crc_until(self, end: int) -> int:
-        """CRC of everything before an offset that is never less than the last one."""
-        for _, window in self._source.windows(self._crc_end, end):
-            self._crc = zlib.crc32(window, self._crc)
-        self._crc_end = end
-        return self._crc
 
     def _summary(self, at: int) -> int:
         """Offset behind the end of the file proper, whose summary begins here."""
@@ -442,9 +551,16 @@ def identify(path: Path) -> Identity:
         info = Scan(source, "").info_at(_header(source)[1])
         if info is not None:
             return Identity(path, info.recording, info)
-        if magic == layout.MAGIC and _is_foreign(source):
+        library, _ = _header(source)  # ours with a damaged letter or two is still ours
+        is_complete = len(library) == len(_OWN) or source.size > len(layout.MAGIC) + 64
+        is_other = sum(a == b for a, b in zip(library, _OWN, strict=False)) < len(_OWN) - 2
+        if magic == layout.MAGIC and library and is_complete and is_other:
             return Identity(path, None)
-        recording = _recording_of_chunks(source)
+        scan = Scan(source, "")
+        at, summary = next_landmark(source, 0, scan.is_chunk, checked=True)
+        recording = None
+        if at < source.size and summary is None:  # that of the first whole chunk
+            recording = next(iter(scan.chunk(at).content.channels.values())).recording
         if recording is None and magic != layout.MAGIC:
             raise DecodeError(
                 f"{path} is not an MCAP file: it begins with {magic!r}, not with {layout.MAGIC!r}, and holds no "
@@ -452,7 +568,10 @@ def identify(path: Path) -> Identity:
             )
         if recording == "":  # chunks of another program, whose header is damaged
             return Identity(path, None)
-        return Identity(path, recording or "", _info_anywhere(source, recording or ""))
+        scan = Scan(source, recording or "")
+        for _ in scan.items():  # to what the part says at its end, where its beginning is damaged
+            continue
+        return Identity(path, recording or "", scan.info)
 
 
 def _header(source: FileBytes) -> tuple[bytes, int]:
@@ -466,26 +585,3 @@ def _header(source: FileBytes) -> tuple[bytes, int]:
     profile = int.from_bytes(body[:4], "little")
     valid = opcode == layout.HEADER and length == len(body)
     return body[profile + 8 : profile + 8 + len(_OWN)] if valid else b"", at + layout.RECORD_HEAD.size + length
-
-
-def _is_foreign(source: FileBytes) -> bool:
-    """Whether the header names another program; ours with a damaged letter or two is still ours."""
-    library, _ = _header(source)
-    alike = sum(a == b for a, b in zip(library, _OWN, strict=False))
-    complete = len(library) == len(_OWN) or source.size > len(layout.MAGIC) + 64
-    return bool(library) and complete and alike < len(_OWN) - 2
-
-
-def _recording_of_chunks(source: FileBytes) -> str | None:
-    """Name of the recording in the first whole chunk."""
-    scan = Scan(source, "")
-    at, summary = next_landmark(source, 0, scan.is_chunk, checked=True)
-    return None if at == source.size or summary is not None else scan.recording_at(at)
-
-
-def _info_anywhere(source: FileBytes, recording: str) -> PartInfo | None:
-    """What the part says at its end, where its beginning is damaged."""
-    scan = Scan(source, recording)
-    for _ in scan.items():
-        continue
-    return scan.info

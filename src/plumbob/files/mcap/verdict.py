@@ -11,11 +11,10 @@ from typing import Any, Final
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import replacing, require_other, require_place
 from plumbob.core.text import FactsText, counted, visible
-from plumbob.files.mcap import disk
 from plumbob.files.mcap.layout import CHUNK_BYTES, Channel, OpenChunk, PartInfo, Schema, compressor, pack
 from plumbob.files.mcap.log import Log, LogMessage, open_log
-from plumbob.files.mcap.part import RecordingPart
 from plumbob.files.mcap.scan import Damage
+from plumbob.files.mcap.writer import RecordingPart, is_locked, open_empty
 
 CHUNK_NS: Final = 10**9  # longest time of a chunk, ns: what a damaged place costs at most
 _TIMES: Final = 1 << 64
@@ -24,7 +23,7 @@ _TIMES: Final = 1 << 64
 @contextmanager
 def whole_part(file: Path, info: PartInfo) -> Iterator[tuple[RecordingPart, Callable[[OpenChunk], None]]]:
     """Give the only part of a recording, in an empty file, to be finished, and what writes a chunk to it."""
-    part = RecordingPart(file, info, disk.open_empty)
+    part = RecordingPart(file, info, open_empty)
     compression, compress = compressor("zstd")
     part.begin()
     try:
@@ -226,7 +225,7 @@ def verify(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Verdict
         The recording, or some of its parts.
     """
     log = open_log(path)
-    verdict = Verdict(log.paths, log.recording, open=any(disk.is_locked(file) for file in log.paths))
+    verdict = Verdict(log.paths, log.recording, open=any(is_locked(file) for file in log.paths))
     for rows in log.blocks():
         verdict.count(rows)
     verdict.conclude(log)
@@ -278,7 +277,7 @@ def _refuse(log: Log, target: Path) -> None:
             f"{log.paths[0]} was written by another program: what is missing cannot be known here; use 'mcap recover'."
         )
     for file in log.paths:
-        if disk.is_locked(file):
+        if is_locked(file):
             raise ParameterError(f"{file} is still being recorded; stop the recorder first.")
 
 

@@ -1,16 +1,252 @@
-"""The thread that writes: chunks from the backlog to parts, through full and failing disks."""
+"""The thread that writes: chunks from the backlog to parts, through full and failing disks; one part; system calls."""
 
+import errno
+import os
+import sys
 import threading
 import time
+import zlib
 from collections import deque
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Final
 
+from plumbob.core.files import lock, sync_folder
 from plumbob.core.text import counted
-from plumbob.files.mcap import disk, layout
-from plumbob.files.mcap.layout import OpenChunk, PartInfo, Rules, State, compressor, pack
-from plumbob.files.mcap.part import RecordingPart
+from plumbob.files.mcap import layout
+from plumbob.files.mcap.layout import OpenChunk, PackedChunk, PartInfo, Rules, State, compressor, pack
+
+if sys.platform != "win32":
+    import fcntl
+
+
+def create_locked(path: Path) -> int:
+    """Create a file that is not there yet, locked against other recorders; return its descriptor."""
+    fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR | getattr(os, "O_CLOEXEC", 0), 0o644)
+    try:
+        lock(fd)
+        sync_folder(path.parent)
+    except OSError:
+        os.close(fd)
+        path.unlink(missing_ok=True)
+        raise
+    return fd
+
+
+def open_empty(path: Path) -> int:
+    """Open a file that is there and empty, as `plumbob.core.files.replacing` gives it; return its descriptor."""
+    return os.open(path, os.O_RDWR | getattr(os, "O_CLOEXEC", 0))
+
+
+def write_all(fd: int, data: bytes, offset: int) -> None:
+    """Write all of `data` at `offset`, in as many calls as the system needs."""
+    os.lseek(fd, offset, os.SEEK_SET)
+    view = memoryview(data)
+    while view:
+        view = view[os.write(fd, view) :]
+
+
+def is_locked(path: Path) -> bool:
+    """Whether a recorder holds the file at this moment."""
+    if sys.platform == "win32":
+        return False
+    with path.open("rb") as file:
+        try:
+            fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:
+            return True
+    return False
+
+
+def is_full(error: OSError) -> bool:
+    """Whether an error says that there is no room, which may come back."""
+    return error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def free_bytes(folder: Path) -> int:
+    """Bytes that may still be written to the disk of a folder."""
+    stat = os.statvfs(folder)
+    return stat.f_bavail * stat.f_frsize
+
+
+def boot_id() -> str:
+    """Which start of this machine it is, a random word that the kernel made; empty where it makes none."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except OSError:
+        return ""
+
+
+def default_reserve(folder: Path) -> int:
+    """The smaller of 1 GiB and 5 % of the disk, bytes."""
+    stat = os.statvfs(folder)
+    return min(1 << 30, int(0.05 * stat.f_blocks * stat.f_frsize))
+
+
+@dataclass(slots=True)
+class Contents:
+    """What has been written to a part so far."""
+
+    counts: dict[int, int] = field(default_factory=dict)  # rows per channel
+    ends: dict[int, int] = field(default_factory=dict)  # per channel, one more than the last sequence number
+    chunk_indexes: bytearray = field(default_factory=bytearray)  # chunk index records
+    infos: list[tuple[int, int]] = field(default_factory=list)  # offset and length of each metadata record
+    chunks: int = 0
+    rows: int = 0
+    first: int = 1 << 64
+    last: int = 0
+
+    def note(self, chunk: OpenChunk, packed: PackedChunk, offset: int) -> None:
+        """A chunk stands at `offset`, its message indexes behind it."""
+        from mcap.records import ChunkIndex
+
+        at, offsets = offset + len(packed.record), {}
+        for channel, record in packed.indexes.items():
+            offsets[channel] = at
+            at += len(record)
+        self.chunk_indexes += layout.encode(
+            ChunkIndex(
+                chunk_start_offset=offset,
+                chunk_length=len(packed.record),
+                message_start_time=chunk.first,
+                message_end_time=chunk.last,
+                message_index_offsets=offsets,
+                message_index_length=at - offset - len(packed.record),
+                compression=packed.compression,
+                compressed_size=packed.stored_size,
+                uncompressed_size=packed.plain_size,
+            )
+        )
+        for channel, count in chunk.counts().items():
+            self.counts[channel] = self.counts.get(channel, 0) + count
+            self.ends[channel] = chunk.lows[channel] + count
+        self.chunks += 1
+        self.rows += chunk.rows
+        self.first, self.last = min(self.first, chunk.first), max(self.last, chunk.last)
+
+
+def closing(contents: Contents, channels: Mapping[int, tuple[bytes, bytes]], offset: int, data_crc: int) -> bytes:
+    """Everything from the end of the data, at `offset`, to the end of the file; `channels` are records by number."""
+    from mcap import records
+
+    data_end = layout.encode(records.DataEnd(data_crc))
+    start = offset + len(data_end)
+    used = [channels[channel] for channel in sorted(contents.counts)]
+    statistics = records.Statistics(
+        attachment_count=0,
+        channel_count=len(used),
+        channel_message_counts=dict(sorted(contents.counts.items())),
+        chunk_count=contents.chunks,
+        message_count=contents.rows,
+        message_start_time=contents.first if contents.rows else 0,
+        message_end_time=contents.last,
+        metadata_count=len(contents.infos),
+        schema_count=sum(bool(schema) for schema, _ in used),
+    )
+    groups = {
+        layout.SCHEMA: b"".join(schema for schema, _ in used),
+        layout.CHANNEL: b"".join(channel for _, channel in used),
+        layout.STATISTICS: layout.encode(statistics),
+        layout.CHUNK_INDEX: bytes(contents.chunk_indexes),
+        layout.METADATA_INDEX: b"".join(
+            layout.encode(records.MetadataIndex(offset=at, length=length, name="plumbob"))
+            for at, length in contents.infos
+        ),
+    }
+    summary, offsets = b"", b""
+    for opcode, group in groups.items():
+        at = start + len(summary)
+        offset_record = records.SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(group))
+        offsets += layout.encode(offset_record) if group else b""
+        summary += group
+    footer = layout.RECORD_HEAD.pack(layout.FOOTER, layout.FOOTER_BODY.size)
+    places = layout.FOOTER_BODY.pack(start, start + len(summary), 0)[:-4]
+    checked = summary + offsets + footer + places
+    return data_end + checked + layout.CRC.pack(zlib.crc32(checked)) + layout.MAGIC
+
+
+class RecordingPart:
+    """A file that holds whole chunks only, and says so at its end if it gets there; `create` gives its descriptor."""
+
+    def __init__(self, path: Path, info: PartInfo, create: Callable[[Path], int] = create_locked) -> None:
+        self.path = path
+        self.info = info
+        self._create = create
+        self.contents = Contents()
+        self.size = 0
+        self._fd = -1
+        self._crc = 0
+        self._synced = (0, 0)  # size, rows
+
+    def begin(self) -> None:
+        """Create the file and write its beginning; leave none behind where the system refuses (OSError)."""
+        from mcap.records import Header
+
+        self._fd = self._create(self.path)
+        try:
+            self._append(layout.MAGIC + layout.encode(Header(profile="", library="plumbob recording 1")))
+            self._append_info(self.info)
+            self.sync()
+        except OSError:
+            self.close(keep=False)
+            raise
+
+    def write(self, chunk: OpenChunk, packed: PackedChunk) -> None:
+        """Append a chunk and its message indexes; on OSError the file ends as before."""
+        offset = self.size
+        self._append(packed.record + b"".join(packed.indexes.values()))
+        self.contents.note(chunk, packed, offset)
+
+    def finish(
+        self, channels: Mapping[int, tuple[bytes, bytes]], ends: dict[str, int], dropped: dict[str, int]
+    ) -> None:
+        """Write what was said first once more, the index, the footer; on OSError it ends with its whole chunks."""
+        size, crc = self.size, self._crc
+        try:
+            self._append_info(replace(self.info, ends=ends, dropped=dropped))
+            self._append(closing(self.contents, channels, self.size, self._crc))
+        except OSError:
+            self.size, self._crc = size, crc
+            self._cut()
+            raise
+
+    def sync(self) -> None:
+        """Wait until the disk has everything; raises OSError if it does not take it."""
+        os.fsync(self._fd)
+        self._synced = (self.size, self.contents.rows)
+
+    def cut_to_synced(self) -> None:
+        """Leave in the file only what the disk has confirmed."""
+        self.size, self.contents.rows = self._synced
+        self._cut()
+
+    def close(self, keep: bool) -> None:
+        """Close the file, and remove it unless it is to be kept."""
+        os.close(self._fd)
+        self._fd = -1
+        if not keep:
+            self.path.unlink(missing_ok=True)
+
+    def _append_info(self, info: PartInfo) -> None:
+        offset = self.size
+        self._append(info.record())
+        self.contents.infos.append((offset, self.size - offset))
+
+    def _append(self, data: bytes) -> None:
+        try:
+            write_all(self._fd, data, self.size)
+        except OSError:
+            self._cut()
+            raise
+        self.size += len(data)
+        self._crc = zlib.crc32(data, self._crc)
+
+    def _cut(self) -> None:
+        try:
+            os.ftruncate(self._fd, self.size)
+        except OSError:  # a disk that refuses this too keeps a torn end, which the reader knows how to leave out
+            return
 
 
 class Backlog:
@@ -123,13 +359,13 @@ class Writer:
     def start(self) -> None:
         """Open the first part, unless the disk is full, and begin to write; OSError where it cannot otherwise."""
         self.state = "recording"
-        if self._is_low():
-            self._stop(self._low_text())
+        if low := self._low():
+            self._stop(low)
         else:
             try:
                 self._open_next()
             except OSError as error:
-                if not disk.is_full(error):
+                if not is_full(error):
                     raise
                 self._stop(_reason(error))
         self._thread.start()
@@ -156,7 +392,8 @@ class Writer:
                     break
                 self._backlog.pause(RETRY)
                 continue
-            chunk = self._backlog.head(self._patience())
+            waits = self._rules.fsync is not None and bool(self._unsynced)  # for a chunk, until the next fsync is due
+            chunk = self._backlog.head(max(0.0, min(RETRY, self._sync_at - time.monotonic())) if waits else RETRY)
             if chunk is not None:
                 self._store(chunk)
             elif self._backlog.closing:
@@ -175,24 +412,26 @@ class Writer:
             self._end_part(keep_empty=True)
         self.state = "closed"
 
-    def _patience(self) -> float:
-        """How long to wait for a chunk: until the next fsync is due, if there is something to sync."""
-        if self._rules.fsync is None or not self._unsynced:
-            return RETRY
-        return max(0.0, min(RETRY, self._sync_at - time.monotonic()))
-
     def _store(self, chunk: OpenChunk) -> None:
-        if self._looks_low():
+        if time.monotonic() >= self._look_at:
+            self._look_at = time.monotonic() + RETRY
+            if low := self._low():
+                self._end_part()
+                self._stop(low)
+                return
+        if self._is_over(chunk):
             self._end_part()
-            self._stop(self._low_text())
-            return
-        if self._is_over(chunk) and not self._rotate():
-            return
+            try:
+                self._open_next()
+            except OSError as error:
+                self._stop(_reason(error))
+                return
         assert self._part is not None
         try:
             self._part.write(chunk, pack(chunk, self._compression, self._compress))
         except OSError as error:
-            self._fail(error)
+            self._end_part()
+            self._stop(_reason(error))
             return
         self._backlog.pop()
         self._acknowledge(chunk)
@@ -231,19 +470,10 @@ class Writer:
             return False
         self._try_at = now + RETRY
         try:
-            if disk.free(self._rules.path.parent) < self._rules.reserve + min(MARGIN, self._rules.reserve // 4):
+            if free_bytes(self._rules.path.parent) < self._rules.reserve + min(MARGIN, self._rules.reserve // 4):
                 return False
             self._open_next()
         except OSError:
-            return False
-        return True
-
-    def _rotate(self) -> bool:
-        self._end_part()
-        try:
-            self._open_next()
-        except OSError as error:
-            self._stop(_reason(error))
             return False
         return True
 
@@ -308,10 +538,6 @@ class Writer:
         self._unsynced = []
         self._stop(_reason(error))
 
-    def _fail(self, error: OSError) -> None:
-        self._end_part()
-        self._stop(_reason(error))
-
     def _stop(self, reason: str) -> None:
         """Say once that the recording stands still."""
         self._try_at = time.monotonic() + RETRY
@@ -319,21 +545,13 @@ class Writer:
             self.state = "stopped"
             self._tell("stopped", f"recording {self._rules.path.name} has stopped: {reason}", 0)
 
-    def _looks_low(self) -> bool:
-        """Whether the reserve is touched, looked at once in `RETRY` seconds."""
-        if time.monotonic() < self._look_at:
-            return False
-        self._look_at = time.monotonic() + RETRY
-        return self._is_low()
-
-    def _is_low(self) -> bool:
+    def _low(self) -> str:
+        """That the reserve is touched; empty where it is not."""
         try:
-            return disk.free(self._rules.path.parent) < self._rules.reserve
+            is_low = free_bytes(self._rules.path.parent) < self._rules.reserve
         except OSError:  # a folder that cannot be asked will refuse to be written to as well, and say why
-            return False
-
-    def _low_text(self) -> str:
-        return f"less than the reserve of {self._rules.reserve / 1e6:.4g} MB is free"
+            return ""
+        return f"less than the reserve of {self._rules.reserve / 1e6:.4g} MB is free" if is_low else ""
 
 
 def _reason(error: OSError) -> str:
