@@ -126,7 +126,10 @@ def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
     """
     times: list[int] = []
     first: tuple[bool, bool] | None = None
-    day_first = _day_first(cells)
+    # whether the day stands before the month in dates with slashes and four digits of year; None if both can be
+    dates = {date for cell in cells for date in re.findall(r"^(\d+)[-/](\d+)[-/]\d{4}\b", cell)}
+    orders = {int(first) > 12 for first, second in dates if int(first) > 12 or int(second) > 12}
+    day_first = orders.pop() if len(orders) == 1 else None
     for row, cell in enumerate(cells):
         ns, has = _parsed(row, cell, day_first)
         first = first or has
@@ -138,13 +141,6 @@ def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
         raise StampError(f"{excerpt(cells[0])} names its zone itself; remove time.zone.", 0)
     absolute = dated and (zoned or zone is not None)
     return [ns - (zone or 0) for ns in times], absolute
-
-
-def _day_first(cells: Sequence[str]) -> bool | None:
-    """Whether the day stands before the month in dates with slashes and four digits of year; None if both can be."""
-    dates = {date for cell in cells for date in re.findall(r"^(\d+)[-/](\d+)[-/]\d{4}\b", cell)}
-    orders = {int(first) > 12 for first, second in dates if int(first) > 12 or int(second) > 12}
-    return orders.pop() if len(orders) == 1 else None
 
 
 def _parsed(row: int, cell: str, day_first: bool | None) -> tuple[int, tuple[bool, bool]]:

@@ -39,15 +39,13 @@ def file_header(recording: Recording, columns: list[str]) -> dict[str, Any]:
 
 def array_told(array: ImuArray) -> list[dict[str, Any]]:
     """What a file says of each unit of an array besides its numbers."""
-    return [
-        {"name": name, "imu": asdict(plain_meta(imu.meta)), "mount": _mount_told(array.mounts[name])}
-        for name, imu in array.units.items()
-    ]
-
-
-def _mount_told(mount: UnitMount) -> dict[str, Any]:
-    noise = None if mount.noise is None else json.loads(mount.noise.text())
-    return {key: getattr(mount, key) for key in ("q_bs", "lever_b", "clock_offset")} | {"noise": noise}
+    units = []
+    for name, imu in array.units.items():
+        mount = array.mounts[name]
+        said = {key: getattr(mount, key) for key in ("q_bs", "lever_b", "clock_offset")}
+        said["noise"] = None if mount.noise is None else json.loads(mount.noise.text())
+        units.append({"name": name, "imu": asdict(plain_meta(imu.meta)), "mount": said})
+    return units
 
 
 def plain_meta(meta: ImuMeta) -> ImuMeta:

@@ -56,9 +56,9 @@ class Text:
 
     def blocks(self) -> Iterator[tuple[Floats, int]]:
         """Blocks with the bytes used so far."""
-        return self._of_one_line() if self.one_line else self._of_lines()
-
-    def _of_lines(self) -> Iterator[tuple[Floats, int]]:
+        if self.one_line:
+            yield from self._of_one_line()
+            return
         line = self.line
         for chunk, done in self._chunks(b"\n"):
             rows = _parsed_lines(chunk, self.separator, self.columns)
@@ -74,8 +74,10 @@ class Text:
                     f"line {self.line} has more than {CHUNK} bytes, so it must be the only one, but more follow."
                 )
             cells = _cells(before, self.separator)
-            parsed = _parsed_cells(cells)
-            values = np.append(rest, _strict_cells(cells, self.line, count) if parsed is None else parsed)
+            # an empty line would be left out without a word
+            parsed = _arrow(b"\n".join(cells) + b"\n", b",", 1) if cells and all(cells) else None
+            new = _strict_cells(cells, self.line, count) if parsed is None else parsed[:, 0]
+            values = np.append(rest, new)
             count += len(cells)
             size = values.size // self.columns * self.columns
             rest = values[size:]
@@ -163,13 +165,6 @@ def _parsed_lines(chunk: bytes, separator: bytes, columns: int) -> Floats | None
     return _arrow(packed, separator or b" ", columns) if packed.strip() else np.empty((0, columns))
 
 
-def _parsed_cells(cells: list[bytes]) -> Floats | None:
-    if not all(cells):  # an empty line would be left out without a word
-        return None
-    values = _arrow(b"\n".join(cells) + b"\n", b",", 1) if cells else np.empty((0, 1))
-    return None if values is None else values[:, 0]
-
-
 def _arrow(packed: bytes, separator: bytes, columns: int) -> Floats | None:
     """Rows (N, columns), or None where Arrow refuses."""
     import pyarrow as pa
@@ -207,17 +202,18 @@ def _strict_lines(chunk: bytes, text: Text, first: int) -> Floats:
 
 def _strict_cells(cells: list[bytes], line: int, before: int = 0) -> list[float]:
     """Numbers of a line, of which `before` came before these."""
-    return [_number(cell, line, place) for place, cell in enumerate(cells, before + 1)]
-
-
-def _number(cell: bytes, line: int, place: int) -> float:
+    values: list[float] = []
     try:
-        if b"_" in cell:  # which Python takes, and no logger means
-            raise ValueError(cell)
-        return float(cell)
+        for cell in cells:
+            if b"_" in cell:  # which Python takes, and no logger means
+                raise ValueError(cell)
+            values.append(float(cell))
     except ValueError:
-        text = excerpt(cell.decode("utf-8", "replace").strip())
-        raise DecodeError(f"line {line}, value {place}: {text} is not a number; {_ADVICE}.") from None
+        text = excerpt(cells[len(values)].decode("utf-8", "replace").strip())
+        raise DecodeError(
+            f"line {line}, value {before + len(values) + 1}: {text} is not a number; {_ADVICE}."
+        ) from None
+    return values
 
 
 RAW: Final[dict[str, str]] = {
@@ -225,8 +221,6 @@ RAW: Final[dict[str, str]] = {
     "u32": "<u4",
 }  # fmt: skip
 """Types of raw values by their names, which are also suffixes."""
-
-_BLOCK_VALUES: Final = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -243,19 +237,16 @@ class Binary:
 
     def blocks(self) -> Iterator[tuple[Floats, int]]:
         """Blocks with the bytes used so far."""
-        step = max(1, _BLOCK_VALUES // self.columns)
+        step = max(1, (1 << 16) // self.columns)
         row_bytes = self.columns * self.dtype.itemsize
         for start in range(0, self.rows, step):
             stop = min(start + step, self.rows)
-            values = self._columnwise(start, stop) if self.by_column else self._rowwise(start, stop)
+            if self.by_column:
+                places = (column * self.rows + start for column in range(self.columns))
+                values = np.stack([self._values(place, stop - start) for place in places], axis=1)
+            else:
+                values = self._values(start * self.columns, (stop - start) * self.columns).reshape(-1, self.columns)
             yield np.ascontiguousarray(values, dtype=np.float64), self.offset + stop * row_bytes
-
-    def _rowwise(self, start: int, stop: int) -> NDArray[Any]:
-        return self._values(start * self.columns, (stop - start) * self.columns).reshape(-1, self.columns)
-
-    def _columnwise(self, start: int, stop: int) -> NDArray[Any]:
-        places = (column * self.rows + start for column in range(self.columns))
-        return np.stack([self._values(place, stop - start) for place in places], axis=1)
 
     def _values(self, place: int, count: int) -> NDArray[Any]:
         offset = self.offset + place * self.dtype.itemsize
@@ -343,20 +334,16 @@ class Numbers:
                 progress(done)
             if block is None:
                 return
-            self._require_measured(block, rows)
+            beyond = np.isfinite(block) & (np.abs(block) > _LARGEST)  # whose squares and their sums would overflow
+            if beyond.any():
+                row, column = (int(place[0]) for place in np.nonzero(beyond))
+                raise DecodeError(
+                    f"{self.path}: row {rows + row + 1}, column {column + 1} is {block[row, column]:g}, but no sensor "
+                    f"gives more than {_LARGEST:g}; are the type, its byte order and the columns right?"
+                )
             rows += len(block)
             if len(block):
                 yield block
-
-    def _require_measured(self, block: Floats, rows: int) -> None:
-        """Refuse numbers whose squares and their sums would overflow; NaN and infinity are judged by who knows them."""
-        beyond = np.isfinite(block) & (np.abs(block) > _LARGEST)
-        if beyond.any():
-            row, column = (int(place[0]) for place in np.nonzero(beyond))
-            raise DecodeError(
-                f"{self.path}: row {rows + row + 1}, column {column + 1} is {block[row, column]:g}, but no sensor "
-                f"gives more than {_LARGEST:g}; are the type, its byte order and the columns right?"
-            )
 
     def __iter__(self) -> Iterator[Floats]:
         """Blocks from the start, as `blocks` gives them."""

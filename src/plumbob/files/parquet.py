@@ -357,15 +357,15 @@ def _load(
     if in_memory or content.get("track") or bare.isdisjoint(GROUPS[name][0] for name in TRIADS):
         with _sound():  # one after the other, so that only one of them is in memory twice
             columns = {name: _array(name, parquet.read([name]).column(0)) for name in names}
-    if crc != _checksum(content, sorted(columns.items()) if columns else _by_column(file, names)):
+    stored_columns: Iterable[tuple[str, NDArray[Any]]] = sorted(columns.items())
+    if not columns:
+        stored_columns = ((name, part[name]) for name in sorted(names) for _, part in _batches(file, (name,)))
+    checksum = zlib.crc32(header.dump(content))
+    for name, values in stored_columns:  # in the order of their names, each in one piece or several
+        checksum = _crc(name, values, checksum)
+    if crc != f"{checksum:08x}":
         raise DecodeError("its content does not fit its checksum: the file is damaged; use an intact copy.")
     return content, columns
-
-
-def _by_column(file: Path, names: Iterable[str]) -> Iterator[tuple[str, NDArray[Any]]]:
-    for name in sorted(names):
-        for _, columns in _batches(file, (name,)):
-            yield name, columns[name]
 
 
 def _open(file: Path, **how: Any) -> "pq.ParquetFile":
@@ -455,14 +455,6 @@ def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
         metadata=metadata,
     )
     return pa.Table.from_arrays([arrow_column(values) for values in columns.values()], schema=schema)
-
-
-def _checksum(content: dict[str, Any], columns: Iterable[tuple[str, NDArray[Any]]]) -> str:
-    """Checksum over the header, and columns that come in the order of their names, each in one piece or several."""
-    crc = zlib.crc32(header.dump(content))
-    for name, values in columns:
-        crc = _crc(name, values, crc)
-    return f"{crc:08x}"
 
 
 def _crc(name: str, values: NDArray[Any], before: int) -> int:

@@ -26,14 +26,9 @@ from plumbob.data import TRIADS, ImuMeta, Range
 from plumbob.files.columns import FORM, zone_ns
 from plumbob.rotations import Frame, North, body_axes, in_body_axes, signed_axes
 
-
-def _is_column(value: Any) -> bool:
-    return bool(value.strip()) if isinstance(value, str) else type(value) is int and value >= 1
-
-
 COLUMN: Final = schema.plain(
     "a column's name or its number from 1",
-    _is_column,
+    lambda value: bool(value.strip()) if isinstance(value, str) else type(value) is int and value >= 1,
     lambda value: value.strip() if isinstance(value, str) else value,
     type=["string", "integer"],
 )
@@ -270,14 +265,11 @@ class Profile:
 _MIRRORED: Final = 'axes and mirrored = true in its own table, as in [mag] axes = "x y -z"'
 GUIDE: Final = guide("file-formats.md")
 VERSION: Final = 1
-_MARKS: Final = {"separator", "arrays", "stream", "header"}
-"""Keys of which a profile has one, and what lies beside a recording and is none has not."""
 
 _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}
 _META = schema.keys(ImuMeta, *(f"{name}_range" for name in TRIADS))
 """Parsers of what a profile says of the samples as `ImuMeta` has it."""
 _INNER = {"bias": 3, "covariance": 9}
-_NO_LAYOUT = TextLayout(separator=",")
 _LAYOUT = ("separator", "decimal", "thousands", "encoding", "comment", "missing", "rows", "cells")
 
 
@@ -294,16 +286,16 @@ def load_profile(path: str | Path) -> Profile:
 
 def profiles_beside(file: Path) -> list[Path]:
     """Profiles that lie beside a file under its name; a TOML of another kind, as a chain or a format, is none."""
-    return [path for path in sidecars(file) if path.is_file() and _is_profile(path)]
-
-
-def _is_profile(path: Path) -> bool:
-    """Whether a TOML is meant as a profile; one that cannot be read is, so that its fault is said."""
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (ValueError, OSError):
-        return True
-    return not isinstance(raw.get("kind"), str) and bool(_MARKS & set(raw))
+    profiles = []
+    for path in filter(Path.is_file, sidecars(file)):
+        try:
+            raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        except (ValueError, OSError):  # so that its fault is said
+            raw = {"header": ""}
+        # keys of which a profile has one, and what lies beside a recording and is none has not
+        if not isinstance(raw.get("kind"), str) and {"separator", "arrays", "stream", "header"} & set(raw):
+            profiles.append(path)
+    return profiles
 
 
 def parse_profile(text: str, *, origin: str = "profile") -> Profile:
@@ -329,11 +321,15 @@ def _streams(raw: Mapping[str, Any], origin: str) -> Profile:
 def _profile(raw: Mapping[str, Any], origin: str) -> Profile:
     if isinstance(raw.get("kind"), str):
         raise DecodeError(f"it is a {raw['kind']}, not a profile of a text file; give the profile with --profile.")
-    _refuse_questions(raw)
+    if open_ := questions(raw):
+        raise DecodeError(
+            f"{counted(len(open_), 'open question')}: {', '.join(open_)}. Open the file, and behind each '?' "
+            "correct what is wrong and delete the '?'; a number or true loses its quotes."
+        )
     arrays = raw.get("arrays") is True
     table = PROFILE("", _columns_of_arrays(raw)) if arrays else _TEXT_PROFILE("", raw)
     profile = Profile(
-        layout=_NO_LAYOUT
+        layout=TextLayout(separator=",")
         if arrays
         else TextLayout(**{key: table[key] for key in _LAYOUT if key in table}, **table["header"]),
         time=table["time"],
@@ -388,14 +384,6 @@ def questions(raw: Mapping[str, Any], where: str = "") -> list[str]:
         elif isinstance(first, str) and first.lstrip().startswith("?"):
             keys.append(f"{where}{key}")
     return keys
-
-
-def _refuse_questions(raw: Mapping[str, Any]) -> None:
-    if open_ := questions(raw):
-        raise DecodeError(
-            f"{counted(len(open_), 'open question')}: {', '.join(open_)}. Open the file, and behind each '?' "
-            "correct what is wrong and delete the '?'; a number or true loses its quotes."
-        )
 
 
 def _in_body(group: GroupSource, table: Mapping[str, Any]) -> Range:
@@ -516,30 +504,22 @@ def _group(kind: Quantity, extra: Mapping[str, Parse] = MappingProxyType({}), re
 
 
 def _group_source(where: str, table: dict[str, Any]) -> GroupSource:
+    scales = {"counts_per_unit", "unit_per_count"} & set(table)
+    if len(scales) > 1:
+        raise DecodeError(f"{where} has both counts_per_unit and unit_per_count; keep the one from the data sheet.")
+    if "zero" in table and not scales:
+        raise DecodeError(f"{where}.zero is in counts; add {where}.counts_per_unit or {where}.unit_per_count.")
     return GroupSource(
         columns=table["columns"],
         unit=table["unit"],
-        unit_per_count=_per_count(where, table),
-        zero=_zero_counts(where, table),
+        unit_per_count=float(table.get("unit_per_count", 1.0 / table.get("counts_per_unit", 1.0))),
+        zero=table.get("zero"),
         axes=_own_axes(where, table),
         gravity=table.get("sign") == "gravity",
         full_scale=table.get("range"),
         delay=table.get("delay", 0.0),
         plus=table.get("plus", ()),
     )
-
-
-def _per_count(where: str, table: Mapping[str, Any]) -> float:
-    if "counts_per_unit" in table and "unit_per_count" in table:
-        raise DecodeError(f"{where} has both counts_per_unit and unit_per_count; keep the one from the data sheet.")
-    return float(table.get("unit_per_count", 1.0 / table.get("counts_per_unit", 1.0)))
-
-
-def _zero_counts(where: str, table: Mapping[str, Any]) -> tuple[float, ...] | None:
-    zero: tuple[float, ...] | None = table.get("zero")
-    if zero is not None and not {"counts_per_unit", "unit_per_count"} & set(table):
-        raise DecodeError(f"{where}.zero is in counts; add {where}.counts_per_unit or {where}.unit_per_count.")
-    return zero
 
 
 def _reference(where: str, table: dict[str, Any]) -> ReferenceSource:
@@ -559,8 +539,6 @@ def _range(kind: Quantity) -> dict[str, Parse]:
 
 
 _form: Final = partial(schema.form, missing=_absent)
-_FRAME: Final = schema.converted(Frame.parse)
-_NORTH: Final = schema.converted(North.parse)
 _COUNTS: Final = {
     "counts_per_unit": schema.nonzero,
     "unit_per_count": schema.nonzero,
@@ -618,8 +596,8 @@ _KEYS: Final = {
     **_META,
     "axes": schema.converted(_axes),
     "axes_applied": schema.truth,
-    "frame": _FRAME,
-    "north": _NORTH,
+    "frame": schema.converted(Frame.parse),
+    "north": schema.converted(North.parse),
     "declination": schema.quantity(Quantity.ANGLE),
     "place": schema.text,
     "date": schema.text,

@@ -387,12 +387,14 @@ def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
 
 def _known_cells(cells: Sequence[str], separator: str, decimal: str) -> int:
     """Cells that are numbers, times or missing, in a row of which at least half of what is said are; else 0."""
+    if len(cells) < 2:
+        return 0
     said = [cell.strip() for cell in cells if cell.strip()]
     number = NUMBER[decimal].fullmatch
     groups = (grouped(",", ".") if separator == "," else _GROUPED[decimal]).fullmatch
     numbers = sum((number(cell) or groups(cell)) is not None or _numbers_in(cell, decimal) for cell in said)
     readable = numbers + sum(cell in MISSING or is_clocklike(cell) for cell in said)
-    is_row = numbers >= 1 and len(cells) > 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
+    is_row = numbers >= 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
     return readable + len(cells) - len(said) if is_row else 0
 
 

@@ -241,7 +241,11 @@ def _imu(
 
 def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | None) -> AttitudeTrack:
     turn = turn if source.of == "case" else None
-    q_nb, score = _attitude(source, table), _optional(table, source.score)
+    q_nb, score = _stacked(source.columns, table), _optional(table, source.score)
+    if source.unit is not None:
+        q_nb = quat_from_euler_zyx(inside(q_nb, source.unit))
+    elif source.order == "xyzw":
+        q_nb = quat_from_xyzw(q_nb)
     if turn is not None:
         q_nb = quat_multiply(q_nb, quat_conjugate(quat_from_dcm(body_axes(turn))))  # q_nb = q_ns ⊗ q_sb
     return AttitudeTrack(
@@ -318,23 +322,12 @@ def _undelayed(t: Floats, values: Floats, delay: float) -> Floats:
 def _covariance(group: GroupSource, table: TextTable, turn: str | None) -> Floats:
     cov = _stacked(group.columns, table).reshape(-1, 3, 3)
     if turn is not None:
-        place, sign = _picks(turn)
+        # which sensor axis each body axis is, and its sign; picking spoils no component where another is missing
+        c_bs = body_axes(turn)
+        place, sign = np.abs(c_bs).argmax(axis=1), c_bs.sum(axis=1)
         cov = cov[:, place][:, :, place] * np.outer(sign, sign)
     factor = units.unit(group.unit).factor
     return cov if factor == 1.0 else cov * factor**2
-
-
-def _picks(axes: str) -> tuple[Any, Floats]:
-    """Which sensor axis each body axis is, and its sign; picking spoils no component where another is missing."""
-    c_bs = body_axes(axes)
-    return np.abs(c_bs).argmax(axis=1), c_bs.sum(axis=1)
-
-
-def _attitude(source: ReferenceSource, table: TextTable) -> Floats:
-    values = _stacked(source.columns, table)
-    if source.unit is not None:
-        return quat_from_euler_zyx(inside(values, source.unit))
-    return quat_from_xyzw(values) if source.order == "xyzw" else values
 
 
 def _changes(profile: Profile, t0_ns: int) -> tuple[Note, ...]:
@@ -379,21 +372,17 @@ def read_spans(path: str | Path) -> dict[str, tuple[float, float]]:
         if tuple(cell.strip() for cell in next(rows, [])) != SPANS:
             raise DecodeError(f"the first line must be {','.join(SPANS)}.")
         for line, row in enumerate(rows, start=2):
-            name, span = _span(line, row)
+            try:
+                name, first, last = row[0].strip(), float(row[1]), float(row[2])
+            except (IndexError, ValueError):
+                words = excerpt(",".join(row))
+                raise DecodeError(f"line {line}: {words} is not a name and two numbers of seconds.") from None
+            if not (math.isfinite(first) and first < last < math.inf):
+                raise DecodeError(f"line {line}: {name} goes from {first:g} to {last:g} s; a span needs a length.")
             if name in spans:
                 raise DecodeError(f"line {line}: {excerpt(name)} comes twice.")
-            spans[name] = span
+            spans[name] = first, last
     return spans
-
-
-def _span(line: int, row: list[str]) -> tuple[str, tuple[float, float]]:
-    try:
-        name, first, last = row[0].strip(), float(row[1]), float(row[2])
-    except (IndexError, ValueError):
-        raise DecodeError(f"line {line}: {excerpt(','.join(row))} is not a name and two numbers of seconds.") from None
-    if not (math.isfinite(first) and first < last < math.inf):
-        raise DecodeError(f"line {line}: {name} goes from {first:g} to {last:g} s; a span needs a length.")
-    return name, (first, last)
 
 
 _FORMULA: Final = ("=", "+", "-", "@")
@@ -412,6 +401,9 @@ _PLACES: Final = (
 
 def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write ``NAME.csv`` and ``NAME.profile.toml``; errors as of `plumbob.write`, and beside another profile."""
+    import pyarrow as pa
+    from pyarrow import csv as arrow_csv
+
     columns = columns_of_unit(path, recording)
     other, profile = sidecars(path)
     if other.exists():
@@ -421,7 +413,10 @@ def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None
         profile_file.write_bytes(_encoded(table_profile(recording, columns)))
         with csv_file.open("wb") as stream:
             stream.write(_encoded("".join(f"{line}\n" for line in _head(path, recording, columns))))
-            _write_numbers(stream, columns)
+            numbers = {name: v.astype(np.uint8) if v.dtype == bool else v for name, v in columns.items()}
+            numbers[TIME] = to_s(columns[TIME])
+            table = pa.table({name: arrow_column(values) for name, values in numbers.items()})
+            arrow_csv.write_csv(table, stream, arrow_csv.WriteOptions(include_header=False, quoting_style="none"))
 
 
 def columns_of_unit(path: Path, recording: Recording) -> Columns:
@@ -455,16 +450,6 @@ def _title(name: str) -> str:
         return "t [s]"
     unit = COLUMNS[name].unit
     return name if unit == "1" else f"{name} [{unit}]"
-
-
-def _write_numbers(stream: Any, columns: Columns) -> None:
-    import pyarrow as pa
-    from pyarrow import csv
-
-    numbers = {name: values.astype(np.uint8) if values.dtype == bool else values for name, values in columns.items()}
-    numbers[TIME] = to_s(columns[TIME])
-    table = pa.table({name: arrow_column(values) for name, values in numbers.items()})
-    csv.write_csv(table, stream, csv.WriteOptions(include_header=False, quoting_style="none"))
 
 
 def table_profile(recording: Recording, columns: Columns, *, arrays: bool = False) -> str:

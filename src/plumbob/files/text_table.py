@@ -293,6 +293,7 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
 
 
 _IN_BRACKETS: Final = re.compile(r"[\[({][-+\d.,;\seEnaN]*[\])}]")
+_APART: Final = re.compile(r"[\s,;]")
 _VECTOR: Final = re.compile(r"\[(\d+)\]")
 _SAID_NUMBER: Final = re.compile(r"[-+]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][-+]?\d+)?")
 NUMBER: Final = {
@@ -314,6 +315,8 @@ def vector(cell: str, decimal: str) -> list[str]:
     """Numbers of a cell with two in brackets, as ``[0.1, -0.2, 9.8]``, or three without, or more; none of another."""
     cell = cell.strip(" \t\"'")
     inner, fewest = cell.strip("[](){},; "), 2 if cell[:1] in {"[", "(", "{"} else 3
+    if not _APART.search(inner):
+        return []
     for sign in (r"\s*;\s*", r"\s+", *([r"\s*,\s*"] if decimal == "." else [])):
         numbers = re.split(sign, inner)
         if len(numbers) >= fewest and all(NUMBER[decimal].fullmatch(text) or text.lower() == "nan" for text in numbers):

@@ -49,8 +49,6 @@ _LETTERS: Final = {
 _WANTED: Final = frozenset(("IMU", "IMU2", "IMU3", "MAG", "MAG2", "MAG3", "ATT", "XKQ", "XKQ1", "NKQ1", "GPS", "PARM"))
 _QUATERNIONS: Final = ("XKQ", "XKQ1", "NKQ1")
 _TEXTS: Final = "nNZa"
-_WORD: Final = 64
-_LINE: Final = 4096  # bytes of a line of text at most
 
 
 @dataclass
@@ -155,7 +153,7 @@ def _of_text(file: Path) -> _DataFlashLog:
             try:
                 rows[name].extend(
                     [
-                        words.setdefault(value.encode()[:_WORD], len(words)) if letter in _TEXTS else float(value)
+                        words.setdefault(value.encode()[:64], len(words)) if letter in _TEXTS else float(value)
                         for letter, value in zip(log.columns[name][0], values, strict=True)
                     ]
                 )
@@ -181,18 +179,16 @@ def _of_text(file: Path) -> _DataFlashLog:
 
 def _lines(file: Path) -> Iterator[str]:
     with file.open("rb") as stream:
-        while line := stream.readline(_LINE):
+        while line := stream.readline(4096):  # none is longer
             yield line.decode("utf-8", errors="replace")
 
 
 def _recording(flash: _DataFlashLog, name: str, unit: str | None) -> Recording:
-    declination = _parameter(flash, "COMPASS_DEC")  # rad (ArduPilot, Complete Parameter List)
-    meta = ImuMeta(
-        device="ArduPilot",
-        frame=Frame.NED,
-        declination=declination if declination is not None and abs(declination) <= np.pi else None,
-        unit_check=False,
-    )
+    parameters, declination = flash.tables.get("PARM", {}), None
+    if {"Name", "Value"} <= parameters.keys():  # as logged last, rad (ArduPilot, Complete Parameter List)
+        values = parameters["Value"][parameters["Name"] == b"COMPASS_DEC"]
+        declination = float(values[-1]) if values.size and abs(float(values[-1])) <= np.pi else None
+    meta = ImuMeta(device="ArduPilot", frame=Frame.NED, declination=declination, unit_check=False)
     log = SensorLog(
         [
             "ArduPilot DataFlash: body axes forward, right, down; frame NED; rad/s, m/s², milligauss as µT; clock in "
@@ -278,15 +274,6 @@ def _units(flash: _DataFlashLog, name: str, column: str) -> dict[str, Table]:
             rows = table["I"] == instance
             tables[f"{kind}.{instance:g}"] = {key: values[rows] for key, values in table.items()}
     return tables
-
-
-def _parameter(flash: _DataFlashLog, name: str) -> float | None:
-    """Value of a parameter, as logged last."""
-    table = flash.tables.get("PARM", {})
-    if not {"Name", "Value"} <= table.keys():
-        return None
-    rows = np.flatnonzero(table["Name"] == name.encode())
-    return float(table["Value"][rows[-1]]) if rows.size else None
 
 
 def _epoch(flash: _DataFlashLog) -> int | None:

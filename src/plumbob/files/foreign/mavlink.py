@@ -59,10 +59,7 @@ _KINDS: Final = {
 """By message number: fields and CRC_EXTRA of `common.xml`."""
 _ANGLES: Final = ("yaw", "pitch", "roll")
 _PREFERRED: Final = (105, 26, 27, 116, 129)
-_ARDUPILOT: Final = 3  # `MAV_AUTOPILOT_ARDUPILOTMEGA`
 _EARLIEST_US, _LATEST_US = 946_684_800 * 10**6, 4_102_444_800 * 10**6
-_SIGNED: Final = 0x01
-_CHECK: Final = "crc16-mcrf4xx"
 _BITS: Final = {"acc": 0x007, "gyr": 0x038, "mag": 0x1C0}  # `HIGHRES_IMU_UPDATED_FLAGS`
 
 
@@ -135,7 +132,7 @@ def _scanned(raw: bytes) -> tuple[dict[tuple[int, int], _Packets], int]:
         elif version == 0xFD:
             length, system, head = raw[begin + 1], raw[begin + 5], 10
             number = int.from_bytes(raw[begin + 7 : begin + 10], "little")
-            tail = 15 if raw[begin + 2] & _SIGNED else 2
+            tail = 15 if raw[begin + 2] & 0x01 else 2
         else:
             at, skipped = at + 1, skipped + 1
             continue
@@ -168,7 +165,7 @@ def _checked(data: NDArray[np.uint8], number: int, packets: _Packets) -> tuple[N
         for part in np.array_split(group, 1 + group.size // 16384):
             packet = records(data, places[part] + 1, layout)
             closed = np.column_stack((packet["covered"], np.full(part.size, kind.extra, np.uint8)))
-            right[part] = of_rows(_CHECK, closed) == packet["crc"]
+            right[part] = of_rows("crc16-mcrf4xx", closed) == packet["crc"]
             taken = min(length, kind.layout.itemsize)  # what is cut off at the end is zero; what is longer, extensions
             payload[part, :taken] = packet["covered"][:, head - 1 : head - 1 + taken]
     came = np.frombuffer(packets.came_us, np.int64)[right]
@@ -177,11 +174,12 @@ def _checked(data: NDArray[np.uint8], number: int, packets: _Packets) -> tuple[N
 
 def _chosen(tables: dict[tuple[int, int], Any], unit: str | None, log: SensorLog) -> tuple[int, int]:
     """System and message that the samples are of: the first of the preferred, or the one asked for by its name."""
+    ardupilot = {key[0] for key, (rows, _) in tables.items() if key[1] == 0 and (rows["autopilot"] == 3).any()}
     listed_units = [
         (system, number)
         for system in sorted({system for system, _ in tables})
         for number in _PREFERRED
-        if (system, number) in tables and (number != 27 or _is_ardupilot(tables, system))
+        if (system, number) in tables and (number != 27 or system in ardupilot)
     ]
     if not listed_units:
         raw = any(number == 27 for _, number in tables)
@@ -190,10 +188,6 @@ def _chosen(tables: dict[tuple[int, int], Any], unit: str | None, log: SensorLog
     several = len({system for system, _ in listed_units}) > 1
     names = {f"{_KINDS[number].name}{f'.{system}' * several}": (system, number) for system, number in listed_units}
     return names[choose(log.notes, {name: tables[key][0].size for name, key in names.items()}, unit, what="message")]
-
-
-def _is_ardupilot(tables: dict[tuple[int, int], Any], system: int) -> bool:
-    return (system, 0) in tables and bool((tables[system, 0][0]["autopilot"] == _ARDUPILOT).any())
 
 
 def _own_ns(table: NDArray[Any]) -> NDArray[np.int64]:

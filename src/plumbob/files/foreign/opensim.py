@@ -25,9 +25,9 @@ from plumbob.files.stamps import time_line
 from plumbob.rotations import Frame, North, change_frame
 
 _HEAD: Final = 1 << 16
-_WIDTHS: Final = {"quaternion": 4, "vec3": 3}
-_QUANTITIES: Final = {"angular_velocity|gyro": "gyr", "acceleration": "acc", "magnetic": "mag"}
-_UNITS: Final = {"gyr": "rad/s", "acc": "m/s2", "mag": "relative"}
+_QUANTITIES: Final = {
+    "angular_velocity|gyro": ("gyr", "rad/s"), "acceleration": ("acc", "m/s2"), "magnetic": ("mag", "relative"),
+}  # fmt: skip
 
 
 def accepts(path: Path) -> bool:
@@ -42,7 +42,7 @@ def read(path: Path, unit: str | None = None) -> Recording:
         head, _, rest = re.split(r"(?im)^(endheader)[ \t]*$", stream.read(_HEAD), maxsplit=1)
     facts = {key.strip().lower(): value.strip() for key, _, value in (line.partition("=") for line in head.split("\n"))}
     kind = facts.get("datatype", "double")
-    if (width := _WIDTHS.get(kind.lower(), 0)) == 0:
+    if (width := {"quaternion": 4, "vec3": 3}.get(kind.lower(), 0)) == 0:
         raise DecodeError(
             f"its DataType is {excerpt(kind)}: coordinates or forces, and neither orientations nor an IMU. Name the "
             "table of DataType Quaternion."
@@ -75,15 +75,15 @@ def read(path: Path, unit: str | None = None) -> Recording:
 
 def _measured(path: Path, sensor: str, time: Any, values: Any) -> Recording:
     """Samples of a table of vectors, whose name says the quantity."""
-    kind = next((kind for words, kind in _QUANTITIES.items() if re.search(words, path.stem.lower())), None)
-    if kind is None:
+    what = next((what for words, what in _QUANTITIES.items() if re.search(words, path.stem.lower())), None)
+    if what is None:
         raise DecodeError(
             "its vectors may be of any kind; let its name end in _angular_velocity, _linear_accelerations or "
             "_magnetic_heading, as OpenSim calls them."
         )
-    notes: list[Note] = [f"OpenSim: {kind} by its name, in SI"]
-    log = SensorLog([*notes, *[RELATIVE_NOTE] * (kind == "mag")], ImuMeta(device=sensor, unit_check=False))
-    log.add(kind, seconds_to_ns("time", time), values, _UNITS[kind])
+    notes: list[Note] = [f"OpenSim: {what[0]} by its name, in SI", *[RELATIVE_NOTE] * (what[0] == "mag")]
+    log = SensorLog(notes, ImuMeta(device=sensor, unit_check=False))
+    log.add(what[0], seconds_to_ns("time", time), values, what[1])
     return log.recording(sensor)
 
 

@@ -102,7 +102,12 @@ def _archive_members(path: Path) -> dict[str, zipfile.ZipInfo]:
     """Members of an archive that are files, after its list was judged by its size."""
     _require_short_list(path)
     with _damage(), zipfile.ZipFile(path) as archive:
-        infos = [info for info in archive.infolist() if not info.is_dir() and not _of_system(info.filename)]
+        infos = [info for info in archive.infolist() if not info.is_dir()]
+    infos = [  # without what macOS adds
+        info
+        for info in infos
+        if not info.filename.startswith("__MACOSX/") and not PurePosixPath(info.filename).name.startswith(".")
+    ]
     if len(infos) > MAX_MEMBERS:
         raise DecodeError(f"the archive has {len(infos)} members, but a recording has {MAX_MEMBERS} at most.")
     members: dict[str, zipfile.ZipInfo] = {}
@@ -118,11 +123,6 @@ def _archive_members(path: Path) -> dict[str, zipfile.ZipInfo]:
             raise DecodeError(f"{excerpt(info.filename)} is packed by an unknown method; pack it again with Deflate.")
         members[info.filename] = info
     return members
-
-
-def _of_system(name: str) -> bool:
-    """Whether a member is what macOS adds to an archive."""
-    return name.startswith("__MACOSX/") or PurePosixPath(name).name.startswith(".")
 
 
 def _require_short_list(path: Path) -> None:
@@ -181,7 +181,13 @@ class Sheet:
 
 def sheet(title: str, raw: bytes, *, comment: str = "") -> Sheet:
     """Row of names of a table, after lines of comment, its separator and decimal sign; DecodeError without one."""
-    head, first = _first_rows(title, raw, comment)
+    try:
+        text = raw[: 1 << 16].decode("utf-8-sig", "ignore" if len(raw) >= HEAD_BYTES else "strict")
+    except UnicodeDecodeError as error:
+        raise DecodeError(f"{title} is not UTF-8 text: byte {error.start + 1} cannot be decoded.") from error
+    head, first, *_ = [*(row for row in text.splitlines()[:200] if not is_idle(row, comment)), "", ""]
+    if not head or "\0" in head:
+        raise DecodeError(f"{title} has no row of names.")
     separator = max(_SEPARATORS, key=head.count)
     decimal = "," if separator != "," and "," in first and "." not in first else "."
     names = tuple(cell.strip() for cell in split_row(head, separator, 1))
@@ -195,18 +201,6 @@ def names_in(start: bytes, *, comment: str = "") -> tuple[str, ...]:
         return sheet("", start, comment=comment).names
     except DecodeError:
         return ()
-
-
-def _first_rows(title: str, raw: bytes, comment: str) -> tuple[str, str]:
-    """Row of names, and the first row of numbers or nothing."""
-    try:
-        text = raw[: 1 << 16].decode("utf-8-sig", "ignore" if len(raw) >= HEAD_BYTES else "strict")
-    except UnicodeDecodeError as error:
-        raise DecodeError(f"{title} is not UTF-8 text: byte {error.start + 1} cannot be decoded.") from error
-    rows = [row for row in text.splitlines()[:200] if not is_idle(row, comment)]
-    if not rows or "\0" in rows[0]:
-        raise DecodeError(f"{title} has no row of names.")
-    return rows[0], rows[1] if len(rows) > 1 else ""
 
 
 def small_table(text: str) -> list[list[str]]:

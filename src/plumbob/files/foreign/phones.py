@@ -82,10 +82,6 @@ def _tables(parts: Parts) -> list[str]:
     ]
 
 
-def _stem(name: str) -> str:
-    return PurePosixPath(name).stem
-
-
 def _require_one_place(tables: Mapping[str, Any]) -> None:
     """Refuse tables in several folders: they are several recordings."""
     places = sorted({str(PurePosixPath(name).parent) for name in tables})
@@ -118,12 +114,11 @@ def _recording(parts: Parts, log: SensorLog, device: str) -> Recording:
 
 _PHYPHOX_COLUMN: Final = re.compile(r"(?:(?P<what>.*) )?(?P<axis>[xyz]) \((?P<unit>[^)]*)\)", re.IGNORECASE)
 _PHYPHOX_UNITS: Final = {"rad/s": "gyr", "m/s^2": "acc", "m/s²": "acc", "µt": "mag", "μt": "mag", "ut": "mag"}
-_SECONDS: Final = re.compile(r".* \(s\)")
 
 
 def _is_phyphox(name: str, names: tuple[str, ...]) -> bool:
     """Whether all names are as the app writes them: in its units, and axes behind a sensor's name in small letters."""
-    if not names or _SECONDS.fullmatch(names[0]) is None or not _phyphox_triads(name, names):
+    if not names or not names[0].endswith(" (s)") or not _phyphox_triads(name, names):
         return False
     axes = [_PHYPHOX_COLUMN.fullmatch(column) for column in names[1:]]
     return all(
@@ -147,8 +142,8 @@ def _phyphox_triads(name: str, names: tuple[str, ...]) -> list[tuple[str, list[s
     triads = []
     for (what, kind), axes in groups.items():
         if len(axes) == 3:
-            plain = re.match(r"(raw )?acc", (what or _stem(name)).lower()) is not None
-            plain = plain and re.search("without|linear", f"{what} {_stem(name)}".lower()) is None
+            plain = re.match(r"(raw )?acc", (what or PurePosixPath(name).stem).lower()) is not None
+            plain = plain and re.search("without|linear", f"{what} {PurePosixPath(name).stem}".lower()) is None
             triads.append((kind if kind != "acc" or plain else "acc?", [axes[letter] for letter in "xyz"]))
     return triads
 
@@ -174,7 +169,10 @@ def _phyphox(parts: Parts) -> Recording:
                 notes.append(info("source.sensor_empty", kind=kind, name=name))
     if others := sorted(name for name in _tables(parts) if name not in headers):
         notes.append(info("source.left_out", names=excerpt(", ".join(others))))
-    notes.append(_phyphox_clock(events))
+    paused = f", with {len(events) - 1} of its pauses put back" if len(events) > 1 else ""
+    clock = "clock: seconds of the experiment"
+    unknown = f"{clock}; without meta/time.csv the start and any pauses are not known"
+    notes.append(f"{clock} on UTC by meta/time.csv{paused}" if events else unknown)
     device = dict(row for row in _meta(parts, "device.csv") if len(row) == 2)
     model = " ".join(device[key] for key in ("deviceBrand", "deviceModel") if device.get(key))
     return _recording(parts, log, model)
@@ -213,16 +211,7 @@ def _on_wall(stamps: NDArray[np.int64], events: list[tuple[int, int]]) -> NDArra
     return np.asarray(stamps + ahead[place])
 
 
-def _phyphox_clock(events: list[tuple[int, int]]) -> str:
-    if not events:
-        return "clock: seconds of the experiment; without meta/time.csv the start and any pauses are not known"
-    paused = f", with {len(events) - 1} of its pauses put back" if len(events) > 1 else ""
-    return f"clock: seconds of the experiment on UTC by meta/time.csv{paused}"
-
-
 # Sensor Logger --------------------------------------------------------------------------------------------------------
-
-_FIRST_STANDARDISED: Final = (1, 29)
 
 
 def _sensor_logger(parts: Parts) -> Recording:
@@ -230,9 +219,9 @@ def _sensor_logger(parts: Parts) -> Recording:
     headers = {name: names for name, names in tables.items() if names[:2] == ("time", "seconds_elapsed")}
     _require_one_place(headers)
     sheets = {
-        _stem(name): sheet(name, parts.read(name))
+        PurePosixPath(name).stem: sheet(name, parts.read(name))
         for name, names in headers.items()
-        if {"x", "y", "z"} <= set(names) and _stem(name) in _WANTED
+        if {"x", "y", "z"} <= set(names) and PurePosixPath(name).stem in _WANTED
     }
     texts = (parts.text(name) for name in parts.names if PurePosixPath(name).name == "Metadata.csv")
     meta = next(iter(records(small_table(next(texts, "")))), {})
@@ -248,7 +237,9 @@ def _sensor_logger(parts: Parts) -> Recording:
     if force := _logger_force(data, meta, notes):
         log.streams["acc"] = force
     notes.append(info("source.clock_of_phone"))
-    if others := sorted(_stem(name) for name in tables if _stem(name) not in (*_WANTED, "Metadata")):
+    if others := sorted(
+        PurePosixPath(name).stem for name in tables if PurePosixPath(name).stem not in (*_WANTED, "Metadata")
+    ):
         notes.append(info("source.left_out", names=tuple(others)))
     return _recording(parts, log, meta.get("device name", ""))
 
@@ -304,18 +295,15 @@ def _logger_sign(platform: str, meta: Mapping[str, str]) -> tuple[float, str]:
     mode = meta.get("standardisation", "").strip().lower()
     if platform == "ios" and mode == "true":
         return 1.0, ", in Android's sign, as 'Standardise Units & Frames' was on"
-    if platform == "ios" and (mode == "false" or (not mode and _before_standard(meta.get("appVersion", "")))):
+    version = re.match(r"\s*(\d{1,4})\.(\d{1,4})", meta.get("appVersion", ""))
+    is_older = not mode and version is not None and (int(version[1]), int(version[2])) < (1, 29)  # no such setting yet
+    if platform == "ios" and (mode == "false" or is_older):
         return -1.0, ", negated: on iOS it points down at rest where 'Standardise Units & Frames' is off"
     raise DecodeError(
         f"Metadata.csv does not say the platform (ios or android) and standardisation (true or false): it has "
         f"{platform or 'no platform'} and {mode or 'no standardisation'}. The sign and unit of acceleration depend on "
         f"them; put the Metadata.csv of the export beside the tables. {guide('phones.md')} has the settings."
     )
-
-
-def _before_standard(version: str) -> bool:
-    match = re.match(r"(\d{1,4})\.(\d{1,4})", version.strip())
-    return match is not None and (int(match[1]), int(match[2])) < _FIRST_STANDARDISED
 
 
 def _sum(user: Readings, gravity: Readings, sign: float) -> Readings:

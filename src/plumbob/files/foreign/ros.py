@@ -51,10 +51,7 @@ UTC_FROM: Final = 10**18  # stamps from here on, ns, are taken for UTC: 2001-09-
 _WORLD: Final = (
     "; yaw counts from magnetic north if the unit uses a magnetometer (REP 145), which is not said: North is free"
 )
-_LISTED: Final = 12
-_FEW: Final = 3
 _SENSOR: Final = re.compile(r"(gyro?(scope)?|accel(erometer)?)")
-_UNSET: Final = (0.0, 0.0, 0.0, 1.0)
 
 
 def accepts(path: Path) -> bool:
@@ -130,7 +127,7 @@ def _recording(bag: Bag, name: str, unit: str | None) -> Recording:
 
 
 def _listed(topics: Sequence[Topic]) -> str:
-    return first_words([str(topic) for topic in topics], _LISTED)
+    return first_words([str(topic) for topic in topics], 12)
 
 
 def _without_raw(imus: list[Topic]) -> list[Topic]:
@@ -153,14 +150,6 @@ def _stamps(topic: Topic, table: MessageTable) -> tuple[NDArray[np.int64], list[
     return table.logged, [f"{topic.name}: no stamp is set; times are those at which the recorder took each message"]
 
 
-def _epoch(stamps: NDArray[np.int64], notes: list[Note]) -> int | None:
-    """UTC of the stamp 0, ns; None where stamps are not UTC."""
-    if stamps.size and int(stamps[0]) >= UTC_FROM:
-        return 0
-    notes.append(info("source.ros_no_utc", stamp=stamps[0]))
-    return None
-
-
 @dataclass
 class _RosImu:
     """One IMU as it was read."""
@@ -176,7 +165,7 @@ def _measured(table: MessageTable) -> dict[str, Floats]:
     triads = {}
     for key, at, said in (("gyr", 13, 16), ("acc", 25, 28)):
         values = _present(table.numbers[:, at : at + 3], table.numbers[:, said])
-        if np.isfinite(values).any() and (np.nan_to_num(values).any() or len(values) < _FEW):
+        if np.isfinite(values).any() and (np.nan_to_num(values).any() or len(values) < 3):
             triads[key] = values
     return triads
 
@@ -228,7 +217,9 @@ def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> _RosImu:
     if len(table.frames) > 1:
         raise DecodeError(f"{topic.name}: its messages are in the frames {', '.join(table.frames[:5])}, not in one.")
     meta, used = ImuMeta(device=next(iter(table.frames), topic.name), frame=_world(table)), [topic]
-    log = SensorLog(notes, meta, _epoch(stamps, notes))
+    is_utc = stamps.size > 0 and int(stamps[0]) >= UTC_FROM
+    notes += [] if is_utc else [info("source.ros_no_utc", stamp=stamps[0])]
+    log = SensorLog(notes, meta, 0 if is_utc else None)
     for key, values in _measured(table).items():
         log.add(key, stamps, values)
     for key in sorted({"gyr", "acc"} - set(log.streams)):
@@ -256,19 +247,15 @@ def _present(values: Floats, said: Floats) -> Floats:
 
 def _in_frame(kind: str, imu: Topic, table: MessageTable, topics: list[Topic]) -> tuple[Topic, MessageTable] | None:
     """The topic of a type in the IMU's frame; of several, the one whose name begins most like the IMU's."""
-    candidates = []
-    for topic in (entry for entry in topics if entry.kind == kind):
-        other = ros_bags.table(topic)
-        if other.frames == table.frames:
-            candidates.append((_alike(topic.name, imu.name), topic, other))
-    best = max(candidates, key=lambda candidate: candidate[0], default=None)
-    return None if best is None else best[1:]
+    candidates = [(topic, ros_bags.table(topic)) for topic in topics if topic.kind == kind]
+    candidates = [(topic, other) for topic, other in candidates if other.frames == table.frames]
 
+    def alike(candidate: tuple[Topic, MessageTable]) -> int:
+        """Parts of both names that are the same, from the first."""
+        pairs = zip(candidate[0].name.strip("/").split("/"), imu.name.strip("/").split("/"), strict=False)
+        return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
 
-def _alike(name: str, other: str) -> int:
-    """Parts of two topics' names that are the same, from the first."""
-    pairs = zip(name.strip("/").split("/"), other.strip("/").split("/"), strict=False)
-    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+    return max(candidates, key=alike, default=None)
 
 
 def _add(
@@ -312,7 +299,7 @@ def _orientation(
     xyzw = np.where(zero[:, np.newaxis], np.nan, xyzw)
     if np.isnan(xyzw).any(axis=1).all():
         return None
-    if (numbers[:, :4] == _UNSET).all() and not numbers[:, 4:13].any():
+    if (numbers[:, :4] == (0.0, 0.0, 0.0, 1.0)).all() and not numbers[:, 4:13].any():
         notes.append(info("source.ros_orientation_default", name=topic.name))
         return None
     return _track(topic, table, stamps, xyzw, notes, cov_n=numbers[:, 4:13].reshape(-1, 3, 3))

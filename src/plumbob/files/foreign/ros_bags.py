@@ -31,9 +31,7 @@ BAG: Final = b"#ROSBAG V"
 SQLITE: Final = b"SQLite format 3\x00"
 METADATA: Final = "metadata.yaml"
 _ZSTD: Final = b"\x28\xb5\x2f\xfd"
-_BAG_2: Final = b"#ROSBAG V2.0\n"
 _DATA, _BAG_HEADER, _CHUNK, _CONNECTION = 2, 3, 5, 7
-_LATEST_NS: Final = (1 << 63) - 1
 _HEAD: Final = 1 << 20  # bytes that a record's own header may have
 
 
@@ -194,7 +192,7 @@ def _unpacked(data: bytes, how: str, size: int, bag: Bag) -> bytes:
 
 def _bag(file: BinaryIO, size: int, bag: Bag) -> None:
     """ROS 1: chunks, in which connections and messages lie."""
-    if (version := file.readline(32)) != _BAG_2:
+    if (version := file.readline(32)) != b"#ROSBAG V2.0\n":
         raise DecodeError(f"it is a ROS bag of {version[1:-1].decode('ascii', 'replace')}, but V2.0 is read.")
     connections: dict[int, Topic] = {}
     for operation, head, data in _bag_records(file, size, bag):
@@ -224,12 +222,13 @@ def _bag_records(file: BinaryIO, size: int, bag: Bag | None) -> Iterator[tuple[i
     """Operation, header and data of each record; data that nobody needs are empty."""
     at = file.tell()
     while at < size:
-        start = at
-        if (length := _length(file, size)) is None or length > min(size - file.tell(), _HEAD):
+        start, length = at, int.from_bytes(file.read(4), "little")
+        if size - at < 4 or length > min(size - file.tell(), _HEAD):
             break
         head = _fields(file.read(length))
-        operation = _number(head, b"op", "<B")
-        if (length := _length(file, size)) is None or length > size - file.tell():
+        operation, rest = _number(head, b"op", "<B"), size - file.tell()
+        length = int.from_bytes(file.read(4), "little")
+        if rest < 4 or length > rest - 4:
             break
         if operation in {_CHUNK, _CONNECTION, _DATA}:
             yield operation, head, file.read(length)
@@ -242,10 +241,6 @@ def _bag_records(file: BinaryIO, size: int, bag: Bag | None) -> Iterator[tuple[i
     if bag is None:
         raise DecodeError("a record of a chunk extends beyond its end; it is damaged.")
     bag.cut("the file ends within a record", start)
-
-
-def _length(file: BinaryIO, size: int) -> int | None:
-    return struct.unpack("<I", file.read(4))[0] if size - file.tell() >= 4 else None
 
 
 def _fields(head: bytes) -> dict[bytes, bytes]:
@@ -284,7 +279,7 @@ def _mcap(source: FileBytes, bag: Bag) -> None:
                     channel = item.channels[number]
                     bag.room(len(data))
                     kind = channel.schema.name if channel.schema else ""
-                    bag.topic(channel.topic, kind, channel.encoding).take(min(log_ns, _LATEST_NS), data)
+                    bag.topic(channel.topic, kind, channel.encoding).take(min(log_ns, (1 << 63) - 1), data)
             elif scan.summary_at is not None and item.offset >= scan.summary_at:
                 continue  # it repeats what is known
             elif item.offset + item.size >= source.size:
@@ -339,10 +334,7 @@ def _query_messages(ask: Callable[..., Iterator[tuple[Any, ...]]], bag: Bag) -> 
 
 
 def table(topic: Topic) -> MessageTable:
-    """Numbers of a topic's messages.
-
-    Raises DecodeError if a message is not as its type says.
-    """
+    """Numbers of a topic's messages; DecodeError if a message is not as its type says."""
     stamps, tails, frames = list[int](), list[bytes](), dict[str, None]()
     for message in topic.messages:
         stamp, frame, tail = _parsed(topic, message)

@@ -154,8 +154,10 @@ def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Ro
         track = None  # that of their body
         units = {f"/{_name(name)}/imu": (_name(name), imu) for name, imu in recording.array.units.items()}
     elif recording.imu is not None:
+        # REP 145's where the device has no name, and none of those of a world with z down
         device = recording.imu.meta.device
-        units = {"/imu": (_frame(device), recording.imu)}
+        frame = "imu_link" if device == "unknown" else device.lstrip("/") + ("_enu" if device.endswith("_ned") else "")
+        units = {"/imu": (frame, recording.imu)}
     else:
         assert track is not None
         stamps = _stamps(to_ns(track.t))
@@ -170,11 +172,6 @@ def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Ro
         if imu.temp_c is not None:
             streams.append(make.temperature(f"{topic}/temperature", stamps, frame, imu.temp_c))
     return heapq.merge(*streams, key=lambda row: row.t_ns)
-
-
-def _frame(device: str) -> str:
-    """Name of the sensor's frame: REP 145's where the device has none, and none of those of a world with z down."""
-    return "imu_link" if device == "unknown" else device.lstrip("/") + ("_enu" if device.endswith("_ned") else "")
 
 
 def _name(text: str) -> str:

@@ -33,10 +33,6 @@ _DEVICE_ID, _CONFIGURATION, _PRODUCT_CODE, _OUTPUT_CONFIGURATION = 0x01, 0x0D, 0
 _MASTER: Final = 0xFF
 _LONG: Final = 0xFF
 _PART: Final = 1 << 20
-_MOST_LAYOUTS: Final = 8  # lists of blocks that are told apart among packets of one size; a unit sends a few
-_PERIOD_HZ: Final = 115_200.0
-_EVERY_PACKET: Final = (0, 0xFFFF)
-_UTC_VALID: Final = 0x04
 _VECTORS: Final = {0x4010: "VelInc", 0x4020: "Acc", 0x4040: "Acc", 0x8020: "Gyr", 0x8040: "Gyr", 0xC020: "Mag"}
 _QUATERNION, _MATRIX, _EULER = 0x2010, 0x2020, 0x2030
 _COUNTER, _TIME, _UTC, _STATUS = 0x1020, 0x1060, 0x1010, 0xE020
@@ -234,17 +230,12 @@ def _groups(
     if modern.any():
         if lost := int(np.count_nonzero(~modern)):
             unit.notes.append(info("source.mtdata_left_out", lost=lost))
-        return _modern(messages, numbers[modern], unit.notes), _declared_rate(messages, bus)
+        rates = [0]  # packets per second: the largest that the output configuration asks for, Hz
+        for number in messages.indices(_OUTPUT_CONFIGURATION, bus)[-1:]:
+            body = messages.body(int(number))
+            rates += [rate for at in range(2, len(body) - 1, 4) if (rate := _uint(body, at, 2)) not in (0, 0xFFFF)]
+        return _modern(messages, numbers[modern], unit.notes), float(max(rates)) or None
     return _legacy(messages, numbers, configuration, unit)
-
-
-def _declared_rate(messages: _CheckedMessages, bus: int) -> float | None:
-    """Packets per second: the largest rate that the output configuration asks for, Hz."""
-    rates = [0]
-    for number in messages.indices(_OUTPUT_CONFIGURATION, bus)[-1:]:
-        body = messages.body(int(number))
-        rates += [rate for at in range(2, len(body) - 1, 4) if (rate := _uint(body, at, 2)) not in _EVERY_PACKET]
-    return float(max(rates)) or None
 
 
 def _modern(messages: _CheckedMessages, numbers: NDArray[np.int64], notes: list[Note]) -> list[_Group]:
@@ -253,12 +244,15 @@ def _modern(messages: _CheckedMessages, numbers: NDArray[np.int64], notes: list[
     sizes, lost = messages.sizes[numbers], 0
     for size in np.unique(sizes).tolist():
         rest = np.flatnonzero(sizes == size)
-        for _ in range(_MOST_LAYOUTS):
+        for _ in range(8):
             if not rest.size:
                 break
             blocks, complete = _blocks(messages.body(int(numbers[rest[0]])))
-            same = _alike(messages, numbers[rest], blocks) if complete else np.zeros(1, np.int64)
-            if complete:
+            same = np.arange(rest.size if complete else 1)
+            if complete:  # those of the packets of this size that have the blocks of the first
+                data, begins = messages.data, messages.begins[numbers[rest]]
+                for place in (at - k for _, at, _ in blocks for k in (3, 2, 1)):
+                    same = same[data[begins[same] + place] == data[begins[0] + place]]
                 groups.append(_Group(rest[same], messages.begins[numbers[rest[same]]], blocks))
             else:
                 lost += 1
@@ -267,15 +261,6 @@ def _modern(messages: _CheckedMessages, numbers: NDArray[np.int64], notes: list[
     if lost:
         notes.append(warning("reading.damage_blocks", lost=lost))
     return groups
-
-
-def _alike(messages: _CheckedMessages, numbers: NDArray[np.int64], blocks: list[_Block]) -> NDArray[np.int64]:
-    """Which of the packets of one size have the blocks of the first."""
-    data, begins = messages.data, messages.begins[numbers]
-    matching = np.arange(numbers.size)
-    for place in (at - k for _, at, _ in blocks for k in (3, 2, 1)):
-        matching = matching[data[begins[matching] + place] == data[begins[0] + place]]
-    return matching
 
 
 def _blocks(data: bytes) -> tuple[list[_Block], bool]:
@@ -312,7 +297,7 @@ def _legacy(
         unit.notes.append(warning("reading.damage_sizes", lost=lost, total=total))
     unit.notes.append(info("source.mtdata", mode=mode, settings=settings))
     period, skipped = _uint(configuration, 4, 2), _uint(configuration, 6, 2)
-    rate = _PERIOD_HZ / period / (skipped + 1) if period and skipped != 0xFFFF else None
+    rate = 115_200.0 / period / (skipped + 1) if period and skipped != 0xFFFF else None
     return [_Group(np.flatnonzero(fits), messages.begins[numbers[fits]], blocks)], rate
 
 
@@ -355,7 +340,8 @@ def _fill(unit: XbusUnit, data: NDArray[np.uint8], groups: list[_Group], rate: f
         for identity in {kind for kind, _, _ in group.blocks}:
             held[identity] = held.get(identity, 0) + group.rows.size
     frame = _frame(held)
-    taken = {choice for choices in _CHOICES for choice in _first(choices, held, frame)}
+    there = {identity & ~0xF for identity in held if identity & ~0xF not in _CHOICES[2] or identity & 0xC == frame}
+    taken = {choice for choices in _CHOICES for choice in [choice for choice in choices if choice in there][:1]}
     taken |= {identity & ~0xF for identity in held} & ({0x0810, 0xC020, _STATUS} | {_COUNTER, _TIME, _UTC})
     rows = np.sort(np.concatenate([np.empty(0, np.int64), *(group.rows for group in groups)]))
     wrong: set[int] = set()
@@ -402,11 +388,6 @@ def _frame(held: dict[int, int]) -> int | None:
     return None
 
 
-def _first(choices: Iterable[int], held: dict[int, int], frame: int | None) -> list[int]:
-    there = {identity & ~0xF for identity in held if identity & ~0xF not in _CHOICES[2] or identity & 0xC == frame}
-    return [choice for choice in choices if choice in there][:1]
-
-
 def _values(data: NDArray[np.uint8], places: NDArray[np.int64], identity: int, size: int) -> Floats | None:
     """Numbers (N, k) of a block; None where its size is not that of its kind."""
     what, precision = identity & ~0xF, identity & 3
@@ -419,7 +400,7 @@ def _values(data: NDArray[np.uint8], places: NDArray[np.int64], identity: int, s
         fields = records(data, places, layout)
         values = np.column_stack([fields[name].astype(np.float64) for name in layout.names])
         if what == _UTC:
-            values[(fields["Valid"] & _UTC_VALID) == 0] = np.nan
+            values[(fields["Valid"] & 0x04) == 0] = np.nan
         return values
     if size != width * _SIZES[precision]:
         return None

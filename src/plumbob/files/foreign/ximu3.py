@@ -36,12 +36,7 @@ _HEADINGS: Final = {
 NUMBERS: Final = {letter: len(names) for letter, names in _HEADINGS.items()}
 TABLES: Final = {"I": "Inertial.csv", "M": "Magnetometer.csv", "Q": "Quaternion.csv", "T": "Temperature.csv"}
 STAMP: Final = "Timestamp (us)"
-_ESCAPE: Final = 0xDB
-_LATEST_US: Final = 9.2e15
-_KNOWN_LETTERS: Final = "IMQRALEHTBWSNFPKCY"
 _SOURCE: Final = "the x-IMU3's own attitude, which is an estimate and not a reference"
-_CONVENTIONS: Final = (Frame.NWU, Frame.ENU, Frame.NED)
-"""The setting ahrs_axes_convention, in the order of Fusion's FusionConvention."""
 _Messages = dict[str, tuple[NDArray[np.int64], Floats]]
 
 
@@ -88,7 +83,7 @@ def _convention(answers: str) -> tuple[Frame, North, str]:
     """Frame and north of the attitude by the settings among the answers to commands, and how they are known."""
     axes = re.search(r'"ahrs_?axes_?convention" *: *([012])', answers, re.IGNORECASE)
     ignored = re.search(r'"ahrs_?ignore_?magnetometer" *: *(true|false)', answers, re.IGNORECASE)
-    frame = _CONVENTIONS[int(axes[1])] if axes else Frame.NWU
+    frame = (Frame.NWU, Frame.ENU, Frame.NED)[int(axes[1])] if axes else Frame.NWU
     north = North.MAGNETIC if ignored and ignored[1] == "false" else North.FREE
     how = f"{frame}, as {'its settings say' if axes else 'x-IMU3 has it unless it was set to ENU or NED'}"
     if not ignored:
@@ -110,10 +105,10 @@ def _of_log(raw: bytes, notes: list[Note]) -> tuple[_Messages, str]:
         if letter not in NUMBERS:
             if line[:1] == b"{":
                 answers.append(line.decode("utf-8", "replace"))
-            is_other = line[:1] == b"{" or (letter and letter in _KNOWN_LETTERS)
+            is_other = line[:1] == b"{" or (letter and letter in "IMQRALEHTBWSNFPKCY")
             others, junk = others + bool(is_other), junk + (not is_other)
         elif line[0] & 0x80:
-            body = _unescaped(line)
+            body = line if 0xDB not in line else line.replace(b"\xdb\xdc", b"\n").replace(b"\xdb\xdd", b"\xdb")
             if len(body) == 9 + 4 * NUMBERS[letter]:
                 bodies[letter].append(body)
             else:
@@ -143,10 +138,6 @@ def _joined(bodies: Mapping[str, list[bytes]], texts: Mapping[str, list[list[flo
     return messages
 
 
-def _unescaped(line: bytes) -> bytes:
-    return line if _ESCAPE not in line else line.replace(b"\xdb\xdc", b"\n").replace(b"\xdb\xdd", b"\xdb")
-
-
 def _numbers(line: bytes, count: int) -> list[float] | None:
     """Time and numbers of an ASCII message; None where it is not one."""
     cells = line.rstrip(b"\r").split(b",")[1:]
@@ -156,7 +147,7 @@ def _numbers(line: bytes, count: int) -> list[float] | None:
 
 
 def _ns(us: Floats) -> NDArray[np.int64]:
-    if not ((us >= 0.0) & (us < _LATEST_US)).all():
+    if not ((us >= 0.0) & (us < 9.2e15)).all():
         raise DecodeError("a message has a time that no clock has; the log is damaged.")
     return np.asarray(np.round(us).astype(np.int64) * 1000)
 
@@ -169,7 +160,8 @@ def _of_tables(parts: Parts, folder: bool, notes: list[Note]) -> _Messages:
             continue
         source = sheet(name, parts.read(name))
         wanted = source.names[: 1 + NUMBERS[letter]]
-        if not _headings_fit(letter, wanted):
+        expected = (re.escape(STAMP), *_HEADINGS[letter])  # with their units and in their order
+        if len(wanted) != len(expected) or not all(map(re.fullmatch, expected, wanted)):
             raise DecodeError(f"{name} has the columns {', '.join(source.names)}, which x-IMU3 does not write.")
         table = source.table(wanted)
         if table is None:
@@ -179,9 +171,3 @@ def _of_tables(parts: Parts, folder: bool, notes: list[Note]) -> _Messages:
         values = np.stack([table.columns[column] for column in wanted[1:]], axis=1)
         messages[letter] = (_ns(table.columns[STAMP]), values)
     return messages
-
-
-def _headings_fit(letter: str, names: tuple[str, ...]) -> bool:
-    """Whether a table has the columns of its messages, with their units and in their order."""
-    expected = (re.escape(STAMP), *_HEADINGS[letter])
-    return len(names) == len(expected) and all(map(re.fullmatch, expected, names))

@@ -49,8 +49,6 @@ from plumbob.rotations import (
 
 COMMENT: Final = "//"
 TICK_NS: Final = 100_000
-_COUNTER_WRAPS: Final = 1 << 16
-_TIME_WRAPS: Final = 1 << 32
 _TRIADS: Final = {
     kind: tuple(f"{what}_{axis}" for axis in "XYZ") for kind, what in (("gyr", "Gyr"), ("acc", "Acc"), ("mag", "Mag"))
 }
@@ -65,7 +63,6 @@ _ATTITUDES: Final = (
 _SENSORS: Final = (*_TRIADS.values(), *_INCREMENTS.values())
 _UTC: Final = tuple(f"UTC_{part}" for part in ("Year", "Month", "Day", "Hour", "Minute", "Second", "Nano"))
 _SOURCE: Final = "the sensor's own attitude (Xsens), which is an estimate and not a reference"
-_RATE_FITS: Final = 0.1
 
 
 Columns = Mapping[str, Floats]
@@ -105,9 +102,12 @@ def _exported(file: Path) -> Recording:
     if table is None:
         raise DecodeError("it has a row of names and no row of numbers; export it again.")
     omitted = [f"left out: {column}" for column in ("FreeAcc_E", "FreeAcc_X", "Pressure") if column in there]
-    return _recording(
-        file.stem, {str(ref): values for ref, values in table.columns.items()}, _head(raw), [*table.notes, *omitted]
-    )
+    columns = {str(ref): values for ref, values in table.columns.items()}
+    text = raw[: 1 << 16].decode("utf-8-sig", "replace")
+    lines = (line[len(COMMENT) :] for line in text.splitlines()[:200] if line.startswith(COMMENT))
+    facts = (line.partition(":") for line in lines)
+    head = {key.strip().lower(): value.strip() for key, colon, value in facts if colon}
+    return _recording(file.stem, columns, head, [*table.notes, *omitted])
 
 
 def _attitude_columns(names: AbstractSet[str]) -> tuple[str, ...]:
@@ -115,20 +115,12 @@ def _attitude_columns(names: AbstractSet[str]) -> tuple[str, ...]:
     return next((columns for columns in _ATTITUDES if set(columns) <= names), ())
 
 
-def _head(raw: bytes) -> dict[str, str]:
-    """What the lines before the table say, by key in small letters."""
-    text = raw[: 1 << 16].decode("utf-8-sig", "replace")
-    lines = (line[len(COMMENT) :] for line in text.splitlines()[:200] if line.startswith(COMMENT))
-    return {
-        key.strip().lower(): value.strip() for key, colon, value in (line.partition(":") for line in lines) if colon
-    }
-
-
 def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: list[Note]) -> Recording:
     """Recording of columns by the names of an export."""
     notes: list[Note] = [info("source.mt_manager"), *left_out]
     stamps = _stamps(columns, head, notes)
-    frame = _frame(head)
+    words = head.get("coordinate system", "").split()
+    frame = Frame(words[0].upper()) if words and words[0].upper() in list(Frame) else None
     attitude = _attitude_columns(columns.keys())
     if not any(set(names) <= columns.keys() for names in _SENSORS):
         return _attitude_alone(name, columns, attitude, stamps, frame, notes)
@@ -161,14 +153,10 @@ def _attitude_alone(
         raise DecodeError(
             "it holds an attitude alone and does not say its frame; add a line '// Coordinate system: ENU'."
         )
-    line = time_line(stamps)
-    track = AttitudeTrack(
-        t=(line.t_ns - line.t_ns[0]) / 1e9, q_nb=_attitude(columns, attitude), frame=frame, north=North.MAGNETIC,
-        source=_SOURCE,
-    )  # fmt: skip
-    return Recording(
-        track=track, name=name, notes=(*notes, *line.notes, info("source.xsens_attitude", source=_SOURCE, frame=frame))
-    )
+    line, q_nb = time_line(stamps), _attitude(columns, attitude)
+    track = AttitudeTrack((line.t_ns - line.t_ns[0]) / 1e9, q_nb, frame, North.MAGNETIC, source=_SOURCE)
+    notes += [*line.notes, info("source.xsens_attitude", source=_SOURCE, frame=frame)]
+    return Recording(track=track, name=name, notes=tuple(notes))
 
 
 def _add_streams(log: SensorLog, columns: Columns, stamps: NDArray[np.int64]) -> None:
@@ -250,15 +238,10 @@ def _rate(head: Mapping[str, str]) -> float | None:
     return float(match[1]) if match and float(match[1]) > 0.0 else None
 
 
-def _frame(head: Mapping[str, str]) -> Frame | None:
-    words = head.get("coordinate system", "").split()
-    return Frame(words[0].upper()) if words and words[0].upper() in list(Frame) else None
-
-
 def _stamps(columns: Columns, head: Mapping[str, str], notes: list[Note]) -> NDArray[np.int64]:
     """Time of each row, ns, from SampleTimeFine, or from PacketCounter and the rate that the head declares."""
-    counter = _unwrapped(columns, "PacketCounter", _COUNTER_WRAPS)
-    ticks = _unwrapped(columns, "SampleTimeFine", _TIME_WRAPS)
+    counter = _unwrapped(columns, "PacketCounter", 1 << 16)
+    ticks = _unwrapped(columns, "SampleTimeFine", 1 << 32)
     rate = _rate(head)
     if counter is not None and counter.size > 1:
         steps = np.diff(counter)
@@ -267,7 +250,7 @@ def _stamps(columns: Columns, head: Mapping[str, str], notes: list[Note]) -> NDA
             notes.append(warning("reading.packets_lost", lost=lost))
     if ticks is not None:
         step = float(np.median(np.diff(ticks))) * TICK_NS / 1e9 if ticks.size > 1 else 0.0
-        if rate is not None and step > 0.0 and abs(step * rate - 1.0) > _RATE_FITS:
+        if rate is not None and step > 0.0 and abs(step * rate - 1.0) > 0.1:
             raise ClockError(
                 f"SampleTimeFine steps by {step:g} s, as its ticks are 0.1 ms, but the head says {rate:g} Hz; one of "
                 "them is wrong."

@@ -59,14 +59,6 @@ def encode(record: "McapRecord") -> bytes:
     return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
-def chunk_record(content: bytes, stored: bytes, compression: str, first: int, last: int) -> bytes:
-    """Chunk of `content`, which is `stored` compressed; `first` and `last` are log times, ns."""
-    name = compression.encode()
-    sizes = chunk_length(len(name), len(stored)), first, last, len(content), zlib.crc32(content), len(name)
-    head = CHUNK_HEAD.pack(CHUNK, *sizes)
-    return b"".join((head, name, SIZE.pack(len(stored)), stored))
-
-
 def chunk_length(name: int, stored: int) -> int:
     """Length that a chunk record states: everything after opcode and length."""
     return CHUNK_HEAD.size - RECORD_HEAD.size + name + SIZE.size + stored
@@ -280,7 +272,9 @@ def pack(chunk: OpenChunk, compression: str, compress: Compress) -> PackedChunk:
     """Join, check-sum and compress a chunk."""
     content = b"".join(chunk.pieces)
     stored = compress(content)
-    record = chunk_record(content, stored, compression, chunk.first, chunk.last)
+    name = compression.encode()
+    sizes = chunk_length(len(name), len(stored)), chunk.first, chunk.last, len(content), zlib.crc32(content), len(name)
+    record = b"".join((CHUNK_HEAD.pack(CHUNK, *sizes), name, SIZE.pack(len(stored)), stored))
     return PackedChunk(record, index_records(chunk.entries), len(content), len(stored), compression)
 
 
@@ -337,8 +331,15 @@ class PartInfo:
     @classmethod
     def parse(cls, body: bytes) -> Self | None:
         """Info from the body of a metadata record; None if it is another's record or its CRC does not hold."""
-        entries = _entries(body)
-        if entries is None or entries.pop(f"{RESERVED}crc32", None) != _checksum(entries):
+        from mcap.exceptions import McapError
+        from mcap.records import Metadata
+
+        try:
+            record = Metadata.read(_stream(body))
+        except (McapError, ValueError, struct.error):
+            return None
+        entries = dict(record.metadata)
+        if record.name != NAME or entries.pop(f"{RESERVED}crc32", None) != _checksum(entries):
             return None
         fields = {key: entries.pop(RESERVED + key) for key in _KEYS if RESERVED + key in entries}
         if len(fields) != len(_KEYS):
@@ -373,14 +374,3 @@ def _numbers(text: str) -> dict[str, int]:
 def _checksum(entries: Mapping[str, str]) -> str:
     # Keys are sorted, since a program that copies the record may order them anew.
     return f"{zlib.crc32(json.dumps(sorted(entries.items())).encode()):08x}"
-
-
-def _entries(body: bytes) -> dict[str, str] | None:
-    from mcap.exceptions import McapError
-    from mcap.records import Metadata
-
-    try:
-        record = Metadata.read(_stream(body))
-    except (McapError, ValueError, struct.error):
-        return None
-    return dict(record.metadata) if record.name == NAME else None

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from plumbob.core.errors import DecodeError
 from plumbob.core.text import counted
 from plumbob.files.mcap import layout
-from plumbob.files.mcap.layout import Channel, PartInfo
+from plumbob.files.mcap.layout import Channel
 from plumbob.files.mcap.scan import Damage, FileBytes, Identity, RowBlock, Scan, identify
 
 
@@ -99,37 +99,19 @@ class Log:
 
     def __init__(self, parts: Sequence[Identity]) -> None:
         self._parts = tuple(parts)
-        self._infos: dict[Path, PartInfo] = {part.path: part.info for part in parts if part.info is not None}
+        self.paths = tuple(part.path for part in self._parts)  # the files
+        # name of the recording; empty where it cannot be determined any more, None in files of other programs
+        self.recording = next((part.recording for part in self._parts if part.recording), self._parts[0].recording)
+        # how often a recorder was started to write it
+        self.starts = max(1, len({part.recording for part in self._parts if part.recording}))
+        self.first_info = self._parts[0].info  # what the first part says about itself
+        # what the recording's owner said of the whole
+        self.metadata: Mapping[str, str] = next((part.info.metadata for part in parts if part.info is not None), {})
         self._start()
 
     def again(self) -> "Log":
         """The same recording, to be read beside this one."""
         return Log(self._parts)
-
-    @property
-    def paths(self) -> tuple[Path, ...]:
-        """The files."""
-        return tuple(part.path for part in self._parts)
-
-    @property
-    def recording(self) -> str | None:
-        """Name of the recording; empty where it cannot be determined any more, None in files of other programs."""
-        return next((part.recording for part in self._parts if part.recording), self._parts[0].recording)
-
-    @property
-    def starts(self) -> int:
-        """How often a recorder was started to write it."""
-        return max(1, len({part.recording for part in self._parts if part.recording}))
-
-    @property
-    def first_info(self) -> PartInfo | None:
-        """What the first part says about itself."""
-        return self._parts[0].info
-
-    @property
-    def metadata(self) -> Mapping[str, str]:
-        """What the recording's owner said of the whole."""
-        return next((info.metadata for info in self._infos.values()), {})
 
     @property
     def lost(self) -> dict[str, int]:
@@ -162,7 +144,15 @@ class Log:
                     if isinstance(item, Damage):
                         self.damage.append(item)
                         continue
-                    rows = self._foreign(item) if self.recording is None else self._chunk_rows(part.path, item)
+                    of = item.channels
+                    rows = (
+                        [
+                            LogMessage(of[i], sequence, ns - of[i].epoch_offset_ns, data)
+                            for i, sequence, ns, data in item.rows
+                        ]
+                        if self.recording is None
+                        else self._chunk_rows(part.path, item)
+                    )
                     if rows:
                         yield rows
             self._end_part(part, scan)
@@ -224,13 +214,6 @@ class Log:
         self.damage[since:] = [replace(damage, certain=True) for damage in self.damage[since:]]
 
     # --- rows ---------------------------------------------------------------------------------------------------
-
-    def _foreign(self, block: RowBlock) -> list[LogMessage]:
-        rows, channels = block.rows, block.channels
-        return [
-            LogMessage(channels[number], sequence, log_time - channels[number].epoch_offset_ns, data)
-            for number, sequence, log_time, data in rows
-        ]
 
     def _chunk_rows(self, path: Path, block: RowBlock) -> list[LogMessage]:
         """Rows of a chunk, unless they have come before."""
@@ -297,12 +280,9 @@ class Log:
         """Rows that are newly known to be missing belong to the last damage that may have held rows."""
         new = {topic: count - before.get(topic, 0) for topic, count in self.missing.items()}
         new = {topic: count for topic, count in new.items() if count > 0}
-        place = (
-            next((i for i in reversed(range(self._run.damages, len(self.damage))) if not self.damage[i].certain), None)
-            if new
-            else None
-        )
-        if place is not None:
+        may_have_held = [i for i in range(self._run.damages, len(self.damage)) if not self.damage[i].certain]
+        if new and may_have_held:
+            place = may_have_held[-1]
             damage = self.damage[place]
             lost = {topic: damage.lost.get(topic, 0) + new.get(topic, 0) for topic in {**damage.lost, **new}}
             self.damage[place] = replace(damage, lost=lost)
@@ -333,20 +313,16 @@ def _other_recording(parts: Sequence[Identity]) -> Identity | None:
     for part in parts:
         if earlier and (part.recording is None or earlier[-1].recording is None):
             return part
-        if earlier and part.recording not in {"", earlier[-1].recording} and not _goes_on(earlier, part):
-            return part
+        if earlier and part.recording not in {"", earlier[-1].recording}:
+            # whether one of another name goes on from those before it; one whose beginning is damaged cannot tell
+            before, info = earlier[-1].info, part.info
+            later = info is None or before is None or info.part > before.part
+            goes_on = later and (info is None or info.follows is not None)
+            if not goes_on or part.recording in {other.recording for other in earlier}:
+                return part
         if part.recording != "":
             earlier.append(part)
     return None
-
-
-def _goes_on(earlier: Sequence[Identity], part: Identity) -> bool:
-    """Whether a part of another name goes on from those before it; one whose beginning is damaged cannot tell."""
-    before, info = earlier[-1].info, part.info
-    if part.recording in {other.recording for other in earlier}:
-        return False
-    later = info is None or before is None or info.part > before.part
-    return later and (info is None or info.follows is not None)
 
 
 def _identified(files: Sequence[Path], strict: bool) -> list[Identity]:

@@ -228,14 +228,6 @@ def next_landmark(
     return source.size, None
 
 
-def footer_after(source: FileBytes, start: int, checked: bool) -> int | None:
-    """Offset of the footer whose summary starts at `start`; None where it or the summary is damaged."""
-    for at, _ in _candidates(source, start, _ONLY_FOOTER):
-        if summary_start(source, at, checked) == start:
-            return at
-    return None
-
-
 def summary_start(source: FileBytes, footer: int, checked: bool) -> int | None:
     """Where the summary begins that a footer speaks of; None if its CRC does not hold."""
     body = source.read(footer + layout.RECORD_HEAD.size, layout.FOOTER_BODY.size)
@@ -495,12 +487,12 @@ class Scan:
         return _Chunk(parsed, after, not times or (first, last) == (min(times), max(times)))
 
     def _belongs(self, content: Content) -> None:
+        of = content.channels.values()
         if not content.rows or not content.entries.keys() <= content.channels.keys():
             raise BrokenRecordError("a chunk is not self-contained")
-        if len({channel.topic for channel in content.channels.values()}) < len(content.channels):
+        if len({channel.topic for channel in of}) < len(of):
             raise BrokenRecordError("a chunk has two channels of one topic")
-        recordings = {channel.recording for channel in content.channels.values()}
-        if self._recording and recordings != {self._recording}:
+        if self._recording and {channel.recording for channel in of} != {self._recording}:
             raise BrokenRecordError("a chunk belongs to another recording")
 
     # --- the end ------------------------------------------------------------------------------------------------
@@ -521,8 +513,9 @@ class Scan:
 
     def _summary(self, at: int) -> int:
         """Offset behind the end of the file proper, whose summary begins here."""
-        footer = footer_after(self._source, at, checked=self._ours)
-        if footer is None:
+        candidates = (place for place, _ in _candidates(self._source, at, _ONLY_FOOTER))
+        footers = (place for place in candidates if summary_start(self._source, place, self._ours) == at)
+        if (footer := next(footers, None)) is None:
             raise BrokenRecordError("the summary is damaged, or bytes follow the end")
         self.clean = True
         self.counts = rows_by_topic(self._source, at, footer) if self._ours else {}

@@ -177,7 +177,7 @@ class RecordingPart:
         self.size = 0
         self._fd = -1
         self._crc = 0
-        self._synced = (0, 0)  # size, rows
+        self.synced = (0, 0)  # size, rows
 
     def begin(self) -> None:
         """Create the file and write its beginning; leave none behind where the system refuses (OSError)."""
@@ -208,18 +208,13 @@ class RecordingPart:
             self._append(closing(self.contents, channels, self.size, self._crc))
         except OSError:
             self.size, self._crc = size, crc
-            self._cut()
+            self.cut()
             raise
 
     def sync(self) -> None:
         """Wait until the disk has everything; raises OSError if it does not take it."""
         os.fsync(self._fd)
-        self._synced = (self.size, self.contents.rows)
-
-    def cut_to_synced(self) -> None:
-        """Leave in the file only what the disk has confirmed."""
-        self.size, self.contents.rows = self._synced
-        self._cut()
+        self.synced = (self.size, self.contents.rows)
 
     def close(self, keep: bool) -> None:
         """Close the file, and remove it unless it is to be kept."""
@@ -237,12 +232,13 @@ class RecordingPart:
         try:
             write_all(self._fd, data, self.size)
         except OSError:
-            self._cut()
+            self.cut()
             raise
         self.size += len(data)
         self._crc = zlib.crc32(data, self._crc)
 
-    def _cut(self) -> None:
+    def cut(self) -> None:
+        """End the file at its size."""
         try:
             os.ftruncate(self._fd, self.size)
         except OSError:  # a disk that refuses this too keeps a torn end, which the reader knows how to leave out
@@ -529,7 +525,8 @@ class Writer:
 
     def _take_back(self, part: RecordingPart, error: OSError) -> None:
         """After a failed fsync nobody knows what the disk has: write those rows once more, elsewhere."""
-        part.cut_to_synced()
+        part.size, part.contents.rows = part.synced  # what the disk has confirmed stays in the file
+        part.cut()
         for chunk in self._unsynced:
             self.acknowledged -= chunk.rows
             for channel, low in chunk.lows.items():
