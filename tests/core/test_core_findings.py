@@ -20,7 +20,7 @@ from plumbob.core.findings import (
     warnings,
     words,
 )
-from plumbob.files.text import inline_toml
+from plumbob.files.profile import toml_value
 
 PACKAGE = Path(plumbob.__file__).parent
 
@@ -54,12 +54,12 @@ def test_it_goes_through_json_and_toml_and_is_said_once():
     written = as_findings("notes", ["by  hand"])[0]
     for finding in (gaps, fitted, written):
         assert Finding.from_dict(json.loads(json.dumps(finding.to_dict()))) == finding
-        (back,) = tomllib.loads(f"notes = [{inline_toml(finding)}]")["notes"]
+        (back,) = tomllib.loads(f"notes = [{toml_value(finding)}]")["notes"]
         assert str(note("notes[1]", back)) == str(finding)
     assert str(fitted).startswith("time: b: acc: 3 of 9 stamps repeat")
     impossible = warning("samples.field", median=float("inf"), low=22.0, high=67.0)  # JSON has no infinity
     assert json.loads(json.dumps(impossible.to_dict(), allow_nan=False))["values"]["median"] is None
-    assert tomllib.loads(f"note = {inline_toml(impossible)}")["note"]["values"]["median"] == float("inf")
+    assert tomllib.loads(f"note = {toml_value(impossible)}")["note"]["values"]["median"] == float("inf")
     assert str(written) == "by hand"
     assert warnings([gaps, written, gaps]) == (gaps,)
     assert lasting([gaps, written, fitted, written]) == (written, fitted)

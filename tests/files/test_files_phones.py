@@ -251,7 +251,7 @@ FOLDERS = sorted(path for path in (DATA / "phones").glob("*") if path.is_dir())
 
 
 @needs("phones")
-@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize("number", [0, 3])
 def test_a_real_phone_folder_agrees_with_its_own_attitude(number):
     folder = FOLDERS[number]
     recording = read(folder)

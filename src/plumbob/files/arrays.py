@@ -32,16 +32,14 @@ from plumbob.files.columns import COLUMNS, GROUPS, TIME
 from plumbob.files.text import ARRAY_NAMES, columns_of_unit, table_profile
 from plumbob.rotations import Frame
 
-PROFILE: Final = "plumbob_profile"
-"""Where a file that Plumbob wrote keeps its profile: a text in MATLAB, an attribute in NetCDF."""
+PROFILE: Final = "plumbob_profile"  # where a file keeps its profile: a text in MATLAB, an attribute in NetCDF
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 MAT5_SIGNATURE: Final = b"MATLAB 5.0"
 MAX_VARIABLES: Final = 10_000
 NUMBERS: Final = "fiub"  # kinds of NumPy's types that are numbers
 HEADER_BYTES: Final = 128
 _CHUNK_SLACK: Final = 1_000_000  # values; a writer may choose chunks larger than a short data set
-_BEGINNING_BYTES: Final = 1024
-"""Bytes of a variable in which its class, shape and name must end; of other variables no more is unpacked."""
+_BEGINNING_BYTES: Final = 1024  # in which class, shape and name must end; of other variables no more is unpacked
 _DEEPEST: Final = 6  # structs or groups in each other
 
 
@@ -104,21 +102,11 @@ _OF_8_BITS = (_INT8, 2, _UTF8)
 _DTYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 
 # Table 1-3: classes of arrays
-NUMERIC: Final = {
-    6: "double",
-    7: "single",
-    8: "int8",
-    9: "uint8",
-    10: "int16",
-    11: "uint16",
-    12: "int32",
-    13: "uint32",
-    14: "int64",
-    15: "uint64",
-}
+NUMERIC: Final = dict(
+    enumerate(("double", "single", *(f"{sign}int{bits}" for bits in (8, 16, 32, 64) for sign in ("", "u"))), 6)
+)
 _OTHER = {1: "cell", 2: "struct", 3: "object", 4: "char", 5: "sparse", 16: "function"}
 _OPAQUE = 17  # of MATLAB's own classes; it has a name of another kind
-_COMPLEX_FLAG = 0x800
 
 
 class Variable(NamedTuple):
@@ -162,10 +150,7 @@ def mat_order(raw: memoryview) -> str:
 
 
 def mat_fields(variable: Variable, order: str, room: int, depth: int = 0) -> dict[str, Variable]:
-    """Fields of a struct of one element, those of structs in it as ``a/b``; none of anything else.
-
-    `room` is the size of the file, which limits what it may unpack to; `depth`, how many structs it lies in.
-    """
+    """Fields of a struct of one element, inner ones as ``a/b``, none of anything else; the file has `room` bytes."""
     if variable.kind != "struct" or math.prod(variable.shape) != 1 or depth > _DEEPEST:
         return {}
     require_room(variable.size, room)
@@ -183,12 +168,10 @@ def mat_fields(variable: Variable, order: str, room: int, depth: int = 0) -> dic
             if part:
                 fields[name] = _variable(variable.place, content[at : at + 8 + len(part)], False, order)
             at = after
-    inner = {
-        f"{name}/{key}": value
-        for name, field in fields.items()
-        for key, value in mat_fields(field, order, room, depth + 1).items()
-    }
-    return fields | inner
+    for name, field in [*fields.items()]:
+        inner = mat_fields(field, order, room, depth + 1)
+        fields |= {f"{name}/{key}": value for key, value in inner.items()}
+    return fields
 
 
 def _variable(place: int, element: memoryview, packed: bool, order: str) -> Variable:
@@ -212,12 +195,9 @@ def _variable(place: int, element: memoryview, packed: bool, order: str) -> Vari
     kind, name, at = _part(begin, at, order)
     if kind not in (_INT8, _UTF8) or min(shape) < 0:
         raise ValueError("its name is not text, or it has a negative dimension")
-    return Variable(place, element, packed, 8 + size, str(name, "latin-1"), _kind(word), shape, at)
-
-
-def _kind(word: int) -> str:
-    kind = (NUMERIC | _OTHER).get(word & 0xFF, f"{word & 0xFF}, which does not exist")
-    return f"complex {kind}" if word & _COMPLEX_FLAG else kind
+    class_ = (NUMERIC | _OTHER).get(word & 0xFF, f"{word & 0xFF}, which does not exist")
+    class_ = f"complex {class_}" if word & 0x800 else class_
+    return Variable(place, element, packed, 8 + size, str(name, "latin-1"), class_, shape, at)
 
 
 def mat_array(variable: Variable, order: str) -> NDArray[Any]:
@@ -308,7 +288,6 @@ def write_mat(path: Path, recording: Recording, overwrite: bool = False) -> None
 
 
 _LABELS: Final = {3: ("axis", "xyz"), 4: ("component", "wxyz"), 9: ("pair", [a + b for a in "xyz" for b in "xyz"])}
-"""Dimension of a table by its width, and the labels along it."""
 _LONG_NAMES: Final = {
     "time": "time on the clock of the recording",
     "gyr": "angular rate of the body in its axes",
@@ -320,11 +299,6 @@ _LONG_NAMES: Final = {
     "score": "whether a sample counts in an evaluation",
     "mag_weight": "how far the magnetic field was believed",
 }
-_ANGLES: Final = {
-    "yaw": "platform_yaw_fore_{}",
-    "pitch": "platform_pitch_fore_{}",
-    "roll": "platform_roll_starboard_down",
-}  # standard names of the angles of a track, whose sense is that of its frame's axes
 
 
 def write_netcdf(path: Path, recording: Recording, overwrite: bool = False) -> None:
@@ -334,13 +308,8 @@ def write_netcdf(path: Path, recording: Recording, overwrite: bool = False) -> N
     imu, track, stream = recording.imu, recording.track, io.BytesIO()
     t0_ns = 0 if imu is None else imu.meta.t0_ns
     since = f"seconds since {str(np.datetime64(t0_ns, 'ns')).replace('T', ' ')}"
-    utc = {
-        "units": since,
-        "standard_name": "time",
-        "axis": "T",
-        "calendar": "standard",
-        "units_metadata": "leap_seconds: none",
-    }
+    utc = {"units": since, "standard_name": "time", "axis": "T", "calendar": "standard"}
+    utc["units_metadata"] = "leap_seconds: none"
     about: dict[str, dict[str, Any]] = {name: {"long_name": words} for name, words in _LONG_NAMES.items()}
     about |= {"time": utc} if t0_ns else {}
     for name in {"flags", "track_flags"} & tables.keys():
@@ -349,9 +318,10 @@ def write_netcdf(path: Path, recording: Recording, overwrite: bool = False) -> N
     if track is not None:
         about["q_nb"] = {"long_name": f"rotation from body axes to {track.frame}, heading from {track.north} north"}
         senses = {"yaw": "starboard", "pitch": "up"} if track.frame is Frame.NED else {"yaw": "port", "pitch": "down"}
-        for (name, standard), angle in zip(_ANGLES.items(), to_deg(track.euler_zyx).T, strict=True):
+        for name, angle in zip(("yaw", "pitch", "roll"), to_deg(track.euler_zyx).T, strict=True):
             tables[name] = angle, "degree"
-            about[name] = {"standard_name": standard.format(senses.get(name, ""))}
+            sense = f"fore_{senses[name]}" if name in senses else "starboard_down"  # that of its frame's axes
+            about[name] = {"standard_name": f"platform_{name}_{sense}"}
     with h5netcdf.File(stream, "w") as file:
         file.dimensions = {"time": len(tables["time"][0])} | {name: len(labels) for name, labels in _LABELS.values()}
         for name, labels in _LABELS.values():

@@ -245,10 +245,7 @@ def write_table(
     metadata: dict[bytes, bytes] | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write columns (N,) of numbers; the file appears whole or not at all, and keeps every bit.
-
-    `metadata` goes into a ``.parquet`` file; a ``.csv`` has no place for it. ParameterError for another suffix.
-    """
+    """Write columns (N,) of numbers, whole or not at all and to the bit; only a ``.parquet`` takes `metadata`."""
     kind = path.suffix.lower()
     if kind not in TABLES:
         raise ParameterError(f"a table ends in {' or '.join(TABLES)}, but it is {path}.")

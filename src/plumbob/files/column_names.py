@@ -44,8 +44,8 @@ _TIME: Final = re.compile(
 _COUNTER: Final = re.compile(
     r"n|i|no|nr|id|.*\b(sample|samples|count|counter|index|idx|packet|seq|sequence|row|iteration|frame)\b.*|.*序号.*"
 )
-_WEEK: Final = re.compile(r".*\bgps week\b.*|week( no\w*)?")
-_TEMPERATURE: Final = re.compile(r"t(emp)? ?c|.*\btemp(erat\w*)?\b.*|.*温度.*")
+WEEK: Final = re.compile(r".*\bgps week\b.*|week( no\w*)?")
+TEMPERATURE: Final = re.compile(r"t(emp)? ?c|.*\btemp(erat\w*)?\b.*|.*温度.*")
 _QUATERNION: Final = re.compile(r".*\b(q|quat|quaternion|orientation|attitude|rotation)\b.*|q|quat")
 _SCALAR: Final = {"w", "s", "scalar", "real"}
 _DIRECTIONS: Final = {
@@ -58,8 +58,7 @@ _ROLLS: Final = {
     "y": re.compile(rf"{_DIRECTIONS['y'].pattern}|pitch|gamma"),
     "z": re.compile(rf"{_DIRECTIONS['z'].pattern}|yaw|alpha"),
 }  # of rates also by the angle that they change, Greek ones as W3C's Device Orientation has them
-REVERSED: Final = re.compile(r"(?i)(?<![a-z])(back|aft|right|starboard|down)(?![a-z])")
-"""Directions against forward, left and up."""
+REVERSED: Final = re.compile(r"(?i)(?<![a-z])(back|aft|right|starboard|down)(?![a-z])")  # against forward, left and up
 _SUFFIXES: Final = {
     "ms2": "m/s2", "mps2": "m/s2", "mss": "m/s2", "rads": "rad/s", "radps": "rad/s", "degs": "deg/s", "ut": "uT",
     "nt": "nT", "micros": "us", "millis": "ms", "usec": "us", "msec": "ms",
@@ -122,16 +121,6 @@ class ColumnName:
         )
 
     @property
-    def is_week(self) -> bool:
-        """Whether it is the number of a GPS week."""
-        return bool(_WEEK.fullmatch(self.base))
-
-    @property
-    def is_temperature(self) -> bool:
-        """Whether it is a temperature."""
-        return bool(_TEMPERATURE.fullmatch(self.base))
-
-    @property
     def quaternion(self) -> str:
         """Which component of a quaternion it is: ``w``, ``x``, ``y``, ``z``, or a number; empty for none."""
         return self.axis if self.axis and _QUATERNION.fullmatch(self.base) else ""
@@ -163,11 +152,10 @@ def _is_word(word: re.Pattern[str], token: str, words: Sequence[str]) -> bool:
     return bool(word.fullmatch(token)) and (len(token) > 1 or len(words) == 1 or token == words[-1])
 
 
-_FOREIGN: Final = {
+_FOREIGN: Final = {  # parts of units in Chinese and Russian
     "弧度": "rad", "度": "deg", "毫": "m", "微": "u", "米": "m", "秒": "s", "特": "T", "мк": "u", "град": "deg",
     "рад": "rad", "Тл": "T", "Гс": "gauss", "м": "m", "н": "n", "с": "s",
 }  # fmt: skip
-"""Parts of units in Chinese and Russian."""
 _SPELLINGS: Final = (
     (r"[()]", ""),
     (r"[º˚]|^[?\ufffd](?=C$)", "°"),

@@ -27,11 +27,10 @@ from plumbob.rotations import Frame, North
 FORM: Final = "ISO 8601"
 _DAY_NS: Final = 86_400 * 10**9
 _EPOCH: Final = date(1970, 1, 1).toordinal()
-_MONTHS: Final = (
+_MONTHS: Final = (  # beginnings: English, German, French, Spanish, Italian, Dutch, Portuguese
     "jan|ene|gen", "feb|fév|fev", "mar|mär|mrz|maa", "apr|avr|abr", "may|mai|mei|mag", "jun|juin|giu", "jul|juil|lug",
     "aug|aoû|ago", "sep|set", "oct|okt|ott|out", "nov", "dec|déc|dez|dic",
 )  # fmt: skip
-"""How the names of months begin: English, German, French, Spanish, Italian, Dutch, Portuguese."""
 _MONTH: Final = rf"(?:{'|'.join(_MONTHS)})[^\W\d]*\.?"
 _DATE: Final = (
     r"(?P<year>\d{4})([-/])(?P<month>\d{1,2})\2(?P<day>\d{1,2})|(?P<dotted>\d{1,2}\.\d{1,2}\.\d{4})|"
@@ -42,11 +41,10 @@ _CLOCK: Final = (
     r"(?:(?P<hour>\d{1,4}):(?P<minute>\d\d):(?P<second>\d\d)(?:[.,:](?P<fraction>\d+))?|"
     r"(?P<minutes>\d{1,4}):(?P<seconds>\d\d)[.,](?P<parts>\d+))(?: *(?P<half>[ap])m)?"
 )
-_ZONES: Final = {
+_ZONES: Final = {  # h ahead of UTC; American ones by RFC 822; CST, IST and BST are several
     "Z": 0, "UTC": 0, "GMT": 0, "WET": 0, "WEST": 1, "CET": 1, "MEZ": 1, "CEST": 2, "MESZ": 2, "EET": 2, "EEST": 3,
     "MSK": 3, "JST": 9, "KST": 9, "EST": -5, "EDT": -4, "CDT": -5, "MST": -7, "MDT": -6, "PST": -8, "PDT": -7,
 }  # fmt: skip
-"""What zones with a name are ahead of UTC, h; American ones by RFC 822. CST, IST and BST are several."""
 _ZONE: Final = rf"(?P<zone>{'|'.join(_ZONES)}|(?:UTC|GMT)?[+-]\d\d?(?::?\d\d)?)(?:\[[\w/]+\])?"
 _STAMP: Final = re.compile(
     rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:T| +))?{_CLOCK} *(?:{_ZONE}|(?-i:[A-Z]{{3,4}}))?", re.IGNORECASE
@@ -110,10 +108,7 @@ class StampError(DecodeError):
 
 
 def to_seconds(columns: Sequence[Sequence[str]], zone: int | None) -> tuple[Floats, int]:
-    """Time since the first row, s, by a column of stamps or two of dates and clock times, and the start.
-
-    The start is in ns since 1970 (UTC), or 0 where that is not known. Errors as in `stamps_ns`.
-    """
+    """Times, s, by columns of stamps or of dates and clock times, and the start, ns since 1970 (UTC); 0: unknown."""
     times, absolute = stamps_ns([" ".join(cells) for cells in zip(*columns, strict=True)], zone)
     return np.array([ns - times[0] for ns in times]) / 1e9, times[0] if absolute else 0
 
@@ -236,10 +231,7 @@ def of_unit(columns: Mapping[str, NDArray[Any]], unit: str) -> Columns:
 
 
 def to_columns(recording: Recording) -> Columns:
-    """Columns of a recording, in the order of `COLUMNS`; of several units, in the order of these.
-
-    ClockError if imu and track have different time stamps.
-    """
+    """Columns of a recording, in the order of `COLUMNS`; ClockError if imu and track have different time stamps."""
     imu, track = recording.imu, recording.track
     columns: Columns = {}
     if imu is not None:
@@ -254,7 +246,13 @@ def to_columns(recording: Recording) -> Columns:
                 f"imu and track must share their time stamps in one file, but imu has {columns[TIME].size} and track "
                 f"{t_ns.size}, and they differ; write them in two files."
             )
-        columns |= {TIME: t_ns} | _track_columns(track)
+        columns[TIME] = t_ns
+        cov = None if track.cov_b is None else track.cov_b.reshape(-1, 9)
+        for group, table in (("q", track.q_nb), ("bias", track.bias_b), ("cov", cov)):
+            if table is not None:
+                columns |= zip(GROUPS[group], np.ascontiguousarray(table.T), strict=True)
+        single = {"track_flags": track.flags, "score": track.score, "mag_weight": track.mag_weight}
+        columns |= {name: values for name, values in single.items() if values is not None}
     ordered = [name for name in columns if "." in name]
     return {name: columns[name] for name in (TIME, *ordered, *COLUMNS) if name in columns}
 
@@ -310,16 +308,6 @@ def _imu_columns(imu: ImuData) -> Columns:
     if imu.temp_c is not None:
         columns["temp_c"] = imu.temp_c
     return columns
-
-
-def _track_columns(track: AttitudeTrack) -> Columns:
-    cov = None if track.cov_b is None else track.cov_b.reshape(-1, 9)
-    columns: Columns = {}
-    for group, table in (("q", track.q_nb), ("bias", track.bias_b), ("cov", cov)):
-        if table is not None:
-            columns |= zip(GROUPS[group], np.ascontiguousarray(table.T), strict=True)
-    single = {"track_flags": track.flags, "score": track.score, "mag_weight": track.mag_weight}
-    return columns | {name: values for name, values in single.items() if values is not None}
 
 
 def joined(columns: Mapping[str, NDArray[Any]], group: str) -> Floats | None:

@@ -16,7 +16,7 @@ from plumbob.core.schema import toml_text
 from plumbob.data import TRIADS, UNCALIBRATED
 from plumbob.data.cards import UNITS
 from plumbob.files.arrow import column_numbers, unpacked_bytes
-from plumbob.files.profile import NO_COLUMN
+from plumbob.files.profile import NO_COLUMN, toml_lines
 
 if TYPE_CHECKING:
     import pyarrow.parquet as pq
@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 TEXTS: Final = (".csv", ".txt")  # suffixes of tables that get their profile beside them
 TIME: Final = "t [s]"  # column of time
 KEY: Final = b"plumbob profile"  # where a Parquet table keeps its profile among its metadata
-_MOST_BYTES: Final = 4096
-"""Bytes of numbers that a byte of a Parquet file may hold, beyond what is free; a file that claims more lies."""
-_FREE_BYTES: Final = 16 * 1024 * 1024
+_MOST_BYTES: Final = 4096  # of numbers that a byte of a Parquet file may hold; a file that claims more lies
 
 
 class DecodedTable:
@@ -60,7 +58,9 @@ class DecodedTable:
         for block in self._blocks():
             if self._rows == len(next(iter(block.values()))):
                 yield ",".join(block) + "\n"
-            yield from (",".join(map(_cell, row)) + "\n" for row in zip(*block.values(), strict=True))
+            for row in zip(*block.values(), strict=True):
+                cells = ("" if v is None else f"{v:.12g}" if isinstance(v, float) else str(v) for v in row)
+                yield ",".join(cells) + "\n"
 
     def write(self, path: Path, counts: "Counts", unit: str | None, *, overwrite: bool) -> None:
         """Write all as the suffix says, described as a recording of a unit: beside a text, inside Parquet."""
@@ -109,15 +109,8 @@ class DecodedTable:
             yield columns
 
 
-def _cell(value: Any) -> str:
-    return "" if value is None else f"{value:.12g}" if isinstance(value, float) else str(value)
-
-
 def profile_text(form: "Format", message: "Message", unit: str | None, time: str) -> str:
-    """Profile of a decoded table, of a unit by its prefix, None for the first; empty where there is no triad.
-
-    `time` is the name of the column of time, s, empty where the table has none. ParameterError without such a unit.
-    """
+    """Profile of a decoded table whose time, s, is the column `time`; empty where there is no triad of a unit."""
     from plumbob.protocols.decode import format_title, prefix_by_unit
 
     units = prefix_by_unit(message)
@@ -129,33 +122,24 @@ def profile_text(form: "Format", message: "Message", unit: str | None, time: str
     titles = {field.name: format_title(field) for field in message.fields}
     titles |= {name: name for name in (f"{u}.flags".lstrip(".") for u in units)}
     prefix, what = (f"{unit}.", f"{message.name}, unit {unit}") if unit else ("", message.name)
-    lines = [
-        f"# Written by 'plumbob decode' for the table of the same name: {what}.",
-        'separator = ","',
-        f"device = {toml_text(form.name)}",
-        "unit_check = false",
-        *("", "[header]", "names = true", "", "[time]", *_time(time, form.framing.rate)),
-    ]
+    tables: dict[str, dict[str, Any]] = {}
     for triad in TRIADS:
         columns = [titles.get(f"{prefix}{triad}.{axis}", NO_COLUMN) for axis in "xyz"]
         if set(columns) != {NO_COLUMN}:
-            lines += ["", f"[{triad}]", f"columns = [{', '.join(map(toml_text, columns))}]", f'unit = "{UNITS[triad]}"']
-            lines += ['sign = "specific-force"'] if triad == "acc" else []
+            tables[triad] = {"columns": columns, "unit": UNITS[triad]}
+            tables[triad] |= {"sign": "specific-force"} if triad == "acc" else {}
     if f"{prefix}temp_c" in titles:
-        lines += ["", "[temperature]", f"column = {toml_text(titles[f'{prefix}temp_c'])}", 'unit = "degC"']
+        tables["temperature"] = {"column": titles[f"{prefix}temp_c"], "unit": "degC"}
     if f"{prefix}flags" in titles:
-        lines += ["", "[flags]", f"column = {toml_text(f'{prefix}flags')}", "words = true"]
-    return "\n".join(lines) + "\n"
-
-
-def _time(column: str, rate: float | None) -> list[str]:
-    if column:
-        return [f"column = {toml_text(column)}", 'unit = "s"']
-    if rate is not None:
-        return [f'rate = "{rate!r} Hz"  # of the device; a lost frame makes all behind it early']
-    return [
-        'rate = "?"  # frames per second, as in "100 Hz": the bytes do not say it, and decode --rate writes it here'
-    ]
+        tables["flags"] = {"column": f"{prefix}flags", "words": True}
+    top = {"separator": ",", "device": form.name, "unit_check": False}
+    lines = [f"# Written by 'plumbob decode' for the table of the same name: {what}."]
+    rate, device = form.framing.rate, "of the device; a lost frame makes all behind it early"
+    hint = 'as in "100 Hz": the bytes do not say it, and decode --rate writes it here'
+    clock = [f'rate = "?"  # frames per second, {hint}'] if rate is None else [f'rate = "{rate!r} Hz"  # {device}']
+    clock = [f"column = {toml_text(time)}", 'unit = "s"'] if time else clock
+    lines += [*toml_lines({"": top, "header": {"names": True}, "time": {}}), *clock]
+    return "\n".join([*lines, *toml_lines(tables)]) + "\n"
 
 
 def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
@@ -170,7 +154,7 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     if missing := [ref for ref in refs if ref not in parquet.schema_arrow.names]:
         raise DecodeError(f"it has no column {missing[0]}, which its own profile names; decode the bytes again.")
     rows = parquet.metadata.num_rows
-    if rows < 1 or 8 * rows * len(refs) > _FREE_BYTES + _MOST_BYTES * file.stat().st_size:
+    if rows < 1 or 8 * rows * len(refs) > (16 << 20) + _MOST_BYTES * file.stat().st_size:
         raise DecodeError(f"it claims {rows} rows in {file.stat().st_size} bytes, which cannot be; decode again.")
     require_room(unpacked_bytes(file, parquet.metadata), file.stat().st_size)
     table = parquet.read(columns=refs)

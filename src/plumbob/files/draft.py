@@ -30,7 +30,7 @@ from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import ENOUGH_EFFECTIVE, Turning, turning
 from plumbob.files.arrow import text_bytes
-from plumbob.files.column_names import REVERSED, ColumnName, canonical, named_sensor, taken_apart
+from plumbob.files.column_names import REVERSED, TEMPERATURE, WEEK, ColumnName, canonical, named_sensor, taken_apart
 from plumbob.files.columns import FORM, StampError, has_zone, is_stamp, is_time_of_day, to_seconds
 from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, GUIDE, JSON, Profile, TextLayout, parse_profile
@@ -42,8 +42,7 @@ from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axe
 _HEAD: Final = 1 << 16  # bytes in which a log that is known has its names
 _TIMES: Final = ("s", "ms", "us", "ns")
 _RATES: Final = (0.5, 50_000.0)  # sampling rates that are plausible, Hz
-_SPREADSHEET: Final = (36_526.0, 51_544.0)
-"""Days since 1899-12-30 of 2000, and of 2041; from there on they may be modified Julian days, since 2000."""
+_SPREADSHEET: Final = (36_526.0, 51_544.0)  # days since 1899-12-30 of 2000 and 2041; then they may be modified Julian
 _HUNDRED_NS: Final = ((1.2591e17, 1.5747e17), (6.3082e17, 6.6239e17))
 """Steps of 100 ns since 1601 (FILETIME) and since the year 1 (.NET), from 2000 to 2100."""
 _SAID_RATES: Final = (
@@ -60,35 +59,23 @@ _SCALES: Final = {
 }  # how lines before a table say what a count is, by the key of a profile
 _USUAL_RATES: Final = (4.0, 9000.0)  # sampling rates of inertial sensors in use, Hz
 _UNIT_NORM: Final = 0.02
-_EVEN: Final = 0.2
-"""How far nearly all steps of a column without a name are off their median, in steps, where it is surely a clock."""
+_EVEN: Final = 0.2  # how far steps of a column without a name are off their median, in steps, where it is a clock
 _MOST_SENSORS: Final = 20
 _ANGLES: Final = ("yaw", "pitch", "roll")
 _REST: Final = {"m/s2": G0, "g": 1.0, "mg": 1000.0}  # |acc| at rest, by unit
 _EARTH: Final = {"uT": (22.0, 67.0), "mgauss": (220.0, 670.0), "gauss": (0.22, 0.67), "nT": (22e3, 67e3)}
-"""The Earth's field, by unit: `plumbob.data.recording.EARTH_FIELD`."""
 _FASTEST: Final = 70.0  # beyond nearly every part, rad/s: 4000 deg/s
-_ABOUT: Final = 0.15
-"""A size at rest counts as one of a unit within this fraction; a sensor that is not calibrated errs by less."""
+_ABOUT: Final = 0.15  # fraction within which a size at rest is of a unit; an uncalibrated sensor errs by less
 _BEST: Final = 0.8  # correlation above which other axes are proposed, where the declared ones have less than half of it
 
 
 @dataclass(frozen=True, repr=False)
 class Draft(FactsText):
-    """Draft of a profile.
+    """Draft of a profile."""
 
-    Attributes
-    ----------
-    text : str
-        The profile, TOML.
-    questions : tuple of (str, str)
-        Keys that a person must answer, each with what speaks for the guess.
-    evidence : tuple of (str, str)
-        Keys that were taken because the file says so, each with why; only where guesses are accepted.
-    """
-
-    text: str
-    questions: tuple[tuple[str, str], ...]
+    text: str  # the profile, TOML
+    questions: tuple[tuple[str, str], ...]  # keys that a person must answer, each with what speaks for the guess
+    # keys that were taken because the file says so, each with why; only where guesses are accepted
     evidence: tuple[tuple[str, str], ...] = ()
 
     def facts(self) -> Mapping[str, str]:
@@ -154,7 +141,6 @@ def known_profile(file: Path) -> Profile | None:
 
 
 _DEVICE: Final = re.compile(r"\b(id|device|addr(ess)?|mac|node|serial|sensor|imu|unit|tag|name|station)\b")
-"""Words of the name of a column that says of which device a row is."""
 _NINE: Final = {"acc": 0, "gyr": 3, "mag": 6}  # where the triads begin in lines of nine, as MotionCal has them
 
 
@@ -248,8 +234,7 @@ def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str] | tu
     return []
 
 
-_ANDROID: Final = {"1": ("acc", "m/s2"), "2": ("mag", "uT"), "4": ("gyr", "rad/s")}
-"""Sensors by their types, with their units [Android, SensorEvent.values]."""
+_ANDROID: Final = {"1": ("acc", "m/s2"), "2": ("mag", "uT"), "4": ("gyr", "rad/s")}  # [Android, SensorEvent]
 
 
 def _android_units(sample: Sample, column: int, values: Sequence[int]) -> Mapping[str, tuple[str, str]]:
@@ -312,13 +297,15 @@ class _DraftWriter:
         self._clocks = self._first_of_four()
         self._time = self._time_columns()
         self._quaternion = self._quaternion_columns()
-        self._angles = () if self._quaternion else self._angle_columns()
+        bases = [re.sub("elevation", "pitch", re.sub("heading|azimuth", "yaw", part.base)) for part in self._parts]
+        angles = {name: i for i, name in enumerate(bases) if name in _ANGLES and not self._quaternion}
+        self._angles = tuple(angles[name] for name in _ANGLES) if len(angles) == len(_ANGLES) else ()
         self._plus: tuple[int, ...] = ()
         self.triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
         self.triads |= self._answered_triads()
         self.triads = {name: columns for name, columns in self.triads.items() if columns}
         self._turns = self._best_turning()
-        self._temperature = next((i for i in self._free() if self._parts[i].is_temperature), None)
+        self._temperature = next((i for i in self._free() if TEMPERATURE.fullmatch(self._parts[i].base)), None)
         self._lines: list[str] = []
         self._questions: list[tuple[str, str]] = []
         self._evidence: list[tuple[str, str]] = []
@@ -480,14 +467,6 @@ class _DraftWriter:
                     return columns
         return ()
 
-    def _angle_columns(self) -> tuple[int, ...]:
-        """Columns of yaw, pitch and roll."""
-        names = {
-            re.sub("elevation", "pitch", re.sub("heading|azimuth", "yaw", part.base)): i
-            for i, part in enumerate(self._parts)
-        }
-        return tuple(names[name] for name in _ANGLES) if set(_ANGLES) <= set(names) else ()
-
     def _is_nameless(self) -> bool:
         """Whether columns have no names, or the one of the array that they all stand in."""
         numbered = [re.fullmatch(r"(.*)\[\d+\]", name) for name in self._sample.names]
@@ -495,9 +474,10 @@ class _DraftWriter:
 
     def _named_triads(self) -> dict[str, tuple[int, ...]]:
         triads: dict[str, tuple[int, ...]] = {}
-        sets = {
-            name: [s for s in self._threes(partial(_may_be, name)) if self._is_measured(name, s)] for name in TRIADS
-        }
+        sets = {name: self._threes(partial(_may_be, name)) for name in TRIADS}
+        # that hold more than zeros, and gravity where their words do not say that they are an acceleration
+        sets = {name: [s for s in threes if np.any(self._vectors(s))] for name, threes in sets.items()}
+        sets["acc"] = [s for s in sets["acc"] if self._parts[s[0]].sensor == "acc" or self._has_gravity(s)]
         of_units = [(min(three), self._unit_of(three), name) for name, threes in sets.items() for three in threes]
         sensors = Counter(unit for unit, _ in dict.fromkeys((unit, name) for _, unit, name in sorted(of_units)))
         unit = sensors.most_common(1)[0][0] if sensors else ""  # the first one of those that have most of them
@@ -548,11 +528,6 @@ class _DraftWriter:
             for letters in ("xyz", "012", "123", "234")
             if set(letters) == set(axes) or (letters == "xyz" and set(letters) <= set(axes))
         ]
-
-    def _is_measured(self, name: str, columns: Sequence[int]) -> bool:
-        """Whether they hold more than zeros, and gravity where not their words say that they are an acceleration."""
-        needs_gravity = name == "acc" and self._parts[columns[0]].sensor != "acc"
-        return bool(np.any(self._vectors(columns))) and (not needs_gravity or self._has_gravity(columns))
 
     def _has_gravity(self, columns: Sequence[int]) -> bool:
         return self._steady(columns) and bool(_gravity_unit(self._size(columns)).unit)
@@ -741,7 +716,7 @@ class _DraftWriter:
         if len(refs) == 2:
             self._set("seconds", refs[1], "whole seconds, to which it is added", ask=True, sure=True)
         self._write_scale(part)
-        weeks = [i for i, other in enumerate(self._parts) if other.is_week and "tow" in part.base]
+        weeks = [i for i, other in enumerate(self._parts) if WEEK.fullmatch(other.base) and "tow" in part.base]
         if weeks:
             self._set("week", self._ref(weeks[0]), "the GPS week that the time is of", ask=True, sure=True)
         seconds = self._numbers[self._time[1]][0] if len(refs) == 2 else 0.0
@@ -762,8 +737,8 @@ class _DraftWriter:
     def _write_reference(self) -> None:
         """Write the attitude that stands beside, or alone."""
         frame = self._answers.get("reference.frame") or self._answers.get("frame")
-        known = frame is not None or (self._known is not None and "reference.frame" in self._known.answers)
-        if self.triads and self._accept and not known:
+        has_frame = frame is not None or (self._known is not None and "reference.frame" in self._known.answers)
+        if self.triads and self._accept and not has_frame:
             return  # an attitude in no known frame is nothing that could be compared with
         self._open("reference")
         columns = tuple(map(self._ref, self._quaternion or self._angles))
@@ -810,7 +785,11 @@ class _DraftWriter:
             if self._plus and "user" in part.base and guess.unit == "g":  # [Apple, CMDeviceMotion]: gravity points down
                 self._set("sign", "gravity", "user acceleration and gravity, as iOS has them", ask=True, sure=True)
             else:
-                self._set("sign", "specific-force", self._sign_told(columns, zero), ask=True)
+                mean = np.nan_to_num(self._vectors(columns) - zero).mean(axis=0)
+                axis = int(np.argmax(np.abs(mean)))
+                up = f"right if {'xyz'[axis]} points {'up' if mean[axis] > 0.0 else 'down'} here"
+                why = f"{up}, where it reads {mean[axis]:.3g}; otherwise 'gravity'"
+                self._set("sign", "specific-force", why, ask=True)
         if name == "gyr" and self._turns[0] != AS_MOUNTED and not self._accept:
             self._write_axes(signed_axes(self._turns[0]))
 
@@ -931,12 +910,6 @@ class _DraftWriter:
         fits = {axes: _turning_fit(t, in_body_axes(axes, rates), force) for axes in map(axes_letters, every_axes())}
         axes, best = max(fits.items(), key=lambda fit: fit[1].correlation if fit[1] else 0.0)
         return (axes, best) if best is not None and best.tells and best.correlation > _BEST else (AS_MOUNTED, mounted)
-
-    def _sign_told(self, columns: Sequence[int], zero: float) -> str:
-        mean = np.nan_to_num(self._vectors(columns) - zero).mean(axis=0)
-        axis = int(np.argmax(np.abs(mean)))
-        up = "up" if mean[axis] > 0.0 else "down"
-        return f"right if {'xyz'[axis]} points {up} here, where it reads {mean[axis]:.3g}; otherwise 'gravity'"
 
 
 def _turning_fit(t: Floats, rates: Floats, force: Floats) -> Turning | None:

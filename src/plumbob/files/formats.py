@@ -85,7 +85,6 @@ def _foreign(name: str, module: str, *suffixes: str, takes_unit: bool = False, m
 
 
 _IN_MEMORY: Final = 2 << 30  # bytes of a log at most that is kept in memory while it is searched
-
 FORMATS: Final = (
     FileFormat(
         "native", (".parquet",), "parquet.read_parquet", takes_in_memory=True,
@@ -154,7 +153,6 @@ _ALONE: Final = {
     suffix[1:]: kind for kind in FORMATS if not (kind.accepts or kind.takes_profile) for suffix in kind.suffixes
 }  # suffixes that other packages cannot have, because what ends so is of that format, whatever is in it
 EXTENSIBLE: Final = ExtensibleTable[FileFormat]("file", lambda: _ALONE, _of_package)
-"""Formats of other packages by their suffixes; `plumbob.register` adds to them."""
 
 
 def _of_suffix(suffix: str) -> Iterator[FileFormat]:
@@ -174,28 +172,9 @@ def read(
     whole: bool = True,
     unit: str | None = None,
 ) -> Recording:
-    """Read a recording; its notes also say what was found in the data (`plumbob.data.recording`).
+    """Read a recording, as `plumbob.read`, or files of one with a sensor each; notes say what was found in it.
 
-    Parameters
-    ----------
-    path : path or sequence of paths
-        The file, whose suffix says the format; or files of one recording, with a sensor each.
-    profile : Profile or path, optional
-        For text files: what they do not say about themselves.
-    whole : bool
-        Whether all is to be in memory; without it, the samples of a native recording that has no attitude stay in their
-        file, and are read part by part.
-    unit : str, optional
-        One of several units, by name or number from 1.
-
-    Raises
-    ------
-    DecodeError
-        If there is no such file, its suffix is unknown, or it is not what it claims to be.
-    ParameterError
-        If a profile is given for a file that describes itself, or there is no such unit.
-    UnitError, ClockError, ShapeError, FrameError
-        If its numbers cannot be what they are declared to be.
+    Unless `whole`, samples of a native recording that has no attitude stay in their file, and are read part by part.
     """
     if isinstance(path, Sequence) and not isinstance(path, str):
         return _together(path, profile)
@@ -272,20 +251,16 @@ def write(
     if writer is None:
         if not any(_of_suffix(suffix)):
             raise _unknown(file)
-        raise DecodeError(f"{file}: {file.suffix} is not among {', '.join(_writable())}; plumbob.convert writes more.")
-    recording = _recording(what, file.stem)
+        listed = ", ".join(written for kind in FORMATS for written, _ in kind.writers)
+        raise DecodeError(f"{file}: {file.suffix} is not among {listed}; plumbob.convert writes more.")
+    parts: dict[str, type[Any]] = {"array": ImuArray, "imu": ImuData, "track": AttitudeTrack}
+    part = {key: what for key, kind in parts.items() if isinstance(what, kind)}
+    if part:
+        recording = Recording(name=file.stem, **part)
+    else:
+        recording = check.kind("what", what, Recording, hint="An ImuData or an AttitudeTrack will do, too.")
     _named(writer)(file, replace(recording, notes=(*recording.notes, *added)), overwrite)
     return file
-
-
-def _recording(what: Recording | ImuData | ImuArray | AttitudeTrack, name: str) -> Recording:
-    if isinstance(what, ImuArray):
-        return Recording(array=what, name=name)
-    if isinstance(what, ImuData):
-        return Recording(imu=what, name=name)
-    if isinstance(what, AttitudeTrack):
-        return Recording(track=what, name=name)
-    return check.kind("what", what, Recording, hint="An ImuData or an AttitudeTrack will do, too.")
 
 
 def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFormat:
@@ -365,10 +340,6 @@ def suffixes() -> Sequence[str]:
     """Suffixes of all formats; those of other packages come last."""
     listed = dict.fromkeys(suffix for kind in FORMATS for suffix in kind.suffixes if suffix)
     return list(listed | dict.fromkeys(f".{name}" for name in EXTENSIBLE.added()))
-
-
-def _writable() -> list[str]:
-    return [suffix for kind in FORMATS for suffix, _ in kind.writers]
 
 
 def is_own(path: Path) -> bool:

@@ -118,14 +118,12 @@ def _array(units: tuple[dict[str, Any], ...]) -> dict[str, tuple[ImuMeta, UnitMo
 
 
 META: Final = schema.table(ImuMeta, required=[key for key in schema.keys(ImuMeta) if not key.endswith("_left")])
-"""Parser of the meta of samples; older recordings do not have what a calibration leaves."""
 _TRACK: Final = {"frame": schema.converted(Frame.parse), "north": schema.converted(North.parse), "source": schema.text}
 TRACK: Final = schema.form(_TRACK, _TRACK)  # parser of frame, heading reference and source of a track
 _NOISE: Final = schema.optional(lambda where, value: NoiseCard.from_text(json.dumps(value), where))
 _MOUNT: Final = schema.table(UnitMount, required=("q_bs", "lever_b", "clock_offset", "noise"), noise=_NOISE)
 _UNIT: Final = {"name": schema.text, "imu": META, "mount": _MOUNT}
 ARRAY: Final = schema.converted(_array, schema.tables(schema.form(_UNIT, _UNIT)))
-"""Parser of the meta and the mount of each unit of an array, by name."""
 _HEADER: Final = {
     "kind": schema.text,
     "format_version": schema.whole(),

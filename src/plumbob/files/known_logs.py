@@ -35,14 +35,9 @@ class KnownLog:
         if not isinstance(answer, str) or "{" not in answer:
             return answer
         said = sample.facts[answer.strip("{}")]
-        if answer == "{orientation}":
-            return _axes(said)
+        if answer == "{orientation}":  # body axes, whose lower case turns the sign [Gyroflow]
+            return " ".join(f"{'-' if letter.islower() else ''}{letter.lower()}" for letter in said)
         return float(said) if re.fullmatch(r"[-+.\deE]+", said) else said.split()[0]
-
-
-def _axes(orientation: str) -> str:
-    """Body axes of Gyroflow's orientation, whose lower case turns the sign [Gyroflow]."""
-    return " ".join(f"{'-' if letter.islower() else ''}{letter.lower()}" for letter in orientation)
 
 
 KNOWN: Final = (

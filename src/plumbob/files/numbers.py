@@ -27,7 +27,6 @@ from plumbob.files.profile import GUIDE
 from plumbob.files.text_table import single_blanks
 
 CHUNK: Final = 1 << 20  # bytes that are read at once; a line longer than these must be the only one
-
 _BOM: Final = b"\xef\xbb\xbf"
 _TWO_OR_ONE = re.compile(rb"\s*[-+]?\d+,\d+\s*")
 _ADVICE: Final = (
@@ -216,11 +215,10 @@ def _strict_cells(cells: list[bytes], line: int, before: int = 0) -> list[float]
     return values
 
 
-RAW: Final[dict[str, str]] = {
+RAW: Final[dict[str, str]] = {  # types of raw values by names that are suffixes, too
     "f32": "<f4", "f64": "<f8", "i8": "<i1", "i16": "<i2", "i32": "<i4", "i64": "<i8", "u8": "<u1", "u16": "<u2",
     "u32": "<u4",
 }  # fmt: skip
-"""Types of raw values by their names, which are also suffixes."""
 
 
 @dataclass(frozen=True)
@@ -311,16 +309,8 @@ class Numbers:
     kind: str  # ``"npy"``, ``"text"`` or the type of raw values
     size: int  # length of the file, bytes
     source: Binary | Text = field(repr=False)  # how it is read
-
-    @property
-    def columns(self) -> int:
-        """Numbers in a row."""
-        return self.source.columns
-
-    @property
-    def notes(self) -> tuple[Finding, ...]:
-        """What was left out, in words."""
-        return self.source.notes
+    columns: int  # numbers in a row
+    notes: tuple[Finding, ...]  # what was left out
 
     def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[Floats]:
         """Read the file from its start, some megabytes at a time; `progress` gets how many of `size` bytes are done."""
@@ -355,11 +345,19 @@ class Numbers:
 
 
 def open_numbers(path: str | os.PathLike[str], *, kind: str | None = None, columns: int | None = None) -> Numbers:
-    """Open a file of numbers: ``.npy``, raw little-endian values (``.f32``, ``.i16``, …) or a text.
+    """Open a file of numbers.
 
-    A text has numbers between blanks, commas or semicolons, one row a line or all on one line (one column unless
-    `columns` says more), and comment lines that begin with # or %. `kind` is ``"npy"``, ``"text"`` or a raw type, where
-    the suffix does not say it; `columns`, which raw values need, are the numbers in a row.
+    Parameters
+    ----------
+    path : path
+        NumPy's ``.npy``; raw little-endian values, where the suffix (``.f32``, ``.i16``, …) or `kind` says their type;
+        or text: numbers between blanks, commas or semicolons, one row a line or all on one line, with lines of comment
+        that begin with # or %.
+    kind : str, optional
+        ``"npy"``, ``"text"`` or a raw type, where the suffix does not say it.
+    columns : int, optional
+        Numbers in a row: needed for raw values; elsewhere the file must agree. A text of a single line is one column
+        without it.
     """
     file = existing_file(path)
     kind = _kind(file, kind)
@@ -374,7 +372,7 @@ def open_numbers(path: str | os.PathLike[str], *, kind: str | None = None, colum
             source = open_text(file, columns)
         else:
             source = open_npy(file, columns) if kind == "npy" else open_raw(file, kind, columns)
-    return Numbers(file, kind, size, source)
+    return Numbers(file, kind, size, source, source.columns, source.notes)
 
 
 def _kind(file: Path, kind: str | None) -> str:

@@ -61,10 +61,7 @@ LARGEST: Final = 1 << 20  # rows of a group at most
 
 
 def write_parquet(path: Path, parts: Recording | Iterable[Recording], overwrite: bool = False) -> None:
-    """Write a native recording, or consecutive parts of it, none of which is kept; errors as of `plumbob.write`.
-
-    The final name appears only when the file is complete; what the header says is taken from the last part.
-    """
+    """Write a native recording, or parts of it, none of which is kept; the last part's header is that of all."""
     with replacing(path, overwrite=overwrite, seeks=True) as temporary, closing(_RowGroupWriter(temporary)) as writer:
         for recording in (parts,) if isinstance(parts, Recording) else parts:
             columns = to_columns(recording)
@@ -142,10 +139,7 @@ class _RowGroupWriter:
 
 
 def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
-    """Read a native recording, or a table that carries its profile or has one; what is damaged is a DecodeError.
-
-    Unless `in_memory`, samples without an attitude stay in their file.
-    """
+    """Read a native recording, whose samples may stay in the file, or a table that carries its profile or has one."""
     file = existing_file(path)
     with reading(file), _open(file) as parquet:
         metadata = parquet.metadata.metadata or {}
@@ -197,8 +191,7 @@ def _of_all(name: str) -> property:
 class Stored(ImuData):
     """Samples of a native recording that stay in their file: a part is in memory while it is looked at.
 
-    Slices that follow each other are read once; what has a value of every sample is read whenever it is asked for, but
-    for the flags: they are four bytes a sample, come from all triads, and are asked for again and again.
+    Slices that follow each other are read once; flags too, which are small and asked for again and again.
     """
 
     _file: Path

@@ -5,7 +5,7 @@ An unknown key, a missing unit or a wrong type is an error that says so.
 
 import codecs
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -17,9 +17,9 @@ import numpy as np
 from plumbob.core import schema
 from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt
 from plumbob.core.files import reading, sidecars, text_of
-from plumbob.core.findings import Finding, note
+from plumbob.core.findings import TEXT, Finding, note
 from plumbob.core.resources import guide
-from plumbob.core.schema import Parse
+from plumbob.core.schema import Parse, toml_text
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity
 from plumbob.data import TRIADS, ImuMeta, Range
@@ -40,24 +40,14 @@ def columns(*sizes: int) -> Parse:
     return schema.described(parse, **schema.json_schema(parse) | {"type": ["array", "string"]})
 
 
-ColumnRef = Annotated[int | str, COLUMN]
-"""A column by its number, counted from 1, or by its name; one of an array as ``"imu/gyr[1]"``, counted from 1 too."""
-
+ColumnRef = Annotated[int | str, COLUMN]  # number, from 1, or name, as ``"imu/gyr[1]"`` of an array
 NO_COLUMN: Final = "none"  # stands for the column of an axis that the sensor does not have
-
 QUOTED: Final = "quoted"  # separator of cells in quotes with commas between them, as decimal commas need it
-
 JSON: Final = "json"  # separator of objects of JSON, whose keys are the names of columns
-
 BLANK: Final = "blank"  # separator of rows in which each single blank is one, so that cells may be empty
-
 AS_MOUNTED: Final = "x y z"  # axes that change nothing
-
 SEPARATORS: Final = {"tab": "\t", "\\t": "\t", **{word: word for word in (*",;| \t", BLANK, QUOTED, JSON)}}
-"""Separators by the names that a profile may give them."""
-
-ORDERS: Final = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}
-"""How the columns of an attitude are ordered, and how many there are."""
+ORDERS: Final = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}  # of the columns of an attitude
 
 
 def _encoding(name: str) -> str:
@@ -142,14 +132,10 @@ class TimeColumn:
 
 @dataclass(frozen=True, slots=True)
 class TimeStamps:
-    """Time from dates and clock times (ISO 8601).
+    """Time from dates and clock times (ISO 8601)."""
 
-    `columns`: one column, or two: dates, and clock times; `zone`: what the clock is ahead of UTC, ns, where the cells
-    do not say so.
-    """
-
-    columns: tuple[ColumnRef, ...]
-    zone: int | None = None
+    columns: tuple[ColumnRef, ...]  # one column, or two: dates, and clock times
+    zone: int | None = None  # what the clock is ahead of UTC, ns, where the cells do not say so
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,20 +251,14 @@ class Profile:
 _MIRRORED: Final = 'axes and mirrored = true in its own table, as in [mag] axes = "x y -z"'
 GUIDE: Final = guide("file-formats.md")
 VERSION: Final = 1
-
 _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}
 _META = schema.keys(ImuMeta, *(f"{name}_range" for name in TRIADS))
-"""Parsers of what a profile says of the samples as `ImuMeta` has it."""
 _INNER = {"bias": 3, "covariance": 9}
 _LAYOUT = ("separator", "decimal", "thousands", "encoding", "comment", "missing", "rows", "cells")
 
 
 def load_profile(path: str | Path) -> Profile:
-    """Read a profile.
-
-    DecodeError if it is not TOML, or a key is unknown, missing or of the wrong type; UnitError or FrameError if a unit,
-    body axes, a frame or a heading reference is.
-    """
+    """Read a profile; DecodeError, UnitError or FrameError for what is unknown, missing or of the wrong type."""
     text = text_of(path, "profile")
     with reading(Path(path)):
         return parse_profile(text, origin=Path(path).name)
@@ -608,4 +588,25 @@ _KEYS: Final = {
 _TEXT_PROFILE: Final = _form(_KEYS, ("separator", "header", "time"), name="profile")
 _STREAMS: Final = schema.tables(schema.mapping(schema.anything))
 PROFILE: Final = _form(_KEYS, ("time",), name="profile")
-"""Parser of the outermost table of a profile of arrays, and what JSON Schema says of any profile."""
+
+
+def toml_lines(tables: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Lines of TOML: keys by table, the outermost called ""; those without a value are left out."""
+    for name, keys in tables.items():
+        yield from ("", f"[{name}]") if name else ()
+        yield from (f"{key} = {toml_value(value)}" for key, value in keys.items() if value is not None)
+
+
+def toml_value(value: Any) -> str:
+    """A value in TOML: of findings, a text that somebody wrote is a string, any other a table."""
+    if isinstance(value, Finding) and value.code == TEXT:
+        return toml_text(str(value))
+    if isinstance(value, Finding):
+        parts = ", ".join(f"{name} = {toml_value(v)}" for name, v in value.values.items() if v is not None)
+        head = f"code = {toml_text(value.code)}, severity = {toml_text(value.severity)}"
+        return f"{{ {head}, values = {{ {parts} }}, text = {toml_text(str(value))} }}"
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(toml_value, value))}]"
+    return (
+        str(value).lower() if isinstance(value, bool) else toml_text(value) if isinstance(value, str) else repr(value)
+    )

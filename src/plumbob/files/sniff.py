@@ -69,8 +69,8 @@ SENTENCES: Final = {
     "VNIMU": (*_NINE, "temp (degC)", "pressure (kPa)"),
     "YPR": ("yaw (deg)", "pitch (deg)", "roll (deg)"),
 }  # fields of sentences whose makers publish them: VectorNav's (UM001, output formats), and those of Razor's firmware
+# what a log or a prompt writes before the first number of a row
 _WORDS_BEFORE: Final = re.compile(r"(?!.*\d:\d\d)(.*?[^\w\s.+-]\s*|.*[^\W\d].*?\s)(?=[-+.\d])")
-"""What a log or a prompt writes before the first number of a row."""
 _UNIT_CELL: Final = re.compile(r"[\[(].*[\])]")
 
 
@@ -136,7 +136,12 @@ def read_sample(path: Path) -> Sample:
     tried = lines[:TRIED]
     tables = [table for sep, decimal in _LAYOUTS if (table := _table(tried, sep, decimal)).rows]
     most = max((len(table.rows) for table in tables), default=0)
-    named = [table for table in tables if len(table.rows) > most - FEWEST and _is_named(lines, table)]
+    named = []  # under a row of names, where only single cells of rows are words
+    for table in (table for table in tables if len(table.rows) > most - FEWEST):
+        names = _headed(lines, table, "utf-8").names
+        is_known = 2 * _known_names(names) >= len(names) and len({*names}) > len("xy")
+        if is_known and 4 * table.readable > 3 * len(table.rows) * len(table.rows[0]):
+            named.append(table)
     best = max(named or tables, key=lambda table: table.score, default=_SniffedTable(",", ".", 0, [], 0, []))
     if not named and (kinds := _worded(lines, encoding)):
         return replace(kinds[0], others=tuple(kinds[1:]))
@@ -201,13 +206,6 @@ def _row_of_names(lines: Sequence[str], row: int, table: _SniffedTable) -> tuple
     cells = _cells(line, table.separator, 0)
     names = _names(cells, replace(table, rows=below[:FEWEST])) if len(counts) == FEWEST else ()
     return names if 2 * _known_names(names) >= len(names) else ()
-
-
-def _is_named(lines: Sequence[str], table: _SniffedTable) -> bool:
-    """Whether a row of names stands above a table, and only single cells of its rows are words."""
-    names = _headed(lines, table, "utf-8").names
-    is_known = 2 * _known_names(names) >= len(names) and len({*names}) > len("xy")
-    return is_known and 4 * table.readable > 3 * len(table.rows) * len(table.rows[0])
 
 
 def _of_channels(text: str, sample: Sample) -> Sample | None:
@@ -546,10 +544,7 @@ def _known_names(names: Iterable[str]) -> int:
 
 
 def _names(cells: Sequence[str], table: _SniffedTable) -> tuple[str, ...]:
-    """Names of columns where a row before a table holds them; nothing where they cannot belong to its columns.
-
-    A row with one name less or more than the table has columns begins or ends elsewhere: by what rises as time does.
-    """
+    """Names of columns in a row before a table, moved by one where the columns that rise as time does say so."""
     names, width = tuple(cell.strip() for cell in cells), len(table.rows[0])
     short = width - len(names)
     words = [name for name in names if re.search(r"[^\W\d]", name) and not _is_number(name)]

@@ -30,15 +30,13 @@ WEEK: Final = 604_800  # seconds
 _PERIODS_NS: Final = {"midnight": 86_400e9, "the end of the week": WEEK * 1e9}
 CENTURY: Final = (946_684_800.0, 4_102_444_800.0)  # unix time of 2000 and of 2100, s
 _GPS_EPOCH: Final = 315_964_800
-_LEAPS: Final = (
+_LEAPS: Final = (  # GPS time, s, when a leap second was added (IERS Bulletin C; none since 2017)
     46828800, 78364801, 109900802, 173059203, 252028804, 315187205, 346723206, 393984007, 425520008, 457056009,
     504489610, 551750411, 599184012, 820108813, 914803214, 1025136015, 1119744016, 1167264017,
 )  # fmt: skip
-"""GPS time, s, at which a leap second had been added to UTC (IERS Bulletin C; none since 2017)."""
 
 
-_JITTERING: Final = 0.25
-"""Share of the steps that go back where stamps jitter by a whole step (standard deviation, Gaussian: 0.24)."""
+_JITTERING: Final = 0.25  # share of steps back where stamps jitter by a step (Gaussian deviation: 0.24)
 
 
 class SampleTimes(NamedTuple):
@@ -48,10 +46,6 @@ class SampleTimes(NamedTuple):
     notes: tuple[Finding, ...]
 
 
-def _row(row: int) -> str:
-    return f"row {row + 1}"
-
-
 def falls(times: Floats) -> bool:
     """Whether a clock goes back from the first row to the last, in several steps: the newest row stands first."""
     steps = np.diff(times if times.size and times[-1] < times[0] else times[:0])
@@ -59,12 +53,9 @@ def falls(times: Floats) -> bool:
 
 
 def time_line(
-    stamps: Floats | NDArray[np.int64], unit_ns: float = 1.0, place: Callable[[int], str] = _row
+    stamps: Floats | NDArray[np.int64], unit_ns: float = 1.0, place: Callable[[int], str] = lambda row: f"row {row + 1}"
 ) -> SampleTimes:
-    """Times of samples by their stamps (N,) in the order of the samples, in units of `unit_ns` ns.
-
-    `place` says where a row is. ClockError if a stamp is not a number, all are one, or time begins again.
-    """
+    """Times of samples by their stamps (N,), in units of `unit_ns` ns; ClockError if time begins again."""
     if not np.isfinite(stamps).all():
         raise ClockError(f"{place(int(np.argmin(np.isfinite(stamps))))} has no time stamp.")
     zero = stamps[0] if stamps.size else 0
@@ -154,8 +145,7 @@ def _even(t_ns: NDArray[np.int64], place: Callable[[int], str]) -> tuple[NDArray
 def without_leaps(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
     """Stamps (N,) of which those that leap far off their neighbours lie between these, and how many do.
 
-    They are damaged: more than a gap away from neighbours that are within a gap of each other, or more than half of the
-    longest possible recording away from the median. Their samples are kept.
+    Far is a gap off neighbours within a gap of each other, or half of the longest possible recording off the median.
     """
     if stamps.size < 3:
         return stamps, 0

@@ -8,7 +8,7 @@ import codecs
 import csv
 import math
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from fnmatch import fnmatch
@@ -24,8 +24,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError, ParameterError, UnknownFormatError, excerpt
 from plumbob.core.files import as_list, existing_file, reading, replacing_all, sidecars, text_of
-from plumbob.core.findings import TEXT, Finding, Note, Value, as_findings, info, lasting, warning
-from plumbob.core.schema import toml_text
+from plumbob.core.findings import Finding, Note, as_findings, info, lasting, warning
 from plumbob.core.text import visible
 from plumbob.core.time import interpolated, to_ns, to_s
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
@@ -48,6 +47,7 @@ from plumbob.files.profile import (
     TimeStamps,
     load_profile,
     profiles_beside,
+    toml_lines,
 )
 from plumbob.files.stamps import CENTURY, WEEK, falls, time_line, utc_of_gps
 from plumbob.files.text_table import TextTable, read_table
@@ -62,16 +62,11 @@ from plumbob.rotations import (
 )
 
 _FIRST_LINE_BYTES = 4096
-_UPTIME = float(1 << 22)
-"""48 days, s: whole multiples of it are left out of a clock that began at an unknown instant, in each file alike."""
+_UPTIME = float(1 << 22)  # 48 days, s: multiples are left out of a clock that began at an unknown instant
 
 
 def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | Path | None = None) -> Recording:
-    """Read a CSV or TXT file, or several with a sensor each; without a profile, ``NAME.toml`` beside it is taken.
-
-    DecodeError without a profile that fits it; UnitError if values cannot be in the declared units; ClockError if time
-    is missing or begins again, or sensors do not overlap; ShapeError if a declared triad holds no number.
-    """
+    """Read a CSV or TXT file, or several with a sensor each; without a profile, ``NAME.toml`` beside it is taken."""
     files = [existing_file(item) for item in as_list(path)]
     declared, note = text_profile(files[0], profile)
     if declared.arrays:
@@ -306,10 +301,7 @@ def to_vectors(group: GroupSource, table: TextTable, turn: str | None) -> Floats
 
 
 def _undelayed(t: Floats, values: Floats, delay: float) -> Floats:
-    """Values (N, 3) at the times of their rows, where they came `delay` late, by straight lines between known ones.
-
-    A slower sensor keeps its rate; what lies in a gap of an axis, or outside the recording, is NaN.
-    """
+    """Values (N, 3) at the times of their rows, where they came `delay` late; NaN in a gap of an axis and outside."""
     if delay == 0.0:
         return values
     t_ns, shifted = to_ns(t), np.full_like(values, np.nan)
@@ -386,8 +378,7 @@ def read_spans(path: str | Path) -> dict[str, tuple[float, float]]:
 
 
 _FORMULA: Final = ("=", "+", "-", "@")
-ARRAY_NAMES: Final = {"q": "q_nb", "bias": "bias_b", "cov": "cov_b"}
-"""What the table of a group of columns is called among named arrays, where not as the group is."""
+ARRAY_NAMES: Final = {"q": "q_nb", "bias": "bias_b", "cov": "cov_b"}  # tables of groups among named arrays
 _PLACES: Final = (
     dict(zip(COLUMNS, COLUMNS, strict=True))
     | {
@@ -454,92 +445,47 @@ def _title(name: str) -> str:
 
 def table_profile(recording: Recording, columns: Columns, *, arrays: bool = False) -> str:
     """Profile that reads columns back: from a CSV file, or from the named arrays that they are in."""
-    lines = [f"# Reads the {'arrays' if arrays else 'CSV file'} of the same name. SI and radians, uT, degC."]
-    lines += ["format_version = 1"]
-    lines += ["arrays = true"] if arrays else ['separator = ","', 'comment = "#"', f"rows = {columns[TIME].size}"]
-    if recording.imu is not None:
-        lines += _meta(plain_meta(recording.imu.meta))
-    lines += [f"notes = [{', '.join(map(inline_toml, stored_notes(recording)))}]"]
-    lines += [] if arrays else ["", "[header]", "names = true"]
-    names = _PLACES if arrays else {name: _title(name) for name in COLUMNS}
-    lines += ["", "[time]", f"column = {toml_text(names[TIME])}", 'unit = "s"']
-    if recording.imu is not None:
-        lines += _samples(recording.imu, names)
-    if recording.track is not None:
-        lines += _reference(recording.track, names)
-    return "\n".join([*lines, ""])
+    imu, track, names = recording.imu, recording.track, _PLACES if arrays else {name: _title(name) for name in COLUMNS}
+    listed = {group: [names[name] for name in of] for group, of in GROUPS.items()}
+    layout = {"arrays": True} if arrays else {"separator": ",", "comment": "#", "rows": columns[TIME].size}
+    top: dict[str, Any] = {"format_version": 1, **layout}
+    tables: dict[str, dict[str, Any]] = {"": top} | ({} if arrays else {"header": {"names": True}})
+    tables["time"] = {"column": names[TIME], "unit": "s"}
+    if imu is not None:
+        meta = plain_meta(imu.meta)
+        top |= {"device": meta.device, "axes": meta.axes, "axes_applied": True, "t0_ns": meta.t0_ns}
+        keys = ("unit_check", "frame", "north", "calibration", *(f"{name}_left" for name in TRIADS))
+        top |= {key: getattr(meta, key) for key in keys}
+        for key, unit in (("declination", "rad"), ("rate_nominal", "Hz")):
+            top[key] = _sized(getattr(meta, key), unit)
+        for name in imu.triads:
+            full_scale = _sized(getattr(meta, f"{name}_range"), UNITS[name])
+            tables[name] = {"columns": listed[name], "unit": UNITS[name], "range": full_scale}
+            tables[name] |= {"sign": "specific-force"} if name == "acc" else {}
+        if imu.temp_c is not None:
+            tables["temperature"] = {"column": names["temp_c"], "unit": "degC"}
+        tables["flags"] = {"column": "flags"}
+    top["notes"] = stored_notes(recording)
+    if track is not None:
+        reference = {"columns": listed["q"], "order": "wxyz", "frame": track.frame, "north": track.north}
+        beside: dict[str, tuple[Any, str]] = {"flags": (track.flags, "track_flags")}
+        beside |= {"score": (track.score, "score"), "mag_weight": (track.mag_weight, "mag_weight")}
+        tables["reference"] = reference | {"source": track.source}
+        tables["reference"] |= {key: name for key, (values, name) in beside.items() if values is not None}
+        if track.bias_b is not None:
+            tables["reference.bias"] = {"columns": listed["bias"], "unit": UNITS["gyr"]}
+        if track.cov_b is not None:
+            tables["reference.covariance"] = {"columns": listed["cov"], "angle_unit": "rad"}
+    head = f"# Reads the {'arrays' if arrays else 'CSV file'} of the same name. SI and radians, uT, degC."
+    return "\n".join([head, *toml_lines(tables), ""])
 
 
-def _meta(meta: ImuMeta) -> Iterator[str]:
-    yield f"device = {toml_text(meta.device)}"
-    yield f"axes = {toml_text(meta.axes)}"
-    yield "axes_applied = true"
-    yield f"t0_ns = {meta.t0_ns}"
-    yield f"unit_check = {str(meta.unit_check).lower()}"
-    for key in ("frame", "north", "calibration", *(f"{name}_left" for name in TRIADS)):
-        if (value := getattr(meta, key)) is not None:
-            yield f"{key} = {toml_text(value) if isinstance(value, str) else list(value)}"
-    if meta.declination is not None:
-        yield f'declination = "{meta.declination!r} rad"'
-    if meta.rate_nominal is not None:
-        yield f'rate_nominal = "{meta.rate_nominal!r} Hz"'
-
-
-def _samples(imu: ImuData, names: Mapping[str, str]) -> Iterator[str]:
-    meta = plain_meta(imu.meta)
-    for name in imu.triads:
-        yield from ("", f"[{name}]", _listed(name, names), f'unit = "{UNITS[name]}"')
-        full_scale = getattr(meta, f"{name}_range")
-        if full_scale is not None:
-            yield f"range = {_range(full_scale, UNITS[name])}"
-        if name == "acc":
-            yield 'sign = "specific-force"'
-    if imu.temp_c is not None:
-        yield from ("", "[temperature]", f"column = {toml_text(names['temp_c'])}", 'unit = "degC"')
-    yield from ("", "[flags]", 'column = "flags"')
-
-
-def _range(full_scale: float | tuple[float, ...], unit: str) -> str:
-    if isinstance(full_scale, tuple):
-        return f"[{', '.join(_range(axis, unit) for axis in full_scale)}]"
-    return f'"{full_scale!r} {unit}"'
-
-
-def _reference(track: AttitudeTrack, names: Mapping[str, str]) -> Iterator[str]:
-    yield from ("", "[reference]", _listed("q", names), 'order = "wxyz"')
-    yield from (f'frame = "{track.frame}"', f'north = "{track.north}"', f"source = {toml_text(track.source)}")
-    if track.flags is not None:
-        yield 'flags = "track_flags"'
-    if track.score is not None:
-        yield 'score = "score"'
-    if track.mag_weight is not None:
-        yield 'mag_weight = "mag_weight"'
-    if track.bias_b is not None:
-        yield from ("", "[reference.bias]", _listed("bias", names), f'unit = "{UNITS["gyr"]}"')
-    if track.cov_b is not None:
-        yield from ("", "[reference.covariance]", _listed("cov", names), 'angle_unit = "rad"')
-
-
-def _listed(group: str, names: Mapping[str, str]) -> str:
-    return f"columns = [{', '.join(toml_text(names[name]) for name in GROUPS[group])}]"
+def _sized(size: Any, unit: str) -> Any:
+    """Sizes with their unit, as a profile has them; None for none."""
+    if isinstance(size, tuple):
+        return [_sized(axis, unit) for axis in size]
+    return None if size is None else f"{size!r} {unit}"
 
 
 def _encoded(text: str) -> bytes:
     return text.encode("utf-8", "replace")
-
-
-def inline_toml(finding: Finding) -> str:
-    """A finding as a value in TOML: a text that somebody wrote is a string, any other a table."""
-    if finding.code == TEXT:
-        return toml_text(str(finding))
-    parts = ", ".join(f"{name} = {_toml(value)}" for name, value in finding.values.items() if value is not None)
-    head = f"code = {toml_text(finding.code)}, severity = {toml_text(finding.severity)}"
-    return f"{{ {head}, values = {{ {parts} }}, text = {toml_text(str(finding))} }}"
-
-
-def _toml(value: Value) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return toml_text(value)
-    return f"[{', '.join(map(toml_text, value))}]" if isinstance(value, tuple) else repr(value)

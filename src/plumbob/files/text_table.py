@@ -112,8 +112,8 @@ def object_cells(text: str, line: int) -> dict[str, str]:
 def objects_as_rows(text: str) -> str:
     """Objects of JSON as a table with tabs: lines of what it says once, a row of names, and a row for each object.
 
-    Rows are the longest array of objects, or arrays of one length beside each other, or an array of arrays whose names
-    stand beside it. Several arrays of objects with the same keys are one table, with their own key as its ``sensor``.
+    Rows are the longest array of objects, or arrays beside each other; several with the same keys are one table, with a
+    ``sensor``.
     """
     tables: dict[str, list[dict[str, str]]] = {}
     facts: dict[str, str] = {}
@@ -181,8 +181,7 @@ def flat_cells(name: str, value: Any) -> dict[str, str]:
     return {name: "" if value is None else " ".join(str(value).split())}
 
 
-_LONGEST_ROW = 1 << 20
-"""Characters of a row; cells of a longer one, which no logger writes, would take ten times its size in memory."""
+_LONGEST_ROW = 1 << 20  # characters; cells of a longer one would take ten times its size in memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +207,6 @@ def decode(raw: bytes, encoding: str) -> str:
 
 
 _SIGNS: Final = {"\r\n": "\n", "\r": "\n", "\u00a0": " ", "\u202f": " ", "\u2009": " ", "\u2019": "'", "\u2212": "-"}
-"""Line ends, blanks, apostrophes and minus signs of other kinds, and what they mean."""
 
 
 def normal(text: str) -> str:
@@ -224,10 +222,7 @@ def channel(words: Sequence[str]) -> str:
 
 
 def channels_as_columns(text: str, layout: TextLayout) -> tuple[str, TextLayout]:
-    """Table with a row for each time of one with a row for each number, as of `TextLayout.channels`, and its layout.
-
-    Rows of a channel after the other are put in the order of time; a row that cannot be split stays as it is.
-    """
+    """Table with a row for each time of one with a row for each number (`TextLayout.channels`), and its layout."""
     head = find_head(text, layout)
     rows: dict[tuple[str, int], dict[str, str]] = {}
     counts, order, broken, places = Counter[tuple[str, str]](), list[str](), list[str](), list[int]()
@@ -370,6 +365,13 @@ def with_cells_apart(text: str, head: Head, layout: TextLayout) -> tuple[str, He
     return text[: head.start] + "\n".join(rows), replace(head, names=names)
 
 
+def _before_end(text: str, start: int, end: str) -> str:
+    match = re.compile(rf"^[ \t]*{re.escape(end)}[ \t,;]*$", re.MULTILINE).search(text, start)
+    if match is None:
+        raise DecodeError(f"the table ends before the line {excerpt(end)}, which is not there; check header.end.")
+    return text[: match.start()]
+
+
 def _after_marker(text: str, layout: TextLayout) -> tuple[int, int]:
     place, line, remaining = 0, 1, layout.occurrence
     while place < len(text):
@@ -406,10 +408,7 @@ _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps 
 _BLOCK: Final = 1 << 23
 _LOOKED_AT: Final = 200
 _WORD: Final = 1 << 30
-
-LEFT_OUT_MOST: Final = 0.05
-"""Share of the rows that may be left out: a wrong separator, decimal sign or column spoils most of them, and what a bad
-line, a full buffer or a second writer does to a log spoils few."""
+LEFT_OUT_MOST: Final = 0.05  # share of rows; a wrong separator, sign or column spoils most, a bad line few
 
 
 @dataclass(frozen=True, slots=True)
@@ -440,12 +439,9 @@ class Reading:
     exact: ColumnRef | None
     texts: dict[ColumnRef, list[str]]
     zero: Decimal | None = None
-    numbers: dict[ColumnRef, "array[float]"] = field(default_factory=dict)
-    """They grow where they lie: a list of blocks would need as much again to become one."""
-    rows: int = 0
-    """Rows so far, with those that were left out."""
-    left_out: dict[int, tuple[int, DecodeError]] = field(default_factory=dict)
-    """By row: its line, and why."""
+    numbers: dict[ColumnRef, "array[float]"] = field(default_factory=dict)  # they grow where they lie
+    rows: int = 0  # so far, with those that were left out
+    left_out: dict[int, tuple[int, DecodeError]] = field(default_factory=dict)  # by row: its line, and why
 
     def add_fast(self, block: str) -> bool:
         """Read a block by Arrow; False where it cannot."""
@@ -562,7 +558,6 @@ def read_table(
     """Read columns of a text file, by number from 1 or by name; `texts` are those that are not numbers.
 
     Of the `exact` one its first value is subtracted before it is rounded to float64, as Unix time in ns needs.
-    DecodeError if a column is missing, or too many rows cannot be read, with the first line and column.
     """
     text = decode(raw, layout.encoding)
     del raw  # which is as large
@@ -572,12 +567,7 @@ def read_table(
     if layout.channels:
         text, layout = channels_as_columns(text, layout)
     head = find_head(text, layout)
-    if layout.end:
-        end = re.compile(rf"^[ \t]*{re.escape(layout.end)}[ \t,;]*$", re.MULTILINE).search(text, head.start)
-        if end is None:
-            line = excerpt(layout.end)
-            raise DecodeError(f"the table ends before the line {line}, which is not there; check header.end.")
-        text = text[: end.start()]
+    text = _before_end(text, head.start, layout.end) if layout.end else text
     if layout.cells:
         text, head = with_cells_apart(text, head, layout)
     if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in head.names:
@@ -618,8 +608,7 @@ def read_table(
 def ended(text: str, layout: TextLayout) -> tuple[str, tuple[Finding, ...]]:
     """Text that ends with a line end, and a note where its last line was cut and is left out.
 
-    Many loggers write no line end behind the last line. It is cut where the number of rows is declared, or a cell or a
-    digit behind the point is missing that all rows before it have.
+    It is cut where the number of rows is declared, or a cell or a digit is missing that all rows before it have.
     """
     if text.endswith("\n"):
         return text, ()

@@ -96,18 +96,6 @@ def test_a_later_part_alone_is_repaired_alone(tmp_path):
     assert got == [row for row in rows if 60 <= row[1] < 90]
 
 
-def test_swapped_chunks_are_kept_in_the_order_found(tmp_path):
-    rows = made.record(tmp_path / "a.mcap", count=60)
-    raw = (tmp_path / "a.mcap").read_bytes()
-    (a, _), (b, _), (c, _), *_ = made.chunks_of(raw)
-    (tmp_path / "c.mcap").write_bytes(raw[:a] + raw[b:c] + raw[a:b] + raw[c:])
-    verdict = repair(tmp_path / "c.mcap", tmp_path / "out.mcap")
-    assert not verdict.lossy
-    log, got = made.read(tmp_path / "out.mcap")
-    assert sorted(got) == sorted(rows)
-    assert (log.clean, log.lost) == (True, {})
-
-
 def test_a_part_whose_name_is_lost_has_one_of_as_many_digits_again(tmp_path):
     (tmp_path / "a.mcap").write_bytes(layout.MAGIC)
     assert open_log(tmp_path / "a.mcap").recording == ""

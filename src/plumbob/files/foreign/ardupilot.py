@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import units
-from plumbob.core.check import Floats
 from plumbob.core.findings import Note, info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
@@ -39,13 +38,12 @@ ALL: Final = "all"
 _HEAD: Final = b"\xa3\x95"
 _FMT, _FMT_LENGTH = 128, 89
 _TEXT: Final = b"FMT,"
-_LETTERS: Final = {
+_LETTERS: Final = {  # type and multiplier (`LogStructure.h`, 'Format characters in the format string')
     "a": ("(32,)<i2", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
     "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "g": ("<f2", 1.0), "d": ("<f8", 1.0), "n": ("S4", 1.0),
     "N": ("S16", 1.0), "Z": ("S64", 1.0), "M": ("u1", 1.0), "q": ("<i8", 1.0), "Q": ("<u8", 1.0), "c": ("<i2", 0.01),
     "C": ("<u2", 0.01), "e": ("<i4", 0.01), "E": ("<u4", 0.01), "L": ("<i4", 1e-7),
 }  # fmt: skip
-"""Type and multiplier of each letter (`LogStructure.h`, 'Format characters in the format string')."""
 _WANTED: Final = frozenset(("IMU", "IMU2", "IMU3", "MAG", "MAG2", "MAG3", "ATT", "XKQ", "XKQ1", "NKQ1", "GPS", "PARM"))
 _QUATERNIONS: Final = ("XKQ", "XKQ1", "NKQ1")
 _TEXTS: Final = "nNZa"
@@ -204,7 +202,7 @@ def _recording(flash: _DataFlashLog, name: str, unit: str | None) -> Recording:
     if unit == ALL and len(imus) > 1:
         return _together(imus, log, name)
     if imus:
-        counts = {key: _stamped(table).size for key, table in imus.items()}
+        counts = {key: _stamps(table).size for key, table in imus.items()}
         taken = choose(log.notes, counts, None if unit == ALL else unit, what="message")
         _inertial(log, imus[taken])
     log.require_gyroscope("IMU messages with GyrX")
@@ -212,12 +210,16 @@ def _recording(flash: _DataFlashLog, name: str, unit: str | None) -> Recording:
     for compass, table in list(compasses.items())[:1]:
         if {"MagY", "MagZ"} <= table.keys():
             rest = "".join(f", not {other}" for other in compasses if other != compass)
-            log.notes.append(info("source.ardupilot_compass", compass=compass, count=_stamped(table).size, rest=rest))
-            log.add("mag", _stamped(table), vectors(table, "MagX", "MagY", "MagZ"), "mgauss")
+            log.notes.append(info("source.ardupilot_compass", compass=compass, count=_stamps(table).size, rest=rest))
+            log.add("mag", _stamps(table), vectors(table, "MagX", "MagY", "MagZ"), "mgauss")
     for kind in (*_QUATERNIONS, "ATT"):
         table = flash.tables.get(kind, {})
-        q_nb, t_ns = _quaternions(table), _stamps(table)
-        if q_nb is not None and t_ns is not None:
+        t_ns, q_nb = _stamps(table), None  # body to NED (N, 4), wxyz
+        if {"Q1", "Q2", "Q3", "Q4"} <= table.keys():
+            q_nb = vectors(table, "Q1", "Q2", "Q3", "Q4")
+        elif {"Yaw", "Pitch", "Roll"} <= table.keys():
+            q_nb = quat_from_euler_zyx(units.deg(vectors(table, "Yaw", "Pitch", "Roll")))
+        if q_nb is not None and t_ns.size:
             first = table["C"] == table["C"].min() if "C" in table else slice(None)
             heading = "counts from true north, as ArduPilot adds the declination"
             log.attitudes.append(of_vehicle(t_ns[first], q_nb[first], kind, "ArduPilot's", heading))
@@ -228,7 +230,7 @@ def _inertial(log: SensorLog, table: Table) -> None:
     """Take rates and specific forces of one unit."""
     for sensor, columns in (("gyr", ("GyrX", "GyrY", "GyrZ")), ("acc", ("AccX", "AccY", "AccZ"))):
         if {*columns} <= table.keys():
-            log.add(sensor, _stamped(table), vectors(table, *columns))
+            log.add(sensor, _stamps(table), vectors(table, *columns))
 
 
 def _together(imus: Mapping[str, Table], log: SensorLog, name: str) -> Recording:
@@ -244,20 +246,13 @@ def _together(imus: Mapping[str, Table], log: SensorLog, name: str) -> Recording
     return array_recording(made, name, [*log.notes, *log.losses, omitted])
 
 
-def _stamps(table: Table) -> NDArray[np.int64] | None:
-    """Stamps of messages, ns: µs, or ms in logs before 2015; None where they have none."""
+def _stamps(table: Table) -> NDArray[np.int64]:
+    """Stamps of messages, ns: µs, or ms in logs before 2015; empty where they have none."""
     for column, factor in (("TimeUS", 1), ("TimeMS", 1000)):
         if column in table and table[column].dtype.kind in "iuf":
             stamps = np.clip(np.nan_to_num(table[column].astype(np.float64)), 0.0, 9e15 / factor)
             return micro(stamps.astype(np.uint64) * np.uint64(factor))
-    return None
-
-
-def _stamped(table: Table) -> NDArray[np.int64]:
-    """Stamps of messages that have some, ns."""
-    stamps = _stamps(table)
-    assert stamps is not None
-    return stamps
+    return np.empty(0, np.int64)
 
 
 def _units(flash: _DataFlashLog, name: str, column: str) -> dict[str, Table]:
@@ -265,7 +260,7 @@ def _units(flash: _DataFlashLog, name: str, column: str) -> dict[str, Table]:
     tables: dict[str, Table] = {}
     for kind in (name, f"{name}2", f"{name}3"):
         table = flash.tables.get(kind, {})
-        if column not in table or _stamps(table) is None:
+        if column not in table or not _stamps(table).size:
             continue
         if "I" not in table:
             tables[kind] = table
@@ -281,7 +276,7 @@ def _epoch(flash: _DataFlashLog) -> int | None:
     table = flash.tables.get("GPS", {})
     t_ns = _stamps(table)
     names = next((pair for pair in (("GWk", "GMS"), ("Week", "TimeMS")) if set(pair) <= table.keys()), None)
-    if t_ns is None or names is None or "Status" not in table:
+    if not t_ns.size or names is None or "Status" not in table:
         return None
     if "TimeMS" in names:  # there TimeMS is the GPS's, and T the boot's, in ms
         if "T" not in table:
@@ -294,12 +289,3 @@ def _epoch(flash: _DataFlashLog) -> int | None:
     stamps = zip(week[fixes].tolist(), milli[fixes].tolist(), strict=True)
     utc_ns = np.array([utc_of_gps(number, of_week * 10**6) for number, of_week in stamps])
     return int(np.median(utc_ns - t_ns[fixes]))
-
-
-def _quaternions(table: Table) -> Floats | None:
-    """Body to NED (N, 4), wxyz."""
-    if {"Q1", "Q2", "Q3", "Q4"} <= table.keys():
-        return vectors(table, "Q1", "Q2", "Q3", "Q4")
-    if {"Yaw", "Pitch", "Roll"} <= table.keys():
-        return quat_from_euler_zyx(units.deg(vectors(table, "Yaw", "Pitch", "Roll")))
-    return None

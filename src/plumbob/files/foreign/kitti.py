@@ -30,8 +30,7 @@ from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
 _COLUMNS: Final = 30
-_YPR, _ACC, _GYR = [5, 4, 3], [11, 12, 13], [17, 18, 19]
-"""Places of yaw, pitch and roll, of ax ay az, and of wx wy wz, counted from 0 (`dataformat.txt`)."""
+_YPR, _ACC, _GYR = [5, 4, 3], [11, 12, 13], [17, 18, 19]  # places, from 0 (`dataformat.txt`)
 _MOST_FILES: Final = 2_000_000
 _MOST_BYTES: Final = 4096
 
@@ -89,20 +88,17 @@ def _table(home: Path) -> tuple[NDArray[np.int64], Floats]:
     numbered = sorted((int(name[:-4][:18]), name) for name in names)
     values = np.empty((len(numbered), _COLUMNS))
     for row, (_, name) in enumerate(numbered):
-        values[row] = _values(inside(home, "data", name), name)
+        file = inside(home, "data", name)
+        if not file.is_file():
+            raise DecodeError(f"oxts/data/{name} is not a regular file.")
+        with file.open("rb") as stream:
+            words = stream.read(_MOST_BYTES).split()
+        try:
+            numbers = list(map(float, words))
+        except ValueError:
+            numbers = []
+        if len(numbers) != _COLUMNS:
+            what = f"must hold {_COLUMNS} numbers, but it does not; it has {len(words)} words"
+            raise DecodeError(f"oxts/data/{name} {what}.")
+        values[row] = numbers
     return np.array([number for number, _ in numbered], dtype=np.int64), values
-
-
-def _values(file: Path, name: str) -> list[float]:
-    """The 30 numbers of one sample."""
-    if not file.is_file():
-        raise DecodeError(f"oxts/data/{name} is not a regular file.")
-    with file.open("rb") as stream:
-        words = stream.read(_MOST_BYTES).split()
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        values = []
-    if len(values) != _COLUMNS:
-        raise DecodeError(f"oxts/data/{name} must hold {_COLUMNS} numbers, but it does not; it has {len(words)} words.")
-    return values

@@ -17,7 +17,7 @@ between its two neighbours, where these are not farther apart than a gap; elsewh
 """
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -66,8 +66,7 @@ class Joined(NamedTuple):
 def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | None = None) -> Joined:
     """Samples of several sensors on the time line of the gyroscope, or of the fastest where there is none.
 
-    `epoch_ns` is the UTC of the stamp 0, None where it is unknown. ShapeError if no triad is among the streams, or
-    shapes differ; ClockError if the time of one begins again.
+    `epoch_ns` is the UTC of the stamp 0, None where it is unknown. ClockError if the time of one begins again.
     """
     ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[Finding]()
     for name, stream in streams.items():
@@ -93,8 +92,7 @@ def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | No
 def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
     """One recording of sensors that have a file, a topic or rows of their own, by UTC or the clock of their stamps.
 
-    Only rows of the leading sensor between the first and the last sample of the others are kept. ShapeError if two hold
-    the same triad; ClockError if they do not overlap in time.
+    Only rows of the leading sensor between the first and the last sample of the others are kept.
     """
     samples = [part.imu for part in parts if part.imu is not None]
     absolute = all(imu.meta.t0_ns for imu in samples)
@@ -184,23 +182,16 @@ def _averaged(stamps: NDArray[np.int64], values: Floats, step: float, spacing: f
     """Mean over a window of one step of the rows about each stamp; windows do not cross gaps."""
     width = max(3, 2 * round(step / spacing / 2) + 1)
     means = np.copy(values)
-    for part in _parts(stamps):
-        piece = values[part]
-        if len(piece) >= width:
-            windows = np.lib.stride_tricks.sliding_window_view(piece, width, axis=0)
-            means[part.start + width // 2 : part.stop - width // 2] = windows.mean(axis=-1)
+    breaks = np.flatnonzero(is_gap(np.diff(stamps))) + 1
+    for start, stop in pairwise([0, *breaks.tolist(), stamps.size]):
+        if stop - start >= width:
+            windows = np.lib.stride_tricks.sliding_window_view(values[start:stop], width, axis=0)
+            means[start + width // 2 : stop - width // 2] = windows.mean(axis=-1)
     return means
 
 
-def _parts(stamps: NDArray[np.int64]) -> Iterator[slice]:
-    """Stretches without a gap."""
-    breaks = np.flatnonzero(is_gap(np.diff(stamps))) + 1
-    ends = [0, *breaks.tolist(), stamps.size]
-    yield from (slice(a, b) for a, b in pairwise(ends))
-
-
 def seconds_to_ns(name: str, seconds: ArrayLike) -> NDArray[np.int64]:
-    """Integer ns of seconds (N,), which float64 keeps to .24 µs since 1970; ClockError if one is no time."""
+    """Integer ns of seconds (N,), which float64 keeps to .24 µs since 1970; ClockError for another number."""
     values = check.column(name, seconds)
     if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > 9.2e9:
         raise ClockError(f"{name} holds numbers that are not times in seconds; check the column.")
@@ -210,7 +201,6 @@ def seconds_to_ns(name: str, seconds: ArrayLike) -> NDArray[np.int64]:
 MOST: Final = 2 << 30  # bytes of a log at most: it is kept in memory while it is searched
 _PART: Final = 1 << 14
 _NORM: Final = 1e-3
-
 RELATIVE_NOTE: Final = (
     f"mag is in arbitrary units, 1 at the place of calibration, which is taken for {NOMINAL_FIELD:g} µT"
 )
@@ -219,10 +209,7 @@ Table = Mapping[str, NDArray[Any]]  # columns (N,) of one kind of record, by nam
 
 
 class LoggedAttitude(NamedTuple):
-    """An attitude on stamps of its own (M,), ns, by the clock of the samples: body to `frame` (M, 4), wxyz.
-
-    What is not a rotation (a norm that is not 1 within 1e-3) is taken for 'not known'.
-    """
+    """An attitude on stamps of its own (M,), ns: body to `frame` (M, 4), wxyz; not known where the norm is not 1."""
 
     t_ns: NDArray[np.int64]
     q_nb: Floats
@@ -363,14 +350,9 @@ def _attitude_at(rows_ns: NDArray[np.int64], logged: LoggedAttitude, notes: list
     if missing.all():
         return None
     if not attitude.exact.all():
-        notes.append(
-            info(
-                "source.attitude_interpolated",
-                count=line.t_ns.size,
-                unknown=int(np.count_nonzero(missing)),
-                samples=rows_ns.size,
-            )
-        )
+        unknown = int(np.count_nonzero(missing))
+        count, samples = line.t_ns.size, rows_ns.size
+        notes.append(info("source.attitude_interpolated", count=count, unknown=unknown, samples=samples))
     return attitude.q_nb
 
 
@@ -378,7 +360,11 @@ def chosen(names: list[str], unit: str | None) -> str:
     """One of the names, as of `choose`."""
     if unit is None:
         return names[0]
-    for alike in (str, _letters):
+
+    def letters(name: str) -> str:
+        return "".join(filter(str.isalnum, name.casefold()))
+
+    for alike in (str, letters):
         for name in names:
             if alike(name) == alike(unit):
                 return name
@@ -386,10 +372,6 @@ def chosen(names: list[str], unit: str | None) -> str:
         return names[int(unit) - 1]
     listed = ", ".join(f"{name} ({number})" for number, name in enumerate(names[:20], 1))
     raise ParameterError(f"there is no unit '{unit}' in the log; there are {listed}.")
-
-
-def _letters(name: str) -> str:
-    return "".join(letter for letter in name.casefold() if letter.isalnum())
 
 
 def inside(folder: Path, *parts: str) -> Path:
@@ -403,10 +385,7 @@ def inside(folder: Path, *parts: str) -> Path:
 def text_rows(
     path: Path, columns: int, *, stamps: str = "i8", blanks: str = "", **how: Any
 ) -> tuple[NDArray[Any], Floats]:
-    """Stamps (N,), of a type, and the columns of numbers behind them (N, columns), of a text table.
-
-    `blanks` also stands between cells; `how` is as `numpy.loadtxt` has it. DecodeError without such rows.
-    """
+    """Stamps (N,) of a type and the columns of numbers behind them (N, columns); `how` as of `numpy.loadtxt`."""
     file = existing_file(path, MOST)
     layout = np.dtype([("t", stamps), ("values", "f8", (columns,))])
     try:

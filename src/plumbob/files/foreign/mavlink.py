@@ -46,7 +46,7 @@ class _Kind:
     units: dict[str, str] = field(default_factory=dict)
 
 
-_KINDS: Final = {
+_KINDS: Final = {  # by message number: fields and CRC_EXTRA of `common.xml`
     0: _Kind("HEARTBEAT", 50, np.dtype([("mode", "<u4"), ("type", "u1"), ("autopilot", "u1"), ("rest", "u1", (3,))])),
     27: _Kind("RAW_IMU", 144, np.dtype([("us", "<u8"), *_NINE]), _MILLI),
     30: _Kind("ATTITUDE", 39, np.dtype([("ms", "<u4"), *((name, "<f4") for name in ("roll", "pitch", "yaw", *"pqr"))])),
@@ -56,7 +56,6 @@ _KINDS: Final = {
     **{number: _Kind(name, extra, np.dtype([("ms", "<u4"), *_NINE]), _MILLI) for number, name, extra in (
         (26, "SCALED_IMU", 170), (116, "SCALED_IMU2", 76), (129, "SCALED_IMU3", 46))},
 }  # fmt: skip
-"""By message number: fields and CRC_EXTRA of `common.xml`."""
 _ANGLES: Final = ("yaw", "pitch", "roll")
 _PREFERRED: Final = (105, 26, 27, 116, 129)
 _EARLIEST_US, _LATEST_US = 946_684_800 * 10**6, 4_102_444_800 * 10**6

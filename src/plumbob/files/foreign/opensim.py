@@ -97,24 +97,7 @@ def write_sto(path: Path, recording: Recording, overwrite: bool = False) -> None
 def write_orientations(path: str | Path, tracks: Mapping[str, AttitudeTrack], *, overwrite: bool = False) -> None:
     """Write attitudes of sensors on segments as OpenSense takes them; rows in which one is not known are left out.
 
-    Parameters
-    ----------
-    path : path
-        The file.
-    tracks : mapping of str to AttitudeTrack
-        By the name of the frame in the model, as ``"pelvis_imu"``; all on the same times. Those whose frame is NED are
-        turned to ENU, as OpenSense takes z for up.
-    overwrite : bool
-        Whether a file that lies there may be replaced.
-
-    Raises
-    ------
-    ParameterError
-        If the file exists and `overwrite` is false, or names hold blanks.
-    ClockError
-        If times, frames or norths differ.
-    DecodeError
-        If the system refuses to write.
+    They come by their frame in the model, as ``"pelvis_imu"``, on the same times; NED is turned to ENU, whose z is up.
     """
     first, *others = tracks.values()
     if any(not np.array_equal(track.t, first.t) or track.frame != first.frame for track in others):

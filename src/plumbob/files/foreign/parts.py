@@ -23,9 +23,7 @@ from plumbob.files.text_table import TextTable, decode, find_head, is_idle, read
 MAX_MEMBERS: Final = 1000  # files of an archive or a folder; an app writes a few dozen
 MAX_DIRECTORY: Final = 4 << 20  # bytes of the list of members of an archive
 HEAD_BYTES: Final = 4096  # bytes of a file that are looked at to see what it is
-MISSING: Final = ("", "NaN", "nan", "null", "N/A")
-"""Cells without a value in the tables of phone apps and of vendors' programs."""
-
+MISSING: Final = ("", "NaN", "nan", "null", "N/A")  # in tables of phone apps and vendors' programs
 _END: Final = b"PK\x05\x06"
 _END_BYTES: Final = 22
 _LOCATOR_64: Final = b"PK\x06\x07"
@@ -34,10 +32,7 @@ _SEPARATORS: Final = (",", ";", "\t")
 
 
 class Parts:
-    """Files of a recording, a zip archive, a folder (with ``meta``) or one file, by their path inside it, with ``/``.
-
-    DecodeError if the archive is damaged or encrypted, or has more members or packs more than a recording does.
-    """
+    """Files of a recording, a zip archive, a folder (with ``meta``) or one file, by their path inside it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

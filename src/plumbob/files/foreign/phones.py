@@ -163,7 +163,10 @@ def _phyphox(parts: Parts) -> Recording:
                 notes.append(info("source.second_sensor", columns=columns[0], name=name, kind=kind))
             elif table := sheet(name, parts.read(name)).table([names[0], *columns]):
                 notes += [note for note in table.notes if note not in notes]
-                stamps = _on_wall(seconds_to_ns(name, table.columns[names[0]]), events)
+                stamps = seconds_to_ns(name, table.columns[names[0]])
+                if events:  # as UTC, with the pauses that the time of the experiment leaves out
+                    starts, ahead = np.array(events, dtype=np.int64).T
+                    stamps += ahead[np.maximum(np.searchsorted(starts, stamps, side="right") - 1, 0)]
                 log.add(kind, stamps, vectors(table.columns, *columns))
             else:
                 notes.append(info("source.sensor_empty", kind=kind, name=name))
@@ -202,15 +205,6 @@ def _phyphox_events(parts: Parts) -> list[tuple[int, int]]:
     return sorted(events)
 
 
-def _on_wall(stamps: NDArray[np.int64], events: list[tuple[int, int]]) -> NDArray[np.int64]:
-    """Stamps as UTC, with the pauses that the time of the experiment leaves out."""
-    if not events:
-        return stamps
-    starts, ahead = np.array(events, dtype=np.int64).T
-    place = np.maximum(np.searchsorted(starts, stamps, side="right") - 1, 0)
-    return np.asarray(stamps + ahead[place])
-
-
 # Sensor Logger --------------------------------------------------------------------------------------------------------
 
 
@@ -245,14 +239,8 @@ def _sensor_logger(parts: Parts) -> Recording:
 
 
 _WANTED: Final = (
-    "Gyroscope",
-    "GyroscopeUncalibrated",
-    "Magnetometer",
-    "MagnetometerUncalibrated",
-    "TotalAcceleration",
-    "Accelerometer",
-    "Gravity",
-    "AccelerometerUncalibrated",
+    *(f"{sensor}{kind}" for sensor in ("Gyroscope", "Magnetometer", "Accelerometer") for kind in ("", "Uncalibrated")),
+    *("TotalAcceleration", "Gravity"),
 )
 
 
@@ -277,7 +265,12 @@ def _logger_force(data: Mapping[str, Readings], meta: Mapping[str, str], notes: 
     if {"Accelerometer", "Gravity"} <= set(data):
         sign, why = _logger_sign(platform, meta)
         notes.append(info("source.logger_with_gravity", why=why))
-        return _sum(data["Accelerometer"], data["Gravity"], sign)
+        user, gravity = data["Accelerometer"], data["Gravity"]
+        t, gravity_t = np.asarray(user.t_ns, dtype=np.int64), np.asarray(gravity.t_ns, dtype=np.int64)
+        field = np.asarray(gravity.values)
+        if not np.array_equal(t, gravity_t):
+            field = interpolated(t, time_line(gravity_t).t_ns, field)
+        return Readings(t, sign * (np.asarray(user.values) + field))
     if "AccelerometerUncalibrated" in data:
         sign, why = _logger_sign(platform, meta)
         raw = data["AccelerometerUncalibrated"]
@@ -306,23 +299,8 @@ def _logger_sign(platform: str, meta: Mapping[str, str]) -> tuple[float, str]:
     )
 
 
-def _sum(user: Readings, gravity: Readings, sign: float) -> Readings:
-    """Acceleration with gravity at the stamps of the former; gravity is interpolated between its neighbours."""
-    t, gravity_t = np.asarray(user.t_ns, dtype=np.int64), np.asarray(gravity.t_ns, dtype=np.int64)
-    values, field = np.asarray(user.values), np.asarray(gravity.values)
-    if not np.array_equal(t, gravity_t):
-        field = interpolated(t, time_line(gravity_t).t_ns, field)
-    return Readings(t, sign * (values + field))
-
-
 # SensorLog ------------------------------------------------------------------------------------------------------------
 
-_STAMP_OF: Final = {
-    "accelerometer": "accelerometerTimestamp_sinceReboot(s)",
-    "gyro": "gyroTimestamp_sinceReboot(s)",
-    "motion": "motionTimestamp_sinceReboot(s)",
-    "magnetometer": "magnetometerTimestamp_sinceReboot(s)",
-}
 _SENSORLOG: Final[tuple[tuple[str, str, str, str, float], ...]] = (
     ("gyr", "gyro", "gyroRotation{}(rad/s)", "rad/s", 1.0),
     ("gyr", "motion", "motionRotationRate{}(rad/s)", "rad/s", 1.0),
@@ -353,7 +331,7 @@ def _sensorlog(parts: Parts) -> Recording:
         columns = [column.format(letter) for column in form.split(" + ") for letter in "XYZ"]
         if kind in log.streams or not set(columns) <= set(table.names):
             continue
-        stream, began = _sensorlog_stream(table, _STAMP_OF[sensor], columns, notes)
+        stream, began = _sensorlog_stream(table, f"{sensor}Timestamp_sinceReboot(s)", columns, notes)
         if stream is None or (kind == "mag" and not np.any(stream.values)):
             notes.append(info("source.columns_empty", kind=kind, columns=columns[0]))
             continue
@@ -371,10 +349,9 @@ def _sensorlog_stream(
 ) -> tuple[Readings | None, int | None]:
     """Samples of one sensor, each once: a row repeats what has not changed since the row before."""
     logged = "loggingTime(txt)"
-    stamped = stamp in log.names
-    if not stamped and logged not in log.names:
+    stamped, texts = stamp in log.names, [logged] if logged in log.names else []
+    if not stamped and not texts:
         raise DecodeError(f"{log.title} has neither {stamp} nor {logged}, so {columns[0]} has no time.")
-    texts = [logged] if logged in log.names else []
     table = log.table([*([stamp] if stamped else []), *columns, *texts], texts=texts)
     if table is None:
         return None, None

@@ -320,10 +320,7 @@ def _track(
     cov_n: Floats | None = None,
     start: int | None = None,
 ) -> AttitudeTrack:
-    """Track of quaternions whose stamps may repeat or go back a little; those that are not of norm 1 are unknown.
-
-    Its time begins at the stamp `start`, ns, or at its own first.
-    """
+    """Track of quaternions, unknown where not of norm 1; its time begins at the stamp `start`, ns, or its first."""
     line = time_line(stamps)
     notes += (finding.on(topic.name) for finding in line.notes)
     some = ~np.isnan(xyzw).all(axis=1)

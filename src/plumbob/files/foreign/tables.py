@@ -53,12 +53,8 @@ from plumbob.files.text_table import TextTable
 MAX_BYTES: Final = 256 << 20  # bytes of a MATLAB v5 file, which is read as a whole
 MAX_ARRAYS: Final = 1000
 _MAT73: Final = b"MATLAB 7.3"
-_MAT73_AT: Final = 512
 _COLUMN: Final = re.compile(r"(?P<name>.+?)\[(?P<number>[1-9]\d{0,3})(?: of (?P<count>\d+))?\]")
-_LISTED: Final = 20
-_DIMENSIONS: Final = 2
 _NO_NUMBERS: Final = "data set that is not of numbers"
-_DEEPEST: Final = 6
 _INSIDE: Final = "in the file itself"  # origin of a profile that a file of Plumbob holds
 
 
@@ -83,15 +79,11 @@ class _Listed:
         """Names and shapes for a message."""
         entries = [f"{name} {'×'.join(map(str, shape)) or '1'}" for name, shape in self.shapes.items()]
         entries += [f"{name} ({kind})" for name, kind in self.others.items()]
-        return first_words(entries, _LISTED) or "nothing"
+        return first_words(entries, 20) or "nothing"
 
 
 def read(path: Path, profile: Profile | str | Path | None = None) -> Recording:
-    """Read named arrays as their profile describes them; a ``.npy`` array is called as the file is.
-
-    Without a profile, one beside the file is taken, and arrays that are known by their names need none. Errors as of
-    `text.read_text`; MissingExtraError for HDF5 without h5py.
-    """
+    """Read named arrays as their profile, or that of arrays known by their names, describes them."""
     file = existing_file(path)
     with reading(file):
         container = _container(file)
@@ -129,19 +121,14 @@ def _profile_by_names(container: "_Container") -> Profile:
 
 
 def array_sample(path: Path) -> Sample:
-    """First rows of the arrays of a file that are of one time line, by their columns, and what single numbers it has.
-
-    Columns are called as a profile calls them: ``gyr[1]`` of a table, ``t`` of an array of one column.
-    """
+    """First rows of a file's arrays of one time line, by columns such as ``gyr[1]``, and what single numbers it has."""
     container = _container(path)
     shapes = container.listed.shapes
     sizes = Counter(max(shape) for shape in shapes.values() if shape and max(shape) >= FEWEST)
     if not sizes:
         raise DecodeError(f"it holds no array of samples; it holds {container.listed.summary()}.")
     rows = sizes.most_common(1)[0][0]
-    chosen = sorted(
-        name for name, shape in shapes.items() if len(shape) <= _DIMENSIONS and max(shape, default=0) == rows
-    )
+    chosen = sorted(name for name, shape in shapes.items() if len(shape) <= 2 and max(shape, default=0) == rows)
     single = sorted(name for name, shape in shapes.items() if np.prod(shape, dtype=np.int64) == 1)
     content = container.load([*chosen, *single])
     columns: dict[str, list[str]] = {}
@@ -187,7 +174,7 @@ def _place(ref: ColumnRef, listed: _Listed, *, upright: bool) -> tuple[str, int]
         why = f"is not an array of numbers but a {kind}" if kind else "is not in the file"
         raise DecodeError(f"{excerpt(name)} {why}; the file holds {listed.summary()}.")
     shape = listed.shapes[name]
-    count = (shape[1] if upright else min(shape)) if len(shape) == _DIMENSIONS else 1
+    count = (shape[1] if upright else min(shape)) if len(shape) == 2 else 1
     if number > count or stated not in (None, str(count)):
         raise DecodeError(
             f"{name} has {counted(count, 'column')}, but needs {stated or number}; say which are meant, as in "
@@ -219,10 +206,10 @@ class _Container:
 
 def _container(file: Path) -> _Container:
     with file.open("rb") as stream:
-        start = stream.read(_MAT73_AT + 8)
+        start = stream.read(520)
     if start.startswith(MAT5_SIGNATURE):
         return _Mat5(file)
-    if start.startswith(HDF5_SIGNATURE) or start[_MAT73_AT:] == HDF5_SIGNATURE:
+    if start.startswith(HDF5_SIGNATURE) or start[512:] == HDF5_SIGNATURE:
         return Hdf5Arrays(file, transposed=start.startswith(_MAT73))
     if start.startswith((b"PK", b"\x93NUMPY")):
         return _Npz(file)
@@ -297,7 +284,7 @@ def _walk(h5py: Any, group: Any, prefix: str = "") -> Iterator[tuple[str, str, A
         if group.id.links.get_info(key.encode()).type != h5py.h5l.TYPE_HARD:
             yield name, "link", None
         elif isinstance(node := group[key], h5py.Group):
-            if prefix.count("/") < _DEEPEST:
+            if prefix.count("/") < 6:
                 yield from _walk(h5py, node, f"{name}/")
         elif is_numeric(h5py, node):
             yield name, "", node

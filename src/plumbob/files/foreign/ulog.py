@@ -42,8 +42,7 @@ _MAGIC: Final = b"ULog\x01\x12\x35"
 _HEAD: Final = 3  # bytes of the head of a message
 _UNKNOWN_STAMP: Final = 0x7FFFFFFF  # `RELATIVE_TIMESTAMP_INVALID` of `SensorCombined.msg`: no new acceleration
 _LONGEST_RECORD: Final = 0xFFFF
-_BUS: Final = 0xFFFF
-"""Bits of a device identity that are its bus type, bus and address; the rest is the type of the device."""
+_BUS: Final = 0xFFFF  # bits of a device identity that are bus type, bus and address; the rest is the device's type
 _NEEDED: Final = {
     "sensor_combined": ("timestamp", "gyro_rad[0]", "accelerometer_m_s2[0]"),
     "vehicle_imu": ("timestamp", "delta_angle[0]", "delta_velocity[0]", "delta_angle_dt", "delta_velocity_dt"),
@@ -137,7 +136,13 @@ def _require_short(formats: Mapping[str, Any], name: str) -> None:
 
 def _recording(topics: _Topics, name: str, unit: str | None) -> Recording:
     declination = topics.parameters.get("EKF2_MAG_DECL")
-    boot_ns = _boot(topics)
+    boot_ns = None  # UTC of boot, ns since 1970, by the first GPS that knew it and had a fix
+    needed = ("timestamp", "time_utc_usec", "fix_type")
+    for topic in ("vehicle_gps_position", "sensor_gps"):
+        for _, gps in sorted(topics.instances(topic, *needed).items()):
+            fixes = (gps["time_utc_usec"] > 0) & (gps["fix_type"] >= 3)
+            if boot_ns is None and fixes.any():
+                boot_ns = int(np.median(micro(gps["time_utc_usec"][fixes]) - micro(gps["timestamp"][fixes])))
     log = SensorLog(
         [
             "PX4 ULog: body axes forward, right, down; frame NED; rad/s, m/s², gauss as µT; clock in µs since boot "
@@ -246,12 +251,3 @@ def _magnetometer(topics: _Topics, log: SensorLog) -> None:
     for instance, table in sorted(topics.instances("sensor_mag", "timestamp", *"xyz").items())[:1]:
         log.add("mag", _sampled(table), vectors(table, *"xyz"), "gauss")
         log.notes.append(info("source.px4_magnetometer", instance=instance))
-
-
-def _boot(topics: _Topics) -> int | None:
-    """UTC of boot, ns since 1970, by the first GPS that knew it and had a fix; None where none had."""
-    for topic in ("vehicle_gps_position", "sensor_gps"):
-        for _, table in sorted(topics.instances(topic, "timestamp", "time_utc_usec", "fix_type").items()):
-            if (fixes := (table["time_utc_usec"] > 0) & (table["fix_type"] >= 3)).any():
-                return int(np.median(micro(table["time_utc_usec"][fixes]) - micro(table["timestamp"][fixes])))
-    return None

@@ -52,7 +52,6 @@ _COLUMNS: Final[dict[int, tuple[str, ...]]] = {
     _STATUS: ("StatusWord",),
 }  # columns that MT Manager makes of a block in its export
 _CHOICES: Final = ((0x8020, 0x8040, 0x8030), (0x4020, 0x4040, 0x4010), (_QUATERNION, _MATRIX, _EULER))
-"""Blocks of which the first that a log has is taken."""
 _NAMES: Final = {
     0x1070: "SampleTimeCoarse", 0x2010: "quaternion", 0x2020: "matrix", 0x2030: "Euler angles", 0x3010: "pressure",
     0x4010: "velocity increments", 0x4020: "acceleration", 0x4030: "FreeAcceleration", 0x4040: "AccelerationHR",
@@ -341,7 +340,7 @@ def _fill(unit: XbusUnit, data: NDArray[np.uint8], groups: list[_Group], rate: f
             held[identity] = held.get(identity, 0) + group.rows.size
     frame = _frame(held)
     there = {identity & ~0xF for identity in held if identity & ~0xF not in _CHOICES[2] or identity & 0xC == frame}
-    taken = {choice for choices in _CHOICES for choice in [choice for choice in choices if choice in there][:1]}
+    taken: set[int] = {choice for choices in _CHOICES for choice in [c for c in choices if c in there][:1]}
     taken |= {identity & ~0xF for identity in held} & ({0x0810, 0xC020, _STATUS} | {_COUNTER, _TIME, _UTC})
     rows = np.sort(np.concatenate([np.empty(0, np.int64), *(group.rows for group in groups)]))
     wrong: set[int] = set()

@@ -105,8 +105,8 @@ def _of_log(raw: bytes, notes: list[Note]) -> tuple[_Messages, str]:
         if letter not in NUMBERS:
             if line[:1] == b"{":
                 answers.append(line.decode("utf-8", "replace"))
-            is_other = line[:1] == b"{" or (letter and letter in "IMQRALEHTBWSNFPKCY")
-            others, junk = others + bool(is_other), junk + (not is_other)
+            is_other = line[:1] == b"{" or (letter != "" and letter in "IMQRALEHTBWSNFPKCY")
+            others, junk = others + is_other, junk + (not is_other)
         elif line[0] & 0x80:
             body = line if 0xDB not in line else line.replace(b"\xdb\xdc", b"\n").replace(b"\xdb\xdd", b"\xdb")
             if len(body) == 9 + 4 * NUMBERS[letter]:

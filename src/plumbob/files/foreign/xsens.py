@@ -53,8 +53,8 @@ _TRIADS: Final = {
     kind: tuple(f"{what}_{axis}" for axis in "XYZ") for kind, what in (("gyr", "Gyr"), ("acc", "Acc"), ("mag", "Mag"))
 }
 _INCREMENTS: Final = {"gyr": tuple(f"OriInc_q{k}" for k in range(4)), "acc": tuple(f"VelInc_{axis}" for axis in "XYZ")}
+# bits of StatusWord that say of an axis that it is at the end of its range (xsstatusflag.h)
 _CLIPPED: Final = {flags.ACC_CLIPPED: 0x0700, flags.GYR_CLIPPED: 0x3800, flags.MAG_CLIPPED: 0x1C000}
-"""Bits of StatusWord that say of an axis that it is at the end of its range (xsstatusflag.h)."""
 _ATTITUDES: Final = (
     tuple(f"Quat_q{k}" for k in range(4)),
     tuple(f"Mat[{row}][{column}]" for row in (1, 2, 3) for column in (1, 2, 3)),

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from mcap.records import McapRecord
 
 MAGIC: Final = b"\x89MCAP0\r\n"
-
 HEADER: Final = 0x01
 FOOTER: Final = 0x02
 SCHEMA: Final = 0x03
@@ -36,7 +35,6 @@ METADATA: Final = 0x0C
 METADATA_INDEX: Final = 0x0D
 SUMMARY_OFFSET: Final = 0x0E
 DATA_END: Final = 0x0F
-
 RECORD_HEAD: Final = struct.Struct("<BQ")  # opcode, length of what follows
 MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 CHUNK_HEAD: Final = struct.Struct("<BQQQQII")  # opcode, length, first, last, plain size, CRC, length of compression
@@ -44,7 +42,6 @@ INDEX_HEAD: Final = struct.Struct("<BQHI")  # opcode, length, channel, bytes of 
 FOOTER_BODY: Final = struct.Struct("<QQI")  # start of the summary, start of its offsets, CRC
 SIZE: Final = struct.Struct("<Q")
 CRC: Final = struct.Struct("<I")
-
 FOOTER_SIZE: Final = RECORD_HEAD.size + FOOTER_BODY.size
 DATA_END_SIZE: Final = RECORD_HEAD.size + CRC.size
 SEQUENCES: Final = 1 << 32  # sequence numbers of messages are 32 bits wide on disk, and start over
@@ -57,6 +54,13 @@ def encode(record: "McapRecord") -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+def chunk_record(content: bytes, stored: bytes, compression: str, first: int, last: int) -> bytes:
+    """Chunk of `content`, which is `stored` compressed; `first` and `last` are log times, ns."""
+    name = compression.encode()
+    sizes = chunk_length(len(name), len(stored)), first, last, len(content), zlib.crc32(content), len(name)
+    return b"".join((CHUNK_HEAD.pack(CHUNK, *sizes), name, SIZE.pack(len(stored)), stored))
 
 
 def chunk_length(name: int, stored: int) -> int:
@@ -132,8 +136,7 @@ class Rules:
     reserve: int
     fsync: float | None
     compression: str
-    first: int = 1
-    """Number of the first part."""
+    first: int = 1  # number of the first part
 
 
 RECORDING_KEY: Final = "plumbob.recording"
@@ -212,7 +215,6 @@ CHUNK_BYTES: Final = 1 << 20  # A chunk is closed at this size, however short it
 MESSAGE_BYTES: Final = 8 << 20  # largest message that is taken
 PLAIN_BYTES: Final = CHUNK_BYTES + MESSAGE_BYTES + (1 << 20)  # no chunk of ours is larger than this before compression
 ZSTD_LEVEL: Final = 3
-
 Compress = Callable[[bytes], bytes]
 
 
@@ -272,9 +274,7 @@ def pack(chunk: OpenChunk, compression: str, compress: Compress) -> PackedChunk:
     """Join, check-sum and compress a chunk."""
     content = b"".join(chunk.pieces)
     stored = compress(content)
-    name = compression.encode()
-    sizes = chunk_length(len(name), len(stored)), chunk.first, chunk.last, len(content), zlib.crc32(content), len(name)
-    record = b"".join((CHUNK_HEAD.pack(CHUNK, *sizes), name, SIZE.pack(len(stored)), stored))
+    record = chunk_record(content, stored, compression, chunk.first, chunk.last)
     return PackedChunk(record, index_records(chunk.entries), len(content), len(stored), compression)
 
 

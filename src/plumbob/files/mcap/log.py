@@ -92,10 +92,7 @@ class _Run:
 
 
 class Log:
-    """A recording to be read, as `open_log` returns it; each iteration reads all of it, holding one chunk at a time.
-
-    Where a recorder was started again and went on with the next part, sequence numbers and times go on too.
-    """
+    """A recording as `open_log` gives it, over restarts of its recorder; each iteration reads all, chunk by chunk."""
 
     def __init__(self, parts: Sequence[Identity]) -> None:
         self._parts = tuple(parts)
@@ -291,9 +288,8 @@ class Log:
 def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:
     """Open a recording, whole or damaged, or an MCAP file of another program.
 
-    `path` is the name that the recorder was given, for all parts; one part; a folder that holds the parts of one
-    recording and nothing else; or a list of parts. DecodeError if there is none, it is not MCAP, or they are of several
-    recordings.
+    `path` is the name that the recorder was given, for all parts; one part; a folder of the parts of one recording; or
+    a list of parts.
     """
     files = _files(path)
     parts = _identified(files, strict=not isinstance(path, str | PathLike))

@@ -21,8 +21,7 @@ from plumbob.files.mcap.scan import identify
 from plumbob.files.mcap.writer import Backlog, Writer
 
 BACKLOG: Final = 64 << 20  # bytes of rows that may wait for a slow or full disk
-VERSION_KEY: Final = "plumbob"
-"""Under this name the metadata have the version of the program, which may change from a part to the next."""
+VERSION_KEY: Final = "plumbob"  # metadata with the version of the program, which may change between parts
 COMPRESSIONS: Final = ("zstd", "none")
 _TIMES: Final = 1 << 64
 
@@ -87,11 +86,7 @@ class Recorder:
         return self._lost + (0 if self._writer is None else self._writer.unwritten)
 
     def start(self) -> Self:
-        """Create the first part and begin to write; on a full disk as ``stopped``, going on once there is room.
-
-        ParameterError if an option has no meaning, or a part of this name exists and is not to be followed, or is being
-        written; DecodeError if the system does not let the file be created.
-        """
+        """Create the first part and begin to write; on a full disk as ``stopped``, going on once there is room."""
         if self._writer is not None:
             raise ParameterError(f"the recording {self._path.name} has been started before; make another Recorder.")
         rules = self._rules()
@@ -102,8 +97,8 @@ class Recorder:
             rules = replace(rules, first=layout.part_number(self._path, self.path))
         before = self._recording_before(existing)
         self.alone = bool(existing) and before is None
-        said = {"metadata": dict(self.metadata), "follows": before, "boot": writer.boot_id()}
-        part = layout.PartInfo(self._recording, rules.first, self._offset, **said)
+        part = layout.PartInfo(self._recording, rules.first, self._offset, metadata=dict(self.metadata), follows=before)
+        part = replace(part, boot=writer.boot_id())
         thread = Writer(rules, part, self._backlog, self._channels, self._take_drops, self._tell)
         try:
             thread.start()
@@ -129,11 +124,7 @@ class Recorder:
         return number
 
     def write(self, channel: int, t_ns: int, data: bytes) -> None:
-        """Take a row of a channel, by the host's monotonic clock, ns; it goes to the disk within `every` seconds.
-
-        `data` must not change any more; larger than 8 MiB it is dropped and counted. ParameterError if there is no such
-        channel, or it is not bytes.
-        """
+        """Take a row of a channel, by the host's monotonic clock, ns; `data` must not change any more."""
         if channel not in self._next:
             raise ParameterError(f"the recording {self._path.name} has no channel {channel}; declare it first.")
         if not isinstance(data, bytes):  # the writing thread could not say whose fault it was

@@ -25,12 +25,9 @@ from plumbob.files.mcap.layout import PLAIN_BYTES, Channel, PartInfo, parse_sche
 
 FOREIGN_BYTES: Final = 256 << 20  # larger chunks of other programs are not inflated
 FREE_BYTES: Final = 16 << 20
-MAX_RATIO: Final = 16
-"""A chunk of another program may state `FREE_BYTES` and this many times its size; short rows take ten times that."""
+MAX_RATIO: Final = 16  # a chunk of another may state `FREE_BYTES` and this many times its size
 _KEPT_BYTES: Final = 64 << 20  # schemas and channels that are kept of one file, in bytes
-_STEP: Final = 1 << 20
 _KINDS: Final = 4096
-
 Row = tuple[int, int, int, bytes]  # channel number, sequence as on disk, log time in ns, data
 
 
@@ -56,11 +53,7 @@ class RecordParser:
         self._kept = 0
 
     def parse(self, content: bytes, schemas: dict[int, bytes] | None = None) -> Content:
-        """Schemas, channels and messages of whole records; others are passed over.
-
-        `schemas` are bodies of schema records known from elsewhere, which grow. BrokenRecordError if a record reaches
-        beyond the end, or cannot be read.
-        """
+        """Schemas, channels and messages of whole records; `schemas`, bodies of those known from elsewhere, grow."""
         stay = schemas is not None
         parsed, schemas, at, end = Content(), {} if schemas is None else schemas, 0, len(content)
         head, message = layout.RECORD_HEAD.unpack_from, layout.MESSAGE_HEAD.unpack_from
@@ -135,7 +128,7 @@ def _inflate_zstd(stored: bytes, size: int) -> bytes:
     pieces = []
     try:
         with ZstdDecompressor(max_window_size=1 << 27).stream_reader(stored, read_across_frames=True) as reader:
-            while size >= 0 and (piece := reader.read(min(size + 1, _STEP))):
+            while size >= 0 and (piece := reader.read(min(size + 1, 1 << 20))):
                 pieces.append(piece)
                 size -= len(piece)
     except (ZstdError, MemoryError) as error:
@@ -148,7 +141,7 @@ def _inflate_lz4(stored: bytes, size: int) -> bytes:
 
     pieces, reader, rest = [], LZ4FrameDecompressor(), stored
     try:
-        while size >= 0 and not reader.eof and (piece := reader.decompress(rest, min(size + 1, _STEP))):
+        while size >= 0 and not reader.eof and (piece := reader.decompress(rest, min(size + 1, 1 << 20))):
             pieces.append(piece)
             size -= len(piece)
             rest = b""
@@ -214,10 +207,7 @@ _OVERLAP: Final = 63  # no landmark is longer than one byte more
 def next_landmark(
     source: FileBytes, start: int, is_good: Callable[[int], bool], checked: bool
 ) -> tuple[int, int | None]:
-    """Offset, from `start` on, of the next `is_good` record or the end of the data section; else the file's size.
-
-    Where it is the end of the data, the second number shows where its summary begins, whose CRC must be `checked`.
-    """
+    """Offset, from `start` on, of the next `is_good` record or the end of the data, with that of its summary."""
     for at, opcode in _candidates(source, start, _LANDMARK):
         if opcode != layout.FOOTER:
             if is_good(at):
@@ -315,10 +305,7 @@ class _Chunk:
 
 
 class Scan:
-    """One pass over a file; `recording` is the name of the one whose chunks are wanted, empty if it is not known.
-
-    It is None for a file of another program, where CRCs may be absent and messages may stand outside chunks.
-    """
+    """One pass over a file for the chunks of a recording: empty if its name is not known, None in others' files."""
 
     def __init__(self, source: FileBytes, recording: str | None) -> None:
         self.clean = False  # whether the file has its end: a summary whose CRC holds

@@ -3,7 +3,7 @@
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
@@ -41,11 +41,7 @@ def write_rows(
     metadata: Mapping[str, str],
     overwrite: bool = False,
 ) -> None:
-    """Write a complete recording in one file: rows of time, ns, topic and content, in the order of time.
-
-    `topics` have encoding and schema; `epoch_offset_ns` added to the times gives UTC. Errors as of `replacing`;
-    ParameterError, too, if a time cannot be stored.
-    """
+    """Write a complete recording in one file: rows of time, ns, topic and content, in the order of time."""
     info = PartInfo(secrets.token_hex(16), 1, epoch_offset_ns, metadata=metadata)
     names = {topic: number for number, topic in enumerate(topics, 1)}
     records = {
@@ -54,98 +50,59 @@ def write_rows(
     }
     target = replacing(Path(path), overwrite=overwrite, seeks=True)
     with target as temporary, whole_part(temporary, info) as (part, write):
-        ends = dict.fromkeys(names, 0)
-        for chunk in _chunks(rows, names, records, ends, epoch_offset_ns):
+        ends, chunk = dict.fromkeys(names, 0), None  # rows of each topic
+        for t_ns, topic, data in rows:
+            if not 0 <= t_ns + epoch_offset_ns < _TIMES:
+                raise ParameterError(f"a time of {t_ns / 1e9:g} s cannot be stored in MCAP, which counts from 1970.")
+            if chunk is not None and (t_ns - chunk.t_ns >= CHUNK_NS or chunk.size >= CHUNK_BYTES):
+                write(chunk)
+                chunk = None
+            chunk, number = chunk or OpenChunk(t_ns), names[topic]
+            if number not in chunk.entries:
+                chunk.introduce(number, ends[topic], records[number])
+            chunk.add(number, ends[topic], t_ns + epoch_offset_ns, data)
+            ends[topic] += 1
+        if chunk is not None:
             write(chunk)
         part.finish(records, ends, {})
 
 
-def _chunks(
-    rows: Iterable[tuple[int, str, bytes]],
-    names: Mapping[str, int],
-    records: Mapping[int, tuple[bytes, bytes]],
-    ends: dict[str, int],
-    epoch_offset_ns: int,
-) -> Iterator[OpenChunk]:
-    """Rows in chunks; `ends` counts those of each topic."""
-    chunk: OpenChunk | None = None
-    for t_ns, topic, data in rows:
-        if not 0 <= t_ns + epoch_offset_ns < _TIMES:
-            raise ParameterError(f"a time of {t_ns / 1e9:g} s cannot be stored in MCAP, which counts from 1970.")
-        if chunk is not None and (t_ns - chunk.t_ns >= CHUNK_NS or chunk.size >= CHUNK_BYTES):
-            yield chunk
-            chunk = None
-        chunk = chunk or OpenChunk(t_ns)
-        number = names[topic]
-        if number not in chunk.entries:
-            chunk.introduce(number, ends[topic], records[number])
-        chunk.add(number, ends[topic], t_ns + epoch_offset_ns, data)
-        ends[topic] += 1
-    if chunk is not None:
-        yield chunk
-
-
 @dataclass(repr=False)
 class Verdict(FactsText):
-    """What a recording holds and what it lacks.
+    """What a recording holds and what it lacks."""
 
-    Attributes
-    ----------
-    paths : tuple of Path
-        Its files.
-    recording : str or None
-        Name of the recording; None in a file of another program.
-    rows : dict of str to int
-        Whole rows per topic.
-    lost, dropped : dict of str to int
-        Rows per topic that are missing: through damage, and because the recorder had to give them up.
-    damage : list of Damage
-        What is wrong with the files.
-    clean : bool
-        Whether every part has its end, which a crash does not leave.
-    unchecked : int
-        Chunks and messages without a CRC, which nobody can check.
-    open : bool
-        Whether a recorder still writes it.
-    first_ns, last_ns : int or None
-        Earliest and latest time of a row, ns.
-    """
-
-    paths: tuple[Path, ...]
-    recording: str | None
-    rows: dict[str, int] = field(default_factory=dict)
-    lost: dict[str, int] = field(default_factory=dict)
-    dropped: dict[str, int] = field(default_factory=dict)
-    damage: list[Damage] = field(default_factory=list)
-    clean: bool = True
-    unchecked: int = 0
-    open: bool = False
-    first_ns: int | None = None
-    last_ns: int | None = None
+    paths: tuple[Path, ...]  # its files
+    recording: str | None  # name of the recording; None in a file of another program
+    rows: dict[str, int] = field(default_factory=dict)  # whole rows per topic
+    lost: dict[str, int] = field(default_factory=dict)  # rows per topic that are missing through damage
+    dropped: dict[str, int] = field(default_factory=dict)  # and because the recorder had to give them up
+    damage: list[Damage] = field(default_factory=list)  # what is wrong with the files
+    clean: bool = True  # whether every part has its end, which a crash does not leave
+    unchecked: int = 0  # chunks and messages without a CRC, which nobody can check
+    open: bool = False  # whether a recorder still writes it
+    first_ns: int | None = None  # earliest time of a row
+    last_ns: int | None = None  # and latest
 
     def facts(self) -> Mapping[str, str]:
         """Files, rows, and whether it is whole."""
-        names = ", ".join(path.name for path in self.paths)
-        return {"files": names, "rows": str(sum(self.rows.values())), "verdict": self.in_words}
+        rows = str(sum(self.rows.values()))
+        return {"files": ", ".join(path.name for path in self.paths), "rows": rows, "verdict": self.in_words}
 
     def text(self) -> str:
         """What the recording holds and lacks, line by line."""
-        names = ", ".join(path.name for path in self.paths)
-        lines = [f"{names}: {counted(sum(self.rows.values()), 'row')} in {self.duration:.3f} s"]
+        lines = [f"{self.facts()['files']}: {counted(sum(self.rows.values()), 'row')} in {self.duration:.3f} s"]
         lines += [f"rows         {visible(topic)}: {count}" for topic, count in self.rows.items()]
         if self.recording is None:
             lines.append("written by   another program, so nobody knows how many rows there were")
         if self.unchecked:
-            what = "without a CRC (chunks or messages); damage to them cannot be seen"
-            lines.append(f"unchecked    {self.unchecked} {what}")
+            lines.append(
+                f"unchecked    {self.unchecked} without a CRC (chunks or messages); damage to them cannot be seen"
+            )
         lines += [f"damage       {visible(str(damage))}" for damage in self.damage]
         end = "properly" if self.clean else "NOT properly: a part has no end, or a damaged one, as after a crash"
         lines.append(f"ended        {'not yet: it is being recorded' if self.open else end}")
-        gaps = (
-            ("dropped", self.dropped, "given up while recording, or lost before a repair"),
-            ("lost", self.lost, "missing"),
-        )
-        for title, rows_of, how in gaps:
+        given_up = ("dropped", self.dropped, "given up while recording, or lost before a repair")
+        for title, rows_of, how in (given_up, ("lost", self.lost, "missing")):
             lines += [f"{title:12} {visible(topic)}: {counted(count, 'row')} {how}" for topic, count in rows_of.items()]
         return "\n".join([*lines, f"verdict      {self.in_words}"])
 
@@ -203,17 +160,10 @@ class Verdict(FactsText):
             "dropped": self.dropped,
             "unchecked": self.unchecked,
             "damage": [
-                {
-                    "file": damage.path.name,
-                    "offset": damage.offset,
-                    "bytes": damage.size,
-                    "what": damage.what,
-                    "lost": dict(damage.lost),
-                    "certain": damage.certain,
-                }
-                for damage in self.damage
+                {"file": d.path.name, "offset": d.offset, "bytes": d.size, "what": d.what, "lost": dict(d.lost),
+                 "certain": d.certain} for d in self.damage
             ],
-        }
+        }  # fmt: skip
 
 
 def verify(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Verdict:
@@ -263,36 +213,24 @@ def repair(
     target = Path(out)
     require_place(target, overwrite=overwrite)
     log = open_log(path)
-    _refuse(log, target)
+    require_other(target, log.paths)
+    if log.recording is None:
+        raise ParameterError(
+            f"{log.paths[0]} was written by another program: what is missing cannot be known here; use 'mcap recover'."
+        )
+    for file in filter(is_locked, log.paths):
+        raise ParameterError(f"{file} is still being recorded; stop the recorder first.")
     verdict = Verdict(log.paths, log.recording)
     with replacing(target, overwrite=overwrite, seeks=True) as temporary:
         _rewrite(log, temporary, verdict)
     return verdict
 
 
-def _refuse(log: Log, target: Path) -> None:
-    require_other(target, log.paths)
-    if log.recording is None:
-        raise ParameterError(
-            f"{log.paths[0]} was written by another program: what is missing cannot be known here; use 'mcap recover'."
-        )
-    for file in log.paths:
-        if is_locked(file):
-            raise ParameterError(f"{file} is still being recorded; stop the recorder first.")
-
-
 def _rewrite(log: Log, target: Path, verdict: Verdict) -> None:
-    info = log.first_info
-    recording = log.recording or "0" * 32
-    first = PartInfo(
-        recording,
-        1 if info is None else info.part,
-        0 if info is None else info.epoch_offset_ns,
-        {} if info is None else info.starts,
-        metadata=log.metadata,
-        follows=None if info is None else info.follows,
-        boot="" if info is None else info.boot,
-    )
+    info, recording = log.first_info, log.recording or "0" * 32
+    first = PartInfo(recording, 1, 0, metadata=log.metadata)
+    if info is not None:
+        first = replace(info, recording=recording, ends=None, dropped={}, metadata=log.metadata)
     numbers: dict[str, int] = {}
     records: dict[int, tuple[bytes, bytes]] = {}
     with whole_part(target, first) as (part, write):

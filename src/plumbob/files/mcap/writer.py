@@ -309,17 +309,15 @@ class Backlog:
 
 
 RETRY: Final = 1.0  # A stopped recording looks so often whether it can go on, s; also how often free space is looked at
-INDEX_BYTES: Final = 16 << 20
-"""A part ends when its index is as large as this, which takes some three hours: the index is kept in memory."""
-MARGIN: Final = 16 << 20
-"""So much more than the reserve must be free before a stopped recording goes on; a quarter of a small reserve."""
+INDEX_BYTES: Final = 16 << 20  # a part ends when its index, which is in memory, is so large: after some 3 h
+MARGIN: Final = 16 << 20  # more than the reserve before a stopped recording goes on; a quarter of a small one
 
 
 class Writer:
     """Writes chunks of the backlog, the only one who touches the disk; `info` is what each part says of itself.
 
-    `channels` holds topic and records by number, and grows; `take_drops` gives rows per topic that had no room since it
-    was last asked; `tell` takes kind, text and count of an event.
+    `channels` holds topic and records by number, and grows; `take_drops` gives rows per topic that had no room since
+    then.
     """
 
     def __init__(
