@@ -72,8 +72,8 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     ends = {name: f"{to_deg(last):8.2f}° ± {to_deg(sd):.2f}° at the end" for name, last, sd in motion.at_end()}
     if not args.json:
         common.note(*map(str, motion.notes))
-    shown = Listed(common.rows(motion.facts() | ends, 20), {"out": args.out, **motion.summary()})
-    return show(args, verb, motion, shown=shown)
+    lines = [f"{name:20} {value}" for name, value in (motion.facts() | ends).items()]
+    return show(args, verb, motion, shown=Listed("\n".join(lines), {"out": args.out, **motion.summary()}))
 
 
 def export(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -123,7 +123,7 @@ def replay(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     if truth is not None and truth.hand is None:
         raise ParameterError(f"{args.truth} has no position of the hand, which is hand_x [m], hand_y [m], hand_z [m].")
     done = call()
-    lines = [common.rows(done.facts())]
+    lines = [f"{name:12} {value}" for name, value in done.facts().items()]
     numbers = {"samples": int(done.t.size), "duration_s": float(done.t[-1] - done.t[0]), "arm_m": done.length}
     if truth is not None and truth.hand is not None:
         error = done.against(truth.t, truth.hand)

@@ -29,11 +29,6 @@ def filter_args(verb: str, filter_: str | None, params: str | None) -> dict[str,
     return {"filter": chosen[0].filter, "params": chosen[0].params}
 
 
-def rows(facts: Mapping[str, object], width: int = 12) -> str:
-    """Facts, a line each."""
-    return "\n".join(f"{name:{width}} {value}" for name, value in facts.items())
-
-
 PARAMS_HELP = "name=value,... with units (kp=0.5,gate=0.08g,mag=off), or a TOML file; see 'plumbob list filters'"
 
 

@@ -258,7 +258,11 @@ class _ArrangementSearch:
         first = int(residual.min(axis=0).argmin())
         counts = cut[int(at[first])][:count, 15, 15] / (self.size * BIN) ** 2  # windows that count in each block
         best = _Scored(moments[first : first + 1], counts, self.ridge)
-        counts = self._independent(first, best, int(shifts[at[first]])) * counts
+        # independent samples for each window: residuals of neighbours are alike
+        row = self.at.scalars(self.size, int(shifts[at[first]]))[:, : len(best.counts) * self.block]
+        residuals = np.einsum("in,cai,a->nc", row, designs()[first], np.append(-best.p[0], 1.0), optimize=True)
+        sd = np.repeat(np.sqrt(best.variance[0]), self.block)[: len(residuals), np.newaxis]
+        counts = 1.0 / inflation(residuals / sd) * counts
         scored = _Scored(moments, counts, self.ridge)
         log = scored.log_likelihood
         top = int(log.argmax())
@@ -309,13 +313,6 @@ class _ArrangementSearch:
         both = np.concatenate([np.where(sign * p[..., 0] > 0.0, rss, change) for sign in (1.0, -1.0)])
         return np.asarray((both / np.maximum(change, 1e-300)).T)
 
-    def _independent(self, n: int, scored: "_Scored", shift: int) -> float:
-        """Independent samples for each window: residuals of neighbours are alike."""
-        row = self.at.scalars(self.size, shift)[:, : len(scored.counts) * self.block]
-        residuals = np.einsum("in,cai,a->nc", row, designs()[n], np.append(-scored.p[0], 1.0), optimize=True)
-        sd = np.repeat(np.sqrt(scored.variance[0]), self.block)[: len(residuals), np.newaxis]
-        return 1.0 / inflation(residuals / sd)
-
     def delays(self, rates: Samples, edges: Floats, n: int, start: float) -> tuple[list[float], list[float]]:
         """Delay of an arrangement and its standard deviation, s, by all blocks and by either half of them.
 
@@ -332,7 +329,9 @@ class _ArrangementSearch:
                     if d not in costs:
                         moved = Grid(rates.means(edges - d), self.at.vector)
                         grams = self._gram(moved.scalars(self.size, shift), self.weights)
-                        costs[d] = 0.5 * _costs(_moments(grams, np.array([n]))[0], self.ridge)
+                        m = _moments(grams, np.array([n]))[0]  # weighted by inverse variances
+                        p = solved(m[:, :-1, :-1] + np.diag(self.ridge), m[:, :-1, -1:])[..., 0]
+                        costs[d] = 0.5 * (m[:, -1, -1] - np.sum(p * m[:, :-1, -1], axis=1))
                 before, middle, after = (costs[d][i] for d in centre + away)
                 slope, bend = 0.5 * (after - before) / reach, (after - 2.0 * middle + before) / reach**2
                 if not bend > 0.0:
@@ -353,12 +352,6 @@ def _moments(grams: Floats, n: NDArray[np.int64]) -> Floats:
     right = (grams @ design.reshape(-1, SCALARS).T).reshape(len(grams), SCALARS, len(n), 3, FREE + 1)
     right = right.transpose(2, 0, 3, 1, 4).reshape(len(n), len(grams), 3 * SCALARS, FREE + 1)
     return np.asarray(design.swapaxes(1, 2).reshape(len(n), 1, FREE + 1, 3 * SCALARS) @ right)
-
-
-def _costs(m: Floats, ridge: Floats) -> Floats:
-    """Least squares (n,) of moments (n, 11, 11) that are weighted by inverse variances."""
-    p = solved(m[:, :-1, :-1] + np.diag(ridge), m[:, :-1, -1:])[..., 0]
-    return np.asarray(m[:, -1, -1] - np.sum(p * m[:, :-1, -1], axis=1))
 
 
 def _rss(m: Floats, p: Floats) -> Floats:

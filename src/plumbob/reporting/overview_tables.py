@@ -11,7 +11,7 @@ from plumbob.core.text import number
 from plumbob.core.units import to_deg
 from plumbob.data import UNCALIBRATED
 from plumbob.overview.report_entry import Subject
-from plumbob.overview.streaming_stats import AXES, MOTION_NAMES, TILT_NAMES, TRACED, UNITS, Burst, Gathered, shown_scale
+from plumbob.overview.streaming_stats import AXES, MOTION_NAMES, TILT_NAMES, TRACED, UNITS, Gathered, shown_scale
 from plumbob.quality import quality
 from plumbob.quality.grade import Grade
 from plumbob.quality.tilt import DEAD, Headings, Inclination, TiltMotion, TiltStatistics
@@ -152,18 +152,12 @@ def grade_table(grade: Grade) -> Table:
 def quality_table(subject: Subject) -> Table:
     """Quality flag of each burst and channel, with the tests that did not pass."""
     channels = [name for name in quality.CHANNELS if any(name in burst.verdicts for burst in subject.gathered.bursts)]
-    rows = [
-        (subject.utc(burst.begin) or f"{burst.begin:.6g} s", *(_verdict(burst, name) for name in channels))
-        for burst in subject.gathered.bursts
-    ]
-    return Table("Quality flags by burst", ("begin", *channels), rows if channels else [], detail="quality")
-
-
-def _verdict(burst: Burst, channel: str) -> str:
-    verdict = burst.verdicts.get(channel)
-    if verdict is None:
-        return "-"
-    return f"{verdict.flag} {quality.MEANING[verdict.flag]}{f': {verdict.why}' if verdict.why else ''}"
+    rows = []
+    for burst in subject.gathered.bursts if channels else ():
+        verdicts = [burst.verdicts.get(name) for name in channels]
+        words = [v and ": ".join(filter(None, (f"{v.flag} {quality.MEANING[v.flag]}", v.why))) for v in verdicts]
+        rows.append((subject.utc(burst.begin) or f"{burst.begin:.6g} s", *(cell or "-" for cell in words)))
+    return Table("Quality flags by burst", ("begin", *channels), rows, detail="quality")
 
 
 def threshold_table() -> Table:
