@@ -15,7 +15,7 @@ from benchmarks.harness.bar import Bar, bar_lines
 from plumbob import Filter, Frame, ImuData
 from plumbob.arm.array import Monitor
 from plumbob.data.array import ImuArray
-from plumbob.papers.arm.faults import as_array, moved
+from plumbob.papers.arm import as_array, moved
 
 
 def large(units: int, rate: float, duration: float) -> Iterator[str]:

@@ -8,7 +8,7 @@ from plumbob.arm import JointTrack
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards.noise import TriadNoise
 from plumbob.data.chain import Chain, Joint, Limits, Segment
-from plumbob.papers.arm.faults import as_array, moved
+from plumbob.papers.arm import as_array, moved
 from plumbob.rotations import quat_from_rotvec
 
 

@@ -26,7 +26,7 @@ from plumbob.live.session_toml import load_session
 from plumbob.live.sinks import RecordingSink, TextSink
 from plumbob.live.sources import open_source
 from plumbob.live.stream import Stream
-from plumbob.papers.workspace import Work
+from plumbob.papers.studies import Study
 from plumbob.protocols.decode import Counts
 from plumbob.reporting.evaluation import side_by_side
 from plumbob.reporting.report import Report
@@ -124,7 +124,7 @@ def calibrate_unit(folder: Path, *, seed: int) -> CalibrationCard:
 
     The seed is that of the unit and of its noise: the captures and the sea have the same one.
     """
-    work, unit = Work(folder, seed), f'[imu]\ndevice = "{DEVICE}"\nframe = "NED"\n'
+    work, unit = Study("buoy", folder, seed), f'[imu]\ndevice = "{DEVICE}"\nframe = "NED"\n'
     poses = work.recorded("buoy", HAND, scenario="poses", set={"move": 2.0}, session=unit).recording
     raised = work.recorded("buoy", MOUNTING, scenario="raise", session=unit).recording
     by_hand = calibrate(poses, "hand")

@@ -116,11 +116,6 @@ class Description:
                 fields.setdefault(name, filled(value, given) if isinstance(value, str | list) else value)
         return Outcome(**{"where": "", **fields, "key": key})
 
-    def rows(self, figures: Mapping[str, float | tuple[float | None, float]], **given: Any) -> list[Outcome]:
-        """Figures by key: by the paper's method, or a pair of that, which may be None, and Plumbob's; as `row`."""
-        pairs = {key: value if isinstance(value, tuple) else (value, None) for key, value in figures.items()}
-        return [self.row(key, faithful=faithful, best=best, **given) for key, (faithful, best) in pairs.items()]
-
     def part(self, key: str, **given: Any) -> Report:
         """A part of the page: fields of `Report` that are computed, and values of its texts."""
         part = self.content["part"][key]
@@ -143,18 +138,10 @@ class Description:
         fields.setdefault("head", [filled(cell, given) for cell in table.get("head", ())])
         return Table(rows=rows, **{"words": table.get("words", ()), **fields})
 
-    def figure(
-        self,
-        key: str,
-        draw: "Callable[[FigureBase], None]",
-        *,
-        lines: Sequence[tuple[str, str, str]] | None = None,
-        **values: Any,
-    ) -> Figure:
-        """A figure of the page, with its fixed lines where none are given."""
+    def figure(self, key: str, draw: "Callable[[FigureBase], None]", **values: Any) -> Figure:
+        """A figure of the page, with its lines."""
         figure = self.content["figure"][key]
-        if lines is None:
-            lines = [(filled(text, values), COLOURS[name], dash) for text, name, dash in figure.get("key", ())]
+        lines = [(filled(text, values), COLOURS[name], dash) for text, name, dash in figure.get("key", ())]
 
         def drawn(canvas: Any) -> None:  # the stubs have no axes of a part of a figure
             draw(canvas)
@@ -162,9 +149,7 @@ class Description:
                 plain = {name: v for name, v in settings.items() if name not in ("h", "v", "xscale", "yscale")}
                 axes.set(**{n: filled(v, {}) if n.endswith("label") or n == "title" else v for n, v in plain.items()})
 
-        height = values.pop("height", figure.get("height", Figure.height))
-        return Figure(filled(figure["caption"], values), drawn, lines, height)
+        return Figure(filled(figure["caption"], values), drawn, lines, figure.get("height", Figure.height))
 
 
 PAPERS: Final = {name: Description(name) for name in ("fin", "buoy", "trackball", "arm", "rod")}
-FIN, BUOY, TRACKBALL, ARM, ROD = PAPERS.values()

@@ -131,17 +131,6 @@ def restored(stored: Mapping[str, Any]) -> Outcome:
     return Outcome(**made | {name: tuple(made[name]) for name in ("faithful_bar", "best_bar")})
 
 
-Part = tuple[Report, list[Outcome]]
-"""A part of a page, and its outcomes."""
-
-
-class PrintedForm(NamedTuple):
-    """The figure that shows a misprint: of the printed form, which is wrong, and of the right one."""
-
-    wrong: float
-    right: float
-
-
 HEAD: Final = (
     Both("where", "出处"), Both("figure", "指标"), Both("unit", "单位"), Both("paper", "论文"),
     Both("its method", "按论文"), Both("ours", "本系统"), Both("reached", "达到论文值"), Both("bar", "限值"),

@@ -207,11 +207,8 @@ def run_paper(name: str, folder: Path, seed: int, lang: str, progress: Progress 
 
     module = import_module(f"plumbob.papers.{name}")
     study = Study(name, subfolder, seed, on_step)
-    if hasattr(module, "measure"):
-        module.measure(study)
-        paper = study.paper()
-    else:
-        paper = module.run(study)
+    module.measure(study)
+    paper = study.paper()
     report = paper.report
     page = replace(
         report,

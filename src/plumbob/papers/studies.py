@@ -12,23 +12,31 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.files import write_text
+from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack
+from plumbob.data.recording import Recording
 from plumbob.evaluation.metrics import euler_errors
+from plumbob.files import write
+from plumbob.live.emulated import emulate
+from plumbob.live.record import record
+from plumbob.live.rigs.rig import columns_for
 from plumbob.papers.description import PAPERS, filled
 from plumbob.papers.outcome import Outcome, Paper
-from plumbob.papers.workspace import Taken, Work
+from plumbob.protocols.encode import encode
+from plumbob.protocols.format_toml import find_format
 from plumbob.reporting.content import COLOURS, MUTED, Both, Scene, Table
 from plumbob.reporting.report import Report
+from plumbob.simulation import Simulation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
 ANGLES: Final = ("yaw", "pitch", "roll")
-_COLUMNS: Final = 900
-"""Points of a line that is drawn; of more values the least and the greatest of each column are shown."""
+_COLUMNS: Final = 900  # points of a line that is drawn; of more, the least and the greatest of each column
 _DASHES: Final = {"dashed": "--", "dotted": ":", "solid": "-", "none": ""}
 
 
@@ -83,16 +91,45 @@ def largest(values: Any, axis: int | None = 0) -> Any:
     return np.max(np.abs(values), axis=axis)
 
 
-class Study(Work):
-    """A paper's run: what its study has measured so far, by the keys of its file.
+_SESSION = """\
+kind = "plumbob session"
+version = 1
 
-    `values`: what stands in the texts of the page, by name.
+[source]
+kind = "file"
+path = "{name}.bin"
+
+[format]
+name = "{rig}"
+{more}"""
+
+
+class Taken(NamedTuple):
+    """Files of a rig that was emulated and recorded.
+
+    `recording`: what its session recorded of its bytes, for `plumbob.read`, `plumbob.replay` and every verb; `truth`:
+    what the simulator put into the frames, with the true attitude, for several units that of the first one, beside
+    which those of the others are named after the units; `capture`, `session`: the bytes, and the session that says what
+    they mean.
+    """
+
+    recording: Path
+    truth: Path
+    capture: Path
+    session: Path
+
+
+class Study:
+    """A paper's run: its folder, which exists, its seed, and what it has measured so far, by the keys of its file.
+
+    `values`: what stands in the texts of the page, by name; `progress`: called with what is being done, how many steps
+    are done, and of how many.
     """
 
     def __init__(
         self, name: str, folder: Path, seed: int = 1, progress: Callable[[str, int, int], None] | None = None
     ) -> None:
-        super().__init__(folder, seed, progress or (lambda what, done, of: None))
+        self.folder, self.seed, self.progress = folder, seed, progress or (lambda what, done, of: None)
         self.name, self.description = name, PAPERS[name]
         self.values: dict[str, Any] = {"seed": seed}
         self.outcomes: dict[str, Outcome] = {}
@@ -104,6 +141,48 @@ class Study(Work):
         steps = self.description.content["paper"]["steps"]
         self.progress(steps[self._done], self._done, len(steps))
         self._done += 1
+
+    def seeds(self, count: int) -> range:
+        """Seeds of so many runs beside the one through bytes; those of another work are others."""
+        return range(1000 * self.seed, 1000 * self.seed + count)
+
+    def recorded(self, rig: str, name: str, *, session: str = "", text: Path | None = None, **how: Any) -> Taken:
+        """Emulate a rig, whose name is that of its format, and record its bytes by a session, as a user would.
+
+        `name`: of the files; `session`: what goes on in the session's table ``[format]``, and its further tables, as
+        TOML; `text`: where the session's outward line goes; `how`: as of `plumbob.emulate`, with the seed of the work
+        where none is given.
+        """
+        files = self._files(name)
+        emulate(rig, **{"seed": self.seed, **how}, write=files.capture, truth=files.truth, overwrite=True)
+        return self._record(rig, name, session, text)
+
+    def sent(self, rig: str, name: str, said: Simulation, *, session: str = "", text: Path | None = None) -> Taken:
+        """Send the samples of a simulation of your own in the frames of a rig of one unit, and record the bytes.
+
+        Values are rounded and cut as the frame's fields do; otherwise as `recorded`.
+        """
+        files, form = self._files(name), find_format(rig).bind()
+        t_ns = to_ns(said.imu.t)
+        files.capture.write_bytes(
+            encode(form, columns_for(form.messages[0], {"": said}, t_ns, np.arange(t_ns.size))).tobytes()
+        )
+        write(files.truth, Recording(imu=said.imu, track=said.truth, name=name), overwrite=True)
+        return self._record(rig, name, session, text)
+
+    def _files(self, name: str) -> Taken:
+        return Taken(*(self.folder / f"{name}{end}" for end in (".mcap", ".truth.parquet", ".bin", ".session.toml")))
+
+    def _record(self, rig: str, name: str, session: str, text: Path | None = None) -> Taken:
+        """Record the bytes that lie in the folder by a session."""
+        files = self._files(name)
+        write_text(files.session, _SESSION.format(name=name, rig=rig, more=session), overwrite=True)
+        files.recording.unlink(missing_ok=True)  # a recording is never written over
+        notes: list[str] = []
+        done = record(files.session, out=files.recording, text=text, note=notes.append)
+        if done.lossy:  # a figure of what is left would be wrong without a word
+            raise DecodeError(f"{files.recording} was not recorded completely: {'; '.join(notes)}.")
+        return files
 
     def text(self, key: str, **values: Any) -> Both:
         """A text of the file."""
@@ -152,13 +231,7 @@ class Study(Work):
         self._content["scene"].append((part, scene))
 
     def paper(self) -> Paper:
-        """The page, and every figure in the order of the file.
-
-        Raises
-        ------
-        ParameterError
-            If a figure of the file was not measured.
-        """
+        """The page, and every figure in the order of the file."""
         content = self.description.content
         if missing := [key for key in content["outcome"] if key not in self.outcomes]:
             raise ParameterError(f"{self.name} has not measured {', '.join(missing)}.")

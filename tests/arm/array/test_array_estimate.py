@@ -6,19 +6,19 @@ import pytest
 from plumbob import Frame, flags
 from plumbob.arm.array import estimate
 from plumbob.arm.array.direction_filter import Params, track_directions
+from plumbob.arm.array.monitoring import MonitoringSettings
 from plumbob.core.errors import ParameterError, PlumbobError
 from plumbob.core.units import dps
-from plumbob.papers.arm.simulated import REST, arm, errors_deg, pair
-from plumbob.papers.arm.tables import settings
+from plumbob.papers.arm import REST, arm_array, pair, turn_errors
 from plumbob.rotations import dcm_from_quat
 from tests.helpers.arm_samples import ImuArray, ImuData, as_array, moved
 
-SETTINGS = settings(REST)
+SETTINGS = MonitoringSettings(gyr_bias=REST.bias / np.sqrt(3.0))
 
 
 def rms(array, truth, filter_, rows=slice(0, None), **options):
     return float(
-        np.sqrt(np.mean(errors_deg(estimate(array, filter_, frame=Frame.NED, **options).track.q_nb, truth)[rows] ** 2))
+        np.sqrt(np.mean(turn_errors(estimate(array, filter_, frame=Frame.NED, **options).track.q_nb, truth)[rows] ** 2))
     )
 
 
@@ -31,7 +31,7 @@ def test_six_units_are_better_than_two_as_the_square_root_says():
     """Noise falls by √3; seeds scatter by a tenth."""
     found = []
     for units in (2, 6):
-        runs = [arm(seed, turns=False) for seed in range(1, 6)]
+        runs = [arm_array(seed, turns=False) for seed in range(1, 6)]
         runs = [(pair(array), truth) for array, truth in runs] if units == 2 else runs
         found.append(np.sqrt(np.mean([rms(*run, "directions", settings=SETTINGS) ** 2 for run in runs])))
     assert found[0] / found[1] == pytest.approx(np.sqrt(3.0), rel=0.3)
@@ -50,7 +50,7 @@ def test_a_unit_that_breaks_costs_no_more_than_not_to_have_had_it(kind, filter_)
     whole = as_array(found)
     five = rms(without(whole, "u3"), truth, filter_, slice(500, None))
     less = estimate(as_array(found | {"u3": broken}), filter_, frame=Frame.NED)
-    error = float(np.sqrt(np.mean(errors_deg(less.track.q_nb, truth)[500:] ** 2)))
+    error = float(np.sqrt(np.mean(turn_errors(less.track.q_nb, truth)[500:] ** 2)))
     assert error < 1.2 * five
     assert (less.track.flags[600] & flags.UNIT_EXCLUDED) != 0
 
@@ -59,9 +59,9 @@ def test_the_covariance_of_the_small_filter_is_that_of_its_errors_deg():
     """Normalised squared error of three angles over 40 seeds: χ² of 120 gives 3 ± 0.39."""
     squares = []
     for seed in range(1, 41):
-        array, truth = arm(seed, turns=False)
+        array, truth = arm_array(seed, turns=False)
         track = estimate(array, "directions", frame=Frame.NED, settings=SETTINGS).track
-        e = np.radians(errors_deg(track.q_nb[-1:], truth[-1:])[0])
+        e = np.radians(turn_errors(track.q_nb[-1:], truth[-1:])[0])
         squares.append(e @ np.linalg.solve(track.cov_b[-1], e))
     assert np.mean(squares) == pytest.approx(3.0, abs=3.0 * 0.39)
 
@@ -79,7 +79,7 @@ def test_the_noise_of_the_force_counts_once_and_a_push_counts_more():
 
 
 def test_the_frame_of_the_units_is_taken():
-    array, _ = arm(1, turns=False)
+    array, _ = arm_array(1, turns=False)
     assert estimate(array, "directions").track.frame is Frame.NED
     bare = ImuArray({k: ImuData(one.t, one.gyr, one.acc, one.mag) for k, one in array.units.items()}, array.mounts)
     for given, more, match in (

@@ -7,12 +7,12 @@ from plumbob import Frame
 from plumbob.arm.array.paper import Scheme, paper, sets_of
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import to_dps
-from plumbob.papers.arm.simulated import arm
+from plumbob.papers.arm import arm_array
 from tests.helpers.arm_samples import ImuArray
 
 
 def test_the_parity_has_no_signal_and_the_sum_no_common_bias():
-    array, _ = arm(3, turns=True)
+    array, _ = arm_array(3, turns=True)
     sets = sets_of(array)
     rate = to_dps(0.5 * (sets.plus["gyr"] + sets.minus["gyr"]))
     assert rate[:, 2].mean() == pytest.approx(-3.0, abs=0.3)  # the turn; biases of ±0.25 °/s over √2
@@ -22,7 +22,7 @@ def test_the_parity_has_no_signal_and_the_sum_no_common_bias():
 
 def test_one_set_starts_from_its_own_sample_and_two_from_both():
     """Tilt of the mean of both first forces, and of the first set's: roll = atan2(−f_y, −f_z) in NED."""
-    array, _ = arm(4, turns=False)
+    array, _ = arm_array(4, turns=False)
     sets = sets_of(array)
     for count, force in ((1, sets.plus["acc"][0]), (2, sets.plus["acc"][0] + sets.minus["acc"][0])):
         q = paper(array, frame=Frame.NED, scheme=Scheme(sets=count)).q_nb[0]
@@ -38,7 +38,7 @@ def test_one_set_starts_from_its_own_sample_and_two_from_both():
     (6, "must point along -x"),  # not mounted as they are
 ])  # fmt: skip
 def test_another_array_or_scheme_is_refused(scheme, match):
-    array, _ = arm(1, turns=False)
+    array, _ = arm_array(1, turns=False)
     with pytest.raises(ShapeError if isinstance(scheme, int) else ParameterError, match=match):
         if isinstance(scheme, int):
             sets_of(ImuArray({name: array.units[name] for name in list(array.units)[:scheme]}))
