@@ -8,7 +8,7 @@ import pytest
 
 from plumbob.arm.filter import WIDTH, ChainFilter, Params, UnitSamples
 from plumbob.arm.links import chain_links
-from plumbob.arm.smoother import backward, begin, estimate_motion, estimated, first_tilts, keyframe_rows, stretches
+from plumbob.arm.smoother import backward, begin, first_tilts, keyframe_rows, stretches
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.rotations import quat_conjugate, quat_multiply, quat_rotate, rotvec_from_quat
@@ -192,30 +192,6 @@ def test_a_gap_of_all_units_parts_a_recording_and_one_of_a_single_unit_does_not(
     assert stretches(UnitSamples(t, gyr, gyr)) == [(0, 500), (500, 1000)]
     cut = np.r_[0:300, 500:1000]
     assert stretches(UnitSamples(t[cut], gyr[:, cut], gyr[:, cut])) == [(0, 300), (300, 800)]
-
-
-@pytest.mark.parametrize("smooth", [False, True])
-def test_behind_a_gap_the_chain_is_as_right_as_before(smooth):
-    made, samples = samples_of_ideal("five", 20.0, rate=50.0)
-    keep = (samples.t < 8.0) | (samples.t >= 10.0)
-    cut = UnitSamples(samples.t[keep], samples.gyr[:, keep], samples.acc[:, keep], samples.mag[:, keep])
-    _, motion = estimate_motion(cut, chain_links(made.chain), INSTANT, north=np.pi / 2, smooth=smooth)
-    assert motion.begun.size == 1 and np.isfinite(motion.q).all() and np.isfinite(motion.cov).all()
-    truth, late = true_units(made)[:, keep], cut.t > 13.0
-    for u in range(1, 5):
-        ours = quat_multiply(quat_conjugate(motion.q[u - 1, late]), motion.q[u, late])
-        theirs = quat_multiply(quat_conjugate(truth[u - 1, late]), truth[u, late])
-        error = rotvec_from_quat(quat_multiply(ours, quat_conjugate(theirs)))
-        assert np.degrees(np.sqrt((error**2).sum(axis=1).mean())) < 2.0  # the bar of a joint
-
-
-def test_a_filter_knows_nothing_of_what_comes_later():
-    made, samples = samples_of_ideal("five", 12.0, rate=50.0)
-    links = chain_links(made.chain)
-    start = begin(samples, links, INSTANT, north=np.pi / 2)
-    whole = estimated(samples, links, INSTANT, start, smooth=False)
-    part = estimated(samples.rows(0, 400), links, INSTANT, start, smooth=False)
-    assert np.array_equal(whole.q[:, :395], part.q[:, :395])
 
 
 def test_tilts_begin_where_gravity_says():

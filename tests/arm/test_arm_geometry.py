@@ -12,7 +12,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
 from plumbob.data.array import UnitMount
 from plumbob.data.chain import Chain, Joint, Segment
-from plumbob.rotations import dcm_from_quat, quat_multiply, quat_rotate
+from plumbob.rotations import quat_multiply
 from plumbob.simulation import simulate_chain
 
 T = np.arange(0.0, 10.0, 0.01)
@@ -116,12 +116,3 @@ def test_the_common_heading_is_the_turn_that_the_field_shows(smooth):
     found = anchored(samples, motion, Params(), north=1.0, **sure)
     assert found.turn[half - 5] == pytest.approx(turn, abs=0.02)
     assert found.turn[-1] == pytest.approx(-1.0, abs=0.02)
-
-
-def test_terms_turn_forces_as_attitudes_do():
-    made, terms = ideal("five")
-    body, unit = made.bodies["s1"], made.chain.segments[0]
-    lever = np.array(unit.mount.lever_b)
-    force = quat_rotate(body.q_nb, body.at_lever(lever).specific_force_b)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", terms.matrix[0], terms.force[0]), force, atol=1e-9)
-    np.testing.assert_allclose(terms.matrix[0], dcm_from_quat(made.tracks["s1"].q_nb) @ unit.mount.dcm, atol=1e-12)

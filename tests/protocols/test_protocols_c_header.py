@@ -41,19 +41,19 @@ def filled(form, message, counts):
 
 
 @pytest.mark.skipif(CC is None, reason="no C compiler")
-@pytest.mark.parametrize("name", FORMS)
-def test_the_struct_in_c_has_the_bytes_of_the_encoder(name, tmp_path):
-    needed = {key: next(iter(o.choices), "1") for key, o in FORMS[name].options.items() if o.default is None}
-    form, rng = FORMS[name].bind(needed), np.random.default_rng(4)
-    lines, encoded = ['#include "frame.h"', "#include <stdio.h>", "int main(void) {"], b""
-    for message in form.messages:
-        counts = [(f, drawn(f, rng)) for f in message.fields if not (f.fixed or f.derived)]
-        columns = {f.name: np.array([c]) if not f.physical else field_values(f, np.array([c])) for f, c in counts}
-        if columns:
-            lines += filled(form, message, counts)
-            encoded += encode(form, columns, message=message.name)[0].tobytes()
-    (tmp_path / "frame.h").write_text(c_header(form))
-    (tmp_path / "main.c").write_text("\n".join([*lines, "    return 0; }", ""]))
+def test_the_structs_in_c_have_the_bytes_of_the_encoder(tmp_path):
+    lines, encoded, rng = ["int main(void) {"], b"", np.random.default_rng(4)
+    for name, found in FORMS.items():
+        form = found.bind({key: next(iter(o.choices), "1") for key, o in found.options.items() if o.default is None})
+        (tmp_path / f"{name}.h").write_text(c_header(form))
+        lines.insert(0, f'#include "{name}.h"')
+        for message in form.messages:
+            counts = [(f, drawn(f, rng)) for f in message.fields if not (f.fixed or f.derived)]
+            columns = {f.name: np.array([c]) if not f.physical else field_values(f, np.array([c])) for f, c in counts}
+            if columns:
+                lines += filled(form, message, counts)
+                encoded += encode(form, columns, message=message.name)[0].tobytes()
+    (tmp_path / "main.c").write_text("\n".join(["#include <stdio.h>", *lines, "    return 0; }", ""]))
     strict = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-function"]
     made = subprocess.run(
         [CC, *strict, "-o", "main", "main.c"], cwd=tmp_path, capture_output=True, text=True, check=False

@@ -22,15 +22,6 @@ def lively(chain, seed=3):
     return Sinusoids(rng.uniform(0.5, 5.0, 4), rng.normal(size=(4, k)) * 0.3, rng.normal(size=(4, k)) * 0.3)
 
 
-def planar(l1, l2):
-    """Two bars in the horizontal plane, the second with its unit at the end."""
-    return Chain(
-        "planar", (Segment("base"), Segment("a"), Segment("b", "b", UnitMount(lever_b=(l2, 0.0, 0.0)))),
-        (Joint("one", "base", "a", axes=(Z,)), Joint("two", "a", "b", origin=(l1, 0.0, 0.0), axes=(Z,))),
-        hand_b=(l2, 0.0, 0.0), base_fixed=True,
-    )  # fmt: skip
-
-
 def rate_by_differences(truth, t, h):
     return rotvec_from_quat(quat_multiply(quat_conjugate(truth(t - h).q_nb), truth(t + h).q_nb)) / (2.0 * h)
 
@@ -56,24 +47,6 @@ def test_last_segment_moves_as_its_derivatives_say(name, closes_in):
 
 def sinusoid3(amplitude, frequency):
     return Stack(tuple(sinusoid(amplitude, frequency * k, 0.3 * k) for k in (1.0, 1.7, 2.1)))
-
-
-def test_tip_of_a_double_pendulum_is_the_closed_form():
-    l1, l2 = 0.7, 0.4
-    chain, angles = planar(l1, l2), Stack((sinusoid(0.8, 0.4), sinusoid(1.1, 0.7, 0.5)))
-    (a, b), (da, db), (dda, ddb) = (part.T for part in angles.at(T))
-    tip = ChainMotion(chain, angles, Frame.ENU).truth(T)["b"].at_lever((l2, 0.0, 0.0))
-    # p = l1 e^{ia} + l2 e^{i(a+b)} in the complex plane, differentiated twice by hand
-    one, other = l1 * np.exp(1j * a), l2 * np.exp(1j * (a + b))
-    acc = (1j * dda - da**2) * one + (1j * (dda + ddb) - (da + db) ** 2) * other
-    vel = 1j * da * one + 1j * (da + db) * other
-    flat = np.zeros(T.size)
-    for got, want in ((tip.pos_n, one + other), (tip.vel_n, vel), (tip.acc_n, acc)):
-        np.testing.assert_allclose(got, np.column_stack((want.real, want.imag, flat)), atol=1e-13)
-    in_body = acc * np.exp(-1j * (a + b))
-    force = np.column_stack((in_body.real, in_body.imag, flat + G0))
-    np.testing.assert_allclose(tip.specific_force_b, force, atol=1e-12)
-    np.testing.assert_allclose(tip.rate_b, np.column_stack((flat, flat, da + db)), atol=1e-14)
 
 
 @pytest.mark.parametrize("frame", list(Frame))

@@ -23,12 +23,6 @@ def readings(errors, truth=TRUTH, triad="gyr", seed=4):
     return measure(errors, truth, triad=triad, seed=seed, rate=RATE, temp_c=WARM, force_b=FORCE)
 
 
-def test_without_errors_the_measurement_is_the_truth():
-    found = readings(TriadErrors())
-    np.testing.assert_array_equal(found.values, TRUTH)
-    assert not found.bias.any() and not found.clipped.any()
-
-
 @pytest.mark.parametrize("name", [name for name in EVERYTHING if not name.startswith("white")])
 def test_switching_one_error_off_leaves_the_others_as_they_are(name):
     with_it = readings(TriadErrors(**EVERYTHING)).values
@@ -57,12 +51,9 @@ def test_one_sample_scatters_by_density_times_root_rate():
     white = readings(TriadErrors(white_rpsd=0.01), 0.0 * TRUTH).values
     # N √rate; a standard deviation of n normal numbers scatters by 1/√(2n)
     np.testing.assert_allclose(white.std(axis=0), 0.01 * np.sqrt(RATE), rtol=4.0 / np.sqrt(2.0 * COUNT))
+    both = readings(TriadErrors(white_rpsd=0.03, white_sd=0.4), 0.0 * TRUTH).values
+    np.testing.assert_allclose(both.std(axis=0), 0.5, rtol=4.0 / np.sqrt(2.0 * COUNT))  # 3-4-5: √(0.3² + 0.4²)
     assert not readings(TriadErrors(walk_rpsd=1.0), 0.0 * TRUTH).values[0].any()  # from which a walk begins
-
-
-def test_both_kinds_of_white_noise_add_as_squares():
-    white = readings(TriadErrors(white_rpsd=0.03, white_sd=0.4), 0.0 * TRUTH).values
-    np.testing.assert_allclose(white.std(axis=0), 0.5, rtol=4.0 / np.sqrt(2.0 * COUNT))  # 3-4-5: √(0.3² + 0.4²)
 
 
 def test_quantisation_scatters_by_a_step_over_root_twelve():
@@ -79,16 +70,9 @@ def test_range_clips_each_axis_at_its_own_end():
     np.testing.assert_array_equal(found.values, np.clip(TRUTH, -full, full))
     np.testing.assert_array_equal(found.clipped, np.abs(TRUTH) >= full)
     assert found.clipped[:, :2].any(axis=0).all()
-
-
-def test_the_very_end_of_the_range_counts_as_clipped():
-    found = readings(TriadErrors(full_scale=1.0), np.tile([1.0, -1.0, 0.99], (COUNT, 1)))
-    np.testing.assert_array_equal(found.clipped[0], [True, True, False])
-
-
-def test_noise_cannot_leave_the_range():
-    found = readings(TriadErrors(full_scale=0.1, white_rpsd=1.0, lsb=0.03))
-    assert np.abs(found.values).max() == 0.1
+    at_the_end = readings(TriadErrors(full_scale=1.0), np.tile([1.0, -1.0, 0.99], (COUNT, 1)))
+    np.testing.assert_array_equal(at_the_end.clipped[0], [True, True, False])
+    assert np.abs(readings(TriadErrors(full_scale=0.1, white_rpsd=1.0, lsb=0.03)).values).max() == 0.1
 
 
 def test_scale_misalignment_and_iron_follow_their_equation():

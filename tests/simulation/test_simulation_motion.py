@@ -6,7 +6,7 @@ import pytest
 from plumbob.core.constants import G0
 from plumbob.rotations import Frame, quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate, rotvec_from_quat
 from plumbob.simulation import ConingMotion, EulerMotion, GimbalMotion, PoseMotion, Truth
-from plumbob.simulation.signals import Sinusoids, Stack, constant, sinusoid
+from plumbob.simulation.signals import Sinusoids, constant
 
 FRAMES = list(Frame)
 T = np.linspace(0.1, 7.3, 150)
@@ -104,20 +104,6 @@ def test_coning_is_the_exponential_of_a_rotation_vector_that_goes_round():
     np.testing.assert_allclose(np.hypot(*cone.rate_b.T[:2]), w * np.sin(a), rtol=1e-14)
 
 
-def test_a_lever_feels_the_centripetal_acceleration():
-    w, r = 3.0, 0.25
-    turning = EulerMotion(Frame.NWU, Stack((spin(w), constant(0.0), constant(0.0)))).truth(T)
-    force = turning.at_lever((r, 0.0, 0.0)).specific_force_b
-    # closed form: inward, ω²r
-    np.testing.assert_allclose(force, np.tile([-w * w * r, 0.0, G0], (T.size, 1)), atol=1e-12)
-
-
-def test_a_lever_feels_the_angular_acceleration():
-    swinging = EulerMotion(Frame.NWU, Stack((sinusoid(0.5, 0.3), constant(0.0), constant(0.0)))).truth(T)
-    force = swinging.at_lever((0.25, 0.0, 0.0)).specific_force_b
-    np.testing.assert_allclose(force[:, 1], swinging.rate_dot_b[:, 2] * 0.25, atol=1e-12)  # closed form: ω̇ r sideways
-
-
 def test_rows_keep_everything_of_the_instants_that_are_marked():
     truth = lively(Frame.ENU).truth(T)
     some = truth.rows(T > 4.0)
@@ -125,9 +111,3 @@ def test_rows_keep_everything_of_the_instants_that_are_marked():
     np.testing.assert_array_equal(some.t, T[T > 4.0])
     np.testing.assert_array_equal(some.acc_n, truth.acc_n[T > 4.0])
     assert some.frame is Frame.ENU
-
-
-def spin(rate):
-    from plumbob.simulation.signals import Polynomial
-
-    return Polynomial((0.0, rate))

@@ -99,12 +99,6 @@ def test_phasors_are_the_real_part_of_rotating_pointers():
     np.testing.assert_allclose(Sinusoids.from_phasors(omega, z).at(T).value, direct, atol=1e-13)  # definition
 
 
-def test_sums_and_factors_are_linear():
-    both = (2.0 * WAVES + MOVES * -0.5).at(T)
-    for part, wave, move in zip(both, WAVES.at(T), MOVES.at(T), strict=True):
-        np.testing.assert_allclose(part, 2.0 * wave - 0.5 * move, atol=1e-12)
-
-
 def test_ramps_are_the_area_under_straight_lines():
     signal = Ramps((1.0, 3.0, 5.0), (0.0, 4.0, 4.0))
     value, rate, acc = signal.at(np.array([0.0, 2.0, 3.0, 4.0, 6.0]))

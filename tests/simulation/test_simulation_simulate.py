@@ -12,7 +12,7 @@ from plumbob.core.errors import CalibrationError
 from plumbob.core.units import deg
 from plumbob.data.cards import NoiseCard, TriadNoise
 from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_angle, quat_rotate
-from plumbob.simulation import Module, TriadErrors, draw_module, scenario, simulate
+from plumbob.simulation import Module, TriadErrors, draw_module, simulate
 from plumbob.simulation.signals import Polynomial
 
 PARTS = "mpu6000+hmc5983"
@@ -209,43 +209,22 @@ def test_gyroscopes_alone_make_a_recording():
     assert len(made.imu) == 2000  # gyroscope paper: 1000 + 1000 points
 
 
-def test_a_scenario_already_made_is_taken():
-    made, named = run(scenario("coning", frequency=2.0)), run("coning", frequency=2.0)
-    np.testing.assert_array_equal(made.imu.gyr, named.imu.gyr)
-
-
 CARD = NoiseCard("unit 7", "Allan analysis", gyr=TriadNoise(n_rpsd=[1e-3, 2e-3, 4e-3], b=[0.0] * 3, k_rpsd=[0.0] * 3))
+DRIFTS = TriadNoise(n_rpsd=[0.0] * 3, b=[1e-3, 2e-3, 4e-3], k_rpsd=[2e-3, 4e-3, 8e-3])
 
 
 def test_a_noise_card_replaces_the_noise_of_the_triads_that_it_has():
     plain, made = (run("static", sensors="mpu6000", noise=card) for card in (None, CARD))
     np.testing.assert_array_equal(made.noise.gyr.n_rpsd, CARD.gyr.n_rpsd)
     np.testing.assert_array_equal(made.noise.gyr.b, 0.0)
+    drifting = run("static", noise=NoiseCard("unit 7", "told", gyr=DRIFTS)).module.gyr
+    assert (*drifting.flicker, *drifting.walk_rpsd) == (*DRIFTS.b, *DRIFTS.k_rpsd)
     np.testing.assert_array_equal(made.noise.acc.n_rpsd, plain.noise.acc.n_rpsd)
     np.testing.assert_array_equal(made.imu.acc, plain.imu.acc)
     assert "noise of gyr from the card of unit 7 (Allan analysis)" in made.noise.source
     count, rate = len(made.imu), made.imu.meta.rate_nominal
     np.testing.assert_allclose(  # white noise scatters by N √rate; 4 standard deviations of a scatter are allowed
         made.imu.gyr.std(axis=0), CARD.gyr.n_rpsd * math.sqrt(rate), rtol=4.0 / math.sqrt(2.0 * count)
-    )
-
-
-def test_flicker_and_walk_of_a_card_drift_by_what_it_says():
-    walk = TriadNoise(n_rpsd=[0.0] * 3, b=[0.0] * 3, k_rpsd=[1e-3, 2e-3, 4e-3])
-    made = run("static", sensors="ideal", noise=NoiseCard("unit 7", "told", gyr=walk))
-    np.testing.assert_array_equal(made.noise.gyr.k_rpsd, walk.k_rpsd)
-    count, rate = len(made.imu), made.imu.meta.rate_nominal
-    steps = np.diff(made.imu.gyr, axis=0)  # of a walk: independent, K √Δt each; 4 standard deviations are allowed
-    np.testing.assert_allclose(
-        steps.std(axis=0), walk.k_rpsd / math.sqrt(rate), rtol=4.0 / math.sqrt(2.0 * (count - 1))
-    )
-    flicker = TriadNoise(n_rpsd=[0.0] * 3, b=[1e-3, 2e-3, 4e-3], k_rpsd=[0.0] * 3)
-    made = run("static", sensors="ideal", noise=NoiseCard("unit 7", "told", gyr=flicker))
-    np.testing.assert_array_equal(made.noise.gyr.b, flicker.b)
-    # [Kasdin1995]: differences of neighbours have the spectrum B² |2 sin(ω/2)|, whose mean, their variance, is 4 B²/π,
-    # and whose mean square is 2 B⁴; so their scatter is known to π/4/√N, 4 times which are allowed
-    np.testing.assert_allclose(
-        np.diff(made.imu.gyr, axis=0).std(axis=0), flicker.b * math.sqrt(4.0 / math.pi), rtol=math.pi / math.sqrt(count)
     )
 
 

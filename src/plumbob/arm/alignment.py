@@ -49,43 +49,29 @@ from plumbob.rotations import (
 if TYPE_CHECKING:
     from plumbob.door.reading import Source
 
-ROUNDS: Final = 10
-"""Attitudes and geometry are found in turn, so often at most,"""
-SURE: Final = 0.1
-"""when less than this share of the first doubt about mounts is left;"""
-SHARP: Final = 30.0
-"""An arm that is wrong by 1 m makes forces wrong by this, m/s², where joints move briskly: 300 °/s."""
-SETTLED: Final = (5e-4, deg(0.1))
-"""or until arms, m, and axes, rad, change by less."""
-LONGEST: Final = 600.0
-"""Of a longer recording the first part is used, s."""
-SHORTEST: Final = 5.0
-"""Less motion than this, s, is refused."""
+ROUNDS: Final = 10  # attitudes and geometry are found in turn, so often at most,
+SURE: Final = 0.1  # when less than this share of the first doubt about mounts is left;
+SHARP: Final = 30.0  # an arm that is wrong by 1 m makes forces wrong by this, m/s², where joints move briskly: 300 °/s
+SETTLED: Final = (5e-4, deg(0.1))  # or until arms, m, and axes, rad, change by less
+LONGEST: Final = 600.0  # of a longer recording the first part is used, s
+SHORTEST: Final = 5.0  # less motion than this, s, is refused
 MOUNT_ANGLE: Final = deg(5.0)
-MOUNT_SHIFT: Final = 0.02
-"""A unit sits as the chain says to these standard deviations, rad and m."""
+MOUNT_SHIFT: Final = 0.02  # a unit sits as the chain says to these standard deviations, rad and m
 LENGTH_SD: Final = 0.002
-AXIS_SD: Final = deg(0.2)
-"""The chain's own lengths, m, and axes, rad, are right to these."""
+AXIS_SD: Final = deg(0.2)  # the chain's own lengths, m, and axes, rad, are right to these
 
 POOR_ARM: Final = 0.015
-POOR_AXIS: Final = deg(3.0)
-"""A joint is poorly known whose arms, m, or axis, rad, are more uncertain than this."""
+POOR_AXIS: Final = deg(3.0)  # a joint is poorly known whose arms, m, or axis, rad, are more uncertain than this
 CALIBRATED_BIAS: Final = dps(0.1)
 CALIBRATED_SCALE: Final = 0.0005
 """What is left of a calibrated gyroscope's bias, rad/s, and scale: it was some other day, at another temperature."""
-NOISE_MARGIN: Final = 2.0
-"""Arms shake units more than a table at rest, where noise cards come from."""
-ODD: Final = 3.5
-"""A mount farther off than so many standard deviations, each of its three components, is not believed;"""
-FAR: Final = 5.0
-"""nor is a length, an axis or a pose that is farther off."""
+NOISE_MARGIN: Final = 2.0  # arms shake units more than a table at rest, where noise cards come from
+ODD: Final = 3.5  # a mount farther off than so many standard deviations, each of its three components, is not believed;
+FAR: Final = 5.0  # nor is a length, an axis or a pose that is farther off
 
-_SCATTER: Final = ("play", "force_sd", "play_time", "force_time")
-"""What a link and its card both hold."""
+_SCATTER: Final = ("play", "force_sd", "play_time", "force_time")  # what a link and its card both hold
 
-Pose = tuple[float, float, Sequence[float]]
-"""From when to when, s, which angles were held, rad."""
+Pose = tuple[float, float, Sequence[float]]  # from when to when, s, which angles were held, rad
 
 
 @dataclass(frozen=True)
@@ -507,7 +493,7 @@ def _geometry(chain: Chain, fits: _Fits, poses: Sequence[Pose]) -> Chain:
     """Chain whose geometry was found: each segment's axes are those of its unit, its origin is its joint."""
     levers = {chain.segments[0].name: np.zeros(3)} | {link.joint.child: -link.arms[1] for link in fits.links}
     segments = tuple(
-        replace(segment, mount=UnitMount(lever_b=_vec(levers[segment.name]))) for segment in chain.segments
+        replace(segment, mount=UnitMount(lever_b=tuple(levers[segment.name].tolist()))) for segment in chain.segments
     )
     joints = []
     for link in fits.links:
@@ -525,13 +511,13 @@ def _found_joint(link: JointLink, origin: Floats, motion: Attitudes, poses: Sequ
         zero = quat_from_dcm(link.axes[0].T @ link.axes[1])
     elif link.joint.kind != "ball":
         axis = ahead = link.axes[1, 0]
-        axes = (_vec(axis),)
+        axes = (tuple(axis.tolist()),)
         if link.joint.kind == "universal":
             ahead = dcm_from_quat(quat_conjugate(zero)) @ link.axes[0, 0]
             ahead = ahead - axis * (axis @ ahead)
-            axes = (_vec(ahead / np.linalg.norm(ahead)), _vec(axis))
+            axes = (tuple((ahead / np.linalg.norm(ahead)).tolist()), *axes)
         zero = _carried(zero, ahead, link.axes[0, 0])
-    return replace(link.joint, origin=_vec(origin), q_pc=_quat(zero), axes=axes)
+    return replace(link.joint, origin=tuple(origin.tolist()), q_pc=tuple(zero.tolist()), axes=axes)
 
 
 def _carried(q: Floats, axis: Floats, to: Floats) -> Floats:
@@ -541,16 +527,6 @@ def _carried(q: Floats, axis: Floats, to: Floats) -> Floats:
     sine = float(np.linalg.norm(across))
     angle = float(np.arctan2(sine, rotated @ to)) / max(sine, 1e-12)
     return quat_multiply(quat_from_rotvec(across * angle), q)
-
-
-def _vec(v: Floats) -> tuple[float, float, float]:
-    x, y, z = (float(component) for component in v)
-    return x, y, z
-
-
-def _quat(q: Floats) -> tuple[float, float, float, float]:
-    w, x, y, z = (float(component) for component in q)
-    return w, x, y, z
 
 
 def _found_sd(chain: Chain, fits: _Fits) -> dict[str, Any]:
@@ -621,7 +597,8 @@ class _MountProblem:
         for k, body in enumerate(self._mounted):
             turn, moved = x[6 * k : 6 * k + 3], x[6 * k + 3 : 6 * k + 6]
             q = quat_multiply(quat_from_rotvec(turn), np.array(body.mount.q_bs))
-            mounts[body.name] = replace(body.mount, q_bs=_quat(q), lever_b=_vec(np.array(body.mount.lever_b) + moved))
+            lever = np.array(body.mount.lever_b) + moved
+            mounts[body.name] = replace(body.mount, q_bs=tuple(q.tolist()), lever_b=tuple(lever.tolist()))
         return mounts
 
     def odd(self, x: Floats) -> dict[str, str]:

@@ -17,10 +17,8 @@ from plumbob.core.check import Floats
 from plumbob.core.units import deg
 from plumbob.rotations import quat_rotate, wrap
 
-LOOK_SD: Final = deg(3.0)
-"""What a direction scatters by at once, rad."""
-LEAST_DRIFT: Final = deg(0.02)
-"""A heading that gyroscopes hold drifts by at least this, rad/√s."""
+LOOK_SD: Final = deg(3.0)  # what a direction scatters by at once, rad
+LEAST_DRIFT: Final = deg(0.02)  # a heading that gyroscopes hold drifts by at least this, rad/√s
 UNKNOWN: Final = math.pi
 
 

@@ -24,11 +24,9 @@ from plumbob.files.arrow import column_numbers, unpacked_bytes
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SUFFIXES: Final = arrow.TABLES
-"""Of the files of joint angles."""
+SUFFIXES: Final = arrow.TABLES  # of the files of joint angles
 TIME: Final = "t [s]"
-RECORDED: Final = "recorded [s]"
-"""Column of a program: when each place of its path was recorded."""
+RECORDED: Final = "recorded [s]"  # column of a program: when each place of its path was recorded
 _KEY: Final = b"plumbob joint angles"
 _VERSION: Final = 1
 _SD: Final = "_sd"
@@ -170,7 +168,6 @@ def write_table(
 ) -> Path:
     """Write columns of numbers as ``.csv`` or ``.parquet``; errors as of `JointTrack.save`."""
     file = check.path("path", path)
-    _kind(file)
     about = json.dumps({"format_version": _VERSION, "source": source})
     arrow.write_table(file, columns, metadata={_KEY: about.encode()}, overwrite=overwrite)
     return file
@@ -179,7 +176,9 @@ def write_table(
 def read_table(path: str | Path) -> tuple[dict[str, NDArray[Any]], str]:
     """Columns of such a table, and where it says that it comes from; errors as of `JointTrack.load`."""
     file = existing_file(path)
-    kind = _kind(file)
+    kind = file.suffix.lower()
+    if kind not in SUFFIXES:
+        raise ParameterError(f"a table of joint angles ends in {' or '.join(SUFFIXES)}, but it is {path}.")
     with reading(file):
         return (_read_csv if kind == ".csv" else _read_parquet)(file)
 
@@ -199,12 +198,6 @@ def _no_infinity(name: str, values: Floats) -> Floats:
         row, column = (int(indices[0]) for indices in np.nonzero(np.isinf(values)))
         raise ShapeError(f"{name}[{row}, {column}] is infinite; what is not known is NaN.")
     return values
-
-
-def _kind(path: Path) -> str:
-    if path.suffix.lower() not in SUFFIXES:
-        raise ParameterError(f"a table of joint angles ends in {' or '.join(SUFFIXES)}, but it is {path}.")
-    return path.suffix.lower()
 
 
 def _read_csv(file: Path) -> tuple[dict[str, NDArray[Any]], str]:

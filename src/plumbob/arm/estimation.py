@@ -43,14 +43,10 @@ from plumbob.rotations import (
 if TYPE_CHECKING:
     from plumbob.door.reading import Source
 
-DOUBT: Final = deg(10.0)
-"""A sample at which an angle is uncertain by more than this, rad, is said to be not converged."""
-ODD: Final = 6.0
-"""A sample is inconsistent where an axis strays by more standard deviations than this;"""
-STRAYS: Final = 3.0
-"""a recording where one does so on average."""
-_SMALL: Final = 1e-4
-"""Turn by which derivatives of angles are taken, rad."""
+DOUBT: Final = deg(10.0)  # a sample at which an angle is uncertain by more than this, rad, is said to be not converged
+ODD: Final = 6.0  # a sample is inconsistent where an axis strays by more standard deviations than this;
+STRAYS: Final = 3.0  # a recording where one does so on average
+_SMALL: Final = 1e-4  # turn by which derivatives of angles are taken, rad
 _Z_UP: Final = {Frame.ENU: Frame.ENU, Frame.NWU: Frame.NWU, Frame.NED: Frame.NWU}
 """Frame that the filter works in, by the one that was asked for: same North, z up."""
 

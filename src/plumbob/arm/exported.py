@@ -24,48 +24,37 @@ from plumbob.core.time import to_ns
 from plumbob.core.units import from_si
 from plumbob.files.mcap import Schema
 from plumbob.files.mcap.verdict import write_rows
+from plumbob.protocols.attitude.ros2 import LINE, STAMPED
 
 SUFFIXES: Final = (".csv", ".parquet", ".mcap", ".yaml", ".yml", ".json")
 TRAJECTORY: Final = "joint_trajectory"
-STATE: Final = "joint_states"
-"""Topics in an MCAP file."""
+STATE: Final = "joint_states"  # topics in an MCAP file
 _NS: Final = 1_000_000_000
 _HEAD: Final = b"\x00\x01\x00\x00"  # plain CDR, little-endian
 
-_LINE: Final = "=" * 80
-_STAMPED: Final = f"""\
-{_LINE}
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-{_LINE}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
 _TRAJECTORY_TEXT: Final = f"""\
 std_msgs/Header header
 string[] joint_names
 trajectory_msgs/JointTrajectoryPoint[] points
-{_LINE}
+{LINE}
 MSG: trajectory_msgs/JointTrajectoryPoint
 float64[] positions
 float64[] velocities
 float64[] accelerations
 float64[] effort
 builtin_interfaces/Duration time_from_start
-{_LINE}
+{LINE}
 MSG: builtin_interfaces/Duration
 int32 sec
 uint32 nanosec
-{_STAMPED}"""
+{STAMPED}"""
 _STATE_TEXT: Final = f"""\
 std_msgs/Header header
 string[] name
 float64[] position
 float64[] velocity
 float64[] effort
-{_STAMPED}"""
+{STAMPED}"""
 
 
 def export(program: Program, path: str | Path, *, unit: str = "rad", overwrite: bool = False) -> Path:

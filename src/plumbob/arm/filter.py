@@ -41,24 +41,17 @@ from plumbob.core.units import Quantity, deg, dps
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply, quat_rotate, skew
 from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit, rotate
 
-GAP: Final = 0.5
-"""A step that takes longer, s, is a gap: nothing is known of what happened in it."""
-UNSEEN_RATE: Final = 1.0
-"""A body may turn so fast, rad/s, where no gyroscope looks,"""
-UNSEEN_TIME: Final = 1.0
-"""into one direction for so long, s,"""
-UNSEEN_FORCE: Final = 3.0
-"""and be accelerated by so much, m/s², where no accelerometer does."""
+GAP: Final = 0.5  # a step that takes longer, s, is a gap: nothing is known of what happened in it
+UNSEEN_RATE: Final = 1.0  # a body may turn so fast, rad/s, where no gyroscope looks,
+UNSEEN_TIME: Final = 1.0  # into one direction for so long, s,
+UNSEEN_FORCE: Final = 3.0  # and be accelerated by so much, m/s², where no accelerometer does
 BEND: Final = 0.2
 """Share of a scale error's angle that counts as white noise of the rate, s: turns of an arm reverse that often."""
-GATE: Final = 3.0
-"""Standard deviations beyond which what joints say counts less (Huber)."""
+GATE: Final = 3.0  # standard deviations beyond which what joints say counts less (Huber)
 
 
-LEAST_FIELD: Final = 5.0
-"""A weaker level field, µT, shows no direction."""
-WIDTH: Final = 9
-"""States of a unit."""
+LEAST_FIELD: Final = 5.0  # a weaker level field, µT, shows no direction
+WIDTH: Final = 9  # states of a unit
 TURNED: Final = 12  # places of what `integrate` finds
 BLIND: Final = 13
 PUSHED: Final = 14

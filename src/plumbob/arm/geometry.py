@@ -12,16 +12,11 @@ from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply, skew
 
-CUT_OFF: Final = 3.0
-"""Forces are compared below this, Hz: above, noise of the angular acceleration would shorten arms."""
-ARM_SD: Final = 0.3
-"""An arm of which nothing is known is shorter than about this, m."""
-LEAST_FORCE_SD: Final = 0.05
-"""m/s²; less is not believed of a joint,"""
-LEAST_PLAY: Final = deg(0.2)
-"""nor is an axis that strays by less, rad."""
-MEAN_OVER: Final = 0.1
-"""The filter takes means of forces over about this, s."""
+CUT_OFF: Final = 3.0  # forces are compared below this, Hz: above, noise of the angular acceleration would shorten arms
+ARM_SD: Final = 0.3  # an arm of which nothing is known is shorter than about this, m
+LEAST_FORCE_SD: Final = 0.05  # m/s²; less is not believed of a joint,
+LEAST_PLAY: Final = deg(0.2)  # nor is an axis that strays by less, rad
+MEAN_OVER: Final = 0.1  # the filter takes means of forces over about this, s
 
 
 def sway(shake: float, arms: Floats) -> float:
@@ -35,10 +30,8 @@ def sway(shake: float, arms: Floats) -> float:
 
 
 _STARTS: Final = 5
-_UNKNOWN_AXIS: Final = 1.0
-"""Standard deviation of an axis of which nothing is known, rad."""
-_LENGTH_SD: Final = 1e-3
-"""Axes are unit vectors to this."""
+_UNKNOWN_AXIS: Final = 1.0  # standard deviation of an axis of which nothing is known, rad
+_LENGTH_SD: Final = 1e-3  # axes are unit vectors to this
 _ROUNDS: Final = 8
 
 

@@ -11,16 +11,14 @@ from plumbob.core.units import deg
 from plumbob.data.array import UnitMount
 from plumbob.data.chain import Chain, Joint
 
-GROUND: Final = -1
-"""Number of the parent where that is a root that stands still and has no unit."""
+GROUND: Final = -1  # number of the parent where that is a root that stands still and has no unit
 
 PLAY: Final = deg(1.5)
 """A joint's axis strays from that of a perfect hinge by so much, rad, where nothing better is known."""
 FORCE_SD: Final = 0.3
 """Forces at a joint, as both sides have it, differ by so much, m/s², where nothing better is known."""
 PLAY_TIME: Final = 1.0
-FORCE_TIME: Final = 0.15
-"""And for so long, s."""
+FORCE_TIME: Final = 0.15  # and for so long, s
 
 
 @dataclass(frozen=True, eq=False)

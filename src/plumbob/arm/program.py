@@ -35,25 +35,19 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 DEGREE: Final = 5
-_ENDS: Final = 3
-"""Control points at each end that are the pose there: position, no velocity, no acceleration."""
+_ENDS: Final = 3  # control points at each end that are the pose there: position, no velocity, no acceleration
 _PARTS: Final = 24
 """Points between two knots at which limits are looked at: between them, what is piecewise quadratic hides 1/2000."""
-_MARGIN: Final = 0.998
-"""Share of a limit that is used."""
+_MARGIN: Final = 0.998  # share of a limit that is used
 _ROUNDS: Final = 12
-_WINDOW: Final = 3.0
-"""Knots on either side over which a lower speed is spread."""
+_WINDOW: Final = 3.0  # knots on either side over which a lower speed is spread
 _BENDING: Final = 1e-6
 """Weight of the third difference of control points against samples: it decides only where samples are missing."""
-_INSTANT: Final = 1e-9
-"""Shorter times are rounding, s."""
-_LEAST: Final = 2
-"""Rows of a motion, at least, less one."""
+_INSTANT: Final = 1e-9  # shorter times are rounding, s
+_LEAST: Final = 2  # rows of a motion, at least, less one
 _NEAR: Final = (0.1, 0.5)
 """Shares of the tolerance: the ends of a stop are as near to its pose as its noise, but for these bounds."""
-_FINEST: Final = 8.0
-"""A slow run of still samples is looked at with a tolerance down to this part of the first one."""
+_FINEST: Final = 8.0  # a slow run of still samples is looked at with a tolerance down to this part of the first one
 
 
 class Standstill(NamedTuple):

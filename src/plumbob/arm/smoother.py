@@ -25,23 +25,16 @@ from plumbob.rotations import (
 )
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit
 
-TILT_TIME: Final = 1.5
-"""First tilts are those of the mean force over this, s."""
+TILT_TIME: Final = 1.5  # first tilts are those of the mean force over this, s
 TILT_SD: Final = deg(3.0)
-SETTLED: Final = deg(20.0)
-"""Headings have begun when neighbours know theirs against each other to this, rad;"""
-LONGEST_START: Final = 60.0
-"""or after this, s, whatever they know."""
-POSE_LIMIT: Final = deg(20.0)
-"""Further than this, rad, a unit is not tilted away from its place in a posture."""
-LEVEL: Final = 0.2
-"""Length of the level part of an axis that shows a heading."""
+SETTLED: Final = deg(20.0)  # headings have begun when neighbours know theirs against each other to this, rad;
+LONGEST_START: Final = 60.0  # or after this, s, whatever they know
+POSE_LIMIT: Final = deg(20.0)  # further than this, rad, a unit is not tilted away from its place in a posture
+LEVEL: Final = 0.2  # length of the level part of an axis that shows a heading
 LOST: Final = deg(90.0)
 FRAME_SD: Final = deg(0.01)
-SPAN: Final = 300.0
-"""A recording is smoothed in stretches of this, s, with what"""
-AHEAD: Final = 60.0
-"""comes so much later, s."""
+SPAN: Final = 300.0  # a recording is smoothed in stretches of this, s, with what
+AHEAD: Final = 60.0  # comes so much later, s
 
 
 @dataclass(frozen=True, eq=False)

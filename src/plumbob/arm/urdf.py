@@ -26,12 +26,10 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 _TURNING: Final = ("revolute", "continuous")
-_SAME: Final = 1e-9
-"""Joints whose centres are this near to each other share one, m."""
+_SAME: Final = 1e-9  # joints whose centres are this near to each other share one, m
 _ZERO: Final = (0.0, 0.0, 0.0)
 _LEVEL: Final = (1.0, 0.0, 0.0, 0.0)
-_NO_EFFORT: Final = 0
-"""URDF asks for a greatest torque, which a chain does not know."""
+_NO_EFFORT: Final = 0  # URDF asks for a greatest torque, which a chain does not know
 
 
 def parser() -> "ModuleType":
@@ -288,15 +286,7 @@ def _numbers(values: Sequence[float]) -> str:
 
 
 def moved(text: str, names: Sequence[str], angles: Floats, link: str) -> Floats:
-    """Poses (N, 4, 4) of a link in the root while joints move by angles (N, K), rad, by pytransform3d's kinematics.
-
-    Raises
-    ------
-    ParameterError
-        If a joint or the link is unknown, or an angle is beyond the limits of its joint, where the model would stop.
-    MissingExtraError
-        If pytransform3d is not installed.
-    """
+    """Poses (N, 4, 4) of a link in the root while joints move by angles (N, K), rad, by pytransform3d's kinematics."""
     model = parser().UrdfTransformManager(check=False)
     model.load_urdf(text)
     root = _root(text)

@@ -18,21 +18,17 @@ from plumbob.papers.studies import ANGLES, PlotCurve, Scene, Study, errors_deg, 
 PARTS: Final = "mpu6000+hmc5983"
 CROSS: Final = 0.05
 """Largest entry of the soft iron across the axes: assumed, for no sheet can state what a buoy is built of."""
-REST, MOVE = 3.0, 2.0
-"""Time in each of the 18 poses of the capture and of each move between them, s."""
+REST, MOVE = 3.0, 2.0  # time in each of the 18 poses of the capture and of each move between them, s
 REFERENCE: Final = np.array([0.8, 0.2, 0.2])
 """Largest errors of the compass DCM260B in yaw, pitch and roll [Yu2018] §4.2, °."""
-CLAIM: Final = 5.0
-"""Largest error of an angle that the paper claims, °."""
+CLAIM: Final = 5.0  # largest error of an angle that the paper claims, °
 KP: Final = 0.5
 G0: Final = float(pb.units.g(1.0))
 STROKES: Final = ((2.0, 0.4), (3.0, 0.8), (2.0, 0.8), (1.0, 0.6))
 """Highest speed of a stroke, m/s, and its duration, s: assumed; the paper gives none."""
-LONGER: Final = (0.4, 0.6, 0.8, 1.0, 1.3, 1.6)
-"""Strokes to 3 m/s among which the largest error is looked for, s."""
+LONGER: Final = (0.4, 0.6, 0.8, 1.0, 1.3, 1.6)  # strokes to 3 m/s among which the largest error is looked for, s
 KPS: Final = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
-SETTLE: Final = 60.0
-"""Time at sea that is left out, s."""
+SETTLE: Final = 60.0  # time at sea that is left out, s
 METHODS: Final[Mapping[str, tuple[str, str, Mapping[str, Any]]]] = {
     "compass": ("ours", "tilt_compass", {}),
     "open": ("paper", "mahony", {"gate": "off"}),
@@ -54,8 +50,7 @@ DEGENERATE: Final[Mapping[str, tuple[str, str, dict[str, Any]]]] = {
 """Captures that calibrate nothing: why, and the scenario; a level ring, and cones of a tilted unit or table."""
 SESSION: Final = '\n[imu]\ndevice = "mpu6000+hmc5983 #{seed}"\nframe = "NED"\n'
 LIVE: Final = '[calibration]\ncard = "card.json"\n[estimate]\nfilter = "mekf"\n[output]\nevery = "50 ms"\n'
-Correct = Callable[[Any], Any]
-"""Gives samples as a calibration corrects them."""
+Correct = Callable[[Any], Any]  # gives samples as a calibration corrects them
 
 
 def draw_unit(seed: int, cross: float = CROSS) -> Any:

@@ -46,12 +46,9 @@ SEED: Final = 1
 SPEED: Final = 60
 SETTLE: Final = 120.0
 """Left out of the errors, s: what a calibration by hand does not find (sensitivity to g) is learned as a bias first."""
-SETTLE_SHARE: Final = 0.2
-"""Of a shorter sea."""
-DISK: Final = 120.0
-"""Longest wait for the disk of a busy machine at the end, s."""
-_SAME_TIME: Final = 1e-6
-"""s: the buoy's clock counts microseconds."""
+SETTLE_SHARE: Final = 0.2  # of a shorter sea
+DISK: Final = 120.0  # longest wait for the disk of a busy machine at the end, s
+_SAME_TIME: Final = 1e-6  # s: the buoy's clock counts microseconds
 SESSION: Final = """\
 # The buoy on its serial line. For hardware: the real port and baud rate, and without 'speed' and 'time'. A line that
 # runs faster than time says nothing by when it is read: its time is counted from its frames.
@@ -88,13 +85,7 @@ class Demo(NamedTuple):
 
 
 def demo(folder: Path, duration: float, say: Callable[[str], object], progress: Progress | None) -> Demo:
-    """Calibrate the buoy's unit, record a sea of so many seconds over its line, replay it, and judge the filters.
-
-    Raises
-    ------
-    DecodeError
-        If the recording is not what was sent.
-    """
+    """Calibrate the buoy's unit, record a sea of so many seconds over its line, replay it, and judge the filters."""
     settle, started = min(SETTLE, SETTLE_SHARE * duration), time.perf_counter()
     folder.mkdir(parents=True, exist_ok=True)
     card = calibrate_unit(folder, seed=SEED)

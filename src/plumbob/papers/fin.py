@@ -16,21 +16,16 @@ import plumbob as pb
 from plumbob.papers.studies import ANGLES, PlotCurve, Study, errors_deg, largest
 
 PARTS: Final = "adxrs290+adxrs453"
-RATE: Final = 500.0
-"""Samples per second [Ou2017] (step 8), Hz."""
-COUNT: Final = 110_000
-"""Samples of its record."""
+RATE: Final = 500.0  # samples per second [Ou2017] (step 8), Hz
+COUNT: Final = 110_000  # samples of its record
 LENGTH: Final = COUNT / RATE
-SIGMA: Final = 0.664
-"""What the printed flat is divided by for B: √(2 ln 2/π) to three digits."""
+SIGMA: Final = 0.664  # what the printed flat is divided by for B: √(2 ln 2/π) to three digits
 LIVE: Final = '\n[imu]\nframe = "NED"\n[estimate]\nfilter = "integrate"\ninit = "level"\n'
 """Of a session that estimates while it records: quaternion integration from a level start."""
-CORNERS: Final = (0.011, 0.5)
-"""Of a high-pass, Hz: the ADXRS290's lowest, and one within the swimming."""
+CORNERS: Final = (0.011, 0.5)  # of a high-pass, Hz: the ADXRS290's lowest, and one within the swimming
 TEMPCO: Final = np.array([0.004, -0.006, 0.004])
 """Bias per kelvin that is assumed for x, y and z, °/s/K: no sheet at hand states one."""
-REST: Final = "20 s"
-"""How long the unit rests before it swims."""
+REST: Final = "20 s"  # how long the unit rests before it swims
 ARC_SECOND: Final = float(pb.units.deg(1.0)) / 3600.0
 UNITS: Final = dict.fromkeys("QNB", ARC_SECOND)
 """Units in which Table 1 fits together: seconds of arc, °/h at 1 s, and °/h."""
@@ -41,8 +36,7 @@ PRINTED: Final = {"Q": (0.125, 0.132, 0.107), "N": (4.766, 6.509, 15.066), "B": 
 """Table 1, its B as a flat."""
 THREE: Final = {"Q": 4.4, "N": 60.0 * 0.9, "B": 51.5}
 """Three regimes that 220 s show on every axis, in the units of Table 1."""
-FACTORS: Final = (500, 750, 866, 1581)
-"""Samples of 1, 1.5, √3 and √10 s."""
+FACTORS: Final = (500, 750, 866, 1581)  # samples of 1, 1.5, √3 and √10 s
 
 
 def percent_error(tau: float) -> float:

@@ -17,8 +17,7 @@ from plumbob.noise.terms import TERMS
 from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report
 
-DURATION = 110_000 / 500.0
-"""Of the paper's record, s."""
+DURATION = 110_000 / 500.0  # of the paper's record, s
 
 _UNITS = {"Q": "arcsec", "N": "deg/h", "B": "deg/h"}
 _NAMES = {"Q": "Q [arcsec]", "N": '"R" = N [°/h at 1 s]', "B": "B [°/h]"}

@@ -9,11 +9,9 @@ from plumbob.core.errors import ParameterError
 from plumbob.reporting.content import Both, Table
 from plumbob.reporting.report import Report
 
-Bar = tuple[float, float]
-"""Least and greatest value that meet it."""
+Bar = tuple[float, float]  # least and greatest value that meet it
 
-OPEN: Final[Bar] = (-math.inf, math.inf)
-"""No bar."""
+OPEN: Final[Bar] = (-math.inf, math.inf)  # no bar
 
 _UNSAID: Final = Both("", "")
 YES, NO, NOT_STATED = Both("yes", "是"), Both("no", "否"), Both("not stated", "未给出")

@@ -25,12 +25,9 @@ from plumbob.reporting.content import LANGUAGES, Both, Table
 from plumbob.reporting.page import part_links
 from plumbob.reporting.report import Report
 
-NAMES: Final = tuple(PAPERS)
-"""Papers by the names of their rigs."""
-STEP: Final = "step"
-"""First word of a line by which a paper's process says how far it is."""
-FOUND: Final = "found"
-"""First word of the line by which it says what it found."""
+NAMES: Final = tuple(PAPERS)  # papers by the names of their rigs
+STEP: Final = "step"  # first word of a line by which a paper's process says how far it is
+FOUND: Final = "found"  # first word of the line by which it says what it found
 _KILLED: Final = 9
 _LONGEST: Final = ("arm", "buoy", "fin", "rod", "trackball")  # side by side, those that take long begin
 

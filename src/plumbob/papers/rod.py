@@ -16,14 +16,11 @@ import plumbob as pb
 from plumbob.papers.studies import PlotCurve, Study, errors_deg, largest, rms
 
 SEEDS: Final = 24
-SHAKEN: Final = 400.0
-"""When the vibration begins, s."""
+SHAKEN: Final = 400.0  # when the vibration begins, s
 SETTLE: Final = 1.0
 """Time from the start that is not scored, s: one look of the accelerometer is 1° off by its own noise."""
-LIMIT: Final = 1.0
-"""Largest error that the paper claims, °."""
-STARTS: Final = 500
-"""Samples at rest at the begin, of which a fixed bias is taken: 5 s, as long as the rod waits."""
+LIMIT: Final = 1.0  # largest error that the paper claims, °
+STARTS: Final = 500  # samples at rest at the begin, of which a fixed bias is taken: 5 s, as long as the rod waits
 TURN_ON: Final = 0.2
 """Standard deviation of the bias at turn-on of an ideal unit, °/s: assumed; the data sheet allows as much for 20 K."""
 SESSION: Final = '\n[imu]\ndevice = "adis16355 #{seed}"\nframe = "NED"\n\n[reference]\nnorth = "true"\nunit = "ref"\n'

@@ -128,8 +128,7 @@ def _degrees(angles: Floats) -> dict[str, float | None]:
     return {n: to_deg(a) if math.isfinite(a) else None for n, a in zip(ANGLES, angles.tolist(), strict=True)}
 
 
-FEWEST: Final = 2
-"""Rests that make a test: one alone shows no difference between headings."""
+FEWEST: Final = 2  # rests that make a test: one alone shows no difference between headings
 
 
 def static_test(
@@ -164,15 +163,6 @@ def static_test(
         As of `plumbob.calibrate`.
     note : callable, optional
         Called with what was found in files.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the unit rested less than twice where the reference has an attitude.
-    CalibrationError
-        If the card does not fit the recording.
-    FrameError, ParameterError, ShapeError
-        As in `plumbob.evaluate`.
     """
     label, source, measured = opened_samples(recording, profile, None, whole=True)
     for line in warnings(source.notes) if note is not None else ():

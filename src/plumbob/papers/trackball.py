@@ -16,40 +16,27 @@ import numpy as np
 import plumbob as pb
 from plumbob.papers.studies import PlotCurve, Scene, Study, rms
 
-RATIOS: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6)
-"""Q/R of the scalar filter."""
-AT_REST: Final = 1e-3
-"""Q/R at which the bars of the test at rest are set, and Figures 1 to 3 are drawn."""
-IN_MOTION: Final = 1e-2
-"""Q/R with which Figures 4 and 5 are drawn: a smaller one lags by more."""
-STEP: Final = 0.1
-"""Sampling time of both tests, s [Chen2013]."""
-SAMPLES: Final = 1000
-"""Of each record, 100 s [Chen2013]."""
+RATIOS: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6)  # Q/R of the scalar filter
+AT_REST: Final = 1e-3  # Q/R at which the bars of the test at rest are set, and Figures 1 to 3 are drawn
+IN_MOTION: Final = 1e-2  # Q/R with which Figures 4 and 5 are drawn: a smaller one lags by more
+STEP: Final = 0.1  # sampling time of both tests, s [Chen2013]
+SAMPLES: Final = 1000  # of each record, 100 s [Chen2013]
 REST: Final = SAMPLES * STEP
-SLOPE: Final = pb.units.deg(0.6)
-"""Angular acceleration while the table speeds up, rad/s²: 10 r/min in 100 s [Chen2013]."""
+SLOPE: Final = pb.units.deg(0.6)  # angular acceleration while the table speeds up, rad/s²: 10 r/min in 100 s [Chen2013]
 WHITE, BIAS, WALK = (pb.units.dps(value) for value in (0.1, 1.5, 5e-4))
 """Noise of a sample and bias at turn-on, rad/s, and random walk of the bias in the long record, rad/s/√s: assumed."""
-FLICKER: Final = pb.units.dps(36.0 / 3600.0)
-"""Bias instability, rad/s: assumed."""
-TAUS: Final = (0.1, 0.2, 0.4, 1.0, 2.0, 4.0, 10.0, 50.0)
-"""Averaging times of the paper, s."""
+FLICKER: Final = pb.units.dps(36.0 / 3600.0)  # bias instability, rad/s: assumed
+TAUS: Final = (0.1, 0.2, 0.4, 1.0, 2.0, 4.0, 10.0, 50.0)  # averaging times of the paper, s
 LONG_TAUS: Final = (0.1, 1.0, 10.0, 100.0, 600.0)
-LONG: Final = 4 * 3600.0
-"""Length of the long record, s."""
+LONG: Final = 4 * 3600.0  # length of the long record, s
 PARTS: Final = {"a": 0.03, "b": -0.05}
 """True coefficients of temperature of two parts, °/s per °C; the paper takes 0.1 for every one."""
-LAST: Final = 30
-"""Samples at the end of a warm-up, 3 s, over which what is left is averaged."""
-SETTLED: Final = 600
-"""Samples after which a filter's lag is measured, on the rest of the ramp."""
-HELD: Final = 50
-"""Samples of the constant rate, 5 s, that the second score of it leaves out: what the ramp left there."""
+LAST: Final = 30  # samples at the end of a warm-up, 3 s, over which what is left is averaged
+SETTLED: Final = 600  # samples after which a filter's lag is measured, on the rest of the ramp
+HELD: Final = 50  # samples of the constant rate, 5 s, that the second score of it leaves out: what the ramp left there
 GAINS: Final = [0.3 + 0.02 * k for k in range(33)]
 SEEDS: Final = {"short": 200, "white": 20, "long": 10, "table": 50, "part": 10}
-VIEW: Final = np.array([0.55, 0.75, 0.36]) / np.linalg.norm([0.55, 0.75, 0.36])
-"""From where the ball is seen."""
+VIEW: Final = np.array([0.55, 0.75, 0.36]) / np.linalg.norm([0.55, 0.75, 0.36])  # from where the ball is seen
 
 
 class Smoothing(NamedTuple):

@@ -85,13 +85,7 @@ _CHECKS: Final = {
 
 
 def c_header(form: Format) -> str:
-    """Text of the header.
-
-    Parameters
-    ----------
-    form : Format
-        Format, bound.
-    """
+    """Text of the header of a format that is bound."""
     guard = f"PLUMBOB_{_name(form.name).upper()}_H"
     parts = [
         f"/* {_comment(form.title)}",

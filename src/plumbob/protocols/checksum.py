@@ -63,13 +63,7 @@ KINDS: Final = {
 
 
 def algorithm(kind: str) -> Algorithm:
-    """Look a check up by its name.
-
-    Raises
-    ------
-    DecodeError
-        If there is none.
-    """
+    """Look a check up by its name."""
     if kind not in KINDS:
         raise DecodeError(f"checksum.kind '{kind}' is unknown; known: {', '.join(KINDS)}.")
     return KINDS[kind]

@@ -26,33 +26,18 @@ from plumbob.protocols.unpack import Column, Unpacker
 
 Ints = NDArray[np.int64]
 
-_SLICE: Final = 1 << 20
-"""Bytes that are searched and taken apart at a time, so that they stay in the processor's cache."""
+_SLICE: Final = 1 << 20  # bytes that are searched and taken apart at a time, so that they stay in the processor's cache
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Frames:
-    """Frames of one message.
-
-    Attributes
-    ----------
-    message : Message
-        What they are.
-    start : ndarray (N,) of int64
-        Byte of the stream with which each begins.
-    t_ns : ndarray (N,) of int64
-        Host's time at which that byte was read, ns.
-    columns : mapping of str to ndarray (N,)
-        Values by field, in the units used inside; whole numbers for what is not a measured value.
-    flags : mapping of str to ndarray (N,) of uint32
-        Flags by unit: the prefix of its fields, empty where there is one unit only.
-    """
+    """Frames of one message."""
 
     message: Message
-    start: Ints
-    t_ns: Ints
-    columns: Mapping[str, Column]
-    flags: Mapping[str, NDArray[np.uint32]]
+    start: Ints  # byte of the stream with which each begins (N,)
+    t_ns: Ints  # host's time at which that byte was read, ns (N,)
+    columns: Mapping[str, Column]  # values (N,) by field, SI; whole numbers for what is not a measured value
+    flags: Mapping[str, NDArray[np.uint32]]  # (N,) by unit: the prefix of its fields, empty where it is the only one
 
     def __len__(self) -> int:
         return int(self.start.size)
@@ -180,17 +165,9 @@ class Decoder:
 
 
 class Decoded(NamedTuple):
-    """A decoded stream.
+    """A decoded stream."""
 
-    Attributes
-    ----------
-    frames : dict of str to Frames
-        By message; empty where they were handed on as they came.
-    counts : Counts
-        What became of every byte.
-    """
-
-    frames: Mapping[str, Frames]
+    frames: Mapping[str, Frames]  # by message; empty where they were handed on as they came
     counts: Counts
 
     def facts(self) -> Mapping[str, str]:
@@ -205,13 +182,7 @@ class Decoded(NamedTuple):
         return small_table("Decoded", self.facts())
 
     def to_frame(self, message: str = "") -> Any:
-        """Table for pandas of one message, by default the first that occurs; a column each, by name with unit.
-
-        Raises
-        ------
-        MissingExtraError
-            If pandas is not installed.
-        """
+        """Table for pandas of one message, by default the first that occurs; a column each, by name with unit."""
         frames = self.frames[message or min(self.frames, key=lambda name: int(self.frames[name].start[0]))]
         titles = {format_title(f): frames.columns[f.name] for f in frames.message.fields if f.name in frames.columns}
         return data_frame({"byte": frames.start, **titles})
@@ -302,15 +273,7 @@ _AXES = "xyz"
 
 
 def triads_of(frames: Frames, unit: str = "") -> dict[str, Floats]:
-    """Triads (N, 3) that a unit of the message has, in the units used inside; an axis that it lacks is NaN.
-
-    Parameters
-    ----------
-    frames : Frames
-        Decoded frames.
-    unit : str
-        Prefix of the unit's fields.
-    """
+    """Triads (N, 3) that a unit of the message has, by its prefix; an axis that it lacks is NaN."""
     triads: dict[str, Floats] = {}
     for triad in TRIADS:
         columns = [frames.columns.get(name) for name in _axis_names(unit, triad)]
@@ -332,13 +295,7 @@ def prefix_by_unit(message: Message) -> tuple[str, ...]:
 
 
 def unit_prefix(message: Message, label: str) -> str:
-    """Prefix of the fields of one of a message's units, by its name or its number from 1.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such unit, or none is asked for where there are several.
-    """
+    """Prefix of the fields of one of a message's units, by its name or its number from 1."""
     names = prefix_by_unit(message)
     if label in names:
         return label
@@ -369,13 +326,6 @@ def full_scales(message: Message, unit: str = "") -> dict[str, Floats]:
 
     An axis that the message lacks takes the largest of the others. A triad with an axis of floating point, of which
     the message knows no largest value, is left out.
-
-    Parameters
-    ----------
-    message : Message
-        What carries the fields.
-    unit : str
-        Prefix of the unit's fields.
     """
     fields = {f.name: f for f in message.fields}
     scales: dict[str, Floats] = {}
@@ -389,17 +339,7 @@ def full_scales(message: Message, unit: str = "") -> dict[str, Floats]:
 
 
 def values_by_field(imu: ImuData, message: Message, unit: str = "") -> dict[str, Floats]:
-    """Values by field of what a recording has and the message carries, for `encode.encode`.
-
-    Parameters
-    ----------
-    imu : ImuData
-        Samples.
-    message : Message
-        Where they go.
-    unit : str
-        Prefix of the unit's fields.
-    """
+    """Values by field of what a recording has and a unit of the message carries, for `encode.encode`."""
     values: Mapping[str, Floats | None] = {"temp_c": imu.temp_c} | {
         f"{triad}.{axis}": None if getattr(imu, triad) is None else getattr(imu, triad)[:, i]
         for triad in TRIADS

@@ -20,24 +20,9 @@ def encode(form: Format, columns: Mapping[str, ArrayLike], *, message: str = "")
 
     Values beyond the range are cut to its end, as a sensor does. A value that is not there (NaN) repeats the one
     before, as a register does; where the format has a count for "beyond the range", it is that. A message without
-    values, such as a request, may be given no column: that is one frame.
-
-    Parameters
-    ----------
-    form : Format
-        Format.
-    columns : mapping of str to array_like (N,)
-        Values by field in the units used inside; counts for statuses, counters and clocks, which wrap. A field that is
-        not given keeps its own value, a counter counts from 0, and a parity or a check is computed.
-    message : str
-        Which; the first where none is given.
-
-    Raises
-    ------
-    ParameterError
-        If a column is none of the message's fields.
-    ShapeError
-        If columns differ in length, or there is none for a message that carries values.
+    values, such as a request, may be given no column: that is one frame. `columns` (N,) by field are in SI, counts for
+    statuses, counters and clocks, which wrap; a field that is not given keeps its own value, a counter counts from 0,
+    and a parity or a check is computed.
     """
     bound = form.bind()
     kind = bound.message(message)

@@ -20,13 +20,11 @@ SIZES: Final = {"u8": 1, "s8": 1, "u16": 2, "s16": 2, "u24": 3, "s24": 3, "u32":
 """Bytes of a field's word. ``bcd`` is a sign nibble and five digits."""
 
 ROLES: Final = ("value", "status", "counter", "clock", "constant", "match")
-WORDS: Final = ("absent", "clipped", "invalid")
-"""What a status can say of the triads that it belongs to."""
+WORDS: Final = ("absent", "clipped", "invalid")  # what a status can say of the triads that it belongs to
 
 _TRIADS: Final = frozenset({"gyr", "acc", "mag"})
 _PAIR: Final = schema.listed(schema.whole(), 2, of="whole numbers")
-ORDER: Final = schema.one_of("big", "little")
-"""Order of bytes."""
+ORDER: Final = schema.one_of("big", "little")  # order of bytes
 _WORDS: Final = schema.mapping(schema.one_of(*WORDS))
 _NUMBERS: Final = schema.listed(schema.whole(), of="whole numbers")
 _OPTION: Final = schema.either(str, schema.converted(lambda word: word.removeprefix("option:")), schema.positive)

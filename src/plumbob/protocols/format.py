@@ -72,24 +72,12 @@ class Framing:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One kind of frame.
+    """One kind of frame."""
 
-    Attributes
-    ----------
-    name : str
-        Of the message; the format's name where there is only one.
-    length : int
-        Bytes of the whole frame.
-    fields : tuple of Field
-        In order of their bytes.
-    title : str
-        What it is.
-    """
-
-    name: str
-    length: int
-    fields: tuple[Field, ...]
-    title: str = ""
+    name: str  # the format's name where there is only one
+    length: int  # bytes of the whole frame
+    fields: tuple[Field, ...]  # in order of their bytes
+    title: str = ""  # what it is
 
     def of_role(self, role: str) -> Field | None:
         """First field of a role, such as the frame counter."""
@@ -107,13 +95,7 @@ class Option:
     origin: Provenance = UNSAID  # where it comes from
 
     def resolve(self, where: str, choice: str | None) -> float | str:
-        """Number or word that a choice stands for.
-
-        Raises
-        ------
-        ParameterError
-            If the choice is unknown or missing.
-        """
+        """Number or word that a choice stands for."""
         chosen = self.default if choice is None else str(choice)
         listed = ", ".join(map(repr, self.choices)) or "a number above 0"
         if chosen is None:

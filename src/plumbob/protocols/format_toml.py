@@ -28,15 +28,7 @@ _NAMED: Final = {
 
 
 def load_format(path: str | Path) -> Format:
-    """Read a format.
-
-    Raises
-    ------
-    DecodeError
-        If there is no such file, it is not TOML, or a key is unknown, missing or of the wrong type.
-    UnitError
-        If a unit is missing or unknown.
-    """
+    """Read a format."""
     text = text_of(path)
     with reading(Path(path)):
         return parse_format(text)

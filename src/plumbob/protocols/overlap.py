@@ -42,18 +42,11 @@ class _Place(NamedTuple):
     at: int
     end: int
     name: str
-    word: tuple[int, int] | None = None
-    """Where bits of one word may lie side by side, which word."""
+    word: tuple[int, int] | None = None  # where bits of one word may lie side by side, which word
 
 
 def require_places(form: Format, message: Message) -> None:
-    """Refuse a message whose check, fields or bits cannot lie where the format puts them.
-
-    Raises
-    ------
-    DecodeError
-        If the check or its range lies outside the frame, two things share a byte, or a word has not the bits.
-    """
+    """Refuse a message whose check, fields or bits cannot lie where the format puts them."""
     for field in message.fields:
         _require_bits(field)
     _require_own_bits(message)

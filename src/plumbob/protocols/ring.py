@@ -8,8 +8,7 @@ from plumbob.core.errors import DecodeError
 from plumbob.protocols.decode import decode
 from plumbob.protocols.format import Format
 
-BLANK: Final = 0xFF
-"""What an erased byte reads."""
+BLANK: Final = 0xFF  # what an erased byte reads
 
 
 class Ring(NamedTuple):
@@ -28,18 +27,6 @@ def read_ring(image: bytes, form: Format) -> Ring:
 
     The counter may wrap: the widest gap in its circle is taken for the seam, so that the log must hold less than half
     of what it counts.
-
-    Parameters
-    ----------
-    image : bytes
-        What the chip holds.
-    form : Format
-        What a record is; of one message, with a counter.
-
-    Raises
-    ------
-    DecodeError
-        If the format has no counter, or several messages, or the image has no frame of it.
     """
     counter = form.messages[0].of_role("counter")
     if counter is None or len(form.messages) > 1:

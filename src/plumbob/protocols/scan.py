@@ -149,8 +149,7 @@ def _range_row(field: Field, least: int, most: int) -> tuple[int, ...]:
 # Places in the state, which lives as long as the stream.
 JUNK, BAD_LENGTH, BAD_CONTENT, BAD_CHECKSUM, UNKNOWN, HUNTING, BYTE_VOTES, WORD_VOTES, STATE = range(9)
 UNSIGNED, SIGNED, DECIMAL = range(3)
-VOTES: Final = 8
-"""Frames after which a checksum of two possible kinds is settled, where one fits every time."""
+VOTES: Final = 8  # frames after which a checksum of two possible kinds is settled, where one fits every time
 
 
 @kernel
@@ -296,27 +295,10 @@ def _why_not(size: int, content: bool) -> int:
 
 @kernel
 def scan(data: Bytes, end: int, final: bool, plan: ScanPlan, state: Ints, out: Ints) -> tuple[int, int]:
-    """Search frames from the first byte on.
+    """Search frames in `end` bytes; gives how many, and the bytes done with: the rest comes again, with more behind it.
 
-    Parameters
-    ----------
-    data : ndarray
-        The bytes.
-    end : int
-        How many there are.
-    final : bool
-        Whether no more will come, so that an unfinished frame is junk.
-    plan : ScanPlan
-        The format.
-    state : ndarray (STATE,)
-        Counters, and what the search remembers.
-    out : ndarray (N, 3)
-        Start, length and message of each frame found; the search stops where it is full.
-
-    Returns
-    -------
-    found, done : int
-        Frames found, and bytes done with; the rest must be handed over again, with more behind it.
+    `final`: no more will come, so that an unfinished frame is junk; `state` (STATE,): counters, and what the search
+    remembers; `out` (N, 3): start, length and message of each frame; the search stops where it is full.
     """
     sync, length, check, remainders, messages, constants, parity, ranges = plan
     ahead = sync.shape[1]

@@ -181,13 +181,7 @@ class Unpacked(NamedTuple):
 
 
 class Unpacker:
-    """Takes frames of one message apart.
-
-    Parameters
-    ----------
-    message : Message
-        The message, its options settled.
-    """
+    """Takes frames of one message apart, whose options are settled."""
 
     def __init__(self, message: Message) -> None:
         wanted = [field for field in message.fields if field.role != "constant"]

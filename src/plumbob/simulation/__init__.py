@@ -25,57 +25,17 @@ if TYPE_CHECKING:
     from plumbob.simulation.fields import BentRegion, Dipole, Disturbance
     from plumbob.simulation.programs import PROGRAMS, ChainProgram, named_program, waypoints
 
-__getattr__, __dir__ = lazily(
-    __name__,
-    {
-        "CHAINS": "chains",
-        "PROGRAMS": "programs",
-        "BentRegion": "fields",
-        "ChainMotion": "bodies",
-        "ChainSimulation": "bodies",
-        "Dipole": "fields",
-        "Disturbance": "fields",
-        "ChainProgram": "programs",
-        "SoftTissue": "chains",
-        "named_chain": "chains",
-        "named_program": "programs",
-        "simulate_chain": "bodies",
-        "waypoints": "programs",
-    },
-)
+__getattr__, __dir__ = lazily(__name__, {
+    "CHAINS": "chains", "PROGRAMS": "programs", "BentRegion": "fields", "ChainMotion": "bodies",
+    "ChainSimulation": "bodies", "Dipole": "fields", "Disturbance": "fields", "ChainProgram": "programs",
+    "SoftTissue": "chains", "named_chain": "chains", "named_program": "programs", "simulate_chain": "bodies",
+    "waypoints": "programs",
+})  # fmt: skip
 
 __all__ = [
-    "CHAINS",
-    "KINDS",
-    "PROGRAMS",
-    "SCENARIOS",
-    "BentRegion",
-    "ChainMotion",
-    "ChainProgram",
-    "ChainSimulation",
-    "ConingMotion",
-    "DataSheetFigure",
-    "Dipole",
-    "Disturbance",
-    "EulerMotion",
-    "GimbalMotion",
-    "Module",
-    "Motion",
-    "PoseMotion",
-    "Preset",
-    "Scenario",
-    "Simulation",
-    "SoftTissue",
-    "TriadErrors",
-    "Truth",
-    "draw_module",
-    "earth_field",
-    "named_chain",
-    "named_program",
-    "preset",
-    "preset_names",
-    "scenario",
-    "simulate",
-    "simulate_chain",
+    "CHAINS", "KINDS", "PROGRAMS", "SCENARIOS", "BentRegion", "ChainMotion", "ChainProgram", "ChainSimulation",
+    "ConingMotion", "DataSheetFigure", "Dipole", "Disturbance", "EulerMotion", "GimbalMotion", "Module", "Motion",
+    "PoseMotion", "Preset", "Scenario", "Simulation", "SoftTissue", "TriadErrors", "Truth", "draw_module",
+    "earth_field", "named_chain", "named_program", "preset", "preset_names", "scenario", "simulate", "simulate_chain",
     "waypoints",
-]
+]  # fmt: skip

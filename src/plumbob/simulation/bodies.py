@@ -29,8 +29,7 @@ _IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
 _UPSIDE_DOWN: Quat = (0.0, 1.0, 0.0, 0.0)
 _KEPT = 4
 _SHORT = 100_000
-_DRIVE_STEP = 0.0025
-"""s between the knots of the force that drives soft tissue; in between it goes in straight lines."""
+_DRIVE_STEP = 0.0025  # s between the knots of the force that drives soft tissue; in between it goes in straight lines
 
 SETTINGS: Final = (
     "mount_angle", "mount_shift", "mount_clock", "soft", "bend", "bend_at", "gyr_range", "acc_range",

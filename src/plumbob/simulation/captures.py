@@ -8,7 +8,7 @@ import itertools
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -16,18 +16,16 @@ from plumbob.core.check import Floats
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg
 from plumbob.rotations import Frame, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
-from plumbob.simulation.motion import GimbalMotion, Motion, PoseMotion, Scenario, require_whole
+from plumbob.simulation.motion import GimbalMotion, Motion, PoseMotion, Scenario
 from plumbob.simulation.signals import Moves, Polynomial, Signal, Sinusoids, constant, random_phases, sinusoid
 
 _TURN = math.pi
 _X, _Y, _Z = 0, 1, 2
 _DOWN = np.array([0.0, 0.0, 1.0])
 
-SECTORS = 6
-"""Sectors of the heading in `Bands` [Yu2018]."""
+SECTORS = 6  # sectors of the heading in `Bands` [Yu2018]
 
-BANDS = 3
-"""Bands of the inclination in `Bands` [Yu2018]."""
+BANDS = 3  # bands of the inclination in `Bands` [Yu2018]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,12 +116,9 @@ class Bands(PoseScenario):
 class Poses(PoseScenario):
     """Held in many poses by hand, all attitudes alike likely."""
 
-    number: Annotated[float, Spec(Quantity.RATIO, "number of poses, a whole number", 1, 1e4)] = 40
+    whole: ClassVar[str] = "number"
 
-    def __post_init__(self) -> None:
-        """Check every parameter's domain, and that poses can be counted."""
-        super().__post_init__()
-        require_whole("number", self.number)
+    number: Annotated[float, Spec(Quantity.RATIO, "number of poses, a whole number", 1, 1e4)] = 40
 
     @property
     def count(self) -> int:
@@ -209,16 +204,13 @@ class Cone(LevelRing):
 class Table36(Scenario):
     """Turned step by step on a table that stands aslant: the static test of the buoy paper [Yu2018]."""
 
+    whole: ClassVar[str] = "steps"
+
     tilt: Annotated[float, Spec(Quantity.ANGLE, "of the table", -0.5 * _TURN, 0.5 * _TURN)] = deg(20.0)
     step: Annotated[float, Spec(Quantity.ANGLE, "turn about the table's axis", -_TURN, _TURN)] = deg(10.0)
     steps: Annotated[float, Spec(Quantity.RATIO, "number of rests, a whole number", 2, 1e4)] = 36
     dwell: Annotated[float, Spec(Quantity.TIME, "time of each rest", 0.1, 1e4)] = 3.0
     move: Annotated[float, Spec(Quantity.TIME, "time of each turn", 0.05, 1e3)] = 1.0
-
-    def __post_init__(self) -> None:
-        """Check every parameter's domain, and that steps can be counted."""
-        super().__post_init__()
-        require_whole("steps", self.steps)
 
     @property
     def duration(self) -> float:

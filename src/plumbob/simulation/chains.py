@@ -139,11 +139,6 @@ def drawn_mounts(chain: Chain, *, angle: float, shift: float, clock: float = 0.0
     `angle`: largest turn of a unit, rad: the rotation vector is drawn evenly from the ball of that radius, rms 0.77 of
     it; `shift`: largest displacement, m, drawn in the same way; `clock`: largest offset of a clock, s, drawn evenly to
     both sides.
-
-    Raises
-    ------
-    ParameterError
-        If one is negative or not finite, or the angle is above half a turn.
     """
     if not (0.0 <= angle <= math.pi and 0.0 <= shift < math.inf and 0.0 <= clock < math.inf):
         raise ParameterError(

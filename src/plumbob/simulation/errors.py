@@ -35,13 +35,7 @@ from plumbob.rotations import euler_zyx_from_quat, quat_from_euler_zyx
 
 
 def stream(seed: int, *names: str) -> np.random.Generator:
-    """Random generator of one error of one triad, independent of all others of the same seed.
-
-    Raises
-    ------
-    ParameterError
-        If the seed is not a whole number of at least 0.
-    """
+    """Random generator of one error of one triad, independent of all others of the same seed."""
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise ParameterError(f"seed must be a whole number of at least 0, but it is {seed!r}.")
     key = tuple(int.from_bytes(name.encode()) for name in names)
@@ -315,23 +309,11 @@ class AttitudeErrors:
 
     A sheet states one root mean square error for each angle, and not how it is spread over time. Half of its square is
     taken as constant within a run, as from installation and calibration, half as a first-order Gauss-Markov process.
-
-    Parameters
-    ----------
-    heading, tilt : float
-        Root mean square error over many runs of the heading, and of roll and pitch, each, rad.
-    time : float
-        Time after which the process that varies has forgotten itself to 1/e, s.
-
-    Raises
-    ------
-    ParameterError
-        If a number is outside its domain.
     """
 
-    heading: float
-    tilt: float
-    time: float = 10.0
+    heading: float  # root mean square error over many runs, rad
+    tilt: float  # of roll and of pitch, rad
+    time: float = 10.0  # after which the process that varies has forgotten itself to 1/e, s
 
     def __post_init__(self) -> None:
         """Validate."""

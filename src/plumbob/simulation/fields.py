@@ -13,8 +13,7 @@ from plumbob.data.chain import Chain
 from plumbob.rotations import Frame, quat_rotate
 from plumbob.simulation.motion import Truth
 
-_NEAREST = 0.01
-"""m; nearer to a dipole, its field does not grow any more: a magnet is not a point."""
+_NEAREST = 0.01  # m; nearer to a dipole, its field does not grow any more: a magnet is not a point
 
 
 class Disturbance(Protocol):
@@ -98,13 +97,7 @@ class BentRegion:
 
 
 def bent_at(chain: Chain, segment: str, strength: float, frame: Frame) -> BentRegion:
-    """Region around the unit of a segment in which the field is bent to the east, by `strength` in µT at the unit.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such segment, or it has no unit.
-    """
+    """Region around the unit of a segment in which the field is bent to the east, by `strength` in µT at the unit."""
     on = next((link for link in chain.segments if link.name == segment), None)
     if on is None or not on.unit:
         riders = ", ".join(link.name for link in chain.segments if link.unit)

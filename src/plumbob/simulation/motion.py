@@ -323,11 +323,14 @@ class Scenario(ABC):
 
     rate: ClassVar[float] = 100.0
     lasts: ClassVar[float] = 60.0
+    whole: ClassVar[str] = ""  # parameter that is a whole number
 
     def __post_init__(self) -> None:
         """Check every parameter's domain."""
         for p in describe(type(self)):
-            checked(type(self).__name__.lower(), p, getattr(self, p.name))
+            value = checked(type(self).__name__.lower(), p, getattr(self, p.name))
+            if p.name == self.whole and value != round(value):
+                raise ParameterError(f"{p.name} must be a whole number, but it is {value:g}.")
 
     @property
     def told(self) -> str:
@@ -348,12 +351,6 @@ class Scenario(ABC):
     def field_n(self, body: Truth, earth_n: Floats) -> Floats:
         """Magnetic field at the body, (3,) or (N, 3), µT: the Earth's, where a scenario does not say otherwise."""
         return earth_n
-
-
-def require_whole(name: str, value: float) -> None:
-    """Refuse a count that is not a whole number."""
-    if value != round(value):
-        raise ParameterError(f"{name} must be a whole number, but it is {value:g}.")
 
 
 Phasors = NDArray[np.complex128]

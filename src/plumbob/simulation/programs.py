@@ -20,11 +20,9 @@ from plumbob.simulation.signals import Moves, Signal, Sinusoids, Stack, Windowed
 _PEAKS: Final = (15.0 / 8.0, 10.0 / math.sqrt(3.0), 60.0)
 """Greatest velocity, acceleration and jerk of `quintic`, which goes from 0 to 1 in 1."""
 
-_FREE: Final = deg(75.0)
-"""Range to both sides of an angle without limits, rad."""
+_FREE: Final = deg(75.0)  # range to both sides of an angle without limits, rad
 
-_LEAD: Final = 2.0
-"""s at rest before the first motion."""
+_LEAD: Final = 2.0  # s at rest before the first motion
 
 
 @dataclass(frozen=True, eq=False)

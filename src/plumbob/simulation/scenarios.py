@@ -18,7 +18,7 @@ from plumbob.core.text import closest
 from plumbob.core.units import Quantity, deg, dps, g
 from plumbob.rotations import Frame
 from plumbob.simulation.captures import Bands, Cone, Faces, LevelRing, Poses, Raise, Sway, Table36, Tumble
-from plumbob.simulation.motion import ConingMotion, EulerMotion, Motion, Scenario, draw_sea, oscillator, require_whole
+from plumbob.simulation.motion import ConingMotion, EulerMotion, Motion, Scenario, draw_sea, oscillator
 from plumbob.simulation.signals import (
     Moves,
     Polynomial,
@@ -163,6 +163,8 @@ class RateTable(Scenario):
 class Slide(Scenario):
     """Slid to and fro over a level table, obliquely to its axes: acceleration without any tilt [Yu2018]."""
 
+    whole: ClassVar[str] = "strokes"
+
     peak_speed: Annotated[float, Spec(Quantity.SPEED, "highest speed of a stroke", 0.01, 20.0)] = 2.0
     stroke: Annotated[float, Spec(Quantity.TIME, "duration of a stroke", 0.05, 60.0)] = 0.4
     pause: Annotated[float, Spec(Quantity.TIME, "rest between strokes", 0.0, 60.0)] = 0.4
@@ -172,11 +174,6 @@ class Slide(Scenario):
     ] = deg(50.0)
     heading: Annotated[float, Spec(Quantity.ANGLE, "heading", -_TURN, _TURN)] = 0.0
     lead: Annotated[float, Spec(Quantity.TIME, "rest before the first stroke and after the last", 0.0, 1e4)] = 10.0
-
-    def __post_init__(self) -> None:
-        """Check every parameter's domain, and that strokes can be counted."""
-        super().__post_init__()
-        require_whole("strokes", self.strokes)
 
     @property
     def duration(self) -> float:

@@ -77,15 +77,9 @@ class Signal(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Polynomial(Signal):
-    """``c[0] + c[1] t + c[2] t² + …``.
+    """``c[0] + c[1] t + c[2] t² + …``."""
 
-    Parameters
-    ----------
-    coefficients : array_like (n,) or (n, k)
-        Ascending, in units per s to their power.
-    """
-
-    coefficients: ArrayLike
+    coefficients: ArrayLike  # (n,) or (n, k), ascending, in units per s to their power
 
     def at(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
@@ -145,8 +139,7 @@ def sinusoid(amplitude: float, frequency: float, phase: float = 0.0) -> Sinusoid
     return Sinusoids(2.0 * np.pi * frequency * unit, amplitude * np.sin(phase) * unit, amplitude * np.cos(phase) * unit)
 
 
-Law = Callable[[Floats], Jet]
-"""Way from 0 to 1 over u in [0, 1] that starts and ends with rate and acceleration 0."""
+Law = Callable[[Floats], Jet]  # way from 0 to 1 over u in [0, 1] that starts and ends with rate and acceleration 0
 
 
 def quintic(u: Floats) -> Jet:
@@ -163,27 +156,12 @@ def cycloid(u: Floats) -> Jet:
 
 @dataclass(frozen=True, eq=False)
 class Moves(Signal):
-    """Moves from rest to rest, one after the other, at rest in between; twice continuously differentiable.
+    """Moves from rest to rest, one after the other, at rest in between; twice continuously differentiable."""
 
-    Parameters
-    ----------
-    start, duration : array_like (m,)
-        When each move begins and how long it takes, s; moves do not overlap.
-    change : array_like (m,) or (m, k)
-        What each adds to the value, which is 0 before the first.
-    law : Law
-        `quintic` or `cycloid`.
-
-    Raises
-    ------
-    ParameterError
-        If a duration is not positive, or a move begins before the last one has ended.
-    """
-
-    start: ArrayLike
-    duration: ArrayLike
-    change: ArrayLike
-    law: Law = quintic
+    start: ArrayLike  # when each move begins (m,), s; moves do not overlap
+    duration: ArrayLike  # (m,), s
+    change: ArrayLike  # what each adds to the value (m,) or (m, k), which is 0 before the first
+    law: Law = quintic  # or `cycloid`
 
     def __post_init__(self) -> None:
         """Validate the sequence."""
@@ -205,18 +183,10 @@ class Moves(Signal):
 
 @dataclass(frozen=True, eq=False)
 class Ramps(Signal):
-    """Integral of a rate that goes in straight lines from knot to knot, and stays before the first and after the last.
+    """Integral of a rate in straight lines from knot to knot; it stays before the first and after the last."""
 
-    Parameters
-    ----------
-    knots : array_like (m,)
-        Instants, increasing, s.
-    rates : array_like (m,)
-        Rate at each; the value is 0 at the first.
-    """
-
-    knots: ArrayLike
-    rates: ArrayLike
+    knots: ArrayLike  # increasing (m,), s
+    rates: ArrayLike  # rate at each (m,); the value is 0 at the first
 
     def at(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
@@ -297,22 +267,13 @@ class Driven(Signal):
     """Damped oscillators ``x'' + 2ζω x' + ω² x = drive``, in balance with the first drive at the start.
 
     The drive goes in straight lines from knot to knot; for such a drive the answer is exact at any instant.
-
-    Parameters
-    ----------
-    start, step : float
-        First knot, and time from knot to knot, s.
-    drive : ndarray (m, k)
-        Acceleration at each knot.
-    omega, damping : float
-        Natural angular frequency ω, rad/s, and ratio ζ below 1.
     """
 
-    start: float
-    step: float
-    drive: Floats
-    omega: float
-    damping: float
+    start: float  # first knot, s
+    step: float  # from knot to knot, s
+    drive: Floats  # acceleration at each knot (m, k)
+    omega: float  # natural angular frequency ω, rad/s
+    damping: float  # ζ, below 1
 
     def at(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""

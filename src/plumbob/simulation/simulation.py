@@ -49,11 +49,6 @@ def time_line(*, rate: float, duration: float, jitter: float = 0.0, lost: float 
     `jitter`: standard deviation of the time stamps about the instants of sampling, s; at most a tenth of a step. Stamps
     keep their order: none strays by more than 0.45 steps. `lost`: share of the samples that are missing from the
     recording, each by its own chance; the first is always there.
-
-    Raises
-    ------
-    ParameterError
-        If a number is outside its domain.
     """
     samples = rate * duration
     if not (rate > 0.0 and duration > 0.0 and 2.0 <= samples <= _MOST_SAMPLES):
@@ -90,8 +85,7 @@ def arrivals(count: int, rate: float, own_rate: float | None) -> NDArray[np.int6
 WarmingUp = str | tuple[float | str, float | str]
 """Rise and time constant of a device that warms up, as `warming_up` takes them."""
 
-KINDS = ("random", "calibrated")
-"""What a unit may be: as it left the line, or after an ideal calibration."""
+KINDS = ("random", "calibrated")  # what a unit may be: as it left the line, or after an ideal calibration
 
 WORLD = {
     "strength": Quantity.FIELD,
@@ -306,15 +300,7 @@ def _number(name: str, value: float | str) -> float:
 
 
 def warming_up(spec: WarmingUp) -> WarmUp:
-    """How a device warms up: rise, K, and time constant, s, as numbers or as one text, ``"15 K, 120 s"``.
-
-    Raises
-    ------
-    ParameterError
-        If it is neither, or the time is not above 0.
-    UnitError
-        If a text's number or unit is wrong.
-    """
+    """How a device warms up: rise, K, and time constant, s, as numbers or as one text, ``"15 K, 120 s"``."""
     parts = spec.split(",") if isinstance(spec, str) else tuple(spec)
     if len(parts) != 2:
         raise ParameterError(f"warm_up must be RISE, TIME, as '15 K, 120 s', but it is {check.said(spec)}.")

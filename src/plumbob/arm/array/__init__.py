@@ -12,17 +12,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ArrayInfo", "Combined", "Monitor", "Monitored", "combine", "estimate", "info", "joined", "monitor"]
 
-__getattr__, __dir__ = lazily(
-    __name__,
-    {
-        "ArrayInfo": "relative",
-        "Combined": "virtual_unit",
-        "Monitor": "monitoring",
-        "Monitored": "monitoring",
-        "combine": "relative",
-        "estimate": "virtual_unit",
-        "info": "relative",
-        "joined": "channels",
-        "monitor": "monitoring",
-    },
-)
+__getattr__, __dir__ = lazily(__name__, {
+    "ArrayInfo": "relative", "Combined": "virtual_unit", "Monitor": "monitoring", "Monitored": "monitoring",
+    "combine": "relative", "estimate": "virtual_unit", "info": "relative", "joined": "channels",
+    "monitor": "monitoring",
+})  # fmt: skip

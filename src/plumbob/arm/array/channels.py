@@ -19,8 +19,7 @@ from plumbob.data.imu import TRIAD_FLAGS
 USUAL: Final = {"gyr": 1e-4, "acc": 3e-3, "mag": 0.1}
 """White noise of a common MEMS unit, rad/s/√Hz, m/s²/√Hz, µT/√Hz, where no card says it."""
 WEIGHTS: Final = ("noise", "range", "equal")
-_END = 0.999
-"""The last code below full scale is already the end."""
+_END = 0.999  # the last code below full scale is already the end
 
 
 def axis_values(imu: ImuData, triad: str) -> Floats:

@@ -28,20 +28,14 @@ from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rotate, row
 
 NAME: Final = "directions"
 SIZE: Final = 6
-REST_TAU: Final = 1.0
-"""The rate is averaged over this, s, to tell whether the body rests,"""
-REST: Final = 16.0
-"""and rests where its square stays below so many variances: a turn that nobody could tell from rest."""
-FREE: Final = 3.0
-"""Variance of a heading that nothing has shown, rad²."""
-LOOKED: Final = 1000.0
-"""Level and down parts of the field are means of so many looks."""
+REST_TAU: Final = 1.0  # the rate is averaged over this, s, to tell whether the body rests,
+REST: Final = 16.0  # and rests where its square stays below so many variances: a turn that nobody could tell from rest
+FREE: Final = 3.0  # variance of a heading that nothing has shown, rad²
+LOOKED: Final = 1000.0  # level and down parts of the field are means of so many looks
 Q, BIAS, RATE, MEAN, MEAN_VAR, STAGE, LOOKS, WIDE, DOWN, STATE = 0, 4, 7, 10, 13, 14, 15, 16, 17, 18
 """Places: attitude, bias, last rate, its mean and the variance of that, what is known, and of the field."""
-SEEN: Final = 4.0
-"""A miss of so many standard deviations is not noise; a smaller one is in the variance already."""
-TREMOR: Final = 0.1
-"""What still moves at rest, as a share of the gyroscope's noise."""
+SEEN: Final = 4.0  # a miss of so many standard deviations is not noise; a smaller one is in the variance already
+TREMOR: Final = 0.1  # what still moves at rest, as a share of the gyroscope's noise
 
 
 class Params(NamedTuple):

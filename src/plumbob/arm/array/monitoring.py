@@ -33,8 +33,7 @@ if TYPE_CHECKING:
 
 KINDS: Final = ("good", "suspect", "deviates", "noisy", "frozen", "dead")
 """What a unit's triad may be, by its number in a word of `Monitored.words`."""
-CHUNK: Final = 4096
-"""Rows that `monitor` takes at a time; the result does not depend on it."""
+CHUNK: Final = 4096  # rows that `monitor` takes at a time; the result does not depend on it
 
 
 class MonitoringSettings(NamedTuple):

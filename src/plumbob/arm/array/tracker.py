@@ -69,26 +69,18 @@ SUSPECT: Final = 1.0
 OUT: Final = 2.0
 DEVIATES, IS_NOISY, IS_FROZEN, IS_DEAD = 1.0, 2.0, 3.0, 4.0
 
-BECOMES_SUSPECT: Final = 0.73
-"""Share of an alarm above which a unit is suspect: 4 of 5.5 standard deviations,"""
-AGAIN_GOOD: Final = 0.55
-"""and below which it is not any more."""
-CLEAR: Final = 0.75
-"""The second unit must deviate by less than this share of the first, or nothing is isolated."""
-UNCLEAR_FOR: Final = 1.0
-"""Where three and more units do not make it clear within this, s, it is said that they cannot."""
+BECOMES_SUSPECT: Final = 0.73  # share of an alarm above which a unit is suspect: 4 of 5.5 standard deviations,
+AGAIN_GOOD: Final = 0.55  # and below which it is not any more
+CLEAR: Final = 0.75  # the second unit must deviate by less than this share of the first, or nothing is isolated
+UNCLEAR_FOR: Final = 1.0  # where three and more units do not make it clear within this, s, it is said that they cannot
 KEEP: Final = 2.0
 """The trackers are kept this often, s; where a unit is left out, those of one to two such times before count again."""
-SIGNED: Final = 3.0
-"""Squares of more than so many times the square of the mean are noise, and less a deviation."""
+SIGNED: Final = 3.0  # squares of more than so many times the square of the mean are noise, and less a deviation
 LARGEST: Final = 30.0
 """The largest innovation counts as so many standard deviations at most, so that it can be forgotten again."""
-BELIEVED: Final = 6.0
-"""From one that is larger, nothing is learned."""
-RARE: Final = 21.0
-"""Minus the logarithm of the chance that a live axis says the same for so long: once in 10⁹."""
-FAST_FROM: Final = 4
-"""Fewest units of which the others tell the scale of the noise within `tau`."""
+BELIEVED: Final = 6.0  # from one that is larger, nothing is learned
+RARE: Final = 21.0  # minus the logarithm of the chance that a live axis says the same for so long: once in 10⁹
+FAST_FROM: Final = 4  # fewest units of which the others tell the scale of the noise within `tau`
 
 
 @kernel

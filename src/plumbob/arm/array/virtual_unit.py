@@ -163,21 +163,11 @@ def _masks(excluded: "Monitored | Mapping[str, ArrayLike] | None", array: ImuArr
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArrayEstimated(FactsText):
-    """Attitude of an array.
+    """Attitude of an array."""
 
-    Attributes
-    ----------
-    track : AttitudeTrack
-        Attitude of the body at every sample; its flags say where a unit was left out.
-    monitored : Monitored
-        The virtual unit, and the state of each unit.
-    estimated : Estimated or None
-        What `plumbob.estimate` made of it; None where the filter is "directions".
-    """
-
-    track: AttitudeTrack
-    monitored: Monitored
-    estimated: Estimated | None = None
+    track: AttitudeTrack  # of the body at every sample; its flags say where a unit was left out
+    monitored: Monitored  # the virtual unit, and the state of each unit
+    estimated: Estimated | None = None  # what `plumbob.estimate` made of it; None where the filter is "directions"
 
     def facts(self) -> Mapping[str, str]:
         """Units, filter and faults."""

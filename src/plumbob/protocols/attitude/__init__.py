@@ -45,13 +45,7 @@ class BodyAxes(StrEnum):
 
     @classmethod
     def parse(cls, name: str) -> "BodyAxes":
-        """Body axes of that name.
-
-        Raises
-        ------
-        FrameError
-            If there are none.
-        """
+        """Body axes of that name."""
         try:
             return cls(name.strip().upper())
         except (ValueError, AttributeError):
@@ -139,26 +133,11 @@ def attitudes(
     imu: ImuData | None = None,
     more: Sequence[int] = (),
 ) -> Iterator[AttitudeSample]:
-    """Rows of a track as encoders take them.
+    """Rows of a track as encoders take them; `t0_ns` is the time of its zero, UTC where `utc`.
 
-    Parameters
-    ----------
-    track : AttitudeTrack
-        The track, of any frame.
-    rows : sequence of int
-        Which of its rows.
-    t0_ns : int
-        Time of its zero, ns; UTC where `utc`.
-    utc : bool
-        Whether UTC is known.
-    body : BodyAxes, optional
-        Its body axes; by default those of its frame, `default_body`.
-    declination : float, optional
-        rad, east positive.
-    imu : ImuData, optional
-        Samples in the same body axes; those at the very times of the attitudes are taken.
-    more : sequence of int, optional
-        Flags to be added to each row, as those of rows that were left out before it.
+    `body`: by default the axes of its frame; `declination`: rad, east positive; `imu`: samples in the same body axes,
+    of which those at the very times of the attitudes are taken; `more`: flags to add to each row, as those of rows that
+    were left out before it.
     """
     chosen = np.asarray(rows, dtype=np.intp)
     if not chosen.size:

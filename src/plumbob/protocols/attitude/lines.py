@@ -115,15 +115,7 @@ _NORTH: Final = {"HDT": North.TRUE, "HDG": North.MAGNETIC, "HDM": North.MAGNETIC
 
 
 def sentences_for(requested: Sequence[str], north: North, declination: float | None) -> tuple[str, ...]:
-    """Names of the sentences to send; without any, all that the heading allows.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such sentence.
-    FrameError
-        If a heading was asked for that counts from another zero.
-    """
+    """Names of the sentences to send; without any, all that the heading allows."""
     if not requested:
         return tuple(name for name in SENTENCES if name != "HDM" and _allowed(name, north, declination))
     names = tuple(dict.fromkeys(name.strip().upper() for name in requested))
@@ -197,14 +189,9 @@ _CENTI: Final = 100.0
 
 
 def tss1(a: AttitudeSample, heave: float | None = None) -> bytes | None:
-    """The tss1; None where the attitude is not known or roll is beyond ±99.99°.
+    """The tss1; None where the attitude is not known or roll is beyond ±99.99°, or not reliable without a heave.
 
-    Parameters
-    ----------
-    a : AttitudeSample
-        The attitude; one that is not reliable has a tss1 only beside a heave.
-    heave : float, optional
-        m, up is positive, where somebody has estimated it; then upper case says that the attitude is reliable.
+    `heave`: m, up, where somebody has estimated it; then upper case says that the attitude is reliable.
     """
     roll, pitch = a.roll_deg, a.pitch_deg
     if roll is None or pitch is None or (heave is None and not a.reliable):

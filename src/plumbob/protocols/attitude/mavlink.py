@@ -20,10 +20,7 @@ _MILLI: Final = 1_000_000
 class Mavlink:
     """Encodes attitudes as frames of MAVLink 2, numbered one after the other.
 
-    Parameters
-    ----------
-    system, component : int
-        Who sends; 1 and 1 are an autopilot, whose attitude a ground station such as QGroundControl shows.
+    `system`, `component`: who sends; 1 and 1 are an autopilot, whose attitude a ground station shows.
     """
 
     def __init__(self, system: int = _SYSTEM, component: int = 1) -> None:

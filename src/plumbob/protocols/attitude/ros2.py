@@ -16,7 +16,18 @@ from plumbob.protocols.attitude import AttitudeSample
 from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_from_rotvec, quat_multiply
 
 TYPE: Final = "sensor_msgs/msg/Imu"
-DEFINITION: Final = """\
+LINE: Final = "=" * 80
+STAMPED: Final = f"""\
+{LINE}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+{LINE}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+DEFINITION: Final = f"""\
 std_msgs/Header header
 geometry_msgs/Quaternion orientation
 float64[9] orientation_covariance
@@ -24,21 +35,13 @@ geometry_msgs/Vector3 angular_velocity
 float64[9] angular_velocity_covariance
 geometry_msgs/Vector3 linear_acceleration
 float64[9] linear_acceleration_covariance
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-================================================================================
+{STAMPED}{LINE}
 MSG: geometry_msgs/Quaternion
 float64 x
 float64 y
 float64 z
 float64 w
-================================================================================
+{LINE}
 MSG: geometry_msgs/Vector3
 float64 x
 float64 y
@@ -99,13 +102,7 @@ class _Drain:
 
 
 class Imus:
-    """An MCAP file of Imu messages, in pieces: the file grows by one whole message after the other.
-
-    Parameters
-    ----------
-    topic, frame_id : str
-        Topic of the messages, and the frame that their header names.
-    """
+    """An MCAP file of Imu messages, in pieces: the file grows by one whole message after the other."""
 
     def __init__(self, topic: str = "/imu", frame_id: str = "imu_link") -> None:
         from mcap.writer import CompressionType, Writer
