@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import PaperItem, cell, shown
-from plumbob.papers.reproduce import NAMES, items
+from plumbob.papers.reproduce import NAMES
 
 HEAD = """\
 # The five papers, end to end
@@ -94,7 +94,7 @@ def _counts(outcomes: Mapping[str, Sequence[Mapping[str, Any]]]) -> Iterator[str
     yield "| --- | ---: | ---: | ---: | ---: | ---: | ---: |"
     total = [0] * 6
     for name in NAMES:
-        own, listed = outcomes[name], items(name)
+        own, listed = outcomes[name], PAPERS[name].items
         numbers = [
             len(own),
             sum(one["reached"] is True for one in own),
@@ -136,7 +136,7 @@ def items_lines(name: str) -> Iterator[str]:
     yield ""
     yield "| | where | item | done by, or why not |"
     yield "| ---: | --- | --- | --- |"
-    for number, one in enumerate(items(name), 1):
+    for number, one in enumerate(PAPERS[name].items, 1):
         yield f"| {number} | {_escaped(one.where)} | {_escaped(one.what)} | {_done(one)} |"
     yield ""
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from plumbob.papers.reproduce import NAMES, items
+from plumbob.papers.description import PAPERS
+from plumbob.papers.reproduce import NAMES
 from tests.helpers.papers import named
 from website.papers import page
 
@@ -53,7 +54,7 @@ def every_miss_is_told(papers):
     for name in NAMES:
         keys = [one["key"] for one in papers[name]]
         assert len(set(keys)) == len(keys)
-        assert named(items(name)) <= set(keys), name
+        assert named(PAPERS[name].items) <= set(keys), name
         missed = {one["key"] for one in papers[name] if not one["met"]}
         assert all(one["reason"] for one in papers[name] if not one["met"])
         own = told.partition(f"\n## {name}\n")[2].partition("\n## ")[0]

@@ -1,8 +1,8 @@
 """The room's own parts: outcomes, bars, verdicts, items, and what `reproduce` refuses."""
 
 import copy
-import json
 import math
+import pickle
 import re
 import subprocess
 import sys
@@ -14,8 +14,8 @@ import pytest
 import plumbob
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError
 from plumbob.papers.description import PAPERS
-from plumbob.papers.outcome import Outcome, restored, table
-from plumbob.papers.reproduce import DEFINITIONS, NAMES, claims, items, reproduce
+from plumbob.papers.outcome import Outcome, table
+from plumbob.papers.reproduce import DEFINITIONS, NAMES, claims, reproduce
 from plumbob.papers.studies import Study
 from plumbob.reporting.content import Both, said
 from plumbob.reporting.report import Report
@@ -68,7 +68,7 @@ def test_an_outcome_says_something_reaches_another_process_whole_and_is_json():
         with pytest.raises(ParameterError):
             outcome(**how)
     one = outcome(best=0.5, best_bar=(-math.inf, 1.0), reason=Both("noise", "噪声"))
-    again = restored(json.loads(json.dumps(one.stored())))
+    again = copy.deepcopy(one)  # by which it is pickled, too
     assert again == one
     assert (again.what.zh, again.reason.zh) == ("误差", "噪声")
     told = outcome(faithful=math.nan, best=math.inf).summary()
@@ -120,9 +120,9 @@ def alone(monkeypatch, code):
 
 def test_papers_side_by_side_give_their_outcomes_however_long(tmp_path, monkeypatch):
     """1 MiB is more than a pipe holds."""
-    long = json.dumps([outcome(reason=Both("noise", "噪" * 200_000)).stored()])
-    (tmp_path / "found.json").write_text(long)
-    read = f"open({str(tmp_path / 'found.json')!r}).read()"
+    long = pickle.dumps([outcome(reason=Both("noise", "噪" * 200_000))])
+    (tmp_path / "found").write_text(long.hex())
+    read = f"open({str(tmp_path / 'found')!r}).read()"
     alone(monkeypatch, f"sys.stderr.write('step\\t' + name + ': a\\t0\\t1\\nfound\\t' + {read} + '\\n')")
     steps = []
     found = reproduce("rod", "fin", out=tmp_path / "pages", progress=lambda *step: steps.append(step))
@@ -159,7 +159,7 @@ def test_what_is_not_recorded_whole_is_refused(tmp_path, monkeypatch):
 def test_every_item_is_done_or_has_its_reason_and_all_of_a_description_is_used(name):
     """The files that an item names exist, the outcomes are on the page of the papers, the texts in the paper's code."""
     page, content = PAGE.read_text(encoding="utf-8"), PAPERS[name].content
-    for item in items(name):
+    for item in PAPERS[name].items:
         assert item.where
         assert item.by or item.reason, item
         assert set(re.findall(r"\[([\w.-]+)\]", item.by)) <= set(content["outcome"]), item

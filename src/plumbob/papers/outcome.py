@@ -1,8 +1,8 @@
 """What a paper's run leaves behind: outcomes with their bars, the paper's items, and its page."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 from plumbob.core.errors import ParameterError
@@ -112,21 +112,10 @@ class Outcome:
             "reason": None if self.reason is None else str(self.reason),
         }
 
-    def stored(self) -> dict[str, Any]:
-        """All of it for another process, as JSON can hold it; `restored` makes it again."""
-        held = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: {"en": v[:], "zh": v.zh} if isinstance(v, Both) else v for name, v in held.items()}
-
     def row(self) -> list[str]:
         """Cells under `HEAD`."""
         values = (cell(self.faithful, self.faithful_bar, self.digits), cell(self.best, self.best_bar, self.digits))
         return [self.where or "-", self.what, self.unit or "-", shown(self.paper, self.digits), *values, *self.verdict]
-
-
-def restored(stored: Mapping[str, Any]) -> Outcome:
-    """Outcome of what `Outcome.stored` gave."""
-    made = {name: Both(**v) if isinstance(v, dict) else v for name, v in stored.items()}
-    return Outcome(**made | {name: tuple(made[name]) for name in ("faithful_bar", "best_bar")})
 
 
 HEAD: Final = (

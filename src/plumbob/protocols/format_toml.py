@@ -173,34 +173,20 @@ def _embedded(raw: Mapping[str, Any]) -> list[Field]:
     begin, unit = raw["at"], raw.get("unit", "")
     prefix = f"{unit}." if unit else ""
     values = tuple(dict.fromkeys(prefix + (f.triad or f.name) for f in message.fields if f.physical))
-    stem, gone = f"{prefix}{inner.name}", {0: "absent"}
+    stem = f"{prefix}{inner.name}"
+    absent: dict[str, Any] = {"says": {0: "absent"}, "of": values}
     fields = [_inside(f, prefix, begin, values) for f in message.fields]
     for i, byte in enumerate(sync):
-        fields.append(Field(f"{stem}.sync{i}", begin + i, "u8", 1, role="match", value=byte, says=gone, of=values))
+        fields.append(Field(f"{stem}.sync{i}", begin + i, "u8", 1, role="match", value=byte, **absent))
     if rule := framing.length_field:
-        at, length = begin + rule.at, message.length - rule.add
-        fields.append(
-            Field(
-                f"{stem}.length",
-                at,
-                f"u{8 * rule.size}",
-                rule.size,
-                rule.order,
-                role="match",
-                value=length,
-                says=gone,
-                of=values,
-            )
-        )
+        kind, length = f"u{8 * rule.size}", message.length - rule.add
+        at = begin + rule.at
+        fields.append(Field(f"{stem}.length", at, kind, rule.size, rule.order, role="match", value=length, **absent))
+    absent["role"] = "status"
     for i, (start, stop, bit) in enumerate(framing.parity):
-        at, size = begin + start, stop - start
-        fields.append(
-            Field(f"{stem}.parity{i}", at, "parity", size, bits=(bit, bit), role="status", says=gone, of=values)
-        )
+        fields.append(Field(f"{stem}.parity{i}", begin + start, "parity", stop - start, bits=(bit, bit), **absent))
     if check := framing.checksum:
-        fields.append(
-            Field(f"{stem}.check", begin, "check", message.length, role="status", says=gone, of=values, check=check)
-        )
+        fields.append(Field(f"{stem}.check", begin, "check", message.length, check=check, **absent))
     return fields
 
 
