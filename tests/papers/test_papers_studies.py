@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+import scipy.stats  # noqa: F401  (it draws without a seed as it is imported)
 
 from plumbob import simulate_chain
 from plumbob.arm import JointTrack, replay, taught
