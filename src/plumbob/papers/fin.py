@@ -16,7 +16,7 @@ import plumbob as pb
 from plumbob.papers.studies import ANGLES, PlotCurve, Study, errors_deg, largest
 
 PARTS: Final = "adxrs290+adxrs453"
-RATE: Final = 500.0  # samples per second [Ou2017] (step 8), Hz
+RATE: Final = 500.0  # [Ou2017] step 8: samples per second, Hz
 COUNT: Final = 110_000  # samples of its record
 LENGTH: Final = COUNT / RATE
 SIGMA: Final = 0.664  # what the printed flat is divided by for B: √(2 ln 2/π) to three digits

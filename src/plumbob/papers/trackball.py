@@ -19,10 +19,10 @@ from plumbob.papers.studies import PlotCurve, Scene, Study, rms
 RATIOS: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6)  # Q/R of the scalar filter
 AT_REST: Final = 1e-3  # Q/R at which the bars of the test at rest are set, and Figures 1 to 3 are drawn
 IN_MOTION: Final = 1e-2  # Q/R with which Figures 4 and 5 are drawn: a smaller one lags by more
-STEP: Final = 0.1  # sampling time of both tests, s [Chen2013]
-SAMPLES: Final = 1000  # of each record, 100 s [Chen2013]
+STEP: Final = 0.1  # [Chen2013]: sampling time of both tests, s
+SAMPLES: Final = 1000  # [Chen2013]: of each record, 100 s
 REST: Final = SAMPLES * STEP
-SLOPE: Final = pb.units.deg(0.6)  # angular acceleration while the table speeds up, rad/s²: 10 r/min in 100 s [Chen2013]
+SLOPE: Final = pb.units.deg(0.6)  # [Chen2013]: angular acceleration while the table speeds up, rad/s²: 10 r/min in 100 s
 WHITE, BIAS, WALK = (pb.units.dps(value) for value in (0.1, 1.5, 5e-4))
 """Noise of a sample and bias at turn-on, rad/s, and random walk of the bias in the long record, rad/s/√s: assumed."""
 FLICKER: Final = pb.units.dps(36.0 / 3600.0)  # bias instability, rad/s: assumed

@@ -23,9 +23,9 @@ _TURN = math.pi
 _X, _Y, _Z = 0, 1, 2
 _DOWN = np.array([0.0, 0.0, 1.0])
 
-SECTORS = 6  # sectors of the heading in `Bands` [Yu2018]
+SECTORS = 6  # [Yu2018]: of the heading in `Bands`
 
-BANDS = 3  # bands of the inclination in `Bands` [Yu2018]
+BANDS = 3  # [Yu2018]: of the inclination in `Bands`
 
 
 @dataclass(frozen=True, kw_only=True)
