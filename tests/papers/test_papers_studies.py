@@ -48,7 +48,7 @@ SHORT = {
         {"recovery.control"}
         | {f"{case}.{figure}.{axis}" for case in ("static", "turn") for axis in ("roll", "pitch", "yaw")
            for figure in ("fuzzy", "two", "pi_over_none", "fuzzy_over_pi")},
-        r"(recovery|inference|fault|parity|teach|gain)\..*",
+        r"(?!pair\.).*",  # of its tables, whose seeds are 1, 2, …
         r"EKF|PI|Plumbob|Mamdani|Hz|rad|det|Ts|MPU|HMC|plumbob.*|read_array|mounts|array|paper|filters|sets_of|run|law|"
         r"start|tilt_compass|fuzzy_pi|error_of|regulate|combine|ekf_quaternion|rotations|euler_zyx_from_quat|q_bs|arm|"
         r"align|export|replay|program|csv|teach|mg|nT|µT|Kp|Ki",
@@ -71,7 +71,7 @@ SHORT = {
 
 def true_teach_in(study, _):
     """What the simulator has of a teach-in: one through bytes costs 15 s."""
-    sim = simulate_chain("teach", "teach", frame="NED", sensors="ideal", unit="calibrated", seed=1, duration="12 s")
+    sim = simulate_chain("teach", "teach", frame="NWU", sensors="ideal", unit="calibrated", seed=1, duration="12 s")
     joints = JointTrack(sim.t, sim.chain.angles, sim.angles, hand=sim.hand_n)
     program = taught(joints, sim.chain, rate="100 Hz")
     study.values |= {"mounts_deg": 3.0, "done_mounts_deg": 0.4, "files": "program.csv"}
