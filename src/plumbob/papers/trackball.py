@@ -22,7 +22,7 @@ IN_MOTION: Final = 1e-2  # Q/R with which Figures 4 and 5 are drawn: a smaller o
 STEP: Final = 0.1  # [Chen2013]: sampling time of both tests, s
 SAMPLES: Final = 1000  # [Chen2013]: of each record, 100 s
 REST: Final = SAMPLES * STEP
-SLOPE: Final = pb.units.deg(0.6)  # [Chen2013]: angular acceleration while the table speeds up, rad/s²: 10 r/min in 100 s
+SLOPE: Final = pb.units.deg(0.6)  # [Chen2013]: rad/s², while the table speeds up: 10 r/min in 100 s
 WHITE, BIAS, WALK = (pb.units.dps(value) for value in (0.1, 1.5, 5e-4))
 """Noise of a sample and bias at turn-on, rad/s, and random walk of the bias in the long record, rad/s/√s: assumed."""
 FLICKER: Final = pb.units.dps(36.0 / 3600.0)  # bias instability, rad/s: assumed

@@ -116,7 +116,7 @@ class Bands(PoseScenario):
 class Poses(PoseScenario):
     """Held in many poses by hand, all attitudes alike likely."""
 
-    whole: ClassVar[str] = "number"
+    whole_number: ClassVar[str] = "number"
 
     number: Annotated[float, Spec(Quantity.RATIO, "number of poses, a whole number", 1, 1e4)] = 40
 
@@ -204,7 +204,7 @@ class Cone(LevelRing):
 class Table36(Scenario):
     """Turned step by step on a table that stands aslant: the static test of the buoy paper [Yu2018]."""
 
-    whole: ClassVar[str] = "steps"
+    whole_number: ClassVar[str] = "steps"
 
     tilt: Annotated[float, Spec(Quantity.ANGLE, "of the table", -0.5 * _TURN, 0.5 * _TURN)] = deg(20.0)
     step: Annotated[float, Spec(Quantity.ANGLE, "turn about the table's axis", -_TURN, _TURN)] = deg(10.0)

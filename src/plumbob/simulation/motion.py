@@ -323,13 +323,13 @@ class Scenario(ABC):
 
     rate: ClassVar[float] = 100.0
     lasts: ClassVar[float] = 60.0
-    whole: ClassVar[str] = ""  # parameter that is a whole number
+    whole_number: ClassVar[str] = ""  # parameter that is a whole number
 
     def __post_init__(self) -> None:
         """Check every parameter's domain."""
         for p in describe(type(self)):
             value = checked(type(self).__name__.lower(), p, getattr(self, p.name))
-            if p.name == self.whole and value != round(value):
+            if p.name == self.whole_number and value != round(value):
                 raise ParameterError(f"{p.name} must be a whole number, but it is {value:g}.")
 
     @property

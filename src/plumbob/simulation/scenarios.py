@@ -163,7 +163,7 @@ class RateTable(Scenario):
 class Slide(Scenario):
     """Slid to and fro over a level table, obliquely to its axes: acceleration without any tilt [Yu2018]."""
 
-    whole: ClassVar[str] = "strokes"
+    whole_number: ClassVar[str] = "strokes"
 
     peak_speed: Annotated[float, Spec(Quantity.SPEED, "highest speed of a stroke", 0.01, 20.0)] = 2.0
     stroke: Annotated[float, Spec(Quantity.TIME, "duration of a stroke", 0.05, 60.0)] = 0.4
