@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from plumbob.calibration.acc import fit_accel_moving
-from plumbob.calibration.calibrate_accel import calibrate_accel
+from plumbob.calibration.acc import calibrate_accel, fit_accel_moving
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.gyr.drift import accumulate, rotation_vectors
 from plumbob.calibration.predicted import attitudes

@@ -53,14 +53,14 @@ def captured(seed):
     return bias, np.rint(10000.0 * directions(300, seed) @ (0.5 * (soft + soft.T)) + bias + noise)
 
 
-@pytest.mark.parametrize("seed", range(18))
+@pytest.mark.parametrize("seed", range(6))
 def test_captures_agree_with_an_independent_fit(tmp_path, seed):
     bias, raw = captured(seed)
     path = tmp_path / "mag.txt"
     path.write_text("".join(FORMS[seed % 3].format(*row) for row in raw.astype(int)))
     fitted = plumbob.calibrate_counts(path)
     assert fitted.bias == pytest.approx(independent(raw), abs=3.0)
-    assert (np.abs(fitted.bias - bias) < 4.0 * fitted.bias_sd).all()  # of 54 figures one in 16 000 lies beyond
+    assert (np.abs(fitted.bias - bias) < 4.0 * fitted.bias_sd).all()  # of 18 figures one in 16 000 lies beyond
     assert fitted.residual_sd == pytest.approx(30.0, rel=0.2)
     assert (fitted.counts_per_g, fitted.unit) == (None, "counts")
     assert fitted.summary()["counts"]["bias"] == fitted.bias.tolist()

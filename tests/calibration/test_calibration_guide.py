@@ -69,12 +69,6 @@ def test_who_follows_the_guide_of_the_magnetometer_sees_every_direction(mag_capt
     assert any("18 of 18" in moment.text for moment in guide.timeline)
 
 
-@pytest.mark.parametrize("seed", [5, pytest.param(6, marks=pytest.mark.long(reason="another start"))])
-def test_any_start_and_any_hard_iron_will_do(seed):
-    hand = Hand(seed, hard_iron=np.random.default_rng(seed).uniform(-100.0, 100.0, 3), soft_iron=SOFT_IRON)
-    assert obedient(MagGuide(), hand, rest=0.5)[1].filled.all()
-
-
 def test_who_follows_the_guide_of_the_accelerometer_holds_every_pose(acc_capture):
     imu, guide, progress = acc_capture
     assert progress.filled.all() and progress.done

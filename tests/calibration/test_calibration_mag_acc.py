@@ -20,9 +20,9 @@ def fitted(seed, *, count=1000, tilt=None, sd=0.2, step=0.073):
 
 @pytest.mark.parametrize(("scene", "bar", "trials"), [
     # the project's study of calibrations, magnetometer table: acc+mag, with mounting; text below; tilt ≤ 25°
-    ({}, 0.07, 8),
+    ({}, 0.07, 4),
     ({"count": 18, "sd": 0.02, "step": 0.0}, 0.27, 24),
-    ({"tilt": np.radians(25.0)}, 0.31, 8),
+    ({"tilt": np.radians(25.0)}, 0.31, 4),
 ])  # fmt: skip
 def test_heading_meets_the_bar_and_the_covariance_is_honest(scene, bar, trials):
     """And small tilt leaves no bias: derivatives at the measured vectors would share their noise, and the mean error

@@ -7,12 +7,11 @@ from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_conjugate, quat_multiply
-from tests.helpers import is_plain
 from tests.helpers import mag_scene as mags
 from tests.helpers.real_data import room_at
 from tests.helpers.refusals import reasons
 
-TRIALS = 3 if is_plain() else 5
+TRIALS = 3
 
 
 def scene(seed, *, gain_sd=0.0, **motion):

@@ -11,13 +11,12 @@ from plumbob.calibration.mag.windows import SEGMENT
 from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD
 from plumbob.core.units import dps
 from plumbob.rotations import quat_from_rotvec, quat_rotate
-from tests.helpers import is_plain
 from tests.helpers import mag_scene as mags
 from tests.helpers.real_data import room_at
 from tests.helpers.refusals import reasons
 
 RATE = 10.0
-TRIALS = 3 if is_plain() else 5
+TRIALS = 3
 
 
 def scene(seed, *, minutes=10.0, gain_sd=GAIN_SD, off=None, **motion):

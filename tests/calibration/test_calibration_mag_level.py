@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob.calibration.mag.planar import fit_ellipse, fit_mag_level
+from plumbob.calibration.mag.ellipsoid import fit_ellipse, fit_mag_level
 from plumbob.core.constants import G0
 from tests.helpers.mag_scene import DIP, STRENGTH
 from tests.helpers.refusals import reason_kinds, reasons

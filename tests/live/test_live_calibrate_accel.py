@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob import Frame, ImuMeta, simulate
-from plumbob.calibration.calibrate_accel import calibrate_accel, poses_at_rest
+from plumbob.calibration.acc import calibrate_accel, poses_at_rest
 from plumbob.calibration.predicted import REGIONS
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob.calibration.calibrate_accel import calibrate_accel
-from plumbob.calibration.calibrate_gyro import calibrate_by_hand, gyro_by_choice
+from plumbob.calibration.acc import calibrate_accel
+from plumbob.calibration.calibrate_gyro import calibrate_by_hand, fit_gyro
 from plumbob.calibration.calibrate_mag import calibrate_mag
 from plumbob.calibration.calibration import Capture, capture, card_of
 from plumbob.core.errors import CalibrationError
@@ -75,7 +75,7 @@ def test_each_is_found_with_the_card_of_those_before(whole, fits):
     card, steps = None, {}
     for name, fit in (
         ("acc", lambda on: calibrate_accel(on.imu)),
-        ("gyr", lambda on: gyro_by_choice(on)["gyr"]),
+        ("gyr", lambda on: fit_gyro(on, "auto")),
         ("mag", lambda on: calibrate_mag(on.imu, strength=50.0, **help_of(on))),
     ):
         on = capture(whole.imu, triads=(name,), base=card)

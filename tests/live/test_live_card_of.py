@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.calibration import Capture, card_of
-from plumbob.calibration.fit import Fitted
-from plumbob.calibration.mount import Mounted
+from plumbob.calibration.fit import Fitted, Mounted
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards import UNITS, CalibrationCard, Mount, TriadCalibration
 

@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from plumbob.calibration.calibrate_mount import mount_by_poses, mount_by_reference
 from plumbob.calibration.calibration import capture, card_of
+from plumbob.calibration.mount import mount_by_poses, mount_by_reference
 from plumbob.core.constants import G0
 from plumbob.core.errors import FrameError, ParameterError
 from plumbob.core.units import deg, dps

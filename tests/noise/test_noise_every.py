@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.noise import deviation, every, every_adev, kernels
+from plumbob.noise import deviation, every_adev, factors, kernels
 from tests.helpers import is_plain, slow_as_python
 from tests.helpers.noise_records import drifting, exact_squares, exactly, flicker, walk, white, whole_numbers
 
@@ -41,7 +41,7 @@ def test_direct_sums_round_no_more_than_any_order_may(make, count):
     Each difference d is off by u times itself and by u times the two first differences Δ that it is made of, so that
     the norm of all errors is at most u (2 |Δ| + |d|), and that of S = |d|² follows.
     """
-    angle, n = whole_numbers(next(every.running_sums(make(count)))), some(count)
+    angle, n = whole_numbers(next(factors.running_sums(make(count)))), some(count)
     sums = np.zeros(n.size)
     kernels.second_squares(angle, n, sums)
     exact = [exact_squares(angle, k) for k in n.tolist()]
@@ -60,7 +60,7 @@ def test_within_the_accuracy_that_it_claims(make, count):
     rate = make(count)
     made = every_adev(rate)
     directly = deviation(rate, np.arange(1, count // 2 + 1))
-    assert np.abs(made / directly - 1.0).max() <= every.ACCURACY + 4.0 * EPS
+    assert np.abs(made / directly - 1.0).max() <= factors.ACCURACY + 4.0 * EPS
 
 
 @pytest.mark.parametrize("count", [*range(2, 20), 255, 256, 257, 511, 512, 513])
@@ -75,8 +75,8 @@ def test_short_records_and_the_edges_of_triangles(count):
 @slow_as_python
 def test_few_factors_are_summed_directly(monkeypatch):
     """Else it is right, but no faster than one after the other: 1 in 1000 of white noise, 1 in 20 of a random walk."""
-    directly, summed = every.second_squares, []
-    monkeypatch.setattr(every, "second_squares", lambda *args: (summed.append(args[1].size), directly(*args))[1])
+    directly, summed = factors.second_squares, []
+    monkeypatch.setattr(factors, "second_squares", lambda *args: (summed.append(args[1].size), directly(*args))[1])
     for make, share in ((white, 1e-3), (drifting, 1e-3), (flicker, 0.02), (walk, 0.05)):
         every_adev(make(100_000))
         assert summed.pop() < share * 50_000, make.__name__

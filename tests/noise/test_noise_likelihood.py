@@ -171,12 +171,12 @@ def test_how_long_a_record_must_be():
     nothing, n, r = Coefficient(0.0, upper=0.0, observable=False), 0.01, 1e-7
     ramp = Coefficient(0.0, upper=2.0 * r, observable=False)
     terms = {"Q": nothing, "N": Coefficient(n), "B": nothing, "K": nothing, "R": ramp}
-    hours = analysis.with_hours(terms, 0.1, 3600.0)["R"].hours
+    hours = analysis.hours_needed("R", terms, 0.1, 3600.0)
     exact = (108.0 * n**2 / r**2) ** (1.0 / 3.0) / 3600.0
     assert exact <= hours <= 1.01 * math.sqrt(2.0) * exact  # lengths are tried in steps of √2
-    assert analysis.with_hours(terms, 0.1, 3600.0)["N"].hours is None
+    assert analysis.hours_needed("N", terms, 0.1, 3600.0) is None
     tiny = {**terms, "R": Coefficient(0.0, upper=1e-15, observable=False)}
-    assert analysis.with_hours(tiny, 0.1, 3600.0)["R"].hours is None
+    assert analysis.hours_needed("R", tiny, 0.1, 3600.0) is None
 
 
 @pytest.mark.parametrize("count", [6, pytest.param(20, marks=pytest.mark.long(reason="5 s"))])

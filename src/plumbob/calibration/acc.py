@@ -34,39 +34,29 @@ from plumbob.calibration.ellipsoid_fit import (
     mean_radius,
     scaled,
 )
-from plumbob.calibration.fit import TILT, CaptureRefusedError, Fitted, Reason, grade_of, refuse
+from plumbob.calibration.fit import TILT, CaptureRefusedError, Fitted, Reason, grade_of, reason_if, refuse
 from plumbob.calibration.gyr.drift import accumulate, rotation_vectors
 from plumbob.calibration.predicted import REGIONS, TILT_RANGE, filled, region_names, tilt_sd
-from plumbob.core import check
+from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE, G0, WGS84_A, WGS84_F, WGS84_GM, WGS84_GRAVITY_EQUATOR, WGS84_GRAVITY_POLE
 from plumbob.core.errors import ParameterError
 from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted
 from plumbob.core.units import deg, to_deg, to_dps
+from plumbob.data import ImuData
 from plumbob.data.cards import UNITS, Quality, TriadCalibration
+from plumbob.quality.static_periods import stills
 from plumbob.rotations import quat_conjugate, quat_multiply, quat_rotate
 
-HIGHEST = 20_000.0
-"""Height up to which the series holds to a hundredth of the anomalies, m; and as far down."""
+HIGHEST = 20_000.0  # height up to which the series holds to a hundredth of the anomalies, m; and as far down
 
 
 def normal_gravity(latitude: float, height: float = 0.0) -> float:
     """Gravity of the WGS 84 ellipsoid, m/s²: the closed form of Somigliana, and a series for the height [WGS84].
 
-    What mountains and dense rock add is left out: typically 0.0003 m/s² (0.03 mg), 0.003 m/s² at most.
-
-    Parameters
-    ----------
-    latitude : float
-        Geodetic latitude, rad.
-    height : float
-        Height above the ellipsoid, m; above the sea does, for the geoid's 100 m are 0.0003 m/s².
-
-    Raises
-    ------
-    ParameterError
-        If there is no such latitude, or the height is beyond 20 km.
+    By geodetic latitude, rad, and height above the ellipsoid, m; above the sea does, for the geoid's 100 m are 0.0003
+    m/s². What mountains and dense rock add is left out: typically 0.0003 m/s² (0.03 mg), 0.003 m/s² at most.
     """
     if not abs(latitude) <= math.pi / 2.0:
         raise ParameterError(f"a latitude must be from −90° to 90°, but it is {to_deg(latitude):g}°.")
@@ -82,8 +72,7 @@ def normal_gravity(latitude: float, height: float = 0.0) -> float:
     return ground * (1.0 - 2.0 * slope * height / WGS84_A + 3.0 * (height / WGS84_A) ** 2)  # [WGS84] (4-3)
 
 
-NEAR: Final = deg(15.0)
-"""How far from upright a face may be held, rad."""
+NEAR: Final = deg(15.0)  # how far from upright a face may be held, rad
 
 
 def faces(poses: Floats) -> list[int] | None:
@@ -97,9 +86,9 @@ def faces(poses: Floats) -> list[int] | None:
 def six_positions(poses: Floats, *, noise: float = 0.0) -> NormFit | None:
     """Bias and scale by pairs of poses (6, 3), any unit; None where they are not the six faces within 15°.
 
-    It cannot see misalignment, and it takes faces for upright: a face held at the angle θ reads low by 1 − cos θ, 1.4 %
-    at 10° and 0.004 % at 0.5°. `norm_fit` with the shape of the axes takes the same poses and does not mind the tilt.
-    `noise` is the standard deviation of a mean; what the lengths scatter after the fit is added to it.
+    It takes faces for upright: one held at the angle θ reads low by 1 − cos θ, 1.4 % at 10°, which the shape of the
+    axes does not mind. `noise` is the standard deviation of a mean; what the lengths scatter after the fit is added to
+    it.
     """
     order = faces(poses)
     if order is None:
@@ -108,7 +97,9 @@ def six_positions(poses: Floats, *, noise: float = 0.0) -> NormFit | None:
     up, down = np.diag(read[:, 0]), np.diag(read[:, 1])
     bias, gain = 0.5 * (up + down), 0.5 * (up - down)
     ellipsoid = Ellipsoid(bias, np.diag(1.0 / gain))
-    residuals = _distances(poses, ellipsoid)
+    inside = ellipsoid.to_sphere(poses)
+    size = np.linalg.norm(inside, axis=1)
+    residuals = (size - 1.0) / (np.linalg.norm(inside @ ellipsoid.shape, axis=1) / size)  # orthogonal, to first order
     sd = math.hypot(noise, float(np.sqrt(np.mean(residuals**2))))
     variance = 0.5 * sd**2  # of half the sum, and of half the difference
     covariance = np.diag(np.concatenate((np.full(3, variance), variance / gain**4, np.zeros(3))))
@@ -116,32 +107,12 @@ def six_positions(poses: Floats, *, noise: float = 0.0) -> NormFit | None:
     return NormFit(Shape.AXES, ellipsoid, covariance, sd, residuals, used, 1.0, float(residuals @ residuals))
 
 
-def _distances(poses: Floats, ellipsoid: Ellipsoid) -> Floats:
-    """Orthogonal distances from an ellipsoid along the axes, to first order."""
-    scaled = (poses - ellipsoid.centre) @ ellipsoid.shape
-    size = np.linalg.norm(scaled, axis=1)
-    slope = np.linalg.norm(scaled @ ellipsoid.shape, axis=1) / size
-    return np.asarray((size - 1.0) / slope)
-
-
-SHAPES: Final = ("auto", "six", "axes", "ellipsoid")
-"""What can be asked for."""
-
-MOST_OUTLIERS: Final = 0.1
-"""Share of poses that may not fit the others."""
-
-WRONG: Final = 0.1
-"""Relative error of gravity's size above which the unit or the range must be wrong."""
-
-LIGHTEST, HEAVIEST = G0 - 0.05, G0 + 0.035
-"""Gravity on Earth, m/s²: of high mountains at the equator, and of the poles."""
-
-FAR_SCALE: Final = 0.05
-"""Relative error of gravity's size beyond which a remark says so: data sheets of MEMS parts have ±1 to 3 %."""
-
-CROSS_AXIS: Final = 0.01
-"""Sensitivity across the axes to expect where it was not fitted: data sheets of MEMS parts have ±1 to 2 %."""
-
+SHAPES: Final = ("auto", "six", "axes", "ellipsoid")  # what can be asked for
+MOST_OUTLIERS: Final = 0.1  # share of poses that may not fit the others
+WRONG: Final = 0.1  # relative error of gravity's size above which the unit or the range must be wrong
+LIGHTEST, HEAVIEST = G0 - 0.05, G0 + 0.035  # gravity on Earth, m/s²: of high mountains at the equator, and of the poles
+FAR_SCALE: Final = 0.05  # relative error of gravity's size beyond which a remark says so: data sheets have ±1 to 3 %
+CROSS_AXIS: Final = 0.01  # sensitivity across the axes where it was not fitted: data sheets have ±1 to 2 %
 _SIDE: Final = 0.5  # cosine: each axis must have been up, and down, within 60°
 _WRONG_UNFITTED: Final = 0.4  # before the bias is known
 _SINGULAR: Final = 1e10
@@ -156,37 +127,14 @@ _SMALLEST: Final = {"auto": Shape.AXES, "axes": Shape.AXES, "ellipsoid": Shape.E
 _ADVICE: Final = "Hold the unit still in 18 poses, each face and each edge of its case once up."
 
 
-class _PosesFit(NamedTuple):
-    fit: NormFit
-    why: str
-
-
 def fit_accel(
     poses: Floats, *, shape: str = "auto", noise: float = 0.0, gravity: float = G0, tilt_range: float = TILT_RANGE
 ) -> Fitted:
-    """Fit the means of poses at rest.
+    """Fit the means of poses at rest (N, 3), m/s².
 
-    Parameters
-    ----------
-    poses : ndarray (N, 3)
-        Mean specific force of each pose, m/s².
-    shape : {"auto", "six", "axes", "ellipsoid"}
-        "ellipsoid" finds bias, scale and misalignment, "axes" bias and scale, as the buoy paper's fit [Yu2018], "six"
-        the same by pairs of opposite faces. "auto" takes the ellipsoid where the poses determine it and contradict the
-        axes.
-    noise : float
-        Standard deviation of a mean, m/s², where it is known: as many poses as parameters then do.
-    gravity : float
-        Gravity at the place, m/s².
-    tilt_range : float
-        Inclination up to which the predicted error holds, rad.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the poses cannot determine the calibration, with the reasons.
-    ParameterError
-        If there is no such gravity on Earth.
+    The shape "ellipsoid" finds bias, scale and misalignment, "axes" bias and scale, as the buoy paper's fit [Yu2018],
+    "six" the same by pairs of opposite faces; "auto" takes the ellipsoid where the poses determine it and contradict
+    the axes. Where `noise`, the standard deviation of a mean, is known, as many poses as parameters do.
     """
     check.one_of("shape", shape, SHAPES)
     if not LIGHTEST <= gravity <= HEAVIEST:
@@ -194,12 +142,12 @@ def fit_accel(
             f"gravity on Earth is from {LIGHTEST:.3g} to {HEAVIEST:.3g} m/s², but it was given as {gravity:g} m/s²."
         )
     poses = check.rows("poses", poses, 3)
-    refuse(_unusable(poses, shape, noise, gravity))
+    refuse(*_unusable(poses, shape, noise, gravity))
     fit, why = _by_shape(poses, shape, noise)
     shared = alike(fit.residuals, fit.ellipsoid.to_sphere(poses), fit.used)
     matrix, covariance = scaled(fit, gravity, alike=shared.factor)
     tilt = tilt_sd(matrix, covariance, size=gravity, tilt_range=tilt_range)
-    refuse(_untrue(fit, tilt, gravity))
+    refuse(*_untrue(fit, tilt, gravity))
     residuals = np.linalg.norm((poses - fit.ellipsoid.centre) @ matrix, axis=1)[fit.used] - gravity
     calibration = TriadCalibration(
         matrix=matrix,
@@ -215,32 +163,32 @@ def fit_accel(
     return Fitted(calibration, poses, fit.residuals, fit.used, _remarks(fit, why, gravity, noise))
 
 
-def _by_shape(poses: Floats, shape: str, noise: float) -> _PosesFit:
-    choice = _chosen(poses, noise) if shape == "auto" else _given_shape(poses, shape, noise)
-    if choice is not None:
-        return choice
+def _by_shape(poses: Floats, shape: str, noise: float) -> tuple[NormFit, str]:
+    """Fit of the shape that is asked for, or that the poses can tell and ask for, and why it is that."""
+    if shape == "six":
+        fit, why = six_positions(poses, noise=noise), "asked for"
+    elif shape != "auto":
+        fit, why = _fit(poses, _SMALLEST[shape], noise), "asked for"
+    else:
+        choice = choose(poses)
+        full = _fit(poses, Shape.ELLIPSOID, noise) if choice is None else choice.full
+        # whether the poses say more of the sensitivity across the axes than a data sheet does
+        if full is not None and full.condition < _SINGULAR:
+            across = float(np.sqrt(np.diag(full.covariance)[6:].max())) * mean_radius(full.ellipsoid.shape)
+            if across < CROSS_AXIS:
+                if choice is None:
+                    return full, "too few poses to try less"
+                covariance = choice.fit.covariance.copy()  # what the smaller one has not is known as in the full one
+                covariance[6:, 6:] = full.covariance[6:, 6:]
+                return choice.fit._replace(covariance=covariance), choice.why
+        fit, why = _fit(poses, Shape.AXES, noise), "the poses do not determine the misalignment"
+    if fit is not None:
+        return _doubted(fit, poses), why
     if shape != "six":
         raise CaptureRefusedError(Reason("ill-conditioned", "no ellipsoid fits the poses.", _ADVICE))
     text = f"{len(poses)} poses are not the six faces, each once up within 15°."
     advice = "Hold each face up once, exactly, and nothing else; or let the shape be chosen, which takes any poses."
     raise CaptureRefusedError(Reason("ill-conditioned", text, advice))
-
-
-def _given_shape(poses: Floats, shape: str, noise: float) -> _PosesFit | None:
-    fit = six_positions(poses, noise=noise) if shape == "six" else _fit(poses, _SMALLEST[shape], noise)
-    return None if fit is None else _PosesFit(_doubted(fit, poses), "asked for")
-
-
-def _chosen(poses: Floats, noise: float) -> _PosesFit | None:
-    """The shape that the poses can tell and ask for."""
-    choice = choose(poses)
-    full = _fit(poses, Shape.ELLIPSOID, noise) if choice is None else choice.full
-    if full is not None and _determined(full):
-        if choice is None:
-            return _PosesFit(full, "too few poses to try less")
-        return _PosesFit(_held_against(choice.fit, full), choice.why)
-    fit = _fit(poses, Shape.AXES, noise)
-    return None if fit is None else _PosesFit(_doubted(fit, poses), "the poses do not determine the misalignment")
 
 
 def _fit(poses: Floats, shape: Shape, noise: float) -> NormFit | None:
@@ -255,12 +203,6 @@ def _least(shape: Shape, noise: float) -> int:
     return shape.value if noise > 0.0 else shape.value + 1
 
 
-def _determined(fit: NormFit) -> bool:
-    """Whether the poses say more of the sensitivity across the axes than a data sheet does."""
-    across = float(np.sqrt(np.diag(fit.covariance)[6:].max())) * mean_radius(fit.ellipsoid.shape)
-    return fit.condition < _SINGULAR and across < CROSS_AXIS
-
-
 def _doubted(fit: NormFit, poses: Floats) -> NormFit:
     """Fit of the axes whose covariance counts misalignment as data sheets have it: in itself, and in what it spoils."""
     if fit.shape is Shape.ELLIPSOID:
@@ -271,20 +213,13 @@ def _doubted(fit: NormFit, poses: Floats) -> NormFit:
     return fit._replace(covariance=fit.covariance + variance * spoilt @ spoilt.T)
 
 
-def _held_against(fit: NormFit, full: NormFit) -> NormFit:
-    """Smaller fit that was chosen by test; what it has not is known as well as in the full one."""
-    covariance = fit.covariance.copy()
-    covariance[6:, 6:] = full.covariance[6:, 6:]
-    return fit._replace(covariance=covariance)
-
-
-def _unusable(poses: Floats, shape: str, noise: float, gravity: float) -> list[Reason]:
+def _unusable(poses: Floats, shape: str, noise: float, gravity: float) -> tuple[Reason | None, ...]:
     """Reasons that need no fit."""
     if not np.isfinite(poses).all():
         raise CaptureRefusedError(Reason("not-still", "a pose has no finite mean.", "Leave it out."))
     sizes = np.linalg.norm(poses, axis=1)
     wrong = wrong_gravity(float(np.median(sizes)) if sizes.size else gravity, gravity, _WRONG_UNFITTED)
-    return [r for r in (wrong, _sides(poses, sizes), _too_few(len(poses), shape, noise)) if r is not None]
+    return wrong, _sides(poses, sizes), _too_few(len(poses), shape, noise)
 
 
 def _too_few(count: int, shape: str, noise: float) -> Reason | None:
@@ -302,40 +237,33 @@ def _too_few(count: int, shape: str, noise: float) -> Reason | None:
 def _sides(poses: Floats, sizes: Floats) -> Reason | None:
     """Reason to refuse poses that left out a side of the case."""
     cosines = (poses / np.maximum(sizes, np.finfo(float).tiny)[:, np.newaxis]) @ REGIONS[:6].T
-    empty = np.flatnonzero((cosines < _SIDE).all(axis=0)).tolist()
-    if not empty:
-        return None
-    return Reason(
-        "too-few-regions",
-        f"no pose had {region_names(empty)} up within 60°, so bias and scale cannot be separated there.",
-        f"Hold the unit still with {region_names(empty)} up as well, one after the other.",
-    )
+    empty = region_names(np.flatnonzero((cosines < _SIDE).all(axis=0)).tolist())
+    text = f"no pose had {empty} up within 60°, so bias and scale cannot be separated there."
+    advice = f"Hold the unit still with {empty} up as well, one after the other."
+    return reason_if(bool(empty), "too-few-regions", text, advice)
 
 
 def wrong_gravity(size: float, gravity: float, limit: float) -> Reason | None:
     """Reason to refuse a gravity that measures `size`, m/s², and is off by more than `limit`, relative."""
     ratio = size / gravity
-    if abs(ratio - 1.0) <= limit:
-        return None
     guess = " That is 1 g: the values are in g." if abs(size - 1.0) < 0.1 else ""
-    return Reason(
-        "wrong-gravity",
-        f"at rest the sensor measures {size:.4g} m/s², {ratio:.3g} times gravity ({gravity:.5f} m/s²).{guess}",
-        "Check the unit of the values and the range that the sensor was set to.",
-    )
+    text = f"at rest the sensor measures {size:.4g} m/s², {ratio:.3g} times gravity ({gravity:.5f} m/s²).{guess}"
+    advice = "Check the unit of the values and the range that the sensor was set to."
+    return reason_if(not abs(ratio - 1.0) <= limit, "wrong-gravity", text, advice)
 
 
-def _untrue(fit: NormFit, tilt: float, gravity: float) -> list[Reason]:
+def _untrue(fit: NormFit, tilt: float, gravity: float) -> tuple[Reason | None, ...]:
     """Reasons not to believe a fit."""
-    reasons = [wrong_gravity(mean_radius(fit.ellipsoid.shape), gravity, WRONG)]
-    out = np.flatnonzero(~fit.used)
-    if out.size > MOST_OUTLIERS * fit.used.size:
-        text = f"{out.size} of {fit.used.size} poses do not fit the others (poses {_numbers(fit)})."
-        reasons.append(Reason("outliers", text, "Hold the unit really still in each pose, away from engines."))
-    if not tilt <= TILT.poor or fit.condition > _SINGULAR:
-        text = f"the poses leave an inclination error of {to_deg(tilt):.2g}° (1 sd); condition {fit.condition:.2g}."
-        reasons.append(Reason("ill-conditioned", text, _ADVICE))
-    return [reason for reason in reasons if reason is not None]
+    out = int(np.count_nonzero(~fit.used))
+    apart = f"{out} of {fit.used.size} poses do not fit the others (poses {_numbers(fit)})."
+    still = "Hold the unit really still in each pose, away from engines."
+    text = f"the poses leave an inclination error of {to_deg(tilt):.2g}° (1 sd); condition {fit.condition:.2g}."
+    unclear = bool(not tilt <= TILT.poor or fit.condition > _SINGULAR)
+    return (
+        wrong_gravity(mean_radius(fit.ellipsoid.shape), gravity, WRONG),
+        reason_if(out > MOST_OUTLIERS * fit.used.size, "outliers", apart, still),
+        reason_if(unclear, "ill-conditioned", text, _ADVICE),
+    )
 
 
 def _quality(poses: Floats, fit: NormFit, tilt: float, tilt_range: float) -> Quality:
@@ -355,8 +283,9 @@ def _quality(poses: Floats, fit: NormFit, tilt: float, tilt_range: float) -> Qua
 def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[Note, ...]:
     notes: list[Note] = [
         info("calibration.shape", shape=_WORDS[fit.shape], why=why),
-        *_far_scale(mean_radius(fit.ellipsoid.shape) / gravity),
     ]
+    if abs((ratio := mean_radius(fit.ellipsoid.shape) / gravity) - 1.0) > FAR_SCALE:
+        notes.append(warning("calibration.far_scale", percent=100.0 * (ratio - 1.0), ratio=ratio))
     if gravity == G0:
         notes.append(info("calibration.standard_gravity"))
     if fit.shape is not Shape.ELLIPSOID:
@@ -372,29 +301,15 @@ def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[Note
     return tuple(notes)
 
 
-def _far_scale(ratio: float) -> tuple[Note, ...]:
-    if abs(ratio - 1.0) <= FAR_SCALE:
-        return ()
-    return (warning("calibration.far_scale", percent=100.0 * (ratio - 1.0), ratio=ratio),)
-
-
 def _numbers(fit: NormFit) -> str:
     out = (np.flatnonzero(~fit.used) + 1).tolist()
     return ", ".join(map(str, out[:_NAMED])) + (", …" if out[_NAMED:] else "")
 
 
-LENGTHS: Final = (1.0, 2.0, 4.0, 8.0)
-"""Windows that are tried, s; the one with the least predicted error is taken."""
-
-ARM: Final = 0.2
-"""Distance of the unit from the point about which a hand turns it, root mean square, m: a wrist, or an elbow."""
-
-MOST_TURN: Final = deg(120.0)
-"""Turn within a window beyond which the gyroscope's own scale would count, rad."""
-
-FEWEST: Final = 12
-"""Windows."""
-
+LENGTHS: Final = (1.0, 2.0, 4.0, 8.0)  # windows that are tried, s; the one with the least predicted error is taken
+ARM: Final = 0.2  # rms distance of the unit from the point about which a hand turns it, m: a wrist, or an elbow
+MOST_TURN: Final = deg(120.0)  # turn within a window beyond which the gyroscope's own scale would count, rad
+FEWEST: Final = 12  # windows
 _SHARED: Final = 4.0 / 3.0  # of the variance of windows with Hann's weights that overlap by half: correlation 1/6 twice
 _ROUNDS: Final = 8
 _GAP: Final = 2.0  # steps by which a window may last longer than its samples say
@@ -417,37 +332,27 @@ def fit_accel_moving(
 ) -> Fitted:
     """Fit bias, scale and misalignment of an accelerometer that was turned slowly and never rested.
 
-    Times t (N,), s, increase nearly evenly; acc (N, 3), m/s², and gyr (N, 3), rad/s, are finite: a constant bias of
-    some °/s does no harm. The rest, and CaptureRefusedError, as of `plumbob.calibration.acc.fit_accel`.
+    Times increase nearly evenly; a constant bias of the rates of some °/s does no harm.
     """
     check.one_of("shape", shape, [name for name in SHAPES if name != "six"])
-    fits: list[tuple[float, Fitted]] = []
+    fits: list[tuple[float, Fitted, float]] = []
     refused: CaptureRefusedError | None = None
-    attitude = _attitude(t, gyr)
+    attitude = np.empty((len(t), 4))  # body to that of the first sample, by the rates alone
+    accumulate(rotation_vectors(gyr, np.diff(t)), attitude)
     for length in LENGTHS:
         windows = _windows(t, gyr, attitude, length)
         if len(windows.rows) < FEWEST:
             continue
         try:
-            fits.append((length, _fit_windows(windows, acc, shape, gravity, tilt_range)))
+            fits.append((length, *_fit_windows(windows, acc, shape, gravity, tilt_range)))
         except CaptureRefusedError as error:
             refused = refused or error
     if not fits:
-        raise refused or CaptureRefusedError(_too_fast(t, gyr))
-    length, best = min(fits, key=_predicted)
+        lasting, speed = float(t[-1] - t[0]), to_dps(float(np.sqrt(np.mean(np.sum(gyr**2, axis=1)))))
+        text = f"{lasting:.3g} s at {speed:.3g}°/s (rms) have fewer than {FEWEST} windows of slow turning."
+        raise refused or CaptureRefusedError(Reason("too-few", text, _TUMBLED))
+    length, best, _ = min(fits, key=lambda each: each[2])
     return replace(best, remarks=(info("calibration.moving", windows=len(best.used), length=length), *best.remarks))
-
-
-def _predicted(pair: tuple[float, Fitted]) -> float:
-    quality = pair[1].calibration.quality
-    return math.inf if quality is None or quality.tilt_sd is None else quality.tilt_sd
-
-
-def _attitude(t: Floats, gyr: Floats) -> Floats:
-    """Attitude of each sample (N, 4), body to that of the first, by the rates alone."""
-    q = np.empty((len(t), 4))
-    accumulate(rotation_vectors(gyr, np.diff(t)), q)
-    return q
 
 
 def _windows(t: Floats, gyr: Floats, attitude: Floats, length: float) -> EqualStretches:
@@ -465,8 +370,10 @@ def _windows(t: Floats, gyr: Floats, attitude: Floats, length: float) -> EqualSt
     return EqualStretches(rows, turns, weights / weights.sum(), np.mean(speed[rows] ** 2, axis=1))
 
 
-def _fit_windows(windows: EqualStretches, acc: Floats, shape: str, gravity: float, tilt_range: float) -> Fitted:
-    """Fit poses, which depend a little on what is fitted: again and again until they stay."""
+def _fit_windows(
+    windows: EqualStretches, acc: Floats, shape: str, gravity: float, tilt_range: float
+) -> tuple[Fitted, float]:
+    """Fit poses, which depend a little on what is fitted, again and again until they stay; and the predicted tilt."""
     matrix, bias = np.eye(3), np.zeros(3)
     poses = _poses(windows, acc, matrix, bias)
     for _ in range(_ROUNDS):
@@ -486,7 +393,7 @@ def _poses(windows: EqualStretches, acc: Floats, matrix: Floats, bias: Floats) -
     return np.asarray(np.linalg.solve(matrix, np.einsum("n,wni->iw", windows.weights, force)).T + bias)
 
 
-def _widened(fitted: Fitted, rate: float, gravity: float, tilt_range: float) -> Fitted:
+def _widened(fitted: Fitted, rate: float, gravity: float, tilt_range: float) -> tuple[Fitted, float]:
     """The fit with what windows share, and with the centripetal acceleration that none of them shows."""
     calibration = fitted.calibration
     unseen = 2.0 / 3.0 * rate * ARM / math.sqrt(3.0)  # the mean of −ω × (ω × l) over directions of ω, along each axis
@@ -502,14 +409,114 @@ def _widened(fitted: Fitted, rate: float, gravity: float, tilt_range: float) -> 
     remark = info("calibration.centripetal", speed=_speed(rate), arm=ARM, unseen_mg=unseen / G0 * 1e3)
     method = calibration.method.replace("poses", "windows of slow tumbling")
     triad = replace(calibration, covariance=covariance, quality=quality, method=method)
-    return replace(fitted, calibration=triad, remarks=(remark, *fitted.remarks))
+    return replace(fitted, calibration=triad, remarks=(remark, *fitted.remarks)), tilt
 
 
 def _speed(rate: float) -> str:
     return f"{to_dps(math.sqrt(rate)):.3g}°/s (rms)"
 
 
-def _too_fast(t: Floats, gyr: Floats) -> Reason:
-    lasting, speed = float(t[-1] - t[0]), to_dps(float(np.sqrt(np.mean(np.sum(gyr**2, axis=1)))))
-    text = f"{lasting:.3g} s at {speed:.3g}°/s (rms) have fewer than {FEWEST} windows of slow turning."
-    return Reason("too-few", text, _TUMBLED)
+LEAST: Final = 1.0  # shortest stretch at rest that counts as a pose, s
+FEWEST_ROWS: Final = 100  # samples of accelerometer and gyroscope that a capture without rests must have
+_PARTS: Final = 4  # of a pose, whose scatter says how well its mean is known
+
+
+class RestPeriods(NamedTuple):
+    """Stretches at rest."""
+
+    means: Floats  # (N, 3), mean specific force of each, m/s²
+    noise: float  # standard deviation of a mean's length, m/s², by what the parts of each pose scatter
+    spans: tuple[tuple[float, float], ...]  # first and last time of each, s
+    temp_c: Floats  # (M,), temperatures at rest, °C; empty where unknown
+
+
+def calibrate_accel(
+    imu: ImuData, *, shape: str = "auto", gravity: float = G0, tilt_range: float = TILT_RANGE, moving: bool = False
+) -> Fitted:
+    """Fit the accelerometer of a capture by its poses at rest; a gyroscope helps to find them and is not needed.
+
+    Of a unit that tumbled slowly without rests (`moving`) the gyroscope stands in for them. The rest as of `fit_accel`.
+    """
+    if moving:
+        return _tumbled(imu, shape, gravity, tilt_range)
+    poses = poses_at_rest(imu)
+    fit = fit_accel(poses.means, shape=shape, noise=poses.noise, gravity=gravity, tilt_range=tilt_range)
+    shortest = min(stop - start for start, stop in poses.spans)
+    remarks = [info("calibration.poses", count=len(poses.spans), shortest=shortest)]
+    for i in np.flatnonzero(~fit.used).tolist():
+        remarks.append(info("calibration.pose", pose=i + 1, start=poses.spans[i][0], stop=poses.spans[i][1]))
+    return replace(fit, calibration=_warmed(fit.calibration, poses.temp_c), remarks=(*remarks, *fit.remarks))
+
+
+def _tumbled(imu: ImuData, shape: str, gravity: float, tilt_range: float) -> Fitted:
+    """Fit of a capture without rests."""
+    rows, gyr = _complete(imu)
+    if gyr is None or rows.size < FEWEST_ROWS:
+        raise ParameterError(
+            "a capture without rests needs a gyroscope beside the accelerometer, but there are "
+            f"{0 if gyr is None else rows.size} samples of both; rest in many poses instead, and leave 'moving' out."
+        )
+    if (clipped := int(np.count_nonzero(imu.flags[rows] & np.uint32(flags.ACC_CLIPPED | flags.GYR_CLIPPED)))) > 0:
+        text = f"in {clipped} of {rows.size} samples a sensor is at the end of its range."
+        raise CaptureRefusedError(Reason("clipping", text, "Turn more slowly, or set a wider range."))
+    fit = fit_accel_moving(
+        imu.t[rows], imu.usable("acc")[rows], gyr, shape=shape, gravity=gravity, tilt_range=tilt_range
+    )
+    temp_c = np.zeros(0) if imu.temp_c is None else imu.temp_c[rows]
+    return replace(fit, calibration=_warmed(fit.calibration, temp_c[np.isfinite(temp_c)]))
+
+
+def poses_at_rest(imu: ImuData) -> RestPeriods:
+    """Stretches of at least `LEAST` at rest, in none of which the accelerometer is clipped."""
+    rows, gyr = _complete(imu)
+    t, acc = imu.t[rows], imu.usable("acc")[rows]
+    spans = stills(t, acc, gyr, least=LEAST) if t.size else []
+    if not spans:
+        lasting = float(imu.t[-1] - imu.t[0])
+        count = f"{t.size} of {len(imu)} samples with a specific force"
+        text = f"nothing in {lasting:.1f} s ({count}) is at rest for {LEAST:g} s."
+        advice = (
+            "Hold each pose for 2 s or more against something solid, and turn the unit quickly in between; or, where "
+            "it tumbled slowly beside a gyroscope, ask for that with --moving."
+        )
+        raise CaptureRefusedError(Reason("not-still", text, advice))
+    _refuse_clipped(imu, rows, spans)
+    means = np.array([acc[span].mean(axis=0) for span in spans])
+    # of the length of a pose's mean, by that of its parts: with slow noise, without tremor of hands
+    parts = [acc[span][: (span.stop - span.start) // _PARTS * _PARTS].reshape(_PARTS, -1, 3) for span in spans]
+    variances = [float(np.linalg.norm(each.mean(axis=1), axis=1).var(ddof=1)) / _PARTS for each in parts]
+    temp_c = np.zeros(0) if imu.temp_c is None else np.concatenate([imu.temp_c[rows][span] for span in spans])
+    times = tuple((float(t[span.start]), float(t[span.stop - 1])) for span in spans)
+    return RestPeriods(means, float(np.sqrt(np.mean(variances))), times, temp_c[np.isfinite(temp_c)])
+
+
+def _complete(imu: ImuData) -> tuple[NDArray[np.int64], Floats | None]:
+    """Rows with a specific force, and the rates there; none where most of those rows have no rate."""
+    valid = np.isfinite(imu.usable("acc")).all(axis=1)
+    turned = valid & np.isfinite(imu.usable("gyr")).all(axis=1)
+    if 2 * np.count_nonzero(turned) <= np.count_nonzero(valid):
+        return np.flatnonzero(valid), None
+    rows = np.flatnonzero(turned)
+    return rows, imu.usable("gyr")[rows]
+
+
+def _refuse_clipped(imu: ImuData, rows: NDArray[np.int64], spans: list[slice]) -> None:
+    clipped = (imu.flags[rows] & np.uint32(flags.ACC_CLIPPED)) != 0
+    bad = [i + 1 for i, span in enumerate(spans) if clipped[span].any()]
+    if bad:
+        raise CaptureRefusedError(
+            Reason(
+                "clipping",
+                f"in {len(bad)} of {len(spans)} poses, the first being pose {bad[0]}, the accelerometer is at the end "
+                f"of its range of ±{imu.meta.acc_range:.4g} m/s².",
+                "Set a range beyond 1 g, or correct the range that the recording declares.",
+            )
+        )
+
+
+def _warmed(calibration: TriadCalibration, temp_c: Floats) -> TriadCalibration:
+    """Calibration that says at which temperature it was made."""
+    if not temp_c.size:
+        return calibration
+    span = float(temp_c.min()), float(temp_c.max())
+    return replace(calibration, temp_ref_c=float(temp_c.mean()), temp_span_c=span)

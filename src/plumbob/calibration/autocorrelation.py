@@ -22,15 +22,11 @@ from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg
 
+# Turn of the vector that begins another visit, rad: more than noise, less than a field bends over.
 VISIT: Final = deg(15.0)
-"""Turn of the measured vector that begins another visit, rad: more than noise, less than a field bends over."""
 
-FEWEST_VISITS: Final = 12
-"""Fewest visits whose memory is looked for, and what stays within them."""
-
-STAYING: Final = 0.999
-"""Correlation of neighbours beyond which a memory is not told from a constant."""
-
+FEWEST_VISITS: Final = 12  # fewest visits whose memory is looked for, and what stays within them
+STAYING: Final = 0.999  # correlation of neighbours beyond which a memory is not told from a constant
 _CHANCE: Final = 3.0  # standard deviations of a correlation by chance
 _STAYING_NOISE: Final = 0.97  # the same by differences of neighbours
 _DOUBT: Final = 1.5  # factor that noise's share is trusted to
@@ -99,10 +95,10 @@ class _Shared(NamedTuple):
 
 
 def _shared(first: Floats, second: Floats, noise: tuple[_Process, ...], *, size: float, gap: float) -> _Shared:
-    """What means (K,) over stretches of a size share with those (K,) of stretches that lie a gap behind them.
+    """What means (K,) over stretches of a size share with those (K,) a gap behind them, both in samples.
 
-    Both are in samples. Of a first-order process of correlation ρ and power 1, the means of two stretches have the
-    covariance ``ρ^(gap + 1) ((1 − ρ^size) / (size (1 − ρ)))²``.
+    Of a first-order process of correlation ρ and power 1, the means of two stretches have the covariance ``ρ^(gap + 1)
+    ((1 − ρ^size) / (size (1 − ρ)))²``.
     """
     of_noise = min(
         power * float(rho ** (gap + 1.0) * ((1.0 - rho**size) / (size * (1.0 - rho))) ** 2) for power, rho in noise
@@ -138,12 +134,10 @@ def _begins(unit: Floats, cosine: float, begins: NDArray[np.bool_]) -> None:
             first = i
 
 
-LONG: Final = 100
-"""Fewest residuals whose memory is looked for."""
-
+LONG: Final = 100  # fewest residuals whose memory is looked for
+# Samples that errors which stay count as: an axis of a sphere's centre has the variance 3σ²/N, and the unseen one ⅔ of
+# the slow power per axis, for a gradient G that is symmetric, traceless and normal.
 SLOW: Final = 4.5
-"""Samples that errors which stay count as: an axis of a sphere's centre has the variance 3σ²/N, and the unseen one ⅔ of
-the slow power per axis, for a gradient G that is symmetric, traceless and normal."""
 
 _TAKEN_UP: Final = 9  # visits whose errors the parameters take up
 
@@ -161,20 +155,16 @@ class Alike(NamedTuple):
 
 
 def alike(residuals: Floats, directions: Floats, used: NDArray[np.bool_]) -> Alike:
-    """How many residuals of lengths or angles count as one.
+    """How many residuals (N,) or (N, C) of lengths or angles, in order of time, count as one; the worst of C equations.
 
-    Parameters
-    ----------
-    residuals : ndarray (N,) or (N, C)
-        What a fit leaves of each sample, in order of time; of C equations, the worst counts.
-    directions : ndarray (N, 3) or (N, 2)
-        Fitted vectors, of any length.
-    used : ndarray (N,) of bool
-        Samples that were fitted.
+    By the fitted vectors (N, 3) or (N, 2), of any length, and which samples were fitted.
     """
     columns, starts = residuals.reshape(len(residuals), -1)[used].T, visits(directions[used])
-    memories, stays = zip(*((memory(column, starts), _unevenness(column, starts)) for column in columns), strict=True)
-    return Alike(max(memories), max(stays))
+    count, stays = len(starts), 1.0  # if what stays while the unit turns is an uneven field
+    if count >= FEWEST_VISITS:
+        kept = [(c, v) for c in columns if (v := staying(c, starts).variance) > 0.0]
+        stays = max([1.0, *(_per_sample(v * count / (count - _TAKEN_UP), c) / SLOW for c, v in kept)])
+    return Alike(max(memory(column, starts) for column in columns), stays)
 
 
 def memory(residuals: Floats, starts: NDArray[np.intp]) -> float:
@@ -194,16 +184,6 @@ def memory(residuals: Floats, starts: NDArray[np.intp]) -> float:
 def memory_of_each(residuals: Floats) -> float:
     """How many neighbouring residuals (N, C) count as one, by themselves; of C equations, the worst counts."""
     return max(memory(column, np.zeros(1, dtype=np.intp)) for column in residuals.T)
-
-
-def _unevenness(residuals: Floats, starts: NDArray[np.intp]) -> float:
-    """How many residuals (N,) count as one, if what stays while the unit turns is an uneven field."""
-    count = len(starts)
-    if count < FEWEST_VISITS:
-        return 1.0
-    if not (stays := staying(residuals, starts).variance) > 0.0:
-        return 1.0
-    return max(1.0, _per_sample(stays * count / (count - _TAKEN_UP), residuals) / SLOW)
 
 
 def _per_sample(variance: float, residuals: Floats) -> float:

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.calibrate_accel import calibrate_accel
+from plumbob.calibration.acc import calibrate_accel
 from plumbob.calibration.calibrate_mag import calibrate_mag
 from plumbob.calibration.calibration import Capture, capture, card_of
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, mean_of_whole
@@ -31,27 +31,27 @@ from plumbob.data import TITLES, ImuData
 from plumbob.data.cards import TriadCalibration
 from plumbob.quality.static_periods import BLOCK, stills
 
-
-def gyro_at_rest(capture: Capture) -> dict[str, Fitted]:
-    """Bias of the gyroscope from what of the capture is at rest."""
-    return {"gyr": fit_rest(_rates(capture))}
+_FITS: Final = {"rest": fit_rest, "hand": fit_hand, "trackball": fit_trackball, "temperature": fit_temperature}
 
 
-def gyro_by_hand(capture: Capture) -> dict[str, Fitted]:
-    """Bias and matrix of the gyroscope from hand motion between poses at rest."""
-    return {"gyr": fit_hand(_rates(capture))}
+def fit_gyro(capture: Capture, method: str) -> Fitted:
+    """Fit at "rest", by "hand", with the "trackball" paper's coefficients, or over "temperature".
 
-
-def gyro_by_choice(capture: Capture) -> dict[str, Fitted]:
-    """By hand where the capture has motions that tilt the unit between poses at rest, else at rest."""
-    moved = _has_motions(capture)
-    fit = (gyro_by_hand if moved else gyro_at_rest)(capture)["gyr"]
+    "auto" is by hand where the capture has motions that tilt the unit between poses at rest, else at rest.
+    """
+    if method != "auto":
+        return _FITS[method](_rates(capture))
+    imu, moved = capture.imu, False
+    if imu.acc is not None:
+        motions, spoilt = find_motions(imu.t, _gyr(capture), imu.acc, stills(imu.t, imu.acc, _gyr(capture)))
+        moved = bool(motions) or any(spoilt.values())
+    fit = _FITS["hand" if moved else "rest"](_rates(capture))
     why = (
         "The capture has motions between poses at rest, so scale and axes were found too (--method hand)."
         if moved
         else "The capture has no motion between poses at rest, so only the bias was found (--method rest)."
     )
-    return {"gyr": replace(fit, remarks=(why, *fit.remarks))}
+    return replace(fit, remarks=(why, *fit.remarks))
 
 
 def ferraris_session(capture: Capture, parts: Mapping[str, slice] | None, *, angle: float) -> dict[str, Fitted]:
@@ -64,24 +64,6 @@ def ferraris_session(capture: Capture, parts: Mapping[str, slice] | None, *, ang
     fits = fit_ferraris(imu.t, imu.acc, _gyr(capture), located, angle=angle, clipped=clipped)
     gyr = fits["gyr"]
     return {**fits, "gyr": replace(gyr, remarks=(*gyr.remarks, *_lost_terms(capture)))}
-
-
-def gyro_of_trackball(capture: Capture) -> dict[str, Fitted]:
-    """Bias at rest with the coefficients that the trackball paper takes for every part."""
-    return {"gyr": fit_trackball(_rates(capture))}
-
-
-def gyro_over_temperature(capture: Capture) -> dict[str, Fitted]:
-    """Polynomial of the gyroscope's bias from a soak at rest."""
-    return {"gyr": fit_temperature(_rates(capture))}
-
-
-def _has_motions(capture: Capture) -> bool:
-    imu = capture.imu
-    if imu.acc is None:
-        return False
-    motions, spoilt = find_motions(imu.t, _gyr(capture), imu.acc, stills(imu.t, imu.acc, _gyr(capture)))
-    return bool(motions) or any(spoilt.values())
 
 
 def _gyr(capture: Capture) -> Floats:
@@ -100,7 +82,7 @@ def _rates(capture: Capture) -> Rates:
         temp_c=imu.temp_c,
         clipped=_clipped(capture, flags.GYR_CLIPPED),
         known=_gyr_base(capture),
-        acc_calibrated=capture.base is not None and capture.base.acc is not None,
+        acc_calibrated=capture.acc_calibrated,
     )
 
 
@@ -119,17 +101,14 @@ def calibrate_by_hand(
     """Fit accelerometer, then gyroscope, then magnetometer, each with those before it calibrated; by triad.
 
     The capture, uncalibrated, is one of poses at rest with quick turns between them. A triad that it lacks is left out;
-    if one cannot be calibrated, none is, because the others may rest on what is wrong with it. `gravity`, m/s², and the
-    field's `strength`, µT, and `dip`, rad, are those of the place; `force` as in `calibrate_mag`.
-
-    CaptureRefusedError names a triad that cannot be calibrated, and what can be without it; CalibrationError
-    without an accelerometer.
+    if one cannot be calibrated, none is, because the others may rest on what is wrong with it, and the refusal names
+    it.
     """
     with _named("acc"):
         fits = {"acc": calibrate_accel(_on(whole, {}, "acc").imu, gravity=gravity)}
     if whole.imu.gyr is not None:
         with _named("gyr"):
-            fits |= gyro_by_choice(_on(whole, fits, "gyr"))
+            fits["gyr"] = fit_gyro(_on(whole, fits, "gyr"), "auto")
     if whole.imu.mag is not None:
         with _named("mag"):
             on = _on(whole, fits, "mag")
@@ -167,12 +146,8 @@ def _named(triad: str) -> Iterator[None]:
         raise CaptureRefusedError(*reasons[:-1], last) from refused
 
 
-LEAST: Final = 2.0
-"""Shortest plateau, s, its first and last block not counted."""
-
-NEAR: Final = 0.1
-"""Largest departure from a nominal rate, of that rate; at rest, of the lowest rate."""
-
+LEAST: Final = 2.0  # shortest plateau, s, its first and last block not counted
+NEAR: Final = 0.1  # largest departure from a nominal rate, of that rate; at rest, of the lowest rate
 _STEP = float(dps(0.05))  # from block to block beyond noise, rad/s: a ramp of 0.2 °/s² and more is none
 _RIPPLE = 1e-3  # of the rate, which a table may waver by
 _ASTRAY = 0.2  # rate about another axis, of that about the main one: 11° of tilt
@@ -187,17 +162,10 @@ class Matched(NamedTuple):
 
 
 def plateaus(t: Floats, gyr: Floats) -> list[slice]:
-    """Stretches of constant rate, in order; a slow drift away from it ends one.
+    """Stretches of constant rate (N, 3), in order; a slow drift away from it ends one, and so does a NaN.
 
     Blocks of a quarter of a second are compared by their means. The first and the last block of a stretch are left out,
     for a ramp may reach into them.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    gyr : ndarray (N, 3)
-        Rates, rad/s; a row with NaN is in no stretch.
     """
     step = float(np.median(np.diff(t))) if t.size > 1 else BLOCK
     size = max(_FEWEST, round(BLOCK / step))
@@ -264,10 +232,7 @@ class Plateau:
 
 
 def found_plateaus(imu: ImuData, nominal: Sequence[float]) -> tuple[list[Plateau], list[str]]:
-    """Plateaus of a recording that have one of the nominal rates, rad/s, and a remark for each other one.
-
-    CaptureRefusedError if there is none.
-    """
+    """Plateaus of a recording that have one of the nominal rates, rad/s, and a remark for each other one."""
     rates = imu.usable("gyr")
     stretches = plateaus(imu.t, rates)
     means = np.array([rates[part].mean(axis=0) for part in stretches]).reshape(-1, 3)
@@ -278,14 +243,16 @@ def found_plateaus(imu: ImuData, nominal: Sequence[float]) -> tuple[list[Plateau
         text = f"no stretch of constant rate has one of the nominal rates; rates found are, in °/s: {listed}."
         raise CaptureRefusedError(Reason("no-motion", text, _ADVICE))
     matching = [Plateau(*spans[i], rate=matched.rate[i]) for i in np.flatnonzero(matched.found)]
-    return matching, [_set_aside(spans[i], means[i]) for i in np.flatnonzero(~matched.found)]
+    remarks = []
+    for i in np.flatnonzero(~matched.found):
+        rate = ", ".join(f"{x:.4g}" for x in to_dps(means[i]))
+        span = f"{spans[i][0]:.1f} to {spans[i][1]:.1f} s"
+        remarks.append(f"{span} is left out: its rate of ({rate}) °/s is not a nominal one.")
+    return matching, remarks
 
 
 def read_plan(path: Path) -> list[Plateau]:
-    """Plateaus of a plan: a CSV file with from_s, to_s, rate_x_dps, rate_y_dps, rate_z_dps, and perhaps acc_x_g, ….
-
-    DecodeError if a column is missing or unknown, or a line is not a plateau; the line is named.
-    """
+    """Plateaus of a plan: a CSV file with from_s, to_s, rate_x_dps, rate_y_dps, rate_z_dps, and perhaps acc_x_g, …."""
     lines = StringIO(text_of(path), newline="")
     try:
         table = csv.DictReader(lines, skipinitialspace=True, strict=True)
@@ -305,13 +272,15 @@ def calibrate_table(
     mounting: float = MOUNTING,
     latitude: float | None = None,
 ) -> Fitted:
-    """Fit the gyroscope to the means over the plateaus; arguments and errors as in `gyr.table.fit_table`.
-
-    ParameterError if a plateau holds no sample.
-    """
+    """Fit the gyroscope to the means over the plateaus; arguments as of `fit_table`."""
     imu = capture.imu
     rows = [_rows(imu, plateau) for plateau in planned]
-    forces = None if imu.acc is None and any(p.force is None for p in planned) else _forces(imu, planned, rows)
+    forces = None
+    if imu.acc is not None or all(plateau.force is not None for plateau in planned):
+        acc = imu.usable("acc")
+        each = zip(planned, rows, strict=True)
+        means = [mean_of_whole(acc[part]) if p.force is None else p.force for p, part in each]
+        forces = np.array(means).reshape(-1, 3)
     clipped = (imu.flags & np.uint32(flags.GYR_CLIPPED)) != 0
     rates = imu.usable("gyr")
     fitted = fit_table(
@@ -324,28 +293,19 @@ def calibrate_table(
         mounting=mounting,
         latitude=latitude,
     )
-    triad = replace(fitted.calibration, temp_ref_c=_temperature(imu, rows))
-    return replace(
-        fitted, calibration=triad, remarks=(*fitted.remarks, *_of_force(capture, triad), *_lost_terms(capture))
-    )
-
-
-def _of_force(capture: Capture, triad: TriadCalibration) -> tuple[str, ...]:
-    """Say that the g-sensitivity is one to a specific force that is not calibrated."""
-    if not triad.g_sensitivity.any() or (capture.base is not None and capture.base.acc is not None):
-        return ()
-    return ("the accelerometer is not calibrated: g-sensitivity is wrong by as many per cent as its scale.",)
+    temps = np.empty(0) if imu.temp_c is None else np.concatenate([imu.temp_c[part] for part in rows])
+    warm = float(np.nanmean(temps)) if np.isfinite(temps).any() else _ROOM_C  # what the bias belongs to
+    triad = replace(fitted.calibration, temp_ref_c=warm)
+    remarks = (*fitted.remarks, *_lost_terms(capture))
+    if triad.g_sensitivity.any() and not capture.acc_calibrated:
+        text = "the accelerometer is not calibrated: g-sensitivity is wrong by as many per cent as its scale."
+        remarks = (*fitted.remarks, text, *_lost_terms(capture))
+    return replace(fitted, calibration=triad, remarks=remarks)
 
 
 def _lost_terms(capture: Capture) -> tuple[Note, ...]:
     """Say that the card so far had a polynomial of temperature, which belonged to another fit."""
     return (warning("calibration.temperature_lost"),) if _gyr_base(capture).bias_per_k.any() else ()
-
-
-def _temperature(imu: ImuData, rows: Sequence[slice]) -> float:
-    """Temperature that the bias belongs to, °C; 25 °C where it is not known."""
-    temps = np.concatenate([imu.temp_c[part] for part in rows]) if imu.temp_c is not None else np.empty(0)
-    return float(np.nanmean(temps)) if np.isfinite(temps).any() else _ROOM_C
 
 
 def _rows(imu: ImuData, plateau: Plateau) -> slice:
@@ -356,17 +316,6 @@ def _rows(imu: ImuData, plateau: Plateau) -> slice:
             f"{float(imu.t[0]):g} to {float(imu.t[-1]):g} s."
         )
     return slice(first, stop)
-
-
-def _forces(imu: ImuData, planned: Sequence[Plateau], rows: Sequence[slice]) -> Floats:
-    acc = np.empty((0, 3)) if imu.acc is None else imu.usable("acc")
-    means = [mean_of_whole(acc[part]) if p.force is None else p.force for p, part in zip(planned, rows, strict=True)]
-    return np.array(means).reshape(-1, 3)
-
-
-def _set_aside(span: tuple[float, float], mean: Floats) -> str:
-    rates = ", ".join(f"{x:.4g}" for x in to_dps(mean))
-    return f"{span[0]:.1f} to {span[1]:.1f} s is left out: its rate of ({rates}) °/s is not a nominal one."
 
 
 def _require_columns(path: Path, columns: Sequence[str]) -> None:

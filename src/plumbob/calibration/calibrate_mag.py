@@ -11,9 +11,8 @@ from plumbob.calibration.ellipsoid_fit import Shape
 from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.axes import LEAST_SLOPE, agreement
 from plumbob.calibration.mag.checks import WEAKEST, clipped, stuck
-from plumbob.calibration.mag.ellipsoid import fit_mag, unturned
+from plumbob.calibration.mag.ellipsoid import fit_mag, fit_mag_level, unturned
 from plumbob.calibration.mag.in_use import fit_mag_in_use
-from plumbob.calibration.mag.planar import fit_mag_level
 from plumbob.calibration.mag.with_acc import FEWEST, fit_mag_acc
 from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
 from plumbob.calibration.mag_checks import require_field_turns, told_by_others, without_gain, wrong_axes
@@ -27,26 +26,17 @@ from plumbob.core.units import dps, to_deg, to_dps
 from plumbob.data import ImuData
 from plumbob.quality.static_periods import stills
 
-HELPERS: Final = ("auto", "none", "acc", "gyr")
-"""What may help the magnetometer."""
-
+HELPERS: Final = ("auto", "none", "acc", "gyr")  # what may help the magnetometer
+# Besides "auto", and "level" for what only turns level.
 SHAPES: Final = {"sphere": Shape.SPHERE, "axes": Shape.AXES, "ellipsoid": Shape.ELLIPSOID}
-"""Shapes that may be asked for, by name; "auto" chooses, and "level" is for what only turns level."""
 
+# Departure of the specific force from gravity, of itself, beyond which a sample tells no vertical: 1.7° at worst.
 STEADY: Final = 0.03
-"""Departure of the specific force from gravity, of itself, beyond which a sample tells no vertical: 1.7° at worst."""
 
-SLOW: Final = float(dps(15.0))
-"""Rate up to which a sample tells a vertical, rad/s: beyond, delays between the sensors turn it."""
-
-LEAST_SLOW: Final = 0.1
-"""Share of slow samples above which the accelerometer helps without being told so."""
-
-LONG: Final = 300.0
-"""Shortest record that may be that of a unit at work, s."""
-
-TRUSTED: Final = 0.01
-"""Median of that departure up to which a capture's specific force is taken for gravity without being told so."""
+SLOW: Final = float(dps(15.0))  # rad/s; beyond, delays between the sensors turn the vertical that a sample tells
+LEAST_SLOW: Final = 0.1  # share of slow samples above which the accelerometer helps without being told so
+LONG: Final = 300.0  # shortest record that may be that of a unit at work, s
+TRUSTED: Final = 0.01  # median of that departure up to which a capture's specific force is taken for gravity unasked
 
 
 def calibrate_mag(
@@ -62,43 +52,15 @@ def calibrate_mag(
     in_use: bool = False,
     force: bool = False,
 ) -> Fitted:
-    """Calibrate the magnetometer of a capture.
+    """Calibrate the magnetometer of a capture, whose accelerometer should be calibrated.
 
-    Parameters
-    ----------
-    imu : ImuData
-        The capture; the accelerometer should be calibrated, the magnetometer must not be.
-    with_ : {"auto", "none", "acc", "gyr"}
-        What helps. The accelerometer, where its specific force is gravity, shows how the magnetometer is turned against
-        it. The gyroscope shows how the field turns, which needs little inclination. "auto" takes the accelerometer
-        where its specific force is gravity in most samples of slow turning, nothing where it is not or a smaller shape
-        than the ellipsoid is asked for, and the gyroscope where the capture is poor or refused otherwise.
-    shape : {"auto", "sphere", "axes", "ellipsoid", "level"}
-        Shape of the field's ellipsoid; "auto" is the smallest that the capture does not contradict, and "level" finds
-        two axes only, from turning level.
-    strength : float, optional
-        Strength of the field at the place, µT.
-    dip : float, optional
-        Dip of the field at the place, rad: what the capture says must agree, where an accelerometer shows it; the
-        predicted heading error rests on it where none does.
-    tilt_range : float
-        Inclination up to which the predicted heading error holds, rad.
-    acc_calibrated, gyr_calibrated : bool
-        Whether a card was applied to them; of the gyroscope, one with scale and axes.
-    in_use : bool
-        Whether it is a long record of a unit at work, which nobody turned for the purpose: bias and matrix, and the
-        gyroscope's bias, by how the field turns from moment to moment, beside the rates.
-    force : bool
-        Whether a calibration that would rather harm than help is made all the same, with a remark not to use it.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the capture cannot determine the calibration, or other sensors contradict it, with the reasons.
-    CalibrationError
-        If what should help is missing.
-    ParameterError
-        If a choice is unknown, or two of them contradict each other.
+    The accelerometer shows, where its specific force is gravity, how the magnetometer is turned against it; the
+    gyroscope how the field turns, which needs little inclination. With "auto" the accelerometer helps where its
+    specific force is gravity in most samples of slow turning, nothing where it is not or a smaller shape than the
+    ellipsoid is asked for, and the gyroscope where the capture is poor or refused otherwise. The dip of the place, rad,
+    must agree with what the capture says. `gyr_calibrated`: a card with scale and axes was applied. `in_use`: a long
+    record of a unit at work, which nobody turned for the purpose. `force`: make a calibration that would rather harm
+    than help, with a remark not to use it.
     """
     _require_choices(with_, shape, in_use=in_use)
     use = _magnetic_rows(imu)
@@ -106,7 +68,11 @@ def calibrate_mag(
     if shape == "level":
         level = fit_mag_level(mag[use], acc=_complete(acc[use]), strength=strength, dip=dip)
         return replace(level, remarks=(info("calibration.mag_level"), *level.remarks))
-    refuse(_unfit(mag[use]))
+    field = mag[use]
+    if len(field) > 0:  # an axis may be dead, or the unit have lain still
+        strong = float(np.sqrt(np.mean(np.sum(field * field, axis=1)))) >= WEAKEST
+        turning = "Turn the unit slowly through all attitudes: each face and each edge once up."
+        refuse(stuck(field) or (unturned(field, turning) if strong else None))
     slow = _slow(imu)
     with np.errstate(invalid="ignore"):
         upright = np.abs(np.linalg.norm(acc, axis=1) / G0 - 1.0) <= STEADY
@@ -114,7 +80,7 @@ def calibrate_mag(
     work = _Work(imu, use, steady, shape, strength, dip, tilt_range, acc_calibrated, gyr_calibrated)
     auto = with_ == shape == "auto" and not in_use and imu.gyr is not None
     try:
-        helper, why = _in_use(imu) if in_use else _helper(imu, with_, shape, use, slow, steady)
+        helper, why = work.helper(with_, slow, in_use=in_use)
         fit = work.fit(helper)
     except CaptureRefusedError as refused:
         if not auto or refused.reasons[0].kind in _FINAL:
@@ -127,7 +93,7 @@ def calibrate_mag(
             fit, why = other
             doubt = without_gain(imu, fit, steady, dip)
     if doubt is not None and not force:
-        refuse([doubt])
+        refuse(doubt)
     warning = () if doubt is None else (f"DO NOT USE: {doubt.text}",)
     return replace(fit, remarks=(*warning, why, *fit.remarks))
 
@@ -155,6 +121,34 @@ class _Work:
     tilt_range: float
     acc_calibrated: bool
     gyr_calibrated: bool
+
+    def helper(self, with_: str, slow: NDArray[np.bool_], *, in_use: bool) -> tuple[str, str]:
+        """What helps, and why, in words."""
+        imu, use, steady = self.imu, self.use, self.steady
+        if in_use:
+            if imu.gyr is None:
+                raise CalibrationError(
+                    "calibration in use needs gyr, which the record lacks; turn the unit by hand instead."
+                )
+            return "in use", "Fitted in use, as asked for: with the gyroscope, from moment to moment."
+        if with_ not in {"auto", "none", *imu.triads}:
+            raise CalibrationError(f"the capture has no {with_} to help the magnetometer; choose with none.")
+        if with_ == "gyr":
+            return "gyr", "Fitted with the gyroscope, as asked for."
+        count, all_, calm = (int(np.count_nonzero(which)) for which in (steady, use, use & slow))
+        text = f"{count} of {all_} samples have a specific force within {100.0 * STEADY:.0f} % of gravity"
+        if imu.gyr is not None:
+            text += f" and turn by less than {to_dps(SLOW):.0f}°/s"
+        if with_ == "acc":
+            if count < FEWEST:
+                what = f"{text}; at least {FEWEST} are needed."
+                refuse(Reason("not-still", what, "Turn the unit slowly, calibrate the accelerometer first."))
+            return "acc", f"Fitted with the accelerometer, as asked for: {text}."
+        if with_ == "none" or imu.acc is None:
+            return "none", f"Fitted without other sensors: {'as asked for' if with_ == 'none' else 'there is no acc'}."
+        if self.shape not in {"auto", "ellipsoid"}:
+            return "none", "Fitted without other sensors: they need the whole matrix, and a smaller shape is asked for."
+        return _by_gravity(text, count, calm, all_, imu.usable("acc")[use & slow])
 
     def fit(self, helper: str) -> Fitted:
         """Fit with a helper, or none, and what other sensors say about it."""
@@ -253,16 +247,6 @@ def _heading_sd(fit: Fitted) -> float:
     return math.inf if quality is None or quality.heading_sd is None else quality.heading_sd
 
 
-def _unfit(mag: Floats) -> list[Reason]:
-    """Reasons to refuse a field (N, 3), µT, before anything is fitted: a dead axis, or a unit that lay still."""
-    if len(mag) == 0:
-        return []
-    dead = stuck(mag)
-    if dead is None and float(np.sqrt(np.mean(np.sum(mag * mag, axis=1)))) >= WEAKEST:
-        dead = unturned(mag, "Turn the unit slowly through all attitudes: each face and each edge once up.")
-    return [] if dead is None else [dead]
-
-
 def _require_choices(with_: str, shape: str, *, in_use: bool) -> None:
     check.one_of("with_", with_, HELPERS)
     check.one_of("shape", shape, ("auto", *SHAPES, "level"))
@@ -282,7 +266,7 @@ def _magnetic_rows(imu: ImuData) -> NDArray[np.bool_]:
     """Samples (N,) with a field that is not clipped."""
     present = np.isfinite(imu.usable("mag")).all(axis=1)
     at_end = (imu.flags & np.uint32(flags.MAG_CLIPPED)) != 0
-    refuse([*filter(None, (clipped(at_end[present]),))])
+    refuse(clipped(at_end[present]))
     return np.asarray(present & ~at_end)
 
 
@@ -305,37 +289,6 @@ def _slow(imu: ImuData) -> NDArray[np.bool_]:
         bias = np.median(np.concatenate([rate[rest] for rest in rests]), axis=0) if rests else np.zeros(3)
     size = np.linalg.norm(np.subtract(rate, bias), axis=1)
     return np.asarray(np.interp(imu.t, t, size) < SLOW)
-
-
-def _in_use(imu: ImuData) -> tuple[str, str]:
-    """What helps a unit at work, and why, in words."""
-    if imu.gyr is None:
-        raise CalibrationError("calibration in use needs gyr, which the record lacks; turn the unit by hand instead.")
-    return "in use", "Fitted in use, as asked for: with the gyroscope, from moment to moment."
-
-
-def _helper(
-    imu: ImuData, with_: str, shape: str, use: NDArray[np.bool_], slow: NDArray[np.bool_], steady: NDArray[np.bool_]
-) -> tuple[str, str]:
-    """What helps, and why, in words."""
-    if with_ not in {"auto", "none", *imu.triads}:
-        raise CalibrationError(f"the capture has no {with_} to help the magnetometer; choose with none.")
-    if with_ == "gyr":
-        return "gyr", "Fitted with the gyroscope, as asked for."
-    count, all_, calm = (int(np.count_nonzero(which)) for which in (steady, use, use & slow))
-    text = f"{count} of {all_} samples have a specific force within {100.0 * STEADY:.0f} % of gravity"
-    if imu.gyr is not None:
-        text += f" and turn by less than {to_dps(SLOW):.0f}°/s"
-    if with_ == "acc":
-        if count < FEWEST:
-            what = f"{text}; at least {FEWEST} are needed."
-            refuse([Reason("not-still", what, "Turn the unit slowly, calibrate the accelerometer first.")])
-        return "acc", f"Fitted with the accelerometer, as asked for: {text}."
-    if with_ == "none" or imu.acc is None:
-        return "none", f"Fitted without other sensors: {'as asked for' if with_ == 'none' else 'there is no acc'}."
-    if shape not in {"auto", "ellipsoid"}:
-        return "none", "Fitted without other sensors: they need the whole matrix, and a smaller shape is asked for."
-    return _by_gravity(text, count, calm, all_, imu.usable("acc")[use & slow])
 
 
 def _by_gravity(text: str, count: int, calm: int, all_: int, force: Floats) -> tuple[str, str]:

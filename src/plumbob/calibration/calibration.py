@@ -6,8 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from plumbob.calibration.fit import Fitted, numbers
-from plumbob.calibration.mount import Mounted
+from plumbob.calibration.fit import Fitted, Mounted, numbers
 from plumbob.core import __version__
 from plumbob.core.errors import CalibrationError, ParameterError
 from plumbob.core.findings import Finding, warning
@@ -58,27 +57,8 @@ def capture(
 ) -> Capture:
     """Samples of a capture with the card so far applied to every triad but those that are calibrated again.
 
-    Parameters
-    ----------
-    imu : ImuData
-        The recording, uncalibrated.
-    triads : tuple of str
-        What is calibrated; the recording must have it.
-    if_present : tuple of str
-        What is calibrated too where the recording has it.
-    span : (float, float), optional
-        The part of the recording that counts, s.
-    device : str, optional
-        The unit, where the recording does not name it.
-    base : CalibrationCard, optional
-        The card so far.
-
-    Raises
-    ------
-    CalibrationError
-        If the recording lacks a triad, is already calibrated, names no unit, or another one than `device` or `base`.
-    ParameterError
-        If nothing lies in `span`.
+    The recording must have the `triads`; those `if_present` are calibrated too where it has them. `device` names the
+    unit where the recording does not.
     """
     if imu.meta.calibration is not None:
         raise CalibrationError(
@@ -89,7 +69,14 @@ def capture(
         raise CalibrationError(f"the recording has no {', '.join(missing)}, only {', '.join(imu.triads)}.")
     unit = unit_of(imu.meta.device, device, base)
     named = replace(imu, meta=replace(imu.meta, device=unit))
-    used = named if span is None else _cut(named, span)
+    used = named
+    if span is not None:
+        first, stop = imu.t.searchsorted(span).tolist()
+        if stop <= first:
+            raise ParameterError(
+                f"nothing lies from {span[0]:g} to {span[1]:g} s; the recording goes to {float(imu.t[-1]):g} s."
+            )
+        used = named[first:stop]
     others = None if base is None else base.without("mount", *triads, *if_present)
     applies = others is not None and any(name in others.parts for name in imu.triads)
     # the day of the recording where its time is known, else today
@@ -136,15 +123,6 @@ def _outdated(base: CalibrationCard, new: CalibrationCard) -> CalibrationCard:
     note = warning("calibration.stale_axes", date=new.acc.date)
     remarks = {name: (*(r for r in part.remarks if r.code != note.code), note) for name, part in parts.items()}
     return replace(base, **{name: replace(part, remarks=remarks[name]) for name, part in parts.items()})
-
-
-def _cut(imu: ImuData, span: tuple[float, float]) -> ImuData:
-    first, stop = imu.t.searchsorted(span).tolist()
-    if stop <= first:
-        raise ParameterError(
-            f"nothing lies from {span[0]:g} to {span[1]:g} s; the recording goes to {float(imu.t[-1]):g} s."
-        )
-    return imu[first:stop]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -29,8 +29,8 @@ from plumbob.core.units import to_deg
 from plumbob.data import TITLES
 from plumbob.data.cards import UNITS, Quality
 
+# Scatter of the lengths, of themselves, above which the unit was not turned: noise alone makes 0.42.
 NOISE_ALONE: Final = 0.2
-"""Scatter of the lengths, of themselves, above which the unit was not turned: noise alone makes 0.42."""
 
 _FACES: Final = 6
 _BY_CHANCE: Final = 2  # readings that are the largest, and end a range of 8 to 16 bits
@@ -152,7 +152,7 @@ def fit_counts(
         raise CaptureRefusedError(Reason("no-motion", "all readings are the same.", "Turn the unit all ways."))
     ends = ((raw == raw.min(axis=0)) | (raw == raw.max(axis=0))) & np.isin(raw, _RAILS)
     at_end = (ends & (np.count_nonzero(ends, axis=0) > _BY_CHANCE)).any(axis=1)
-    refuse([*filter(None, (stuck(raw, TITLES[sensor], "counts"), clipped(at_end)))])
+    refuse(stuck(raw, TITLES[sensor], "counts"), clipped(at_end))
     raw = raw[~at_end]
     rough = _rough(raw)
     scatter = float(np.std(np.linalg.norm(rough.to_sphere(raw), axis=1)))
@@ -169,7 +169,9 @@ def fit_counts(
     size = 1.0 if unscaled else factor * (strength if sensor == "mag" and strength else 1.0) / nominal
     bias, matrix = rough.centre + card.bias / factor, card.matrix * size
     radius = float(np.median(np.linalg.norm((raw[used] - bias) @ matrix.T, axis=1))) * mean_radius(matrix)
-    refuse([] if scale is None else [*filter(None, (_wrong_scale(sensor, radius * scale, strength),))])
+    if scale is not None:  # by it, the field, µT, or gravity, m/s², has a size
+        size_by_scale = radius * scale
+        refuse(wrong_field(size_by_scale, strength) if sensor == "mag" else wrong_gravity(size_by_scale, G0, WRONG))
     return CountsCalibration(
         sensor,
         bias,
@@ -183,11 +185,6 @@ def fit_counts(
         scale,
         tuple(note for note in fitted.remarks if not isinstance(note, Finding) or note.code not in _OF_SIZES),
     )
-
-
-def _wrong_scale(sensor: str, size: float, strength: float | None) -> Reason | None:
-    """Reason to refuse what one count is said to be, where the field, µT, or gravity, m/s², has this size by it."""
-    return wrong_field(size, strength) if sensor == "mag" else wrong_gravity(size, G0, WRONG)
 
 
 def _rough(raw: Floats) -> Ellipsoid:

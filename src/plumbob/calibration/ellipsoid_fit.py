@@ -51,13 +51,7 @@ class Ellipsoid(NamedTuple):
 
 
 def fit_axes(vectors: Floats) -> Ellipsoid | None:
-    """Ellipsoid along the axes, 6 parameters, by least squares of [Yu2018] (13), (14); None where it is none.
-
-    Parameters
-    ----------
-    vectors : ndarray (N, 3)
-        Measured vectors, of any size about the same; finite.
-    """
+    """Ellipsoid along the axes, 6 parameters, by least squares of [Yu2018] (13), (14); None where it is none."""
     x, y, z = vectors.T
     rows = np.column_stack((-y * y, -z * z, 2.0 * x, 2.0 * y, 2.0 * z, np.ones_like(x)))  # [Yu2018] (12)
     w, *_ = np.linalg.lstsq(rows, x * x, rcond=None)  # [Yu2018] (13)
@@ -109,12 +103,8 @@ def fit_quadric(vectors: Floats) -> Ellipsoid | None:
     return Ellipsoid(middle + size * centre, (axes * np.sqrt(sizes)) @ axes.T / size)
 
 
-CAUCHY: Final = 2.385
-"""Constant of 95 % efficiency on normal errors [Holland1977]."""
-
-FALSE_ALARM: Final = 1e-3
-"""Probability that a capture without outliers loses a sample."""
-
+CAUCHY: Final = 2.385  # constant of 95 % efficiency on normal errors [Holland1977]
+FALSE_ALARM: Final = 1e-3  # probability that a capture without outliers loses a sample
 MAD: Final = 1.482602218505602  # standard deviation over median absolute deviation of a normal distribution
 _STEPS: Final = 200
 _SOME: Final = 20_000  # samples on which outliers are told and a start is found; the result is that of all
@@ -318,10 +308,10 @@ class _Descent:
         free = int(np.count_nonzero(self.used)) - self.shape.value
         if free < 0 or (free == 0 and not noise > 0.0):
             return None
-        inverse = invert(a)
+        inverse, condition = invert(a)
         sd = max(noise / size, float(np.sqrt(self.cost / free)) if free else 0.0)
         back = np.concatenate((np.full(3, size), np.full(6, 1.0 / size)))
-        cov = self.space @ inverse.matrix @ self.space.T
+        cov = self.space @ inverse @ self.space.T
         return NormFit(
             self.shape,
             Ellipsoid(middle + size * self.p[:3], _matrix(self.p[3:]) / size),
@@ -329,7 +319,7 @@ class _Descent:
             float(sd * size),
             self.residuals * size,
             self.used,
-            inverse.condition,
+            condition,
             float(self.cost * size * size),
         )
 
@@ -349,9 +339,7 @@ def _matrix(t: Floats) -> Floats:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-LARGEST: Final = 3
-"""Most samples that are deleted at once."""
-
+LARGEST: Final = 3  # most samples that are deleted at once
 _ALONE: Final = 1e-6  # determinant of I − H_SS below which nothing else knows some parameter
 
 
@@ -372,7 +360,12 @@ def outlying(rows: Floats, left: Floats, *, false_alarm: float, rounding: float)
         if free < 2:
             break
         groups = np.array(list(combinations(range(len(residuals)), count)))
-        gains = _gains(spare, residuals, groups)
+        # what the deletion of each group takes off the sum of squares [Cook1982]
+        inner, of_group = spare[groups[:, :, np.newaxis], groups[:, np.newaxis, :]], residuals[groups]
+        alone = np.linalg.det(inner) < _ALONE
+        inner[alone] = np.eye(count)
+        gains = np.einsum("mi,mi->m", of_group, np.linalg.solve(inner, of_group[:, :, np.newaxis])[:, :, 0])
+        gains = np.where(alone, 0.0, gains)
         best = int(np.argmax(gains))
         rest = max((cost - float(gains[best])) / free, rounding**2)
         if f.sf(gains[best] / count / rest, count, free) * len(groups) * LARGEST < false_alarm:
@@ -380,20 +373,9 @@ def outlying(rows: Floats, left: Floats, *, false_alarm: float, rounding: float)
     return np.zeros(0, dtype=np.int64)
 
 
-def _gains(spare: Floats, errors: Floats, groups: NDArray[np.int64]) -> Floats:
-    """What the deletion of each group (M, k) takes off the sum of squares, (M,)."""
-    inner = spare[groups[:, :, np.newaxis], groups[:, np.newaxis, :]]
-    alone = np.linalg.det(inner) < _ALONE
-    inner[alone] = np.eye(groups.shape[1])
-    # [Cook1982]
-    gains = np.einsum("mi,mi->m", errors[groups], np.linalg.solve(inner, errors[groups][:, :, np.newaxis])[:, :, 0])
-    return np.where(alone, 0.0, gains)
-
-
-_SYMMETRIC_PARTS: Final = np.zeros((12, 9))  # centre and matrix, row by row, by centre and xx, yy, zz, xy, xz, yz
-
+# centre and matrix, row by row, by centre and xx, yy, zz, xy, xz, yz
+_SYMMETRIC_PARTS: Final = np.zeros((12, 9))
 _SYMMETRIC_PARTS[:3, :3] = np.eye(3)
-
 for _column, (_i, _j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), start=3):
     _SYMMETRIC_PARTS[3 + 3 * _i + _j, _column] = _SYMMETRIC_PARTS[3 + 3 * _j + _i, _column] = 1.0
 
@@ -439,11 +421,8 @@ def distortion_to_size(distortion: Floats, covariance: Floats, size: float | Non
     return to_size(inverse, jacobian @ covariance @ jacobian.T, size)
 
 
-SIGNIFICANCE: Final = 0.01
-"""Probability of taking a larger shape where the smaller one is true."""
-
-SPARE: Final = 3
-"""Samples more than parameters, for residuals to say anything."""
+SIGNIFICANCE: Final = 0.01  # probability of taking a larger shape where the smaller one is true
+SPARE: Final = 3  # samples more than parameters, for residuals to say anything
 
 
 class ShapeChoice(NamedTuple):
@@ -457,7 +436,11 @@ class ShapeChoice(NamedTuple):
 def first_ellipsoid(vectors: Floats) -> Ellipsoid:
     """Ellipsoid to start from (N, 3): the best closed form that gives one."""
     some = vectors[:: max(1, len(vectors) // _SOME)]
-    return fit_quadric(some) or fit_axes(some) or _ball(some)
+    if fitted := fit_quadric(some) or fit_axes(some):
+        return fitted
+    middle = some.mean(axis=0)  # else a sphere about the mean
+    size = float(np.sqrt(np.mean(np.sum((some - middle) ** 2, axis=1))))
+    return Ellipsoid(middle, np.eye(3) / max(size, 1e-12))
 
 
 def choose(vectors: Floats, shape: Shape | None = None) -> ShapeChoice | None:
@@ -502,10 +485,3 @@ def _chance(smaller: NormFit, larger: NormFit, count: int) -> float:
     if not larger.cost > 0.0:
         return 1.0 if not smaller.cost > 0.0 else 0.0
     return float(f.sf(max(0.0, smaller.cost - larger.cost) / more / (larger.cost / free), more, free))
-
-
-def _ball(vectors: Floats) -> Ellipsoid:
-    """Sphere about the mean."""
-    middle = vectors.mean(axis=0)
-    size = float(np.sqrt(np.mean(np.sum((vectors - middle) ** 2, axis=1))))
-    return Ellipsoid(middle, np.eye(3) / max(size, 1e-12))

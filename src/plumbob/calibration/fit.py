@@ -1,7 +1,7 @@
 """What a calibration of one triad is: fit, grade, linear algebra, and the reasons to reject a capture."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final, NamedTuple
 
@@ -14,7 +14,7 @@ from plumbob.core.findings import Note, as_json
 from plumbob.core.result import plain
 from plumbob.core.units import deg
 from plumbob.data import TRIADS
-from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
+from plumbob.data.cards import UNITS, CalibrationCard, Mount, TriadCalibration
 from plumbob.rotations import euler_zyx_from_quat
 
 _ROUNDING = 8.0 * np.finfo(float).eps  # of the inverse of a matrix near 1
@@ -32,6 +32,14 @@ class Fitted:
     remarks: tuple[Note, ...] = ()  # what to know about it, each a sentence
 
 
+@dataclass(frozen=True, eq=False)
+class Mounted:
+    """A mounting that was found, with remarks on it, each a sentence."""
+
+    mount: Mount
+    remarks: tuple[Note, ...] = ()
+
+
 class GradeLimits(NamedTuple):
     """Largest standard deviation of each grade; beyond the last there is none."""
 
@@ -40,17 +48,13 @@ class GradeLimits(NamedTuple):
     poor: float
 
 
-HEADING: Final = GradeLimits(deg(0.5), deg(2.0), deg(5.0))
-"""Of a heading, rad: a survey compass, the buoy paper's bar, the buoy paper's claim."""
-
-TILT: Final = GradeLimits(deg(0.1), deg(0.5), deg(2.0))
-"""Of an inclination, rad."""
-
+HEADING: Final = GradeLimits(deg(0.5), deg(2.0), deg(5.0))  # rad: a survey compass, the buoy paper's bar and its claim
+TILT: Final = GradeLimits(deg(0.1), deg(0.5), deg(2.0))  # of an inclination, rad
+# Of a bias, rad/s: 0.3° a minute, 3° a minute, a data sheet's at turn-on.
 RATE: Final = GradeLimits(deg(0.005), deg(0.05), deg(0.5))
-"""Of a gyroscope's bias, rad/s: 0.3° a minute, 3° a minute, a data sheet's offset at turn-on."""
 
+# Of entries of a gyroscope's matrix; beyond, a data sheet's 3 % is as good.
 SCALE: Final = GradeLimits(0.002, 0.01, 0.02)
-"""Of entries of a gyroscope's matrix; beyond, a data sheet's tolerance of 3 % is not improved on."""
 
 
 def worst_grade(*grades: str | None) -> str:
@@ -63,8 +67,8 @@ def grade_of(sd: float, limits: GradeLimits) -> str | None:
     return next((name for name, limit in zip(GradeLimits._fields, limits, strict=True) if sd <= limit), None)
 
 
+# Parts whose means tell how far the mean of all is off, noise that is correlated over less than a part included.
 BLOCKS = 10
-"""Parts whose means tell how far the mean of all is off: noise that is correlated over less than a part is covered."""
 
 
 def mean_of_whole(values: Floats) -> Floats:
@@ -79,19 +83,12 @@ def mean_and_sd(values: Floats) -> tuple[Floats, Floats]:
     return values.mean(axis=0), np.asarray(parts.std(axis=0, ddof=1) / np.sqrt(BLOCKS))
 
 
-class Inverse(NamedTuple):
-    """Pseudoinverse (P, P) of a normal matrix, and its condition number, the parameters scaled to a diagonal of one."""
-
-    matrix: Floats
-    condition: float
-
-
-def invert(normal: Floats) -> Inverse:
-    """Invert a normal matrix (P, P) with its parameters scaled, so that all count alike."""
+def invert(normal: Floats) -> tuple[Floats, float]:
+    """Pseudoinverse (P, P) of a normal matrix and its condition number, parameters scaled so that all count alike."""
     spread = np.sqrt(np.diag(normal))
     sizes = np.outer(spread, spread)
     unit = normal / sizes
-    return Inverse(np.asarray(np.linalg.pinv(unit, hermitian=True) / sizes), float(np.linalg.cond(unit)))
+    return np.asarray(np.linalg.pinv(unit, hermitian=True) / sizes), float(np.linalg.cond(unit))
 
 
 KINDS: Final = {
@@ -146,10 +143,15 @@ class CaptureRefusedError(CalibrationError):
         return {"refused": reasons, "units": _UNITS, "card": None, "figures": {}, "remarks": {}}
 
 
-def refuse(reasons: Sequence[Reason]) -> None:
+def reason_if(wrong: bool, kind: str, text: str, advice: str) -> Reason | None:
+    """The reason where something is wrong; else None."""
+    return Reason(kind, text, advice) if wrong else None
+
+
+def refuse(*reasons: Reason | None) -> None:
     """Raise `CaptureRefusedError` where there is a reason."""
-    if reasons:
-        raise CaptureRefusedError(*reasons)
+    if given := [reason for reason in reasons if reason is not None]:
+        raise CaptureRefusedError(*given)
 
 
 class SensingAxes(NamedTuple):
@@ -169,21 +171,17 @@ def sensing_axes(calibration: TriadCalibration) -> SensingAxes:
     across = np.sqrt(np.maximum(0.0, 1.0 - np.diag(unit) ** 2))
     exact = np.concatenate((gain - 1.0, -np.arcsin((unit @ unit.T)[[0, 0, 1], [1, 2, 2]])))
     cleaned = np.where(np.abs(exact) > _ROUNDING, exact, 0.0)
+    sd = None
+    if calibration.covariance is not None:  # dR = −R dM R: the gain of axis i changes by −R_ik dM_kl (R_l · u_i)
+        slopes = np.einsum("ik,lj,ij->ikl", response, response, unit).reshape(3, 9)
+        variance = np.einsum("ia,ab,ib->i", slopes, calibration.covariance[3:, 3:], slopes)
+        sd = np.asarray(np.sqrt(np.maximum(0.0, variance)))
     return SensingAxes(
         scale=cleaned[:3],
-        scale_sd=_gain_sd(calibration, response, unit),
+        scale_sd=sd,
         misalignment=np.arctan2(np.where(across > np.sqrt(_ROUNDING), across, 0.0), np.diag(unit)),
         skew=cleaned[3:],
     )
-
-
-def _gain_sd(calibration: TriadCalibration, response: Floats, unit: Floats) -> Floats | None:
-    """From dR = −R dM R: the gain of axis i changes by −R_ik dM_kl (R_l · u_i)."""
-    if calibration.covariance is None:
-        return None
-    slopes = np.einsum("ik,lj,ij->ikl", response, response, unit).reshape(3, 9)
-    variance = np.einsum("ia,ab,ib->i", slopes, calibration.covariance[3:, 3:], slopes)
-    return np.asarray(np.sqrt(np.maximum(0.0, variance)))
 
 
 class Sizes(NamedTuple):
@@ -214,32 +212,29 @@ def sizes(name: str, fit: Fitted) -> Sizes | None:
 
 
 def numbers(card: CalibrationCard, fits: Mapping[str, Fitted]) -> dict[str, Any]:
-    """Card, figures made of it and remarks, ready for JSON.
+    """Card, figures made of it and remarks by part of the card, ready for JSON.
 
-    Keys are `refused` (empty), `units`, `card`, `figures` and `remarks`, the last two by part of the card. Numbers of a
-    triad are in the unit that `units` gives it, angles in that of `angles`; matrices and scales are relative. A figure
-    that was not found is null.
+    Numbers of a triad are in the unit that `units` gives it; matrices and scales are relative.
     """
-    figures = {name: _figures(name, getattr(card, name), fits.get(name)) for name in TRIADS if name in card.parts}
+    figures: dict[str, Any] = {}
+    for name in (triad for triad in TRIADS if triad in card.parts):
+        model, fit = getattr(card, name), fits.get(name)
+        axes = sensing_axes(model) if model.matrix_found else None
+        lengths = None if fit is None else sizes(name, fit)
+        before, after = (None, None) if lengths is None else lengths.rms()
+        figures[name] = {
+            "bias_sd": model.bias_sd,
+            "matrix_sd": model.matrix_sd if model.matrix_found else None,
+            "scale": getattr(axes, "scale", None),
+            "scale_sd": getattr(axes, "scale_sd", None),
+            "misalignment": getattr(axes, "misalignment", None),
+            "skew_xy_xz_yz": getattr(axes, "skew", None),
+            "size_expected": None if lengths is None else lengths.expected,
+            "size_rms_before": before,
+            "size_rms_after": after,
+        }
     if card.mount is not None:
         figures["mount"] = {"yaw_pitch_roll": euler_zyx_from_quat(card.mount.q_bs)}
     remarks = {name: as_json(part.remarks) for name, part in card.parts.items()}
     content = {"units": _UNITS, "card": json.loads(card.text()), "figures": plain(figures), "remarks": remarks}
     return {"refused": [], **content}
-
-
-def _figures(name: str, model: TriadCalibration, fit: Fitted | None) -> dict[str, Any]:
-    axes = sensing_axes(model) if model.matrix_found else None
-    lengths = None if fit is None else sizes(name, fit)
-    before, after = (None, None) if lengths is None else lengths.rms()
-    return {
-        "bias_sd": model.bias_sd,
-        "matrix_sd": model.matrix_sd if model.matrix_found else None,
-        "scale": getattr(axes, "scale", None),
-        "scale_sd": getattr(axes, "scale_sd", None),
-        "misalignment": getattr(axes, "misalignment", None),
-        "skew_xy_xz_yz": getattr(axes, "skew", None),
-        "size_expected": None if lengths is None else lengths.expected,
-        "size_rms_before": before,
-        "size_rms_after": after,
-    }

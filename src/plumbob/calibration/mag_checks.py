@@ -30,11 +30,8 @@ from plumbob.core.units import deg, to_deg
 from plumbob.data import TITLES, ImuData
 from plumbob.rotations import axes_letters, axes_words, signed_axes
 
-LEVEL: Final = deg(10.0)
-"""Dip up to which a field does not tell up from down, rad."""
-
-TUMBLED: Final = 0.2
-"""Standard deviation of the vertical along each axis above which a field with hard iron tells its dip."""
+LEVEL: Final = deg(10.0)  # dip up to which a field does not tell up from down, rad
+TUMBLED: Final = 0.2  # scatter of the vertical along each axis above which a field with hard iron tells its dip
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,10 +73,9 @@ class _Fault:
 
 
 def wrong_axes(imu: ImuData, mag: Floats, *, dip: float | None) -> tuple[Reason, ...]:
-    """Reasons to refuse wrong axes of any triad, whatever a calibration needs.
+    """Reasons to refuse wrong axes of any triad; the field (N, 3) is NaN where it does not count.
 
-    `mag` (N, 3), µT, is NaN where it does not count; without the `dip` of the place, rad, north of the magnetic equator
-    is assumed.
+    Without the `dip` of the place, rad, north of the magnetic equator is assumed.
     """
     wrong = suspects(arrangements(imu.t, mag, acc=imu.usable("acc"), gyr=imu.usable("gyr")))
     return tuple(_reason(_fault(suspect, imu, mag, dip, _rough_dip)) for suspect in wrong)
@@ -141,18 +137,16 @@ def _diagnosis(fault: _Fault) -> str:
     """What is wrong, and what speaks for it."""
     words = f"{_words(fault.way)}, or {_words(-fault.way)}" if fault.open else _words(fault.way)
     text = f"the axes of the {TITLES[fault.suspect.triad]} are wrong ({words}); with these put right it agrees with "
-    text += _others(fault.suspect)
+    wrong = fault.suspect
+    if wrong.sure:
+        text += " and ".join(title for triad, title in TITLES.items() if triad != wrong.triad)
+    else:
+        text += f"the {TITLES[wrong.beside]}, unless the axes of that are wrong"
     if fault.dip is None or not fault.upward:
         return text
     side = "be on the other side of the horizon than at the place" if fault.placed else "point up"
     turned = f"it would be turned by {_angle(fault.suspect.way)}°"
     return f"{text}; or {turned}, and the field would {side}, with a dip of {to_deg(fault.dip):.0f}°"
-
-
-def _others(wrong: Suspect) -> str:
-    if not wrong.sure:
-        return f"the {TITLES[wrong.beside]}, unless the axes of that are wrong"
-    return " and ".join(title for triad, title in TITLES.items() if triad != wrong.triad)
 
 
 def _advice(fault: _Fault) -> str:
@@ -185,29 +179,19 @@ def _words(way: Floats) -> str:
     return f"mirrored: {words}" if _mirrors(way) else words
 
 
-TURNED: Final = deg(45.0)
-"""Turn against the accelerometer beyond which axes are named wrongly rather than mounted askew, rad."""
-
-MOST_TURNED: Final = deg(10.0)
-"""Turn against the gyroscope beyond which what the accelerometer told was not the vertical, rad."""
-
-WRONG_DIP: Final = deg(15.0)
-"""Difference of the dip from that of the place beyond which a capture is refused, rad."""
-
-DOUBTFUL_DIP: Final = deg(3.0)
-"""The same, to be told, rad: buildings bend the field by as much."""
-
+TURNED: Final = deg(45.0)  # turn against the accelerometer beyond which axes are named wrongly rather than askew, rad
+MOST_TURNED: Final = deg(10.0)  # turn against the gyroscope beyond which the accelerometer told no vertical, rad
+WRONG_DIP: Final = deg(15.0)  # difference of the dip from that of the place beyond which a capture is refused, rad
+DOUBTFUL_DIP: Final = deg(3.0)  # the same, to be told, rad: buildings bend the field by as much
+# Departure from 1 of the field's change against the rates, to be told: gyroscopes have ±3 %.
 DOUBTFUL_SLOPE: Final = 0.05
-"""Departure from 1 of how much the field changes against the rates, to be told: gyroscopes have a scale of ±3 %."""
 
+# By which the field leaves its direction over some seconds, to be told, rad: rooms make 0.5 to 1.5°.
 DOUBTFUL_ANGLE: Final = deg(5.0)
-"""Angle that the field leaves its direction by over some seconds, to be told, rad: rooms make 0.5 to 1.5°."""
 
+# Change of the heading by a calibration, over its predicted error, below which it would rather harm: the change is the
+# sensor's own error less that of the calibration, so squared it exceeds the sensor's by that, on average.
 LEAST_GAIN: Final = math.sqrt(2.0)
-"""Change of the heading by a calibration, over its predicted error, below which it would more likely harm than help.
-
-The change is the sensor's own error less that of the calibration, which know nothing of each other: squared, it exceeds
-the sensor's by the calibration's, on average."""
 
 _AS_IT_IS: Final = (
     "Do not use it: the magnetometer as it is may well be better. Turn the unit longer, away from iron, through all "
@@ -237,7 +221,7 @@ def told_by_others(
     unrotated = field @ rotation_in(matrix)  # in the magnetometer's own axes
     ways = arrangements(imu.t, unrotated, acc=force, gyr=imu.usable("gyr"))
     faults = [_fault(suspect, imu, unrotated, dip, dip_angle) for suspect in suspects(ways)]
-    refuse([_reason(fault) for fault in faults if _spoils(fault, helper)])
+    refuse(*(_reason(fault) for fault in faults if _spoils(fault, helper)))
     remarks, wrong = tuple(_remark(fault) for fault in faults), {fault.suspect.triad for fault in faults}
     if imu.gyr is not None and "gyr" not in wrong:
         remarks = (*remarks, *_by_gyroscope(imu, field, helper))
@@ -252,10 +236,7 @@ def told_by_others(
 
 
 def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: float | None) -> Reason | None:
-    """Reason not to use a fit that changes the heading by little more than it may be wrong; None where it helps.
-
-    Arguments as in `told_by_others`.
-    """
+    """Reason not to use a fit that changes the heading by little more than it may be wrong; None where it helps."""
     c, quality = fit.calibration, fit.calibration.quality
     if c.covariance is None or quality is None or quality.tilt_range is None:
         return None
@@ -287,18 +268,7 @@ def _require_sense(fit: Agreement | None) -> None:
             "the field turns against the gyroscope: an axis of the magnetometer is swapped or has the wrong sign; "
             f"it changes by {fit.slope:.2f} of what the rates say, and 1 is right."
         )
-        refuse([Reason("mirrored", what, f"{_AXES}; or the gyroscope's, if its signs are in doubt.")])
-
-
-def _require_alignment(turned: float) -> None:
-    """Refuse a field beside an accelerometer that is turned by so much, rad, against the gyroscope."""
-    if turned <= MOST_TURNED:
-        return
-    what = (
-        f"the field is turned by {to_deg(turned):.0f}° against the gyroscope, so the specific force was not "
-        "that of gravity, or the accelerometer's axes are not the gyroscope's."
-    )
-    refuse([Reason("not-still", what, "Hold the unit still in each attitude, or turn it slowly, and capture again.")])
+        refuse(Reason("mirrored", what, f"{_AXES}; or the gyroscope's, if its signs are in doubt."))
 
 
 def _by_gyroscope(imu: ImuData, field: Floats, helper: str) -> tuple[str, ...]:
@@ -308,8 +278,12 @@ def _by_gyroscope(imu: ImuData, field: Floats, helper: str) -> tuple[str, ...]:
     _require_sense(fit)
     rotation = turn(imu.t, field, gyr)
     apart = None if rotation is None else turn_angle(rotation)
-    if helper == "acc" and apart is not None:
-        _require_alignment(apart)
+    if helper == "acc" and apart is not None and apart > MOST_TURNED:
+        what = (
+            f"the field is turned by {to_deg(apart):.0f}° against the gyroscope, so the specific force was not "
+            "that of gravity, or the accelerometer's axes are not the gyroscope's."
+        )
+        refuse(Reason("not-still", what, "Hold the unit still in each attitude, or turn it slowly, and capture again."))
     angle = wander(imu.t, field, gyr)
     if fit is None or angle is None:
         return ()
@@ -340,7 +314,7 @@ def _of_place(angle: float, dip: float | None, *, one_dip: bool) -> tuple[str, .
         negated = one_dip and abs(angle + dip) < abs(angle - dip)
         axes = _NEGATED if negated else _AXES
         advice = f"{axes}; check --place, and that no iron was near."
-        refuse([Reason("wrong-field", what, advice)])
+        refuse(Reason("wrong-field", what, advice))
     return (f"DIP OFF: {what} Iron nearby bends the field, and so does a building.",)
 
 
@@ -353,7 +327,7 @@ def _of_turn(angle: float | None, turned: float, dip: float | None, by: str, *, 
             f"the magnetometer would be turned by {to_deg(turned):.0f}° against the {by}, and the field would "
             f"point up, with {dips}: so does a mirrored one north of the magnetic equator."
         )
-        refuse([Reason("mirrored", what, f"{_AXES}; south of the equator, say where the capture was with --place.")])
+        refuse(Reason("mirrored", what, f"{_AXES}; south of the equator, say where the capture was with --place."))
     if turned > TURNED:
         return (
             f"TURNED BY {to_deg(turned):.0f}°: the magnetometer's axes are not those of the {by}. "

@@ -6,106 +6,75 @@ method of two vectors (TRIAD) with the first one exact. Forces alone do not say 
 the body was raised: a gyroscope shows whether that axis was horizontal, and nothing shows whether it was lateral.
 """
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plumbob.calibration.fit import CaptureRefusedError, Reason, refuse
+from plumbob.calibration.calibration import Capture
+from plumbob.calibration.fit import CaptureRefusedError, Mounted, Reason, reason_if, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.findings import Note
+from plumbob.core.errors import FrameError, ParameterError
 from plumbob.core.units import deg, to_deg
+from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import Mount
+from plumbob.evaluation.align import associate
+from plumbob.quality.static_periods import stills
 from plumbob.rotations import (
     Frame,
+    change_frame,
     quat_angle,
     quat_conjugate,
     quat_from_dcm,
+    quat_from_rotvec,
     quat_mean,
     quat_multiply,
     rotvec_from_quat,
 )
+from plumbob.rotations.headings import heading_policy
 
+# Smallest angle between the two poses, rad: 1 mg of force is then 0.3° of heading.
 LEAST_RAISE: Final = float(deg(10.0))
-"""Smallest angle between the two poses, rad: 1 mg of force is then 0.3° of heading."""
 
-ASKEW: Final = float(deg(10.0))
-"""Largest elevation of the axis about which the body was raised, rad."""
-
-SCATTER: Final = float(deg(10.0))
-"""Median angle above which two attitudes do not differ by a constant rotation, rad."""
-
+ASKEW: Final = float(deg(10.0))  # largest elevation of the axis about which the body was raised, rad
+SCATTER: Final = float(deg(10.0))  # median angle above which two attitudes do not differ by a constant rotation, rad
 _GRAVITY = 0.05  # departure from standard gravity, relative, that no place on Earth and no usual bias has
 _UNKNOWN = float(np.pi / np.sqrt(3.0))  # standard deviation of an angle of which nothing is known, rad
 _PARTS = 10
 _ROUNDS = 10  # of reweighting
 
 
-@dataclass(frozen=True, eq=False)
-class Mounted:
-    """A mounting that was found, with remarks on it, each a sentence."""
-
-    mount: Mount
-    remarks: tuple[Note, ...] = ()
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Up:
-    """Vertical seen from the unit, a unit vector (3,), and its standard deviation, rad."""
-
-    axis: Floats
-    sd: float
-
-
 def mount_from_level(level: ArrayLike, *, frame: Frame) -> Mounted:
-    """Roll and pitch of the mounting from the specific force (N, 3), m/s², of the level body at rest.
+    """Roll and pitch of the mounting from the specific force (N, 3) of the level body at rest.
 
     Its heading is assumed: the case's x axis points ahead. Standard deviations are those of white noise; that about the
-    vertical is of an angle of which nothing is known. CaptureRefusedError if the force is not that of gravity, or the
-    case's x axis is too near the vertical to point ahead.
+    vertical is of an angle of which nothing is known.
     """
-    up = _up("level", level)
+    up, sd = _up("level", level)
     ahead = np.array([1.0, 0.0, 0.0])
-    if np.linalg.norm(np.cross(up.axis, ahead)) < np.sin(LEAST_RAISE):
-        text = f"the case's x axis is {to_deg(_angle(up.axis, ahead)):.0f}° from the vertical, and so points not ahead."
+    if np.linalg.norm(np.cross(up, ahead)) < np.sin(LEAST_RAISE):
+        text = f"the case's x axis is {to_deg(_angle(up, ahead)):.0f}° from the vertical, and so points not ahead."
         raise CaptureRefusedError(Reason("ill-conditioned", text, "Record a second pose with the nose raised."))
-    mount = Mount(_axes(up.axis, ahead, frame), np.array([up.sd, up.sd, _UNKNOWN]), f"level pose, body axes of {frame}")
+    mount = Mount(_axes(up, ahead, frame), np.array([sd, sd, _UNKNOWN]), f"level pose, body axes of {frame}")
     return Mounted(mount, ("the mounting's heading was not measured: the case's x axis is taken to point ahead.",))
 
 
 def mount_from_poses(level: ArrayLike, raised: ArrayLike, *, frame: Frame, turn: ArrayLike | None = None) -> Mounted:
-    """Mounting from the level body and the body with its nose raised about its lateral axis.
+    """Mounting from calibrated forces (N, 3) at rest of the level body and of it with a raised nose.
 
-    Parameters
-    ----------
-    level, raised : array_like (N, 3)
-        Specific force at rest in each pose, m/s², calibrated: 1 mg of bias is 0.06° of roll and pitch.
-    frame : Frame
-        Its body axes: z down in NED, up in ENU and NWU.
-    turn : array_like (3,), optional
-        Rotation vector from one pose to the other, axes of the case, as the gyroscope has it.
-
-    Returns
-    -------
-    Mounted
-        Standard deviations are those of white noise.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If a force is not that of gravity, the poses differ too little, or `turn` is not about a horizontal axis.
+    1 mg of bias is 0.06° of roll and pitch. `turn` is the rotation vector (3,) from one pose to the other, axes of the
+    case, as the gyroscope has it. Standard deviations are those of white noise.
     """
-    low, high = _up("level", level), _up("raised", raised)
-    angle = _angle(low.axis, high.axis)
-    refuse(_why_no_raise(low.axis, angle, turn))
+    (low, low_sd), (high, high_sd) = _up("level", level), _up("raised", raised)
+    angle = _angle(low, high)
+    refuse(_why_no_raise(low, angle, turn))
     # [Shuster1981]: the second pose tells the lateral direction; errors across grow by 1 / sin of the angle.
-    sd_heading = float(np.hypot(high.sd, np.cos(angle) * low.sd) / np.sin(angle))
+    sd_heading = float(np.hypot(high_sd, np.cos(angle) * low_sd) / np.sin(angle))
     mount = Mount(
-        _axes(low.axis, high.axis, frame),
-        np.array([low.sd, low.sd, sd_heading]),
+        _axes(low, high, frame),
+        np.array([low_sd, low_sd, sd_heading]),
         f"level pose and nose raised by {to_deg(angle):.1f}°, body axes of {frame}",
     )
     return Mounted(mount, () if turn is not None else ("no gyroscope checked that the body was raised, not turned.",))
@@ -115,8 +84,7 @@ def mount_from_attitudes(q_ns: ArrayLike, q_nb: ArrayLike) -> Mounted:
     """Mounting from attitudes (N, 4) of unit and body at the same times, from the same north: a robust average.
 
     Standard deviations are those of the mean of ten parts of the recording; what is wrong from first to last, as the
-    bias of an accelerometer, is not in them. CaptureRefusedError if there are few, or they differ by no constant
-    rotation.
+    bias of an accelerometer, is not in them.
     """
     ours = check.rows("q_ns", q_ns, 4)
     theirs = check.rows("q_nb", q_nb, 4, len(ours))
@@ -124,7 +92,11 @@ def mount_from_attitudes(q_ns: ArrayLike, q_nb: ArrayLike) -> Mounted:
         text = f"{len(ours)} attitudes are known at the same time; {10 * _PARTS} or more are needed."
         raise CaptureRefusedError(Reason("too-few", text, "Give recordings that overlap for longer."))
     q_bs = quat_multiply(quat_conjugate(theirs), ours)
-    mean, weights = _robust_mean(q_bs)
+    weights = np.ones(len(q_bs))
+    for _ in range(_ROUNDS):  # under Cauchy's weights, whose scale is the median angle
+        mean = quat_mean(q_bs, weights)
+        angle = quat_angle(q_bs, mean)
+        weights = 1.0 / (1.0 + (angle / max(float(np.median(angle)), 1e-9)) ** 2)
     off = float(np.median(quat_angle(q_bs, mean)))
     if off > SCATTER:
         text = f"the attitudes differ by no constant rotation: half of them are more than {to_deg(off):.0f}° off it."
@@ -137,17 +109,8 @@ def mount_from_attitudes(q_ns: ArrayLike, q_nb: ArrayLike) -> Mounted:
     return Mounted(Mount(mean, sd, f"against a reference attitude, {len(ours)} samples"))
 
 
-def _robust_mean(q: Floats) -> tuple[Floats, Floats]:
-    """Average (4,) under Cauchy's weights (N,), whose scale is the median angle."""
-    weights = np.ones(len(q))
-    for _ in range(_ROUNDS):
-        mean = quat_mean(q, weights)
-        angle = quat_angle(q, mean)
-        weights = 1.0 / (1.0 + (angle / max(float(np.median(angle)), 1e-9)) ** 2)
-    return mean, weights
-
-
-def _up(pose: str, force: ArrayLike) -> _Up:
+def _up(pose: str, force: ArrayLike) -> tuple[Floats, float]:
+    """Vertical seen from the unit, a unit vector (3,), and its standard deviation, rad."""
     forces = check.rows(pose, force, 3)
     finite = forces[np.isfinite(forces).all(axis=1)]
     if len(finite) < 2:
@@ -161,7 +124,7 @@ def _up(pose: str, force: ArrayLike) -> _Up:
             Reason("wrong-gravity", text, "Check its unit, or calibrate the accelerometer first.")
         )
     scatter = float(np.sqrt(finite.var(axis=0, ddof=1).mean()))
-    return _Up(mean / size, scatter / np.sqrt(len(finite)) / size)
+    return mean / size, float(scatter / np.sqrt(len(finite)) / size)
 
 
 def _axes(up: Floats, ahead: Floats, frame: Frame) -> Floats:
@@ -172,23 +135,113 @@ def _axes(up: Floats, ahead: Floats, frame: Frame) -> Floats:
     return quat_from_dcm(np.stack((x, np.cross(z, x), z)))  # [Shuster1981]: TRIAD, the first vector exact
 
 
-def _why_no_raise(up: Floats, angle: float, turn: ArrayLike | None) -> list[Reason]:
+def _why_no_raise(up: Floats, angle: float, turn: ArrayLike | None) -> Reason | None:
     """Say why two poses are not that of a body and of the same with its nose raised."""
     if np.sin(angle) < np.sin(LEAST_RAISE):
         text = f"the poses differ by {to_deg(angle):.1f}°, which hardly shows where ahead is; 15° to 60° are needed."
-        return [Reason("ill-conditioned", text, "Raise the nose further.")]
+        return Reason("ill-conditioned", text, "Raise the nose further.")
     if turn is None:
-        return []
+        return None
     vector = check.last_axis("turn", turn, 3)
     size = float(np.linalg.norm(vector))
     rise = float(np.arcsin(min(1.0, abs(float(vector @ up)) / size))) if size > 0.0 else 0.0
-    if rise <= ASKEW:
-        return []
     text = (
         f"from pose to pose the body turned {to_deg(size):.0f}° about an axis {to_deg(rise):.0f}° off the horizontal."
     )
-    return [Reason("no-motion", text, "Raise the nose about the lateral axis, without turning or rolling the body.")]
+    advice = "Raise the nose about the lateral axis, without turning or rolling the body."
+    return reason_if(not rise <= ASKEW, "no-motion", text, advice)
 
 
 def _angle(a: Floats, b: Floats) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+SAME_POSE: Final = float(deg(5.0))  # largest angle between two stretches at rest that are one pose, rad
+Span = tuple[float, float]
+
+
+def mount_by_poses(
+    capture: Capture, *, frame: Frame, level: Span | None = None, raised: Span | None = None, level_only: bool = False
+) -> Mounted:
+    """Mounting from the poses of a capture, on body axes with z down in NED, up in ENU and NWU.
+
+    `level` and `raised`, s, are when the body was level and when its nose was raised; without them, the first stretch
+    at rest and the one that leans farthest from it. `level_only` takes the heading of the mounting as zero.
+    """
+    imu = capture.imu
+    if imu.acc is None:
+        raise ParameterError("the recording has no acc, and only that shows where up is; record it too.")
+    if level_only and raised is not None:
+        raise ParameterError("with the level pose only, there is no raised one; leave out one of the two.")
+    if not level_only and (level is None) != (raised is None):
+        raise ParameterError("level and raised belong together; give both spans, or neither to have the poses found.")
+    rests = stills(imu.t, imu.acc, imu.gyr) if level is None else []
+    if level is None and not rests:
+        text = f"in {float(imu.t[-1] - imu.t[0]):.3g} s the unit was never at rest for a second."
+        raise CaptureRefusedError(Reason("not-still", text, "Let the body rest for some seconds in each pose."))
+    first = _rest_in(imu, level, "level") if level is not None else rests[0]
+    if level_only:
+        done = mount_from_level(imu.acc[first], frame=frame)
+    else:
+        second = _rest_in(imu, raised, "raised") if raised is not None else _farthest(imu.acc, rests)
+        done = mount_from_poses(imu.acc[first], imu.acc[second], frame=frame, turn=_turn(imu, first, second))
+    if capture.base is None or capture.base.acc is None:
+        text = "the accelerometer is not calibrated: each 10 mg of its bias are 0.6° of roll and pitch"
+        done = Mounted(done.mount, (*done.remarks, f"{text}; calibrate it first, and give the card."))
+    return done
+
+
+def mount_by_reference(estimate: AttitudeTrack, reference: AttitudeTrack) -> Mounted:
+    """Mounting from the attitude that was estimated in the axes of the unit, and that of the body."""
+    policy = heading_policy(estimate.north, reference.north, aligned=False, declination=None)
+    if not policy.comparable:
+        raise FrameError(f"a mounting is found from full attitudes, but {policy.reason}.")
+    match = associate(estimate, reference)
+    q_nb = change_frame(match.q_ref[match.scored], to=estimate.frame, from_=reference.frame)
+    return mount_from_attitudes(estimate.q_nb[match.scored], q_nb)
+
+
+def _rest_in(imu: ImuData, span: Span, pose: str) -> slice:
+    """Longest stretch at rest in a span."""
+    first, stop = imu.t.searchsorted(span).tolist()
+    part = imu[first:stop] if stop - first > 1 else None
+    rests = [] if part is None or part.acc is None else stills(part.t, part.acc, part.gyr)
+    if not rests:
+        text = f"from {span[0]:g} to {span[1]:g} s, where it should be {pose}, the body was not at rest for a second."
+        raise CaptureRefusedError(Reason("not-still", text, f"Name a span in which it is {pose} and at rest."))
+    longest = max(rests, key=lambda rest: rest.stop - rest.start)
+    return slice(first + longest.start, first + longest.stop)
+
+
+def _farthest(acc: Floats, rests: list[slice]) -> slice:
+    """Stretch that leans farthest from the first; the others must be one of the two poses."""
+    if len(rests) == 1:
+        text = "the unit was at rest only once."
+        advice = "Raise the nose and let it rest again; for roll and pitch alone, ask for the level pose only."
+        raise CaptureRefusedError(Reason("no-motion", text, advice))
+    up = np.array([acc[rest].mean(axis=0) for rest in rests])
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    lean = np.arccos(np.clip(up @ up[0], -1.0, 1.0))
+    last = int(np.argmax(lean))
+    other = np.minimum(lean, np.arccos(np.clip(up @ up[last], -1.0, 1.0))) > SAME_POSE
+    if other.any():
+        angles = ", ".join(f"{to_deg(angle):.0f}°" for angle in lean[1:])
+        text = f"after the first, stretches at rest lean by {angles}, which is more than two poses."
+        raise CaptureRefusedError(Reason("no-motion", text, "Say which pose is level and which is raised."))
+    return rests[last]
+
+
+def _turn(imu: ImuData, pose: slice, other: slice) -> Floats | None:
+    """Rotation vector (3,) between two stretches at rest, axes of the case; None where that is not known."""
+    first, last = sorted((pose, other), key=lambda part: part.start)
+    if imu.gyr is None or last.start < first.stop:
+        return None
+    between = slice(first.stop - 1, last.start + 1)
+    turned = (imu.gyr[between] - imu.gyr[first].mean(axis=0))[1:] * np.diff(imu.t[between])[:, np.newaxis]
+    if not np.isfinite(turned).all():
+        return None
+    q = quat_from_rotvec(turned)
+    while len(q) > 1:  # pairs of neighbours, then pairs of pairs
+        even = len(q) // 2 * 2
+        q = np.concatenate((quat_multiply(q[:even:2], q[1:even:2]), q[even:]))
+    return rotvec_from_quat(q[0])

@@ -25,8 +25,7 @@ from plumbob.rotations import quat_from_rotvec, quat_multiply, quat_rotate
 _X, _Y, _Z = np.eye(3)
 _FACES = [sign * axis for axis in (_X, _Y, _Z) for sign in (1, -1)]
 _EDGES = [a * u + b * v for u, v in ((_X, _Y), (_X, _Z), (_Y, _Z)) for a, b in product((1, -1), repeat=2)]
-REGIONS: Final = np.array(_FACES + [edge / np.sqrt(2.0) for edge in _EDGES])
-"""Directions of the faces and then of the edges, (18, 3), of length 1."""
+REGIONS: Final = np.array(_FACES + [edge / np.sqrt(2.0) for edge in _EDGES])  # (18, 3), of length 1: faces, then edges
 REGIONS.flags.writeable = False
 
 NAMES: Final = tuple(
@@ -53,12 +52,8 @@ def region_names(regions: Iterable[int]) -> str:
     return ", ".join(NAMES[i] for i in regions)
 
 
-TILT_RANGE: Final = deg(45.0)
-"""Inclination up to which errors are told, unless one is asked for, rad."""
-
-Model = tuple[Floats, Floats]
-"""Matrix (3, 3) and bias (3,) of a calibration."""
-
+TILT_RANGE: Final = deg(45.0)  # inclination up to which errors are told, unless one is asked for, rad
+Model = tuple[Floats, Floats]  # matrix (3, 3) and bias (3,) of a calibration
 _TILTS: Final = 8
 _COURSES: Final = 12
 
@@ -66,8 +61,7 @@ _COURSES: Final = 12
 def tilt_sd(matrix: Floats, covariance: Floats, *, size: float, tilt_range: float = TILT_RANGE) -> float:
     """Standard deviation of the inclination that an accelerometer gives, rad: that of the error's length.
 
-    By the matrix (3, 3) and the covariance (12, 12) of bias and matrix, gravity being `size`, up to the `tilt_range`,
-    rad.
+    By the covariance (12, 12) of bias and matrix, gravity being `size`, up to the `tilt_range`, rad.
     """
     down_b = attitudes(tilt_range)[:, :, 2]
     errors = _errors(matrix, size * down_b)
@@ -77,16 +71,9 @@ def tilt_sd(matrix: Floats, covariance: Floats, *, size: float, tilt_range: floa
 
 
 def heading_sd(matrix: Floats, covariance: Floats, *, size: float, dip: float, tilt_range: float = TILT_RANGE) -> float:
-    """Standard deviation of the heading that a magnetometer gives with a true horizon, rad.
+    """Standard deviation of the heading that a magnetometer gives with a true horizon, rad; arguments as in `tilt_sd`.
 
-    Parameters
-    ----------
-    matrix, covariance, tilt_range
-        As in `tilt_sd`.
-    size : float
-        Strength of the field, in the unit of the calibrated vector.
-    dip : float
-        Angle of the field below the horizon, rad.
+    `size` is the field's strength in the unit of the calibrated vector, `dip` its angle below the horizon, rad.
     """
     axes = attitudes(tilt_range)
     north_b, east_b, down_b = np.moveaxis(axes, 2, 0)

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
     from plumbob.calibration.calibrate_gyro import Plateau
     from plumbob.calibration.counts import CountsCalibration
-    from plumbob.calibration.fit import Fitted
-    from plumbob.calibration.mount import Mounted
+    from plumbob.calibration.fit import Fitted, Mounted
 
 Note = Callable[[str], None]
 Value = float | str | None
@@ -259,7 +258,7 @@ def _accel(
     latitude: Value = None,
     height: Value = None,
 ) -> Found:
-    from plumbob.calibration.calibrate_accel import calibrate_accel
+    from plumbob.calibration.acc import calibrate_accel
 
     at = chosen_gravity(gravity=gravity, latitude=latitude, height=height)
     return {"acc": calibrate_accel(opened.imu, shape=shape, gravity=at, moving=moving)}, None
@@ -270,9 +269,8 @@ def _gyro(opened: Capture, _say: Note, *, method: str = "auto", preset: str | No
 
     if preset is not None:
         check.one_of("preset", preset, ("trackball",))
-        return gyro.gyro_of_trackball(opened), None
-    fits = {"auto": gyro.gyro_by_choice, "rest": gyro.gyro_at_rest, "hand": gyro.gyro_by_hand}
-    return fits[check.one_of("method", method, tuple(fits))](opened), None
+        return {"gyr": gyro.fit_gyro(opened, "trackball")}, None
+    return {"gyr": gyro.fit_gyro(opened, check.one_of("method", method, ("auto", "rest", "hand")))}, None
 
 
 def _ferraris(
@@ -344,9 +342,9 @@ def _table(
 
 
 def _temperature(opened: Capture, _say: Note) -> Found:
-    from plumbob.calibration.calibrate_gyro import gyro_over_temperature
+    from plumbob.calibration.calibrate_gyro import fit_gyro
 
-    return gyro_over_temperature(opened), None
+    return {"gyr": fit_gyro(opened, "temperature")}, None
 
 
 def _mount(
@@ -360,7 +358,7 @@ def _mount(
     estimate: str | Path | Recording | None = None,
     reference: str | Path | Recording | None = None,
 ) -> Found:
-    from plumbob.calibration.calibrate_mount import mount_by_poses, mount_by_reference
+    from plumbob.calibration.mount import mount_by_poses, mount_by_reference
 
     if (reference is None) != (estimate is None):
         raise ParameterError("reference and estimate belong together: attitudes of the body and of the unit.")

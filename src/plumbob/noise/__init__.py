@@ -3,8 +3,7 @@
 from plumbob.noise.analysis import Averages, analyse, analyse_averages, with_curve
 from plumbob.noise.compare import ChannelComparison, DeviationComparison, compare
 from plumbob.noise.curve import ONE_SIGMA, Curve, curve, curves, edf, identify, interval, make_curve, skew_edf
-from plumbob.noise.every import every_adev
-from plumbob.noise.factors import KINDS, Averager, deviation, log_factors, stream_factors
+from plumbob.noise.factors import KINDS, Averager, deviation, every_adev, log_factors, stream_factors
 from plumbob.noise.findings import Analysis, Coefficient, Deviation, Estimates, GaussMarkov, Mask, Sinusoid
 from plumbob.noise.stream import AllanStream, StreamResult
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS

@@ -37,11 +37,9 @@ from plumbob.noise.factors import Factors, kind_named
 from plumbob.noise.static import StaticReport, bridged
 from plumbob.noise.static_record import Channels, StaticRecord
 
-IN_MEMORY: Final = 1 << 24
-"""Bytes of a file of bare numbers up to which it is read whole."""
-
+IN_MEMORY: Final = 1 << 24  # bytes of a file of bare numbers up to which it is read whole
+# S; every one that the record allows; or evenly spaced in their logarithm.
 Taus = Sequence[float] | Literal["all"] | None
-"""Averaging times, s; every one that the record allows; or evenly spaced in their logarithm."""
 
 _Done = Callable[[int], None]
 
@@ -52,26 +50,10 @@ _ROUNDED = 0.01  # of an averaging time: more is another one
 def characterise(
     record: StaticRecord, report: StaticReport, *, taus: Taus = None, progress: _Done | None = None
 ) -> list[Analysis]:
-    """Analyse every channel of a record.
+    """Analyse every channel of a record, those of sensors that the report refuses left out.
 
-    Parameters
-    ----------
-    record : StaticRecord
-        Channels, as `load_static` opens them.
-    report : StaticReport
-        What `check_static` found; a sensor that it refuses is left out, what it skips is bridged by its neighbours,
-        and its warnings stand in the notes.
-    taus : sequence of float, "all" or None
-        Averaging times of the curve. The coefficients are found on log-spaced ones all the same.
-    progress : callable, optional
-        Is given the bytes that are done, for files larger than memory.
-
-    Raises
-    ------
-    ShapeError
-        If no sensor of the record is static, or parts of a file that is larger than memory would have to be skipped.
-    ParameterError
-        If an averaging time does not fit the record, or every one is asked of a file that is larger than memory.
+    What it skips is bridged by its neighbours, and its warnings stand in the notes. `taus` are those of the curve; the
+    coefficients are found on log-spaced ones all the same. `progress` is given the bytes that are done.
     """
     analyses: list[Analysis] = []
     for group in _sound(record, report):
@@ -109,10 +91,7 @@ def deviations(record: StaticRecord, report: StaticReport, kind: str, *, taus: T
 def comparisons(
     before: tuple[StaticRecord, StaticReport], after: tuple[StaticRecord, StaticReport], *, taus: Taus = None
 ) -> list[ChannelComparison]:
-    """Compare the channels of two records.
-
-    ShapeError if one is not static, or they have other channels or rates.
-    """
+    """Compare the channels of two records, which must have the same ones and rates."""
     first, second = (_sound(record, report) for record, report in (before, after))
     compared = []
     alone = all([len(g.names) for g in groups] == [1] for groups in (first, second))  # whatever the files are called

@@ -14,7 +14,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, UnitError
 from plumbob.core.findings import Note, warning
 from plumbob.core.units import Quantity
-from plumbob.noise.bands import LeftOut, least_squares, leave_out, lines, mask_first_order
+from plumbob.noise.bands import least_squares, leave_out, lines, mask_first_order
 from plumbob.noise.curve import Curve, curve, interval, skew_edf, with_noise
 from plumbob.noise.findings import Analysis, Band, Candidate, Coefficient, Estimates, GaussMarkov, Mask
 from plumbob.noise.likelihood import (
@@ -30,9 +30,7 @@ from plumbob.noise.likelihood import (
 from plumbob.noise.spectrum import LETTERS, Spectrum, densities, edges, find_sinusoids, ramp_coefficients, spectrum
 from plumbob.noise.terms import DATASHEET, variance
 
-BETTER: Final = 10.0
-"""By so much must the criterion of Schwarz be smaller for a Gauss–Markov process to be taken in: strong evidence."""
-
+BETTER: Final = 10.0  # by which the criterion of Schwarz must be smaller for a Gauss–Markov process: strong evidence
 _FIVE, _SEVEN = "Q N B K R", "Q N B K R + Gauss-Markov"
 _TIMES = 7  # correlation times from which the search for a Gauss–Markov process starts
 _INSIDE = 4.0  # times must a process's corner lie below the highest frequency; nearer, it is the device's filter
@@ -51,13 +49,7 @@ class Choice(NamedTuple):
 
 
 def choose(kept: Spectrum) -> Choice:
-    """Fit with or without a Gauss–Markov process, by the criterion of Schwarz [Schwarz1978].
-
-    Parameters
-    ----------
-    kept : Spectrum
-        Of the frequencies that no filter has bent.
-    """
+    """Fit with or without a Gauss–Markov process, by the criterion of Schwarz [Schwarz1978]."""
     plain = fit(kept)
     low, high = _INSIDE / (2.0 * math.pi * float(kept.frequency[-1])), 0.1 * kept.count * kept.step
     starts = np.geomspace(low, high, _TIMES) if high > low else ()
@@ -70,45 +62,27 @@ def choose(kept: Spectrum) -> Choice:
     markov = GaussMarkov(*markov_coefficients(kept, richer)) if taken else None
     least = min(worse, 0.0)
     candidates = Candidate(_FIVE, -least, not taken), Candidate(_SEVEN, worse - least, taken)
-    notes = (_tie(richer),) if abs(worse) <= BETTER else ()
+    notes: tuple[str, ...] = ()
+    if abs(worse) <= BETTER:
+        notes = (
+            f"a Gauss-Markov process with a correlation time of about {math.exp(richer.logs[-1]):.2g} s would explain "
+            "the record as well as bias instability does; it cannot show which",
+        )
     if not taken:
         return Choice(plain, None, candidates, notes)
-    smoothed = math.exp(richer.logs[-1]) if _alone_at_the_top(kept, richer) else None
+    others = float(richer.squares @ densities(kept)[:, -1])  # at the highest frequencies, beside the process
+    smoothed = math.exp(richer.logs[-1]) if others < 0.5 * float(richer.density[-1]) else None
     return Choice(richer, markov, candidates, notes, smoothed)
 
 
-def _alone_at_the_top(unmasked: Spectrum, richer: LikelihoodFit) -> bool:
-    """Whether the process makes more of the highest frequencies than all other terms."""
-    others = float(richer.squares @ densities(unmasked)[:, -1])
-    return others < 0.5 * float(richer.density[-1])
-
-
-def _tie(richer: LikelihoodFit) -> str:
-    time = math.exp(richer.logs[-1])
-    return (
-        f"a Gauss-Markov process with a correlation time of about {time:.2g} s would explain the record as well "
-        "as bias instability does; it cannot show which"
-    )
-
-
-SHOWN: Final = 3.0
-"""A record shows a term when the coefficient is so many of its standard deviations."""
-LONGEST: Final = 10_000.0
-"""Hours beyond which no length is named: more than a year."""
-
+SHOWN: Final = 3.0  # a record shows a term when the coefficient is so many of its standard deviations
+LONGEST: Final = 10_000.0  # hours beyond which no length is named: more than a year
 _RAMP = 64  # coefficients in which all is that is known about a ramp, but for 1e-4
 _STEPS = np.arange(0.0, 40.0)  # of √2 in length
 
 
-def with_hours(terms: Mapping[str, Coefficient], dt: float, duration: float) -> dict[str, Coefficient]:
-    """Say for each term that the record does not show how long one would have to be that shows half of its limit.
-
-    `dt` is the sampling time, `duration` the record's, s.
-    """
-    return {letter: replace(c, hours=_hours(letter, terms, dt, duration)) for letter, c in terms.items()}
-
-
-def _hours(letter: str, terms: Mapping[str, Coefficient], dt: float, duration: float) -> float | None:
+def hours_needed(letter: str, terms: Mapping[str, Coefficient], dt: float, duration: float) -> float | None:
+    """Length of a record, h, that shows half of a term's limit; None where `duration`, s, is enough, or no year is."""
     coefficient = terms[letter]
     size = 0.5 * coefficient.upper
     if coefficient.observable or not size > 0.0:
@@ -154,10 +128,7 @@ def _imagined(count: int, dt: float) -> tuple[Spectrum, Floats]:
     return thought, densities(thought)
 
 
-SURE: Final = 0.9973
-"""Confidence of the curve's interval whose upper end no term may exceed: three standard deviations, for it is asked at
-every averaging time."""
-
+SURE: Final = 0.9973  # of the interval whose upper end no term may exceed: 3 sd, as it is asked at every averaging time
 _KNOWN: Final = 0.1  # of the record: of longer averages, nobody knows an interval that holds in so many cases
 _LONGEST: Final = 0.25  # of the record; of longer averages there are less than three differences
 _LEAST: Final = 2.0  # ratio of the averaging times at which a slow term is judged
@@ -181,11 +152,12 @@ def within_the_curve(
         shown = [letter for letter in _JUDGED if terms[letter].observable]
         more = {w: why for w in shown if (why := _against(w, terms, limits[w], of, mask))}
         if not more:
-            return (
-                {w: _limited(c, limits[w].most) if w in reasons else c for w, c in terms.items()},
-                fitted,
-                (*reasons.values(),),
-            )
+            for letter in reasons:
+                c, most = terms[letter], limits[letter].most
+                terms[letter] = replace(
+                    c, value=min(c.value, most), lo=0.0, hi=min(c.hi, most), upper=min(c.upper, most)
+                )
+            return terms, fitted, tuple(reasons.values())
         reasons |= more
 
 
@@ -231,18 +203,11 @@ def _leaves(letter: str, terms: Mapping[str, Coefficient], of: Curve, mask: Mask
     )
 
 
-def _limited(c: Coefficient, most: float) -> Coefficient:
-    """A coefficient with the limit that the curve sets it."""
-    return replace(c, value=min(c.value, most), lo=0.0, hi=min(c.hi, most), upper=min(c.upper, most))
-
-
 def _judged(letter: str, of: Curve, mask: Mask, longest: float) -> NDArray[np.bool_]:
     return (of.dev > 0.0) & (of.n <= longest * of.count) & ((letter == "Q") | (of.n >= mask.n))
 
 
-FEWEST: Final = 100
-"""Samples below which not even the white noise of a record is worth a number."""
-
+FEWEST: Final = 100  # samples below which not even the white noise of a record is worth a number
 _MISFIT = 0.2  # of the density over an octave, above which a reader is told
 _SURE = 4.0  # standard deviations of it
 
@@ -318,8 +283,13 @@ def analyse_averages(
     step = of.dt * averages.averaged
     sinusoids, residual = find_sinusoids(averages.values, step, averages.averaged)
     full_spectrum = spectrum(residual, of.dt, averages.averaged)
-    left_out, choice = _modelled(full_spectrum, of)
+    left_out = leave_out(full_spectrum, of.n)
     unmasked, mask, bands = left_out.kept, left_out.mask, left_out.bands
+    choice = choose(unmasked)
+    if choice.smoothed is not None:
+        mask, below = mask_first_order(left_out.whole, choice.smoothed, of.n)
+        if below is not None:
+            unmasked, choice = below, choose(below)
     by_likelihood, best, doubted = within_the_curve(unmasked, choice.best, of, mask, bands)
     likely = most_likely(best, by_likelihood["R"])
     if choice.smoothed is not None:  # of what was smoothed away, nothing
@@ -329,7 +299,8 @@ def analyse_averages(
     if averages.averaged > 1 and "Q" in by_squares.terms:
         by_likelihood["Q"] = by_squares.terms["Q"]
         likely["Q"] = by_squares.terms["Q"].value
-    quoted = with_hours(by_likelihood, of.dt, of.count * of.dt)
+    hours = {letter: hours_needed(letter, by_likelihood, of.dt, of.count * of.dt) for letter in by_likelihood}
+    quoted = {letter: replace(c, hours=hours[letter]) for letter, c in by_likelihood.items()}
     analysis = Analysis(
         name=name,
         quantity=quantity,
@@ -363,17 +334,6 @@ def with_curve(analysis: Analysis, of: Curve) -> Analysis:
     ahead, behind = (analysis.model(of.tau * math.exp(sign * step)) for sign in (1.0, -1.0))
     slope = np.log(ahead / behind) / step  # of the variance: twice that of the deviation, over two steps
     return replace(analysis, curve=with_noise(of, np.where(modelled, -1.0 - slope, of.alpha)))
-
-
-def _modelled(full_spectrum: Spectrum, of: Curve) -> tuple[LeftOut, Choice]:
-    """What is left out, what is left, and the model of it."""
-    left_out = leave_out(full_spectrum, of.n)
-    choice = choose(left_out.kept)
-    if choice.smoothed is None:
-        return left_out, choice
-    mask, below = mask_first_order(left_out.whole, choice.smoothed, of.n)
-    left_out = left_out._replace(mask=mask)
-    return (left_out, choice) if below is None else (left_out._replace(kept=below), choose(below))
 
 
 def _notes(unmasked: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, Coefficient]) -> Iterator[Note]:

@@ -38,40 +38,36 @@ from plumbob.noise.curve import Curve, edf
 from plumbob.noise.findings import Band, Coefficient, Estimates, GaussMarkov, Mask, Sinusoid
 from plumbob.noise.likelihood import CLEAR, LikelihoodFit, departures, fit
 from plumbob.noise.spectrum import LETTERS, Spectrum, densities, sampled_densities
-from plumbob.noise.terms import FAR, TERMS, Term, allan_transfer, grid, variance
+from plumbob.noise.terms import FAR, TERMS, allan_transfer, grid, variance
 
 _WEIGHINGS = 6
 _SAMPLED_TO = 64  # from so many samples on, sampled flicker noise has its flat line to 0.1 %
 
 
 def least_squares(curve: Curve, *, first: int = 1, others: Sequence[Sinusoid | Band | GaussMarkov] = ()) -> Estimates:
-    """Fit Q, N, B, K and R to an overlapping Allan deviation from the averaging factor `first` on.
-
-    `others` are what else is in the curve, already known.
-    """
+    """Fit Q, N, B, K and R to a curve from the factor `first` on, beside `others` that are already known."""
     used = curve.n >= first
     n, tau = curve.n[used], curve.tau[used]
     if n.size <= len(TERMS):
         return Estimates("least squares", {})
     background = np.sum([other.variance(tau) for other in others] + [np.zeros(tau.size)], axis=0)
-    columns = _columns(n, curve.dt)
+    columns = np.stack([variance(letter, 1.0, tau) for letter in TERMS], axis=1)  # [Chen2013] (14)
+    few = n < _SAMPLED_TO
+    if few.any():  # sampled flicker noise at few samples included
+        frequency, width = grid(_SAMPLED_TO, curve.dt)
+        flicker = sampled_densities(frequency, curve.dt)[LETTERS.index("B")]
+        columns[few, list(TERMS).index("B")] = allan_transfer(n[few], frequency, curve.dt) @ (flicker * width)
     measured = curve.dev[used] ** 2
     squares, inverse = _solve(columns, measured, background, curve, used)
     model: Floats = columns @ squares + background
     covariance: Floats = inverse @ _covariance(curve, n, squares, model) @ inverse.T
     sd = np.sqrt(np.diag(covariance))
-    return Estimates("least squares", {k: _coefficient(v, s) for k, v, s in zip(TERMS, squares, sd, strict=True)})
-
-
-def _columns(n: NDArray[np.int64], dt: float) -> Floats:
-    """Allan variance (m, 5) of each term for a coefficient of 1, sampled flicker noise at few samples included."""
-    columns = np.stack([variance(letter, 1.0, n * dt) for letter in TERMS], axis=1)  # [Chen2013] (14)
-    few = n < _SAMPLED_TO
-    if few.any():
-        frequency, width = grid(_SAMPLED_TO, dt)
-        flicker = sampled_densities(frequency, dt)[LETTERS.index("B")]
-        columns[few, list(TERMS).index("B")] = allan_transfer(n[few], frequency, dt) @ (flicker * width)
-    return np.asarray(columns)
+    terms = {}
+    for letter, square, spread in zip(TERMS, squares, sd, strict=True):  # the ends are those of the square
+        lo, hi, upper = (math.sqrt(max(square + k * spread, 0.0)) for k in (-1.0, 1.0, 1.645))
+        shown = bool(square > 0.0 and square >= CLEAR * spread)
+        terms[letter] = Coefficient(math.sqrt(square), lo, hi, upper, shown)
+    return Estimates("least squares", terms)
 
 
 def _freedom(curve: Curve, n: NDArray[np.int64], model: Floats) -> Floats:
@@ -136,18 +132,10 @@ def _transfer(n: tuple[int, ...], count: int, dt: float) -> Floats:
     return allan_transfer(np.array(n), frequency, dt) * np.sqrt(width)
 
 
-def _coefficient(square: float, sd: float) -> Coefficient:
-    """Root of a square with its interval: the ends are those of the square."""
-    lo, hi, upper = (math.sqrt(max(square + k * sd, 0.0)) for k in (-1.0, 1.0, 1.645))
-    return Coefficient(math.sqrt(square), lo, hi, upper, bool(square > 0.0 and square >= CLEAR * sd))
-
-
 _BENT = 0.2  # of the density: from here on something has shaped it
 _MARGIN = 2.0**1.5  # a low-pass of first order that takes 6 % at a frequency takes 0.8 % so much further down
 _TOLERATED = 0.03  # of the density: what unevenness is nobody's filter
-
 _SURE_OF_A_MASK = 4.0  # standard deviations
-
 _JUDGED = 2.0  # octaves below the cut whose fit is judged
 _PER_OCTAVE = 4
 _LEAST = 100.0  # coefficients without which nothing can be judged
@@ -208,7 +196,9 @@ def _first_factor(spectrum: Spectrum, fitted: LikelihoodFit, cut: float, n: NDAr
     """Smallest factor above which masked frequencies hardly count, and what they add to the spectrum on the whole."""
     model = fitted.squares @ densities(spectrum)
     width = spectrum.width
-    weights = _mean_transfer(n, spectrum)
+    # averaged over a few places of each bin
+    places = np.random.default_rng(0).uniform(-0.5, 0.5, size=(8, width.size)) * width
+    weights = np.mean([allan_transfer(n, spectrum.frequency + p, spectrum.dt) for p in places], axis=0)
     beyond = spectrum.frequency > cut
     excess = (spectrum.power / spectrum.terms - model) * width * beyond
     share = np.abs(weights @ excess) / (weights @ (model * width))
@@ -217,79 +207,46 @@ def _first_factor(spectrum: Spectrum, fitted: LikelihoodFit, cut: float, n: NDAr
     return first, float(excess.sum())
 
 
-def _mean_transfer(n: NDArray[np.int64], spectrum: Spectrum) -> Floats:
-    """Transfer averaged over each bin at a few places of it."""
-    places = np.random.default_rng(0).uniform(-0.5, 0.5, size=(8, spectrum.width.size)) * spectrum.width
-    return np.asarray(np.mean([allan_transfer(n, spectrum.frequency + p, spectrum.dt) for p in places], axis=0))
-
-
 _WITHIN = 0.15  # of the slope
 _DECADES = 0.3  # that a line needs
 _LEAST_EDF = 4.0  # less is not a slope but chance
-
 _REACH_DECADES = 0.15  # decades to either side over which the local slope is taken
 
 
 def lines(curve: Curve, *, first: int = 1) -> Estimates:
-    """Read off every term whose slope the curve shows.
-
-    Parameters
-    ----------
-    curve : Curve
-        Overlapping Allan deviation.
-    first : int
-        Smallest averaging factor to use.
-    """
+    """Read off every term whose slope the curve shows from the factor `first` on."""
     used = (curve.n >= first) & (curve.edf >= _LEAST_EDF) & (curve.dev > 0.0)
     if np.count_nonzero(used) < 3:
         return Estimates("lines", {})
     x, y = np.log10(curve.tau[used]), np.log10(curve.dev[used])
-    slope = _local_slope(x, y)
+    slope = np.empty(x.size)
+    for i in range(x.size):  # of a straight line through the points near each
+        near = np.abs(x - x[i]) <= _REACH_DECADES
+        near[max(i - 1, 0) : i + 2] = True
+        dx = x[near] - np.mean(x[near])
+        slope[i] = np.dot(dx, y[near]) / np.dot(dx, dx)
     terms = {}
     for letter, term in TERMS.items():
         spans = runs(np.abs(slope - term.slope) <= _WITHIN)
         run = slice(*max(spans, key=np.ptp)) if spans else None  # the longest
         if run is not None and x[run.stop - 1] - x[run.start] >= _DECADES:
             height = float(np.mean(y[run] - term.slope * x[run]))
-            terms[letter] = _read(curve, term, height)
+            value = 10.0**height / math.sqrt(term.share)
+            # [Ou2017] takes √3 s for the flat line too
+            samples = (math.sqrt(3.0) if term.read_at is None else term.read_at) / curve.dt
+            terms[letter] = Coefficient(value)
+            if 1.0 <= samples <= 0.5 * curve.count:
+                error = 1.0 / math.sqrt(2.0 * (curve.count / samples - 1.0))  # [Ou2017] (7)
+                terms[letter] = Coefficient(value, value * (1.0 - error), value * (1.0 + error))
     return Estimates("lines", terms)
-
-
-def _read(curve: Curve, term: Term, height: float) -> Coefficient:
-    value = 10.0**height / math.sqrt(term.share)
-    tau = read_at(term)
-    samples = tau / curve.dt
-    if not 1.0 <= samples <= 0.5 * curve.count:
-        return Coefficient(value)
-    error = 1.0 / math.sqrt(2.0 * (curve.count / samples - 1.0))  # [Ou2017] (7)
-    return Coefficient(value, value * (1.0 - error), value * (1.0 + error))
-
-
-def read_at(term: Term) -> float:
-    """Averaging time that the ± of a line belongs to, s; [Ou2017] takes √3 s for the flat line too."""
-    return math.sqrt(3.0) if term.read_at is None else term.read_at
-
-
-def _local_slope(x: Floats, y: Floats) -> Floats:
-    """Slope of a straight line through the points within `_REACH` of each."""
-    slope = np.empty(x.size)
-    for i in range(x.size):
-        near = np.abs(x - x[i]) <= _REACH_DECADES
-        near[max(i - 1, 0) : i + 2] = True
-        dx = x[near] - np.mean(x[near])
-        slope[i] = np.dot(dx, y[near]) / np.dot(dx, dx)
-    return slope
 
 
 Inside = NDArray[np.bool_]
 
 _REACH_OCTAVES = 0.75  # octaves to either side whose median is the floor round about
-
 _LOWEST = 64  # coefficients: 32 cycles in the record; below, a slow wander cannot be told from a band
 _RUNS = (1, 2, 4, 8)  # bins together in which a band is looked for
-
 _SURE_OF_A_BAND = 5.0  # standard deviations above the floor
-
 _TALL: Final = 1.2  # times the floor: less is the unevenness of real sensors
 _SKIRT = 0.03  # of the density: where a band ends
 _STEP = 4  # bins by which it is widened
@@ -305,8 +262,7 @@ class LeftOut(NamedTuple):
     bands: tuple[Band, ...]
     mask: Mask
     kept: Spectrum
-    whole: Spectrum
-    """With the frequencies above the mask, but without the bands."""
+    whole: Spectrum  # with the frequencies above the mask, but without the bands
 
 
 def leave_out(spectrum: Spectrum, n: NDArray[np.int64]) -> LeftOut:
@@ -324,7 +280,7 @@ def leave_out(spectrum: Spectrum, n: NDArray[np.int64]) -> LeftOut:
         inside = grown
         clean = spectrum.only(usable & ~inside)
         fitted = fit(clean)
-    bands = [_band(spectrum, fitted, bins) for bins in _runs(inside) if usable[bins].all()]
+    bands = [_band(spectrum, fitted, bins) for bins in (slice(*run) for run in runs(inside)) if usable[bins].all()]
     bands = [band for band in bands if band.sd > 0.0]  # the last fit may explain what an earlier one did not
     return LeftOut(tuple(sorted(bands, key=lambda b: -b.sd)), mask, clean, spectrum.only(~inside))
 
@@ -336,27 +292,23 @@ def _cores(spectrum: Spectrum) -> Inside:
     terms = spectrum.terms[first:]
     if terms.size < 4 * max(_RUNS):
         return inside
-    floor = terms * _floor(spectrum.power[first:] / terms, spectrum.frequency[first:])
+    # median of the bins as far below as above: of a slope, its own middle
+    mean, octave = spectrum.power[first:] / terms, np.log2(spectrum.frequency[first:])
+    behind = np.arange(mean.size) - np.searchsorted(octave, octave - _REACH_OCTAVES)
+    ahead = np.searchsorted(octave, octave + _REACH_OCTAVES, side="right") - np.arange(mean.size) - 1
+    reach = np.minimum(behind, ahead).tolist()
+    floor = terms * np.array([np.median(mean[i - r : i + r + 1]) for i, r in enumerate(reach)])
     for run in _RUNS:
         power, below, count = (_sums(row, run) for row in (spectrum.power[first:], floor, terms))
         ratio, spread = power / below, 2.0 / (9.0 * count)
         sure = (np.cbrt(ratio) - (1.0 - spread)) / np.sqrt(spread)  # [Wilson1931]: of a χ², as if it were normal
         for k in np.flatnonzero((sure > _SURE_OF_A_BAND) & (ratio > _TALL)).tolist():
             inside[first + k : first + k + run] = True
-    for bins in _runs(inside):
+    for bins in (slice(*run) for run in runs(inside)):
         low, high = spectrum.frequency[bins][[0, -1]]
         if math.log2(high / low) > _NARROW:
             inside[bins] = False
     return inside
-
-
-def _floor(mean: Floats, frequency: Floats) -> Floats:
-    """Median of the bins as far below as above, `_REACH` at most: of a slope, its own middle."""
-    octave = np.log2(frequency)
-    behind = np.arange(mean.size) - np.searchsorted(octave, octave - _REACH_OCTAVES)
-    ahead = np.searchsorted(octave, octave + _REACH_OCTAVES, side="right") - np.arange(mean.size) - 1
-    reach = np.minimum(behind, ahead)
-    return np.array([np.median(mean[i - r : i + r + 1]) for i, r in enumerate(reach.tolist())])
 
 
 def _sums(row: Floats, run: int) -> Floats:
@@ -369,7 +321,7 @@ def _grown(spectrum: Spectrum, fitted: LikelihoodFit, inside: Inside, usable: In
     model = spectrum.terms * (fitted.squares @ densities(spectrum))
     excess = spectrum.without_ramp(fitted.ramp) - model
     grown = inside.copy()
-    for bins in _runs(inside):
+    for bins in (slice(*run) for run in runs(inside)):
         peak = spectrum.frequency[bins][np.argmax((excess / spectrum.terms)[bins])]
         near = usable & (np.abs(np.log2(spectrum.frequency / peak)) <= _WIDEST) & (spectrum.start >= _LOWEST)
         for outward in (range(bins.start - 1, -1, -1), range(bins.stop, near.size)):
@@ -394,7 +346,3 @@ def _band(spectrum: Spectrum, fitted: LikelihoodFit, bins: slice) -> Band:
     half = 0.5 * spectrum.width[bins]
     low, high = float(frequency[0] - half[0]), float(frequency[-1] + half[-1])
     return Band(low, high, math.sqrt(2.0 * float(total[-1])), tuple(places.tolist()), spectrum.dt)
-
-
-def _runs(inside: Inside) -> list[slice]:
-    return [slice(*run) for run in runs(inside)]

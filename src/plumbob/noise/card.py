@@ -24,37 +24,19 @@ from plumbob.noise.terms import DATASHEET
 
 
 def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> NoiseCard:
-    """Card of a unit, for the simulator and the Kalman filters.
+    """Noise card of one unit, from channels named as in "gyr x"; what is no triad of three axes is left out, and said.
 
-    N is taken as it was estimated. Where the record does not show B or K, the card has the value that together with all
-    other terms is the most likely one, often 0: so the card makes the curve that was measured, even where B and K
-    cannot be separated. Their upper limits are not estimates, and a short record would make a good sensor look
-    bad; the limits are reported in the card's `source`. Each value comes with its interval of 68.3 %.
-
-    Parameters
-    ----------
-    analyses : sequence of Analysis
-        Channels "gyr x", "gyr y", "gyr z", and likewise "acc" and "mag". What is not a whole triad is left out, and the
-        card's `source` says so.
-    device : str
-        The unit that was recorded.
-    source : str
-        Recording and method.
-
-    Raises
-    ------
-    ShapeError
-        If there is no triad of three axes, or the white noise of one is not known.
-    UnitError
-        If a triad measures something else than its name says, as plain numbers do.
+    Coefficients that are not observable are those that are most likely, with their limits among the remarks.
     """
     by_name = {triad.name: triad for triad in triads(analyses)}
     complete = {name: by_name[name] for name in UNITS if name in by_name and set(by_name[name].channels) == set(AXES)}
     if not complete:
         raise ShapeError(f"a noise card needs x, y and z of gyr, acc or mag, but there are {_names(by_name)}.")
     for name, triad in complete.items():
-        if triad.quantity.value != UNITS[name]:
-            raise UnitError(f"{name} is in '{triad.quantity}', but a card holds {UNITS[name]}; scale the recording.")
+        if triad.first.quantity.value != UNITS[name]:
+            raise UnitError(
+                f"{name} is in '{triad.first.quantity}', but a card holds {UNITS[name]}; scale the recording."
+            )
     said = [source, *(str(remark) for triad in complete.values() for remark in _remarks(triad))]
     others = {name: triad for name, triad in by_name.items() if name not in complete}
     said += [f"left out, no triad of three axes: {_names(others)}"] if others else []
@@ -69,12 +51,12 @@ def _noise(triad: Triad) -> TriadNoise:
                 f"the white noise of {triad.name} {axis} is not known ({triad.channels[axis].mask.reason}), and "
                 "without it there is no card; record without smoothing, or for longer."
             )
-    return TriadNoise(*(_axes(triad, letter) for letter in "NBK"), *(_interval(triad, letter) for letter in "NBK"))
-
-
-def _axes(triad: Triad, letter: str) -> Floats:
-    """Coefficient of x, y and z: as estimated, or as most likely where it is not observable."""
-    return np.array([_value(triad.channels[axis], letter) for axis in AXES])
+    values = []
+    for letter in "NBK":  # as estimated, or as most likely where it is not observable
+        given = [(a, a.terms.get(letter)) for a in (triad.channels[axis] for axis in AXES)]
+        shown = [c.value if c and (c.observable or letter == "N") else a.most_likely.get(letter, 0.0) for a, c in given]
+        values.append(np.array(shown))
+    return TriadNoise(*values, *(_interval(triad, letter) for letter in "NBK"))
 
 
 def _interval(triad: Triad, letter: str) -> Floats | None:
@@ -84,16 +66,9 @@ def _interval(triad: Triad, letter: str) -> Floats | None:
     return ends if np.isfinite(ends).all() else None
 
 
-def _value(analysis: Analysis, letter: str) -> float:
-    c = analysis.terms.get(letter)
-    if c is not None and (c.observable or letter == "N"):
-        return c.value
-    return analysis.most_likely.get(letter, 0.0)
-
-
 def _remarks(triad: Triad) -> list[Note]:
     """Length of the record, and the limits of what is not observable."""
-    units = DATASHEET[triad.quantity]
+    units = DATASHEET[triad.first.quantity]
     remarks: list[Note] = [info("noise.record", name=triad.name, length=length_and_rate(triad))]
     for letter in ("B", "K"):
         hidden = {axis: c for axis in AXES if (c := triad.channels[axis].terms.get(letter)) and not c.observable}
@@ -146,8 +121,10 @@ def kalibr_yaml(analyses: Sequence[Analysis], *, rostopic: str, source: str = ""
     for name, sensor, quantity in _SENSORS:
         if name not in index:
             raise ShapeError(f"Kalibr needs gyr and acc, but the record has only {', '.join(index)}.")
-        if index[name].quantity is not quantity:
-            raise UnitError(f"{name} is in '{index[name].quantity}', but Kalibr takes {quantity}; scale the recording.")
+        if index[name].first.quantity is not quantity:
+            raise UnitError(
+                f"{name} is in '{index[name].first.quantity}', but Kalibr takes {quantity}; scale the recording."
+            )
         lines += ["", f"# {sensor}: {_ascii(length_and_rate(index[name]))}"]
         for letter, field in _FIELDS:
             lines += _field(f"{sensor}_{field}", index[name], letter)
@@ -157,7 +134,7 @@ def kalibr_yaml(analyses: Sequence[Analysis], *, rostopic: str, source: str = ""
 
 def _field(field: str, triad: Triad, letter: str) -> list[str]:
     """A number and, as comments, what it was made of."""
-    unit = DATASHEET[triad.quantity][letter]
+    unit = DATASHEET[triad.first.quantity][letter]
     squares, comments = [], []
     for axis, analysis in triad.channels.items():
         c = analysis.terms.get(letter, Coefficient(0.0, observable=False))

@@ -106,6 +106,8 @@ def compare(
     ParameterError
         If either has no noise at all, or dt is not above 0.
     """
+    from scipy.stats import f
+
     records = [check.column(name, x) for name, x in (("before", before), ("after", after))]
     for name, record in zip(("before", "after"), records, strict=True):
         if record.size < 2 or np.ptp(record) == 0.0:
@@ -114,20 +116,14 @@ def compare(
     factors = curve(shorter, dt).n if n is None else n
     first, second = (curve(record, dt, factors) for record in records)
     ratio = second.dev / first.dev
-    lo, hi = _interval(ratio, second.edf, first.edf, first.confidence)
+    tail = 0.5 * (1.0 - first.confidence)
+    lo, hi = (ratio / np.sqrt(f.ppf(p, second.edf, first.edf)) for p in (1.0 - tail, tail))
     constant, corner = _filter_between(*(spectrum(record[: shorter.size], dt) for record in records))
-    bent = _bent_below(constant, corner)
+    bent = None if corner is None else FAR / (2.0 * math.pi * corner)
+    if constant is not None:
+        bent = FAR * constant
     notes = tuple(_notes(first.tau, ratio, lo, hi, constant, corner, bent))
     return DeviationComparison(first, second, ratio, lo, hi, constant, corner, bent, notes)
-
-
-def _interval(ratio: Floats, edf_over: Floats, edf_under: Floats, confidence: float) -> tuple[Floats, Floats]:
-    from scipy.stats import f
-
-    tail = 0.5 * (1.0 - confidence)
-    ends = (np.sqrt(f.ppf(p, edf_over, edf_under)) for p in (1.0 - tail, tail))
-    lo, hi = (np.asarray(ratio / end) for end in ends)
-    return lo, hi
 
 
 def _filter_between(before: Spectrum, after: Spectrum) -> tuple[float | None, float | None]:
@@ -162,12 +158,6 @@ def _first_order(frequency: Floats, dt: float, time: float) -> Floats:
     decay = math.exp(-dt / time)
     turn = np.sin(np.pi * frequency * dt)
     return np.asarray(-np.log1p(4.0 * decay * turn**2 / (1.0 - decay) ** 2))
-
-
-def _bent_below(constant: float | None, corner: float | None) -> float | None:
-    if constant is not None:
-        return FAR * constant
-    return None if corner is None else FAR / (2.0 * math.pi * corner)
 
 
 def _notes(

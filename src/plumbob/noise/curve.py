@@ -272,12 +272,10 @@ def _autocovariance(twice_d: int, k: Floats) -> Floats:
     return np.asarray(product * (k if twice_d % 2 == 0 else psi(k + d) + psi(k + 1.0 - d)))
 
 
-PER_OCTAVE = 1.5
-"""Values of a curve that are worth independent ones, in each octave; nearer ones share their noise."""
+PER_OCTAVE = 1.5  # values of a curve that are worth independent ones, in each octave; nearer ones share their noise
+# What ln σ² may lie off a straight line one octave away; it grows with the distance squared. The second derivative of
+# ln σ² over ln τ is 1/4 at most where noises meet whose slopes differ by 1; more would let scatter choose the noise.
 BEND = 0.125 * math.log(2.0) ** 2
-"""What ln σ² may lie off a straight line one octave away; it grows with the distance squared. The second derivative of
-ln σ² over ln τ is 1/4 at most where noises meet whose slopes differ by 1. More would let a curve's scatter choose its
-noise, and intervals of pure noise would hold less often."""
 _KNOTS_PER_OCTAVE = 16
 
 
@@ -309,22 +307,6 @@ def identify(kind: str, count: int, n: ArrayLike, dev: ArrayLike) -> Floats:
     ParameterError
         If there are fewer than two factors, or they do not increase.
     """
-    factors, deviation = _checked(n, dev)
-    step = np.floor(np.log2(factors) * _KNOTS_PER_OCTAVE)
-    knots = np.flatnonzero(np.diff(step, prepend=-1.0) > 0.0)  # some of the many factors that a curve of every n has
-    octave = np.log2(factors[knots])
-    log_square = 2.0 * np.log(deviation[knots])
-    shape = kind_named(kind)
-    half = 0.5 * edf(kind, -1.0, count, factors[knots])  # how it falls with n hardly depends on α
-    slope = _local_slope(octave, log_square - psi(half) + np.log(half), zeta(2.0, half))  # [Bartlett1946]
-    integers = factors[knots].astype(np.int64)
-    rise = [log_variance(shape, level, 2 * integers) - log_variance(shape, level, integers) for level in shape.levels]
-    fall = -np.transpose(rise) / np.log(2.0)  # [Riley2008]: of noise of each level, or of two together, from n to 2n
-    alpha = [np.interp(-steepness, row, shape.levels) for steepness, row in zip(slope, fall, strict=True)]
-    return np.asarray(np.interp(np.log2(factors), octave, alpha))
-
-
-def _checked(n: ArrayLike, dev: ArrayLike) -> tuple[Floats, Floats]:
     factors = check.column("n", n)
     deviation = check.column("dev", dev, factors.size)
     if factors.size < 2 or not (np.diff(factors) > 0.0).all():
@@ -337,17 +319,24 @@ def _checked(n: ArrayLike, dev: ArrayLike) -> tuple[Floats, Floats]:
             f"dev[{bad[0]}] = {deviation[bad[0]]} ({bad.size} such values), but the deviation of noise is positive: "
             "is the record constant, or a steady drift?"
         )
-    return factors, deviation
-
-
-def _local_slope(octave: Floats, value: Floats, variance: Floats) -> Floats:
-    """Slope of `value` over the natural logarithm of n at every point."""
+    step = np.floor(np.log2(factors) * _KNOTS_PER_OCTAVE)
+    knots = np.flatnonzero(np.diff(step, prepend=-1.0) > 0.0)  # some of the many factors that a curve of every n has
+    octave = np.log2(factors[knots])
+    log_square = 2.0 * np.log(deviation[knots])
+    shape = kind_named(kind)
+    half = 0.5 * edf(kind, -1.0, count, factors[knots])  # how it falls with n hardly depends on α
     share = np.minimum(PER_OCTAVE * np.gradient(octave), 1.0)  # what a point tells that its neighbours do not
     distance = octave - octave[:, np.newaxis]
-    weight = share / (variance + (BEND * distance**2) ** 2)
+    weight = share / (zeta(2.0, half) + (BEND * distance**2) ** 2)  # [Bartlett1946]
     middle = (weight * distance).sum(axis=1) / weight.sum(axis=1)
     lever = weight * (distance - middle[:, np.newaxis])
-    return np.asarray((lever @ value) / (lever * distance).sum(axis=1) / math.log(2.0))
+    value = log_square - psi(half) + np.log(half)
+    slope = (lever @ value) / (lever * distance).sum(axis=1) / math.log(2.0)
+    integers = factors[knots].astype(np.int64)
+    rise = [log_variance(shape, level, 2 * integers) - log_variance(shape, level, integers) for level in shape.levels]
+    fall = -np.transpose(rise) / np.log(2.0)  # [Riley2008]: of noise of each level, or of two together, from n to 2n
+    alpha = [np.interp(-steepness, row, shape.levels) for steepness, row in zip(slope, fall, strict=True)]
+    return np.asarray(np.interp(np.log2(factors), octave, alpha))
 
 
 @dataclass(frozen=True, eq=False)
@@ -442,10 +431,7 @@ def curves(rate: ArrayLike, dt: float, n: ArrayLike | None = None, *, kind: str 
 
 
 def with_noise(of: Curve, alpha: ArrayLike) -> Curve:
-    """Curve with the intervals of noise that is known better than from its own slopes.
-
-    `alpha` (m,) is the exponent of the spectrum at each averaging factor; it is brought into the range of the kind.
-    """
+    """Curve with the intervals of noise whose exponents (m,) are known better than from its own slopes."""
     levels = kind_named(of.kind).levels
     exponents = np.clip(check.column("alpha", alpha, of.n.size), levels[0], levels[-1])
     return _judged(of.kind, of.dt, of.count, of.n, of.dev, exponents, of.confidence)

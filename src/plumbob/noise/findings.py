@@ -19,8 +19,7 @@ from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, allan_transfer, var
 
 AXES: Final = ("x", "y", "z")
 
-TRUSTED = 2.0
-"""Degrees of freedom below which a deviation scatters by more than half of itself: pictures fade it."""
+TRUSTED = 2.0  # degrees of freedom below which a deviation scatters by more than half of itself: pictures fade it
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,10 +124,7 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class GaussMarkov:
-    """First-order Gauss–Markov process: standard deviation in the unit of the samples, correlation time in s.
-
-    The coefficients carry their intervals as `Coefficient` does.
-    """
+    """First-order Gauss–Markov process: standard deviation in the unit of the samples, correlation time in s."""
 
     sd: Coefficient
     time: Coefficient
@@ -319,24 +315,13 @@ class Triad(NamedTuple):
     channels: Mapping[str, Analysis]  # by axis; the axis is empty for a channel that stands alone
 
     @property
-    def quantity(self) -> Quantity:
-        """What its samples measure."""
-        return self.first.quantity
-
-    @property
     def first(self) -> Analysis:
         """The first of its channels."""
         return next(iter(self.channels.values()))
 
 
 def triads(analyses: Sequence[Analysis]) -> list[Triad]:
-    """Sort channels into triads by their names: "gyr x", "gyr y" and "gyr z" are axes of "gyr".
-
-    Raises
-    ------
-    ShapeError
-        If no analysis is given, two have the same name, or the axes of a triad are of different quantities.
-    """
+    """Sort channels into triads by their names: "gyr x", "gyr y" and "gyr z" are axes of "gyr"."""
     if not analyses:
         raise ShapeError("a report needs at least one analysis, but analyses is empty.")
     by_name: dict[str, dict[str, Analysis]] = {}
@@ -374,24 +359,16 @@ def length(seconds: float) -> str:
 
 
 def numbers(analyses: Sequence[Analysis]) -> dict[str, Any]:
-    """Everything that was found, strictly valid for JSON.
+    """Everything that was found, strictly valid for JSON, by name of the channel.
 
-    Returns
-    -------
-    dict
-        By name of the channel. A number with a unit is a dictionary of unit and value: the unit inside first, then that
-        of a data sheet, as in ``{"rad/s/rtHz": 8.7e-5, "deg/rth": 0.3}``. What is not known is None.
-
-    Raises
-    ------
-    ShapeError
-        If no analysis is given, or two have the same name.
+    A number with a unit is a dictionary of unit and value: the unit inside first, then that of a data sheet, as in
+    ``{"rad/s/rtHz": 8.7e-5, "deg/rth": 0.3}``. What is not known is None.
     """
     return dict(plain({a.name: _channel_numbers(a) for triad in triads(analyses) for a in triad.channels.values()}))
 
 
 def _channel_numbers(a: Analysis) -> dict[str, Any]:
-    sample = DEVIATION[a.quantity]
+    sample, least = DEVIATION[a.quantity], lowest(a)
     return {
         "quantity": a.quantity.name.lower(),
         "duration_s": a.duration,
@@ -400,7 +377,8 @@ def _channel_numbers(a: Analysis) -> dict[str, Any]:
         **_with_units(a, sample, "mean", "sd", "step"),
         "coefficients": _estimates(a.likelihood, a.quantity),
         "methods": {e.method: _estimates(e, a.quantity) for e in (a.lines, a.least_squares, a.likelihood)},
-        "minimum": _minimum(a),
+        "minimum": least
+        and {"tau_s": least.tau, **_with_units(least, sample, "dev", "lo", "hi"), "risen": least.risen},
         "sinusoids": [
             {
                 **_with_units(s, sample, "amplitude", "amplitude_sd"),
@@ -430,13 +408,6 @@ def _estimates(estimates: Estimates, quantity: Quantity) -> dict[str, Any]:
 
 def _coefficient(c: Coefficient, name: str) -> dict[str, Any]:
     return {**_with_units(c, name, "value", "lo", "hi", "upper"), "observable": c.observable, "hours": c.hours}
-
-
-def _minimum(a: Analysis) -> dict[str, Any] | None:
-    least = lowest(a)
-    if least is None:
-        return None
-    return {"tau_s": least.tau, **_with_units(least, DEVIATION[a.quantity], "dev", "lo", "hi"), "risen": least.risen}
 
 
 def numbers_of_curve(curve: Curve, sample: str) -> dict[str, Any]:

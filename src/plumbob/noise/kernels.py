@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel, wide
 
+# Differences that are taken for all factors before the next are; their sum passes no more roundings than that, and a
+# tile of modified deviations has a running sum of its own.
 TILE = 4096
-"""Differences that are taken for all factors before the next are. Their sum passes no more than so many roundings,
-whatever order a processor adds in, and a tile of modified deviations has a running sum of its own."""
 
 
 @kernel
@@ -131,9 +131,8 @@ def third_squares(points: Floats, n: NDArray[np.int64], sums: Floats) -> None:
 def modified_squares(angle: Floats, n: NDArray[np.int64], sums: Floats) -> None:
     """Add the sum of squares of all means of n neighbouring second differences of θ at spacing n to sums[j], n = n[j].
 
-    They are third differences of the running sum of θ, over n. That of a long record is large enough for its rounding
-    to show at small n, so these take a running sum of their own tile, about a line, which third differences do not
-    see.
+    They are third differences of the running sum of θ, over n. At small n its rounding would show, so these take a
+    running sum of their own tile, about a line, which third differences do not see.
     """
     _modified_squares(angle, n, np.zeros(angle.shape[0] + 1), np.zeros(2 * TILE + 1), sums)
 

@@ -227,12 +227,8 @@ def _solve(now: Iterate, free: NDArray[np.bool_], damping: float, step: Floats, 
     return longest
 
 
-CLEAR: Final = 2.0
-"""A term is observable when the likelihood with it is larger by as much as that of a value so many sd from 0."""
-
-CLEARLY: Final = 9.0
-"""By so much must the deviance fall for two terms to be there together though neither is by itself: chance of 1 %."""
-
+CLEAR: Final = 2.0  # sd from 0 of a value whose likelihood is as much less as that without an observable term
+CLEARLY: Final = 9.0  # fall of the deviance for two terms together though neither shows by itself: chance of 1 %
 _WALK = LETTERS.index("K")
 _NOTHING = -300.0  # logarithm of a coefficient that is not there: its square is still a number
 _ONE_SIDED = 0.02275  # of a normal distribution beyond 2 sd
@@ -263,15 +259,7 @@ class LikelihoodFit:
 
 
 def fit(spectrum: Spectrum, *, markov_time: float | None = None) -> LikelihoodFit:
-    """Find the most likely coefficients.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Of the record.
-    markov_time : float, optional
-        With a Gauss–Markov process, starting from this correlation time, s.
-    """
+    """Find the most likely coefficients; with a Gauss–Markov process, starting from its correlation time, s."""
     model = _Model(spectrum)
     return model.search(model.begin(markov_time))
 
@@ -303,24 +291,7 @@ def coefficients(
 def departures(
     spectrum: Spectrum, found: LikelihoodFit, group: NDArray[np.int64]
 ) -> Iterator[tuple[NDArray[np.bool_], float, float]]:
-    """Part by which the power of each group of bins departs from a fit.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-        The one that was fitted.
-    found : LikelihoodFit
-        The fit.
-    group : ndarray (m,)
-        Group of each bin; of those below 0 nothing is asked.
-
-    Yields
-    ------
-    inside : ndarray (m,) of bool
-        Bins of the group.
-    excess, sd : float
-        Mean of power over density, less 1; and the standard deviation that chance gives it.
-    """
+    """Bins (m,) of each `group` (m,) from 0 on, the part by which their power departs from a fit, and its chance sd."""
     ratio = spectrum.without_ramp(found.ramp) / found.density
     for i in np.unique(group[group >= 0]):
         inside = group == i
@@ -370,7 +341,13 @@ class _Model:
 
     def begin(self, markov_time: float | None) -> Floats:
         """Terms that each touch the spectrum from below, as the tangents of a curve do."""
-        smooth = _smoothed(self.spectrum, self.bins.power / self.bins.terms)
+        # mean density with a χ² of at least 16 coefficients behind each value, so that a minimum means something
+        terms = self.spectrum.terms
+        total = np.cumsum(np.concatenate(([0.0], self.bins.power / self.bins.terms * terms)))
+        count = np.concatenate(([0.0], np.cumsum(terms)))
+        ahead = np.minimum(np.searchsorted(count, count[:-1] + 16.0), terms.size)
+        behind = np.minimum(np.arange(terms.size), np.searchsorted(count, max(count[-1] - 16.0, 0.0), side="right"))
+        smooth = (total[ahead] - total[behind]) / np.maximum(count[ahead] - count[behind], 1.0)
         process = [] if markov_time is None else [markov_density(self.bins.process, markov_time)]
         logs = [0.5 * math.log(0.5 * np.min(smooth / row)) for row in [*self.bins.rows, *process]]
         return np.array(logs if markov_time is None else [*logs, math.log(markov_time)])
@@ -387,13 +364,16 @@ class _Model:
 
     def interval(self, best: LikelihoodFit, k: int, wider: float = 1.0) -> Coefficient:
         """Coefficient k with its interval, so many times wider in the logarithm."""
-        sd = wider * _sd_of_log(best, k)
+        sd = wider * math.sqrt(max(_covariance(best)[k, k], 0.0))
         value = math.exp(best.logs[k])
         if sd < _SHARP:
             return Coefficient(value, value * math.exp(-sd), value * math.exp(sd), value * math.exp(1.645 * sd))
         values, profile, _ = self._profile(best, k, wider)
         profile = profile / wider**2
-        lo, median, hi, upper = _quantiles(values, profile)
+        fine = np.linspace(values[0], values[-1], 4001)
+        weight = np.exp(_monotone(values, profile, fine))
+        share = np.concatenate(([0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))))
+        lo, median, hi, upper = np.interp(_QUANTILES, share / share[-1], fine).tolist()
         clear = float(profile.max() - profile[0]) >= 0.5 * CLEAR**2
         return Coefficient(median, lo, hi, upper, clear)
 
@@ -402,7 +382,7 @@ class _Model:
         from scipy.special import ndtr
 
         weights, fits = np.ones(1), [best]
-        if _sd_of_log(best, _WALK) >= _SHARP:
+        if math.sqrt(max(_covariance(best)[_WALK, _WALK], 0.0)) >= _SHARP:
             _, profile, fits = self._profile(best, _WALK)
             weights = np.exp(profile)
         centres, sds = (np.array([getattr(f, name) for f in fits]) for name in ("ramp", "ramp_sd"))
@@ -435,10 +415,6 @@ class _Model:
             fits.append(now)
         profile = -0.5 * np.array([f.deviance for f in fits[::-1]])
         return values, profile - profile.max(), fits[::-1]
-
-
-def _sd_of_log(best: LikelihoodFit, k: int) -> float:
-    return float(math.sqrt(max(_covariance(best)[k, k], 0.0)))
 
 
 def _covariance(best: LikelihoodFit) -> Floats:
@@ -477,13 +453,6 @@ def octaves(spectrum: Spectrum) -> NDArray[np.int64]:
     return np.asarray(np.floor(np.log2(spectrum.frequency / spectrum.frequency[0])), dtype=np.int64)
 
 
-def _quantiles(values: Floats, profile: Floats) -> list[float]:
-    fine = np.linspace(values[0], values[-1], 4001)
-    weight = np.exp(_monotone(values, profile, fine))
-    share = np.concatenate(([0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))))
-    return [float(v) for v in np.interp(_QUANTILES, share / share[-1], fine)]
-
-
 def _monotone(x: Floats, y: Floats, at: Floats) -> Floats:
     """Cubic interpolation between evenly spaced places that does not overshoot, as SciPy's pchip.
 
@@ -508,12 +477,3 @@ def _end_slope(rise: float, following: float) -> float:
     if slope * rise <= 0.0:
         return 0.0
     return 3.0 * rise if rise * following < 0.0 and abs(slope) > 3.0 * abs(rise) else slope
-
-
-def _smoothed(spectrum: Spectrum, mean: Floats) -> Floats:
-    """Mean density with a χ² of at least 16 coefficients behind each value, so that a minimum means something."""
-    total = np.cumsum(np.concatenate(([0.0], mean * spectrum.terms)))
-    count = np.concatenate(([0.0], np.cumsum(spectrum.terms)))
-    ahead = np.minimum(np.searchsorted(count, count[:-1] + 16.0), mean.size)
-    behind = np.minimum(np.arange(mean.size), np.searchsorted(count, max(count[-1] - 16.0, 0.0), side="right"))
-    return np.asarray((total[ahead] - total[behind]) / np.maximum(count[ahead] - count[behind], 1.0))

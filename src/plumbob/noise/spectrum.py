@@ -14,9 +14,8 @@ integration [Kasdin1995] and of random walks have exactly these.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -81,17 +80,7 @@ class Spectrum:
 
 
 def spectrum(samples: Floats, dt: float, averaged: int = 1) -> Spectrum:
-    """Transform a record.
-
-    Parameters
-    ----------
-    samples : ndarray (N,)
-        Evenly spaced values, or means of `averaged` of them.
-    dt : float
-        Sampling time before averaging, s.
-    averaged : int
-        How many samples each value is the mean of.
-    """
+    """Transform evenly spaced values (N,), or means of `averaged` of them; dt, s, is before averaging."""
     from scipy.fft import dct
 
     count = samples.size
@@ -119,8 +108,7 @@ def ramp_coefficients(j: NDArray[np.int64], count: int, step: float) -> Floats:
     return np.asarray(-np.sqrt(0.5 / count) * step**1.5 * np.cos(angle) / sine**2)
 
 
-LETTERS = ("Q", "N", "B", "K")
-"""The random terms, in the order of the rows that `densities` returns."""
+LETTERS = ("Q", "N", "B", "K")  # the random terms, in the order of the rows that `densities` returns
 
 
 def sampled_densities(frequency: Floats, dt: float) -> Floats:
@@ -132,7 +120,12 @@ def sampled_densities(frequency: Floats, dt: float) -> Floats:
 @lru_cache(maxsize=4)
 def densities(spectrum: Spectrum) -> Floats:
     """Density (4, m) of Q, N, B and K in each bin."""
-    density = _averaged(partial(sampled_densities, dt=spectrum.dt), spectrum)
+    d, dt, frequency = spectrum.averaged, spectrum.dt, spectrum.frequency
+    density = sampled_densities(frequency, dt)
+    if d > 1:  # averaging damps high frequencies, and taking every d-th mean folds the rest down
+        folded = frequency[:, np.newaxis] + np.arange(d) / (d * dt)
+        damping = np.sin(np.pi * folded * d * dt) / (d * np.sin(np.pi * folded * dt))
+        density = np.sum(sampled_densities(folded, dt) * damping**2, axis=-1)
     turn = 0.5 * np.pi * _middle(spectrum) / spectrum.count
     # what the first and the last angle of a record, whose differences the samples are, add to cosine coefficients
     density[0] += 4.0 * np.cos(turn) ** 2 / (spectrum.count * spectrum.step)
@@ -166,10 +159,8 @@ def markov_density(bins: MarkovBins, time: float) -> Floats:
     """Density (m,) of a first-order Gauss–Markov process of standard deviation 1 by its correlation time, s.
 
     Means of d samples of it have the covariances r₀, r₁, r₁ ρ, r₁ ρ², … with ρ = exp(−d Δt / time), whose transform is
-    in closed form.
-
-    The variance of the cosine coefficient j is that density times 1 − 2 ε (1 − (−1)^j e^(−1/ε)) / (1 + (jπε)²), with
-    ε = t₀/T: the covariance exp(−|t|/t₀), integrated twice against cos(jπt/T).
+    in closed form. The variance of the cosine coefficient j is that density times 1 − 2 ε (1 − (−1)^j e^(−1/ε)) / (1 +
+    (jπε)²), with ε = t₀/T: the covariance exp(−|t|/t₀), integrated twice against cos(jπt/T).
     """
     density = np.empty(bins.cosine.size)
     markov_bin_densities(bins, time, density)
@@ -195,16 +186,6 @@ def markov_bin_densities(bins: MarkovBins, time: float, filled: Floats) -> None:
         in_cosines = 1.0 - 2.0 * e * (1.0 - remnant * bins.sign[i]) / (1.0 + angle * angle)
         density = r0 + 2.0 * r1 * (bins.cosine[i] - rho) / (1.0 - 2.0 * rho * bins.cosine[i] + rho * rho)
         filled[i] = bins.step * density * in_cosines
-
-
-def _averaged(sampled: Callable[[Floats], Floats], spectrum: Spectrum) -> Floats:
-    """Density of means of samples: averaging damps high frequencies, and taking every d-th mean folds the rest down."""
-    d, dt, frequency = spectrum.averaged, spectrum.dt, spectrum.frequency
-    if d == 1:
-        return np.asarray(sampled(frequency))
-    folded = frequency[:, np.newaxis] + np.arange(d) / (d * dt)
-    damping = np.sin(np.pi * folded * d * dt) / (d * np.sin(np.pi * folded * dt))
-    return np.asarray(np.sum(sampled(folded) * damping**2, axis=-1))
 
 
 def _middle(spectrum: Spectrum) -> Floats:

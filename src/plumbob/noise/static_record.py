@@ -23,10 +23,11 @@ from plumbob.data import TRIAD_FLAGS, TRIADS, ImuData
 from plumbob.data.cards import UNITS, CalibrationCard
 from plumbob.data.plausibility import bursts
 from plumbob.data.recording import Recording, recalibrated
-from plumbob.noise.static import FEWEST_SAMPLES, StaticCheck, StaticReport, find_step, judge
+from plumbob.noise.artefacts import find_step
+from plumbob.noise.static import FEWEST_SAMPLES, StaticCheck, StaticReport, judge
 
+# Noise in a data sheet's units.
 ANALYSED: Final = (Quantity.RATE, Quantity.ACCELERATION, Quantity.FIELD, Quantity.RATIO)
-"""Quantities whose noise has a data sheet's units."""
 
 _EXAMPLE: Final = (
     "such as '0.00875 deg/s' for counts of 0.00875 °/s, '1 deg/s' for °/s, or '1' for numbers without a unit"
@@ -106,10 +107,7 @@ class StaticRecord:
 def check_static(
     record: StaticRecord, progress: Callable[[int], None] | None = None, *, skip: Sequence[tuple[float, float]] = ()
 ) -> StaticReport:
-    """Judge whether a record is static, in one pass over it; times in the report are those of the file.
-
-    `progress` is given the bytes that are done; what lies in `skip`, s, is left out of an analysis whatever it holds.
-    """
+    """Judge whether a record is static, in one pass over it; times in the report are those of the file."""
     checks = []
     for group in record.groups:
         sensor = StaticCheck(group.names, group.dt, quantity=group.quantity, triad=group.triad, start=group.start)
@@ -222,16 +220,13 @@ def _scaled_twice(file: Path, values: Floats, size: float, unit: str) -> tuple[s
     return ()
 
 
-MISSING: Final = 1.5
-"""A step longer than so many usual ones lacks a sample."""
-UNEVEN: Final = 0.35
-"""Largest scatter of the steps, as a part of one; stamps in whole milliseconds at 600 Hz scatter by 0.28."""
+MISSING: Final = 1.5  # a step longer than so many usual ones lacks a sample
+UNEVEN: Final = 0.35  # scatter of the steps, as a part of one; stamps in whole milliseconds at 600 Hz scatter by 0.28
+# Distance of a stamp from a line through all, in steps, if none is missing: half a step is as late as a row can be
+# noted before the next, and the line itself is off a little.
 ON_LINE: Final = 0.6
-"""Farthest that a stamp may lie from a straight line through all, as a part of a step, if none is missing: half a step
-is as late as a row can be noted before the next one is due, and the line itself is off a little."""
+# Energy of the changes of these distances over their own: 2 by chance, about 1 beside a lost row.
 INDEPENDENT: Final = 1.5
-"""Least energy of the changes of these distances over their own: 2 if each is by chance, about 1 beside a lost row,
-after which all are shifted."""
 FEWEST: Final = 3
 
 
@@ -249,25 +244,10 @@ class Sensors:
 def usable_sensors(
     imu: ImuData | None, file: Path, triads: Sequence[str], between: tuple[float | None, float | None]
 ) -> Sensors:
-    """Take the sensors of a recording apart, those of `triads` `between` two times, s; messages call it `file`.
-
-    ParameterError if it has none of the triads or no sample there, ClockError if the samples are not evenly spaced,
-    ShapeError if no sensor can be used.
-    """
+    """Take the sensors of a recording apart, those of `triads` `between` two times, s; messages call it `file`."""
     if imu is None or not set(triads) & set(imu.triads):
         has = "no samples" if imu is None else f"only {', '.join(imu.triads)}"
         raise ParameterError(f"{file} has {has}, but the analysis asks for {', '.join(triads)}.")
-    part, dt, notes = _even(_cut(imu, file, between), file)
-    sensors = Sensors(dt, notes=notes)
-    for name in imu.triads:
-        if name in triads:
-            _take(part, name, sensors)
-    if not sensors.groups:
-        raise ShapeError(f"{file}: no sensor can be used: {'; '.join(f'{k} {v}' for k, v in sensors.refused.items())}.")
-    return sensors
-
-
-def _cut(imu: ImuData, file: Path, between: tuple[float | None, float | None]) -> ImuData:
     start, stop = between
     first = 0 if start is None else int(np.searchsorted(imu.t, start))
     end = len(imu) if stop is None else int(np.searchsorted(imu.t, stop))
@@ -276,7 +256,14 @@ def _cut(imu: ImuData, file: Path, between: tuple[float | None, float | None]) -
             f"{file} lasts from {imu.t[0]:g} s to {imu.t[-1]:g} s, so from {start} to {stop} s it has "
             f"{max(0, end - first)} samples."
         )
-    return imu[first:end]
+    part, dt, notes = _even(imu[first:end], file)
+    sensors = Sensors(dt, notes=notes)
+    for name in imu.triads:
+        if name in triads:
+            _take(part, name, sensors)
+    if not sensors.groups:
+        raise ShapeError(f"{file}: no sensor can be used: {'; '.join(f'{k} {v}' for k, v in sensors.refused.items())}.")
+    return sensors
 
 
 def _even(imu: ImuData, file: Path) -> tuple[ImuData, float, list[Note]]:
@@ -331,7 +318,7 @@ def _longest(breaks: NDArray[np.int64], count: int) -> tuple[int, int]:
 
 
 def _take(imu: ImuData, name: str, sensors: Sensors) -> None:
-    _, _, invalid = TRIAD_FLAGS[name]
+    _, clipped, invalid = TRIAD_FLAGS[name]
     impossible = (imu.flags & np.uint32(invalid)) != 0
     values = np.where(impossible[:, np.newaxis], np.nan, getattr(imu, name))
     given = ~np.isnan(values).all(axis=0)
@@ -341,8 +328,14 @@ def _take(imu: ImuData, name: str, sensors: Sensors) -> None:
     rows = _own_rows(places, imu, name, sensors) if places.size else None
     if rows is None:
         return
-    clipped = _clipped(imu, name, values, rows, sensors)
-    axes = [axis for axis in np.flatnonzero(given).tolist() if axis not in clipped]
+    # axes at the end of their range; all where the range is not known
+    size = np.abs(values[rows[(imu.flags[rows] & np.uint32(clipped)) != 0]])
+    full_scale = imu.meta.full_scale(name)
+    at_end = np.ones_like(size, dtype=bool) if full_scale is None else size >= 0.999 * full_scale
+    for axis in np.flatnonzero(at_end.any(axis=0)).tolist():
+        count = int(np.count_nonzero(at_end[:, axis]))
+        sensors.refused[f"{name} {'xyz'[axis]}"] = f"is at the end of its range in {count} of {rows.size} samples"
+    axes = np.flatnonzero(given & ~at_end.any(axis=0)).tolist()
     if axes:
         names = tuple(f"{name} {'xyz'[axis]}" for axis in axes)
         start, end = float(imu.t[rows[0]]), float(imu.t[rows[-1]])
@@ -371,18 +364,3 @@ def _own_rows(places: NDArray[np.int64], imu: ImuData, name: str, sensors: Senso
             warning("static.lacks_values", name=name, count=breaks.size, start=imu.t[rows[0]], stop=imu.t[rows[-1]])
         )
     return rows
-
-
-def _clipped(imu: ImuData, name: str, values: Floats, rows: NDArray[np.int64], sensors: Sensors) -> set[int]:
-    """Axes at the end of their range; all where the range is not known."""
-    _, clipped, _ = TRIAD_FLAGS[name]
-    marked = rows[(imu.flags[rows] & np.uint32(clipped)) != 0]
-    if not marked.size:
-        return set()
-    size = np.abs(values[marked])
-    full_scale = imu.meta.full_scale(name)
-    at_end = np.ones_like(size, dtype=bool) if full_scale is None else size >= 0.999 * full_scale
-    for axis in np.flatnonzero(at_end.any(axis=0)).tolist():
-        count = int(np.count_nonzero(at_end[:, axis]))
-        sensors.refused[f"{name} {'xyz'[axis]}"] = f"is at the end of its range in {count} of {rows.size} samples"
-    return set(np.flatnonzero(at_end.any(axis=0)).tolist())

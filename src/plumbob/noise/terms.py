@@ -24,28 +24,15 @@ from numpy.typing import ArrayLike
 from plumbob.core.check import Floats
 from plumbob.core.units import Quantity
 
+# So many time constants on, a filter takes less than 1.5/10 of the Allan variance of white noise, and soon nothing.
 FAR: Final = 10.0
-"""So many time constants on, a filter takes less than 1.5/10 of the Allan variance of white noise, and soon nothing."""
 
 
 def allan_transfer(n: ArrayLike, frequency: ArrayLike, dt: float) -> Floats:
-    """Weight of the two-sided density at each frequency in the Allan variance of averages over n samples.
+    """Weight (m, k) of the two-sided density at each frequency, Hz, in the Allan variance of averages over n samples.
 
-    ``σ²(n) = ∫ weight · S df`` over positive frequencies up to half the sampling rate, weight =
-    4 sin⁴(πfnΔt) / (n sin(πfΔt))²: the squared response of a difference of neighbouring averages, both signs of f.
-
-    Parameters
-    ----------
-    n : array_like (m,)
-        Averaging factors.
-    frequency : array_like (k,)
-        Frequencies, Hz, above 0.
-    dt : float
-        Sampling time, s.
-
-    Returns
-    -------
-    ndarray (m, k)
+    ``σ²(n) = ∫ weight · S df`` over positive frequencies up to half the sampling rate, weight = 4 sin⁴(πfnΔt) / (n
+    sin(πfΔt))²: the squared response of a difference of neighbouring averages, both signs of f.
     """
     factor = np.asarray(n, dtype=np.float64)[:, np.newaxis]
     turn = np.pi * np.asarray(frequency, dtype=np.float64) * dt
@@ -109,16 +96,6 @@ DEVIATION: Final[dict[Quantity, str]] = {
 
 
 def variance(letter: str, coefficient: float, tau: ArrayLike) -> Floats:
-    """Allan variance of one term.
-
-    Parameters
-    ----------
-    letter : {"Q", "N", "B", "K", "R"}
-        Which.
-    coefficient : float
-        Its coefficient in inside units.
-    tau : array_like
-        Averaging times, s.
-    """
+    """Allan variance of one term at the averaging times tau, s, by its coefficient in inside units."""
     term = TERMS[letter]
     return np.asarray(coefficient**2 * term.share * np.asarray(tau, dtype=np.float64) ** term.power)

@@ -82,7 +82,7 @@ def averaging_time(share: float, duration: float = DURATION) -> float:
 
 def fin_report(analyses: Sequence[Analysis]) -> Report:
     """The report of the axes of a gyroscope, which must be among the analyses; others are not looked at."""
-    triad = next((triad for triad in triads(analyses) if triad.quantity is Quantity.RATE), None)
+    triad = next((triad for triad in triads(analyses) if triad.first.quantity is Quantity.RATE), None)
     if triad is None:
         raise ShapeError("the fin paper's report is about a gyroscope, but no channel is in rad/s.")
     head = ("", "axis", "printed", "±/value", "implied T [s]", "remark")

@@ -204,7 +204,7 @@ def _remarks(triad: Triad) -> list[str]:
 
 def _coefficient_rows(triad: Triad) -> list[list[str]]:
     """Rows of the table of a triad: name with unit, and one cell for each axis."""
-    units, sample, channels = DATASHEET[triad.quantity], DEVIATION[triad.quantity], triad.channels.values()
+    units, sample, channels = DATASHEET[triad.first.quantity], DEVIATION[triad.first.quantity], triad.channels.values()
     floors, times = [], []
     for least in map(lowest, channels):
         if least is None:

@@ -52,26 +52,9 @@ def _nothing() -> Floats:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GyroDrift:
-    """Drift of one gyroscope. Where (3,) is asked for, one number stands for all three axes.
+    """Drift of one gyroscope; where (3,) is asked for, one number stands for all three axes.
 
-    Parameters
-    ----------
-    bias : array_like (3,)
-        A0, bias at `temp_ref_c` without any specific force, rad/s.
-    bias_per_k : array_like (3,)
-        k_T, change of the bias per kelvin, rad/s/K.
-    scale : array_like (3,)
-        B_s, relative error of the gain: 0.01 reads 1 % too much.
-    g_sensitivity : array_like (3, 3)
-        k_a, rad/s per m/s²: entry ij is the bias of axis i per specific force along j. One number stands for that
-        number times the unit matrix, the paper's form.
-    temp_ref_c : float
-        Temperature of `bias`, °C.
-
-    Raises
-    ------
-    CalibrationError
-        If a number is not finite, has another shape, or is a scale of −1 or less.
+    One number for the g-sensitivity stands for that number times the unit matrix, the paper's form.
     """
 
     bias: Floats = field(default_factory=_nothing)
@@ -92,17 +75,7 @@ class GyroDrift:
     def offset(self, temp_c: ArrayLike | None = None, acc: ArrayLike | None = None) -> Floats:
         """Part of the drift that does not depend on the rate, (3,) or (N, 3), rad/s.
 
-        Parameters
-        ----------
-        temp_c : float or array_like (N,), optional
-            Temperature, °C; may be left out where `bias_per_k` is zero.
-        acc : array_like (3,) or (N, 3), optional
-            Specific force, m/s², as an accelerometer measures it; may be left out where `g_sensitivity` is zero.
-
-        Raises
-        ------
-        CalibrationError
-            If one that is needed is missing.
+        CalibrationError if temperature or specific force is needed and missing.
         """
         drift = self.bias
         if self.bias_per_k.any():
@@ -116,35 +89,15 @@ class GyroDrift:
         return np.asarray(drift)
 
     def compensate(self, gyr: ArrayLike, temp_c: ArrayLike | None = None, acc: ArrayLike | None = None) -> Floats:
-        """Rate (3,) or (N, 3), rad/s, of which the drift has been taken off; NaN where an input is NaN.
-
-        Parameters
-        ----------
-        gyr : array_like (3,) or (N, 3)
-            Measured rate, rad/s.
-        temp_c, acc : array_like, optional
-            As in `offset`.
-        """
+        """Rate (3,) or (N, 3), rad/s, of which the drift has been taken off; NaN where an input is NaN."""
         # [Chen2013] (1)
         return np.asarray((check.last_axis("gyr", gyr, 3) - self.offset(temp_c, acc)) / (1.0 + self.scale))
 
     def at_rest(self, gyr: ArrayLike, temp_c: ArrayLike | None = None, acc: ArrayLike | None = None) -> Self:
-        """Return this drift with the bias that a stretch at rest shows: the paper's J, [Chen2013] (6).
+        """Return this drift with the bias that rates at rest (N, 3) show: the paper's J, [Chen2013] (6).
 
         What temperature and gravity contribute is taken off first, else `compensate` would take it off twice. The
         Earth's rate, up to 0.004 °/s, stays in the bias.
-
-        Parameters
-        ----------
-        gyr : array_like (N, 3)
-            Rates while nothing moved, rad/s; rows with NaN are left out.
-        temp_c, acc : array_like, optional
-            As in `offset`.
-
-        Raises
-        ------
-        CalibrationError
-            If no row is whole.
         """
         rates = check.rows("gyr", gyr, 3) - replace(self, bias=np.zeros(3)).offset(temp_c, acc)
         finite = np.isfinite(rates).all(axis=1)
@@ -156,9 +109,8 @@ class GyroDrift:
 def chen2013() -> GyroDrift:
     """Figures that [Chen2013] takes for every MPU-3050: k_T = 0.1 °/s/°C, k_a = 0.1 °/s/g, B_s = 0; no bias.
 
-    They reproduce the paper, and calibrate nothing: 0.1 °/s/°C is the size of one part's coefficient, and the next part
-    may have another or another sign. Where the true one is 0.03 or −0.05 °/s/°C, this "compensation" over 20 °C leaves
-    1.4 or 3 °/s of error, when doing nothing would have left 0.6 or 1 °/s. Measure each unit.
+    They reproduce the paper, and calibrate nothing: the next part may have another coefficient or another sign, and
+    where the true one is 0.03 °/s/°C, this "compensation" over 20 °C leaves 1.4 °/s where nothing would have left 0.6.
     """
     return GyroDrift(bias_per_k=dps(np.full(3, 0.1)), g_sensitivity=dps(0.1 * np.eye(3)) / g(1.0))
 

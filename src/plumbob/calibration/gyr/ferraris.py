@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import BLOCKS, SCALE, TILT, Fitted, Reason, grade_of, mean_and_sd, refuse
+from plumbob.calibration.fit import BLOCKS, SCALE, TILT, Fitted, Reason, grade_of, mean_and_sd, reason_if, refuse
 from plumbob.calibration.gyr.drift import chen2013
 from plumbob.calibration.gyr.rest import (
     UNCALIBRATED,
@@ -46,17 +46,12 @@ from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.data.cards import UNITS, Quality, TriadCalibration
 from plumbob.quality.static_periods import MOVED, TURNED, stills
 
+# At rest, by the axis that measures +g (p, parallel) or −g (a).
 FACES: Final = ("x_p", "x_a", "y_p", "y_a", "z_p", "z_a")
-"""Positions at rest, by the axis that measures +g (p, parallel) or −g (a, antiparallel)."""
 
-TURNS: Final = ("x_rot", "y_rot", "z_rot")
-"""Turns about an axis."""
-
-STEEP: Final = float(np.cos(deg(25.0)))
-"""Share of gravity along an axis above which that axis stands on end."""
-
-LEAST_TURN: Final = float(deg(90.0))
-"""Smallest turn that is looked for, rad."""
+TURNS: Final = ("x_rot", "y_rot", "z_rot")  # turns about an axis
+STEEP: Final = float(np.cos(deg(25.0)))  # share of gravity along an axis above which that axis stands on end
+LEAST_TURN: Final = float(deg(90.0))  # smallest turn that is looked for, rad
 
 
 def require_parts(parts: Mapping[str, slice]) -> None:
@@ -90,13 +85,10 @@ def parts_of_times(t: Floats, spans: Mapping[str, tuple[float, float]]) -> dict[
 
 
 def find_parts(t: Floats, acc: Floats, gyr: Floats) -> dict[str, slice]:
-    """Find the parts in a session that was recorded in one go.
-
-    Its times (N,), s, forces (N, 3), m/s², and rates (N, 3), rad/s, are uncalibrated.
+    """Find the parts in a session that was recorded in one go, uncalibrated.
 
     A face is the longest stretch at rest with an axis on end. A turn is what lies between two stretches at rest and
     turned the unit by more than a quarter about an axis that stood on end before and after, and least about others.
-    CaptureRefusedError: not-still where faces, no-motion where turns are missing.
     """
     where = stills(t, acc, gyr)
     faces = [_face(acc[part].mean(axis=0)) for part in where]
@@ -113,7 +105,15 @@ def find_parts(t: Floats, acc: Floats, gyr: Floats) -> dict[str, slice]:
         same = bool(faces[k]) and faces[k] == faces[k + 1] == _face(np.sign(acc[where[k]].mean(axis=0)) * _AXES[axis])
         if same and abs(angle[axis]) > max(LEAST_TURN, sizes.get(TURNS[axis], 0.0)):
             parts[TURNS[axis]], sizes[TURNS[axis]] = span, float(abs(angle[axis]))
-    refuse(_missing(parts))
+    missing = [name for name in FACES if name not in parts]
+    unturned = [name for name in TURNS if name not in parts]
+    lay = "Let each axis point up (p) and down (a) for 5 s, or say where the parts lie."
+    turn = "Turn the unit once around about each axis while that stands on end, with a rest before and after."
+    no_turn = f"There is no turn {', '.join(unturned)} between two rests on the same face."
+    refuse(
+        reason_if(bool(missing), "not-still", f"The unit never lay still on {', '.join(missing)}.", lay),
+        reason_if(bool(unturned), "no-motion", no_turn, turn),
+    )
     return parts
 
 
@@ -137,31 +137,8 @@ def _length(part: slice) -> int:
     return int(part.stop - part.start)
 
 
-def _missing(parts: Mapping[str, slice]) -> list[Reason]:
-    faces = [name for name in FACES if name not in parts]
-    turns = [name for name in TURNS if name not in parts]
-    reasons = []
-    if faces:
-        text = f"The unit never lay still on {', '.join(faces)}."
-        advice = "Let each axis point up (p) and down (a) for 5 s, or say where the parts lie."
-        reasons.append(Reason("not-still", text, advice))
-    if turns:
-        text = f"There is no turn {', '.join(turns)} between two rests on the same face."
-        advice = "Turn the unit once around about each axis while that stands on end, with a rest before and after."
-        reasons.append(Reason("no-motion", text, advice))
-    return reasons
-
-
 def fit_trackball(rates: Rates) -> Fitted:
-    """Bias at rest with the paper's coefficients of temperature and specific force.
-
-    Raises
-    ------
-    CaptureRefusedError
-        not-still, clipping, implausible.
-    CalibrationError
-        If specific force or temperature is missing.
-    """
+    """Bias at rest with the paper's coefficients of temperature and specific force, which must be there."""
     gyr, acc, temp_c = rates.gyr, rates.acc, rates.temp_c
     where, turned = rest(rates)
     still = np.concatenate([np.arange(part.start, part.stop) for part in where])
@@ -188,11 +165,8 @@ def fit_trackball(rates: Rates) -> Fitted:
     return Fitted(calibration, means, means, np.ones(len(where), dtype=bool), remarks)
 
 
-ANGLE_SD: Final = float(deg(1.0))
-"""How exactly a hand ends a turn at a stop, rad, standard deviation: assumed, the session cannot tell."""
-
-TOLERANCE: Final = 0.2
-"""Largest difference of A from the identity that a working sensor in the right unit has."""
+ANGLE_SD: Final = float(deg(1.0))  # how exactly a hand ends a turn at a stop, rad: assumed, the session cannot tell
+TOLERANCE: Final = 0.2  # largest difference of A from the identity that a working sensor in the right unit has
 
 
 def fit_ferraris(
@@ -204,36 +178,13 @@ def fit_ferraris(
     angle: float = 2.0 * np.pi,
     clipped: NDArray[np.bool_] | None = None,
 ) -> dict[str, Fitted]:
-    """Accelerometer and gyroscope from a Ferraris session.
+    """Accelerometer and gyroscope (``acc`` and ``gyr``) from a Ferraris session, uncalibrated.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s; only differences within a part count.
-    acc, gyr : ndarray (N, 3)
-        Specific force, m/s², and rates, rad/s, uncalibrated.
-    parts : mapping of str to slice
-        Where `FACES` and `TURNS` lie.
-    angle : float
-        Size of each turn, rad.
-    clipped : ndarray (N,) of bool, optional
-        Samples at the end of the range of either triad.
-
-    Returns
-    -------
-    dict
-        ``acc`` and ``gyr``.
-
-    Raises
-    ------
-    CalibrationError
-        If parts are missing or hold samples without a number.
-    CaptureRefusedError
-        too-few, clipping, not-still, wrong-gravity, no-motion, implausible.
+    `parts` say where `FACES` and `TURNS` lie; `clipped` (N,) marks samples at the end of the range of either triad.
     """
     require_parts(parts)
     force, rate = check.rows("acc", acc, 3, t.size), check.rows("gyr", gyr, 3, t.size)
-    refuse(_unfit(force, rate, parts, clipped))
+    refuse(*_unfit(force, rate, parts, clipped))
     session = _Session(t, force, rate, parts)
     accelerometer, placing = _accelerometer(session)
     return {"acc": accelerometer, "gyr": _gyroscope(session, accelerometer.calibration, placing, angle)}
@@ -254,26 +205,26 @@ class _Session:
         return mean[::2].T, mean[1::2].T, np.asarray(sd)
 
 
-def _unfit(acc: Floats, gyr: Floats, parts: Mapping[str, slice], clipped: NDArray[np.bool_] | None) -> list[Reason]:
+def _unfit(
+    acc: Floats, gyr: Floats, parts: Mapping[str, slice], clipped: NDArray[np.bool_] | None
+) -> tuple[Reason | None, ...]:
     """Reasons why the parts are not what they should be."""
-    reasons = []
     for name, part in parts.items():
         if not (np.isfinite(acc[part]).all() and np.isfinite(gyr[part]).all()):
             raise CalibrationError(f"{name} has samples without a number; cut it so that none is missing.")
     short = [name for name, part in parts.items() if part.stop - part.start < 2 * BLOCKS]
     if short:
         text = f"{', '.join(short)} have fewer than {2 * BLOCKS} samples."
-        return [Reason("too-few", text, "Hold each position for 5 s.")]
+        return (Reason("too-few", text, "Hold each position for 5 s."),)
     cut = [name for name, part in parts.items() if clipped is not None and clipped[part].any()]
-    if cut:
-        text = f"Samples of {', '.join(cut)} are at the end of the range."
-        reasons.append(Reason("clipping", text, "Turn more slowly, or set a larger range."))
+    at_end = f"Samples of {', '.join(cut)} are at the end of the range."
     rest = np.median([gyr[parts[face]].mean(axis=0) for face in FACES], axis=0)
     moved = [face for face in FACES if _moved(acc[parts[face]], gyr[parts[face]] - rest)]
-    if moved:
-        text = f"The unit was moved during {', '.join(moved)}."
-        reasons.append(Reason("not-still", text, "Let go of the unit, or cut the parts shorter."))
-    return reasons
+    text, advice = f"The unit was moved during {', '.join(moved)}.", "Let go of the unit, or cut the parts shorter."
+    return (
+        reason_if(bool(cut), "clipping", at_end, "Turn more slowly, or set a larger range."),
+        reason_if(bool(moved), "not-still", text, advice),
+    )
 
 
 def _moved(acc: Floats, gyr: Floats) -> bool:
@@ -326,10 +277,14 @@ def _gyroscope(session: _Session, accelerometer: TriadCalibration, placing: floa
     up, down, noise = session.faces(session.gyr)
     bias = np.concatenate([session.gyr[session.parts[face]] for face in FACES]).mean(axis=0)
     coupling = (up - down) / (2.0 * G0)
-    turned = np.stack([_angle(session, name, accelerometer, bias, coupling) for name in TURNS], axis=1)
+    turns = []
+    for part in (session.parts[name] for name in TURNS):  # what the gyroscope says of each, rad
+        force = (session.acc[part] - accelerometer.bias) @ accelerometer.matrix.T
+        turns.append(integral(session.t[part], session.gyr[part] - bias - force @ coupling.T))
+    turned = np.stack(turns, axis=1)
     signs = np.sign(np.diag(turned))
     forward = turned * signs / angle  # [Ferraris1995]: K R
-    refuse(_unturned(forward, angle))
+    refuse(*_unturned(forward, angle))
     matrix = np.asarray(np.linalg.inv(forward), dtype=np.float64)
     measured = np.stack((up.T, down.T), axis=1).reshape(6, 3)
     tilts = np.repeat(np.eye(3), 2, axis=0) * np.tile([G0, -G0], 3)[:, np.newaxis]
@@ -369,29 +324,21 @@ def _gyroscope(session: _Session, accelerometer: TriadCalibration, placing: floa
     return Fitted(calibration, measured, residuals, np.ones(6, dtype=bool), remarks)
 
 
-def _angle(session: _Session, name: str, accelerometer: TriadCalibration, bias: Floats, coupling: Floats) -> Floats:
-    """What the gyroscope says of a turn (3,), rad."""
-    part = session.parts[name]
-    force = (session.acc[part] - accelerometer.bias) @ accelerometer.matrix.T
-    return integral(session.t[part], session.gyr[part] - bias - force @ coupling.T)
-
-
 def _seconds(session: _Session, name: str) -> float:
     t = session.t[session.parts[name]]
     return float(t[-1] - t[0])
 
 
-def _implausible(forward: Floats) -> list[Reason]:
-    """Reasons why A of the accelerometer is none."""
-    away = np.abs(forward - np.eye(3))
-    if away.max() <= TOLERANCE:
-        return []
+def _implausible(forward: Floats) -> Reason | None:
+    """Reason why A of the accelerometer is none."""
     scale = np.diag(forward)
+    if np.abs(forward - np.eye(3)).max() <= TOLERANCE:
+        return None
     if np.abs(scale / scale.mean() - 1.0).max() < TOLERANCE and scale.mean() > 0.0:
         text = f"Gravity measures {scale.mean():.3g} times what it is."
-        return [Reason("wrong-gravity", text, "Check the accelerometer's unit in the profile.")]
+        return Reason("wrong-gravity", text, "Check the accelerometer's unit in the profile.")
     text = f"The faces give the matrix {np.round(forward, 2).tolist()}, far from that of an accelerometer."
-    return [Reason("implausible", text, "Check that each part bears the name of the axis that pointed up or down.")]
+    return Reason("implausible", text, "Check that each part bears the name of the axis that pointed up or down.")
 
 
 def _unturned(forward: Floats, angle: float) -> list[Reason]:

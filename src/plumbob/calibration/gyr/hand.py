@@ -22,7 +22,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import RATE, SCALE, Fitted, Reason, grade_of, invert, refuse, worst_grade
+from plumbob.calibration.fit import RATE, SCALE, Fitted, Reason, grade_of, invert, reason_if, refuse, worst_grade
 from plumbob.calibration.gyr.drift import accumulate, rotation_vectors
 from plumbob.calibration.gyr.rest import Rates, beyond_bias, bias_at_rest, dead_axes, rest, without_known
 from plumbob.core import check
@@ -35,8 +35,7 @@ from plumbob.core.units import deg, dps, to_deg, to_dps
 from plumbob.data.cards import Quality, TriadCalibration
 from plumbob.rotations import axes_words, dcm_from_quat, every_axes, skew
 
-SMALLEST: Final = float(deg(15.0))
-"""Smallest change of the direction of gravity that makes a motion, rad."""
+SMALLEST: Final = float(deg(15.0))  # smallest change of the direction of gravity that makes a motion, rad
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,12 +75,8 @@ def _direction(acc: Floats) -> Floats:
     return np.asarray(mean / np.linalg.norm(mean))
 
 
-FEWEST: Final = 9
-"""Fewest motions: each gives two equations, and some must be left to show what they are worth."""
-
-FAR: Final = 5.0
-"""Robust standard deviations above which a motion is an outlier."""
-
+FEWEST: Final = 9  # fewest motions: each gives two equations, and some must be left to show what they are worth
+FAR: Final = 5.0  # robust standard deviations above which a motion is an outlier
 _STEPS: Final = 8
 
 
@@ -139,7 +134,7 @@ def _least_squares(
         rows, misses = slope[used].reshape(-1, 12), residuals[used].ravel()
         normal = rows.T @ rows + weight  # departs from [Tedaldi2014]: the bias at rest is one more measurement
         away = np.concatenate((rest_bias - parameters[:3], np.zeros(9)))
-        inverse = invert(normal).matrix  # bias and matrix, whose sizes differ by many powers of ten, count alike
+        inverse, _ = invert(normal)  # bias and matrix, whose sizes differ by many powers of ten, count alike
         parameters = parameters + inverse @ (rows.T @ misses + weight @ away)
     residuals, _ = _misses(motions, parameters)
     matrix = rows[:, 3:].T @ rows[:, 3:]
@@ -180,12 +175,8 @@ def typical_miss(motions: Sequence[TurnBetweenPoses], bias: Floats, matrix: Floa
     return float(np.median(np.linalg.norm(residuals, axis=1)))
 
 
-FEWEST_RATES: Final = 12
-"""Fewest poses: each axis has four parameters, and what they leave must tell noise."""
-
-SIGNIFICANCE: Final = 0.01
-"""Probability of finding a sensitivity where there is none."""
-
+FEWEST_RATES: Final = 12  # fewest poses: each axis has four parameters, and what they leave must tell noise
+SIGNIFICANCE: Final = 0.01  # probability of finding a sensitivity where there is none
 _NARROW: Final = 30.0  # condition number of constant and directions; poses of all kinds have 2 to 4
 
 
@@ -219,11 +210,10 @@ def coupling_at_rest(rates: Floats, forces: Floats) -> Coupling | None:
     return Coupling(np.asarray(solution[1:].T / size, dtype=np.float64), np.asarray(spread / size), chance)
 
 
-FAST: Final = float(dps(50.0))
-"""Rate above which a flat top is a range, rad/s: slower, coarse steps repeat themselves, and no part ends there."""
+FAST: Final = float(dps(50.0))  # rate above which a flat top is a range, rad/s: slower, coarse steps repeat themselves
 
+# Equal values in a row that make a flat top; of a sensor slower than the recording, that many of its own.
 FLAT: Final = 4
-"""Equal values in a row that make a flat top; of a sensor slower than the recording, that many of its own."""
 
 
 def flat_tops(gyr: Floats, where: Sequence[slice]) -> NDArray[np.bool_]:
@@ -247,40 +237,30 @@ def _flat_top(rate: Floats) -> NDArray[np.bool_]:
     return np.repeat(flat, lasting)
 
 
-CLEARLY: Final = 0.5
-"""Misses over those of the declared axes below which other axes are the right ones."""
+CLEARLY: Final = 0.5  # misses over those of the declared axes below which other axes are the right ones
 
 
-def swapped(miss: Callable[[Floats], float]) -> list[Reason]:
+def swapped(miss: Callable[[Floats], float]) -> Reason | None:
     """Reason to refuse a gyroscope that fits the accelerometer with other axes than the declared ones.
 
-    Parameters
-    ----------
-    miss : callable
-        Typical miss of a matrix (3, 3) from rates to those about the accelerometer's axes.
+    `miss` gives the typical miss of a matrix (3, 3) from rates to those about the accelerometer's axes.
     """
     ways = every_axes()
     misses = np.array([miss(way) for way in ways])
     best = int(np.argmin(misses))
-    if not misses[best] < CLEARLY * misses[0]:  # the first is the identity
-        return []
     text = (
         f"Gyroscope and accelerometer have different axes: gravity follows the rates taken as {axes_words(ways[best])} "
         "instead of x, y, z."
     )
-    return [Reason("implausible", text, "Check axes and signs of both triads in the profile.")]
+    clear = bool(misses[best] < CLEARLY * misses[0])  # the first is the identity
+    return reason_if(clear, "implausible", text, "Check axes and signs of both triads in the profile.")
 
 
+# Condition, scaled, above which entries are not told apart; 20 motions about random axes have 3 to 10.
 UNTOLD: Final = 1e4
-"""Condition number of the normal equations, scaled, above which entries of the matrix are not told apart; 20 motions
-about random axes have 3 to 10."""
 
-SHORTEST: Final = 20
-"""Fewest samples in which rates between stretches at rest show a dead axis: coarse steps repeat in a few."""
-
-STRANGE: Final = 0.3
-"""Difference of the matrix from the identity beyond that of any gyroscope that works."""
-
+SHORTEST: Final = 20  # fewest samples between rests that show a dead axis: coarse steps repeat in a few
+STRANGE: Final = 0.3  # difference of the matrix from the identity beyond that of any gyroscope that works
 _EVERY = 0.99  # of the samples must have a specific force, for a card of g-sensitivity takes the rate of others away
 _WRONG_GRAVITY = 0.05
 _ADVICE = (
@@ -290,18 +270,11 @@ _ADVICE = (
 
 
 def fit_hand(rates: Rates) -> Fitted:
-    """Bias and matrix of a gyroscope from hand motion.
+    """Bias and matrix of a gyroscope from hand motion; errors of the specific force's scale and axes become its own.
 
-    Errors of scale and axes of the specific force become the gyroscope's. A motion with a clipped sample is left out,
-    and so is one whose rates have a flat top that no range declares. Of the calibration so far the polynomial is kept,
-    and the g-sensitivity where it has one; else the poses tell it, where the accelerometer is calibrated.
-
-    Raises
-    ------
-    CaptureRefusedError
-        not-still, no-motion, too-few, clipping, wrong-gravity, ill-conditioned, implausible.
-    CalibrationError
-        If there is no specific force.
+    A motion with a clipped sample is left out, and so is one whose rates have a flat top that no range declares. Of the
+    calibration so far the polynomial is kept, and the g-sensitivity where it has one; else the poses tell it, where the
+    accelerometer is calibrated.
     """
     if rates.acc is None:
         raise CalibrationError("hand motion calibrates a gyroscope against the accelerometer, and there is no acc.")
@@ -320,7 +293,7 @@ def fit_hand(rates: Rates) -> Fitted:
     refuse(dead_axes(*(rate for rate in between if len(rate) >= SHORTEST)))
     flat = flat_tops(gyr, where)
     motions, spoilt = find_motions(t, corrected, force, where, flat if clipped is None else flat | clipped)
-    refuse(_unfit(motions, spoilt, force, where))
+    refuse(*_unfit(motions, spoilt, force, where))
     fit = fit_motions(motions, bias, spread)
     refuse(_unsound(fit, motions, bias))
     used = int(fit.used.sum())
@@ -340,8 +313,19 @@ def fit_hand(rates: Rates) -> Fitted:
         ),
     )
     turned = np.array([motion.rate.mean(axis=0) for motion in motions])
-    remarks = (*_remarks(fit, spoilt, acc_calibrated), *_coupled(coupling), *_flat(flat, clipped), *notes)
-    return Fitted(calibration, turned, fit.residuals, fit.used, remarks)
+    remarks = _remarks(fit, spoilt, acc_calibrated)
+    if coupling is not None:
+        most = to_dps(float(np.abs(coupling.matrix).max())) * G0
+        remarks.append(
+            f"Its bias depends on specific force, by up to {most:.3f} °/s per g (F-test, {p_value(coupling.chance)}); "
+            "the card corrects that, and needs the accelerometer in every sample."
+        )
+    if undeclared := np.count_nonzero(flat if clipped is None else flat & ~clipped):
+        remarks.append(
+            f"{undeclared} samples repeat the largest rate of their motion: the gyroscope was at the end of a range "
+            "that the recording does not declare; give gyr_range, or the range in the profile."
+        )
+    return Fitted(calibration, turned, fit.residuals, fit.used, (*remarks, *notes))
 
 
 def _coupling(rates: Floats, force: Floats, where: Sequence[slice], base: TriadCalibration) -> Coupling | None:
@@ -351,75 +335,51 @@ def _coupling(rates: Floats, force: Floats, where: Sequence[slice], base: TriadC
     return coupling_at_rest(*(np.array([v[part].mean(axis=0) for part in where]) for v in (rates, force)))
 
 
-def _coupled(coupling: Coupling | None) -> tuple[str, ...]:
-    if coupling is None:
-        return ()
-    most = to_dps(float(np.abs(coupling.matrix).max())) * G0
+def _unfit(
+    motions: Sequence[TurnBetweenPoses], spoilt: dict[str, int], acc: Floats, where: Sequence[slice]
+) -> tuple[Reason | None, ...]:
+    """Reasons why there is nothing to fit."""
+    size = float(np.median([np.linalg.norm(acc[part].mean(axis=0)) for part in where]))
+    wrong = f"The specific force at rest is {size:.3f} m/s², but gravity is {G0:.3f} m/s²."
+    calibrate = "Calibrate the accelerometer first, and check its unit."
+    lost = " and ".join(f"{count} ({what})" for what, count in spoilt.items() if count)
+    few = (
+        f"The capture has {counted(len(motions), 'motion')} between poses at rest that tilt the unit by "
+        f"{to_deg(SMALLEST):.0f}° or more, but {FEWEST} are needed{f'; left out were {lost}' if lost else ''}."
+    )
+    kind = "clipping" if spoilt["clipping"] else "too-few" if motions else "no-motion"
+    advice = f"Turn it more slowly, within its range. {_ADVICE}" if spoilt["clipping"] else _ADVICE
     return (
-        f"Its bias depends on specific force, by up to {most:.3f} °/s per g (F-test, {p_value(coupling.chance)}); "
-        "the card corrects that, and needs the accelerometer in every sample.",
+        reason_if(abs(size / G0 - 1.0) > _WRONG_GRAVITY, "wrong-gravity", wrong, calibrate),
+        reason_if(len(motions) < FEWEST, kind, few, advice),
     )
 
 
-def _unfit(
-    motions: Sequence[TurnBetweenPoses], spoilt: dict[str, int], acc: Floats, where: Sequence[slice]
-) -> list[Reason]:
-    """Reasons why there is nothing to fit."""
-    reasons = []
-    size = float(np.median([np.linalg.norm(acc[part].mean(axis=0)) for part in where]))
-    if abs(size / G0 - 1.0) > _WRONG_GRAVITY:
-        text = f"The specific force at rest is {size:.3f} m/s², but gravity is {G0:.3f} m/s²."
-        reasons.append(Reason("wrong-gravity", text, "Calibrate the accelerometer first, and check its unit."))
-    if len(motions) < FEWEST:
-        lost = " and ".join(f"{count} ({what})" for what, count in spoilt.items() if count)
-        text = (
-            f"The capture has {counted(len(motions), 'motion')} between poses at rest that tilt the unit by "
-            f"{to_deg(SMALLEST):.0f}° or more, but {FEWEST} are needed{f'; left out were {lost}' if lost else ''}."
-        )
-        kind = "clipping" if spoilt["clipping"] else "too-few" if motions else "no-motion"
-        advice = f"Turn it more slowly, within its range. {_ADVICE}" if spoilt["clipping"] else _ADVICE
-        reasons.append(Reason(kind, text, advice))
-    return reasons
-
-
-def _unsound(fit: MotionFit, motions: Sequence[TurnBetweenPoses], bias: Floats) -> list[Reason]:
-    """Reasons why the result is none."""
-    sd = fit.matrix_sd
-    wrong = not (sd.max() <= SCALE.poor and np.abs(fit.matrix - np.eye(3)).max() <= STRANGE)
-    reasons = swapped(lambda way: typical_miss(motions, bias, way)) if wrong else []
-    if reasons:
-        return reasons
+def _unsound(fit: MotionFit, motions: Sequence[TurnBetweenPoses], bias: Floats) -> Reason | None:
+    """Reason why the result is none."""
+    sd, off = fit.matrix_sd, float(np.abs(fit.matrix - np.eye(3)).max())
+    wrong = not (sd.max() <= SCALE.poor and off <= STRANGE)
+    if wrong and (reason := swapped(lambda way: typical_miss(motions, bias, way))):
+        return reason
     miss = typical_miss(motions, bias, np.eye(3)) if wrong else 0.0
     if miss > SMALLEST:
         text = f"Turned by the rates as they are, gravity comes out {to_deg(miss):.0f}° off after a motion (median)."
         advice = (
             "Check that each axis of the gyroscope answers to a turn about it, and its unit and axes in the profile."
         )
-        reasons.append(Reason("implausible", text, advice))
-    elif not fit.condition < UNTOLD or not sd.max() <= SCALE.poor:
+        return Reason("implausible", text, advice)
+    if not fit.condition < UNTOLD or not sd.max() <= SCALE.poor:
         axis = "xyz"[int(sd.max(axis=0).argmax())]
         text = (
             f"The motions do not separate the entries of the matrix: condition number {fit.condition:.2g}, and those "
             f"for rates about {axis} are known to {100.0 * float(sd.max()):.2g} % only."
         )
-        reasons.append(Reason("ill-conditioned", text, _ADVICE))
-    elif np.abs(fit.matrix - np.eye(3)).max() > STRANGE:
-        text = f"The matrix {np.round(fit.matrix, 3).tolist()} is far from that of a gyroscope in rad/s."
-        reasons.append(Reason("implausible", text, "Check unit and axes of the gyroscope in the profile."))
-    return reasons
+        return Reason("ill-conditioned", text, _ADVICE)
+    text = f"The matrix {np.round(fit.matrix, 3).tolist()} is far from that of a gyroscope in rad/s."
+    return reason_if(off > STRANGE, "implausible", text, "Check unit and axes of the gyroscope in the profile.")
 
 
-def _flat(flat: NDArray[np.bool_], clipped: NDArray[np.bool_] | None) -> tuple[str, ...]:
-    undeclared = np.count_nonzero(flat if clipped is None else flat & ~clipped)
-    if not undeclared:
-        return ()
-    return (
-        f"{undeclared} samples repeat the largest rate of their motion: the gyroscope was at the end of a range that "
-        "the recording does not declare; give gyr_range, or the range in the profile.",
-    )
-
-
-def _remarks(fit: MotionFit, spoilt: dict[str, int], acc_calibrated: bool) -> tuple[Note, ...]:
+def _remarks(fit: MotionFit, spoilt: dict[str, int], acc_calibrated: bool) -> list[Note]:
     size = to_deg(float(np.sqrt(np.mean(np.sum(fit.residuals[fit.used] ** 2, axis=1)))))
     remarks: list[Note] = [info("calibration.gravity_after_motion", size=size)]
     if not acc_calibrated:
@@ -427,4 +387,4 @@ def _remarks(fit: MotionFit, spoilt: dict[str, int], acc_calibrated: bool) -> tu
     remarks += [info("calibration.motions_left_out", count=count, what=what) for what, count in spoilt.items() if count]
     if not fit.used.all():
         remarks.append(warning("calibration.motions_set_aside", count=int(np.count_nonzero(~fit.used))))
-    return tuple(remarks)
+    return remarks

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, mean_and_sd, refuse
+from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, mean_and_sd, reason_if, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE
@@ -25,7 +25,6 @@ from plumbob.data.cards import UNITS, Quality, TriadCalibration
 from plumbob.quality.static_periods import stills
 
 UNCALIBRATED: Final = TriadCalibration(np.eye(3), np.zeros(3), UNITS["gyr"], UNITS["gyr"])
-"""A gyroscope of which nothing is known but its data sheet."""
 
 
 class Rates(NamedTuple):
@@ -43,10 +42,7 @@ class Rates(NamedTuple):
 
 
 def without_known(rates: Rates) -> Floats:
-    """Rates less what temperature and specific force are known to add, (N, 3); the bias stays.
-
-    CalibrationError if temperature or specific force is needed and missing.
-    """
+    """Rates less what temperature and specific force are known to add, (N, 3); the bias stays."""
     corrected, base = rates.gyr, rates.known
     if base.bias_per_k.any():
         if rates.temp_c is None:
@@ -74,57 +70,43 @@ def inverse_covariance(matrix: Floats, inverse: Floats) -> Floats:
     return np.asarray(change @ matrix @ change.T)
 
 
-LARGEST: Final = float(dps(40.0))
-"""Largest bias of a MEMS gyroscope that works, rad/s: data sheets of consumer parts have ±1 to ±40 °/s."""
-
-FIELD_TURNED: Final = float(deg(3.0))
-"""Turn of the field beyond its noise above which a stretch is not at rest, rad."""
-
-UPRIGHT: Final = float(deg(15.0))
-"""Tilt between stretches at rest that would show a turn about the vertical as a bias that changes, rad."""
-
-PART: Final = 0.5
-"""Length over which the field is averaged, s: no bias within `LARGEST` turns it by more than 20° meanwhile."""
-
+LARGEST: Final = float(dps(40.0))  # bias of a MEMS gyroscope that works, rad/s: data sheets have up to ±40 °/s
+FIELD_TURNED: Final = float(deg(3.0))  # turn of the field beyond its noise above which a stretch is not at rest, rad
+UPRIGHT: Final = float(deg(15.0))  # tilt between rests that shows a turn about the vertical as a changing bias, rad
+PART: Final = 0.5  # s over which the field is averaged: no bias within `LARGEST` turns it by more than 20° meanwhile
 UNSEEN: Final = "A slow turn about the vertical would be in this bias: neither magnetometer nor tilt could show it."
-"""Remark where nothing distinguished rest from turning."""
 
 _NEARLY = 0.8  # of the stretches: an axis may die on the way
 _NOISE = 5.0  # standard deviations
 _MOST = 90.0  # percentile of the parts' turns, so that a passing disturbance does not count
 
 
-def dead_axes(*stretches: Floats) -> list[Reason]:
+def dead_axes(*stretches: Floats) -> Reason | None:
     """Reason to refuse rates, stretches of (N, 3), rad/s, of which an axis does not change within nearly all."""
     finite = [rate[np.isfinite(rate).all(axis=1)] for rate in stretches]
     constant = [(rate == rate[0]).all(axis=0) for rate in finite if len(rate) > 1]
-    dead = np.flatnonzero(np.mean(constant, axis=0) > _NEARLY) if constant else np.zeros(0, dtype=np.intp)
-    if not dead.size:
-        return []
+    dead = np.flatnonzero(np.mean(constant, axis=0) > _NEARLY).tolist() if constant else []
+    if not dead:
+        return None
     last = next(rate[-1] for rate in reversed(finite) if len(rate))
-    axes = " and ".join(f"{'xyz'[i]} ({to_dps(float(last[i])):.4g} °/s)" for i in dead.tolist())
+    axes = " and ".join(f"{'xyz'[i]} ({to_dps(float(last[i])):.4g} °/s)" for i in dead)
     text = f"The rate about {axes} never changes: no working gyroscope is without noise."
-    return [Reason("implausible", text, "That axis is dead or stuck, or the profile names another column for it.")]
+    return Reason("implausible", text, "That axis is dead or stuck, or the profile names another column for it.")
 
 
-def beyond_bias(bias: Floats) -> list[Reason]:
+def beyond_bias(bias: Floats) -> Reason | None:
     """Reason to refuse a bias (3,), rad/s, that no gyroscope which works has."""
     worst = int(np.argmax(np.abs(bias)))
-    if abs(bias[worst]) <= LARGEST:
-        return []
     text = (
         f"The bias about {'xyz'[worst]} would be {to_dps(float(bias[worst])):.3g} °/s, and data sheets have up to "
         f"{to_dps(LARGEST):.0f} °/s."
     )
     advice = "The unit turned steadily instead of lying at rest, or the unit of the rates in the profile is wrong."
-    return [Reason("implausible", text, advice)]
+    return reason_if(not abs(bias[worst]) <= LARGEST, "implausible", text, advice)
 
 
 def field_turns(t: Floats, mag: Floats, where: Sequence[slice]) -> Floats:
-    """How far the field turned against the unit in each stretch (K,), rad; zero where that is noise, or unknown.
-
-    `mag` (N, 3) is of any unit, calibrated or not, at times t (N,), s; rows with NaN are left out.
-    """
+    """How far the field (N, 3), of any unit, turned in each stretch (K,), rad; zero where that is noise, or unknown."""
     return np.array([_turn(t[part], mag[part]) for part in where])
 
 
@@ -166,11 +148,8 @@ def _turn(t: Floats, mag: Floats) -> float:
     return angle if angle > FIELD_TURNED + _NOISE * noise else 0.0
 
 
-LEAST: Final = 2.0
-"""Shortest time at rest that gives a bias, s."""
-
-LONG: Final = 20.0
-"""Shortest time at rest whose bias can be good, s: a shorter one sees the noise and not how the bias wanders."""
+LEAST: Final = 2.0  # shortest time at rest that gives a bias, s
+LONG: Final = 20.0  # shortest time at rest whose bias can be good, s: a shorter one does not see the bias wander
 
 
 def fit_rest(rates: Rates) -> Fitted:
@@ -178,13 +157,6 @@ def fit_rest(rates: Rates) -> Fitted:
 
     Its standard deviation is the larger of two: what the noise within all stretches leaves of their mean, and, from
     three stretches on, what the scatter of their means does, in which slow drift and g-sensitivity show.
-
-    Raises
-    ------
-    CaptureRefusedError
-        not-still, clipping, implausible.
-    CalibrationError
-        If the calibration so far needs a temperature or a specific force that is missing.
     """
     t, base = rates.t, rates.known
     rates = rates._replace(gyr=check.rows("gyr", rates.gyr, 3, t.size))
@@ -193,14 +165,22 @@ def fit_rest(rates: Rates) -> Fitted:
     bias, spread, means = bias_at_rest([corrected[part] for part in where])
     refuse(beyond_bias(bias))
     seconds = sum(float(t[part.stop - 1] - t[part.start]) for part in where)
+    grade = grade_of(float(spread.max()), RATE) or "poor"
+    reference = base.temp_ref_c  # of the polynomial; else that of the rest, where it is known
+    if not base.bias_per_k.any() and rates.temp_c is not None:
+        temps = np.concatenate([rates.temp_c[part] for part in where])
+        reference = float(np.nanmean(temps)) if np.isfinite(temps).any() else reference
     calibration = replace(
         base,
         bias=bias,
         covariance=new_bias_covariance(base, np.diag(spread**2)),
         residual_rms=float(np.sqrt(np.mean((means - bias) ** 2))),
-        temp_ref_c=_temperature(base, rates.temp_c, where),
+        temp_ref_c=reference,
         method=f"gyr at rest, {seconds:.0f} s in {counted(len(where), 'stretch', 'stretches')}",
-        quality=Quality(grade=_grade(spread, seconds), samples=sum(part.stop - part.start for part in where)),
+        quality=Quality(
+            grade="fair" if grade == "good" and round(seconds) < LONG else grade,
+            samples=sum(part.stop - part.start for part in where),
+        ),
     )
     remarks = (*_remarks(calibration, spread, seconds), *notes, *unseen_turn(rates, where))
     return Fitted(calibration, means, means - bias, np.ones(len(where), dtype=bool), remarks)
@@ -213,14 +193,13 @@ def rest(rates: Rates) -> tuple[list[slice], tuple[Note, ...]]:
     force = np.zeros_like(gyr) if rates.acc is None else rates.acc  # an accelerometer that says nothing against rest
     where, notes = _unturned(t, rates.mag, stills(t, force, gyr))
     seconds = sum(float(t[part.stop - 1] - t[part.start]) for part in where)
-    reasons = []
-    if clipped is not None and any(clipped[part].any() for part in where):
-        advice = "A sensor that reads its full scale at rest is broken or its unit is wrong; check the profile's range."
-        reasons.append(Reason("clipping", "The gyroscope is at the end of its range while at rest.", advice))
-    if seconds < LEAST:
-        text = f"The unit was at rest for {seconds:.1f} s of {float(t[-1] - t[0]):.0f} s; {LEAST:.0f} s are needed."
-        reasons.append(Reason("not-still", text, "Lay the unit on something solid and let go of it for 30 s."))
-    refuse(reasons)
+    at_end = clipped is not None and any(clipped[part].any() for part in where)
+    broken = "A sensor that reads its full scale at rest is broken or its unit is wrong; check the profile's range."
+    text = f"The unit was at rest for {seconds:.1f} s of {float(t[-1] - t[0]):.0f} s; {LEAST:.0f} s are needed."
+    refuse(
+        reason_if(at_end, "clipping", "The gyroscope is at the end of its range while at rest.", broken),
+        reason_if(seconds < LEAST, "not-still", text, "Lay the unit on something solid and let go of it for 30 s."),
+    )
     return where, notes
 
 
@@ -230,7 +209,7 @@ def _unturned(t: Floats, mag: Floats | None, where: list[slice]) -> tuple[list[s
     if not turns.any():
         return where, ()
     if turns.all():
-        refuse([turn_reason(turns)])
+        refuse(turn_reason(turns))
     notes = (
         warning(
             "calibration.stretches_turned",
@@ -242,11 +221,6 @@ def _unturned(t: Floats, mag: Floats | None, where: list[slice]) -> tuple[list[s
     return [part for part, turn in zip(where, turns.tolist(), strict=True) if not turn], notes
 
 
-def _grade(spread: Floats, seconds: float) -> str:
-    grade = grade_of(float(spread.max()), RATE) or "poor"
-    return "fair" if grade == "good" and round(seconds) < LONG else grade
-
-
 def bias_at_rest(stretches: list[Floats]) -> tuple[Floats, Floats, Floats]:
     """Bias (3,), its standard deviation (3,) and the mean of each stretch (k, 3), from rates at rest."""
     bias, spread = mean_and_sd(np.concatenate(stretches))
@@ -254,14 +228,6 @@ def bias_at_rest(stretches: list[Floats]) -> tuple[Floats, Floats, Floats]:
     if len(means) >= 3:
         spread = np.maximum(spread, means.std(axis=0, ddof=1) / np.sqrt(len(means)))
     return bias, spread, means
-
-
-def _temperature(base: TriadCalibration, temp_c: Floats | None, where: list[slice]) -> float:
-    """Temperature that the bias belongs to, °C: that of the polynomial, else that of the rest, where it is known."""
-    if base.bias_per_k.any() or temp_c is None:
-        return base.temp_ref_c
-    temps = np.concatenate([temp_c[part] for part in where])
-    return float(np.nanmean(temps)) if np.isfinite(temps).any() else base.temp_ref_c
 
 
 def _remarks(calibration: TriadCalibration, spread: Floats, seconds: float) -> tuple[Note, ...]:

@@ -14,14 +14,13 @@ order, and left out: a tilt of 0.1° makes a rate smaller by 1.5 parts in a mill
 The card's matrix is S⁻¹, its bias b and its g-sensitivity G: `plumbob.data.cards.TriadCalibration`.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, reason_if, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE
@@ -31,9 +30,7 @@ from plumbob.core.text import counted, p_value
 from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.data.cards import Quality, TriadCalibration
 
-SIMPLE: Final = 4
-"""Parameters of one axis without g-sensitivity: bias and a row of the response. With it there are 7."""
-
+SIMPLE: Final = 4  # Parameters of one axis without g-sensitivity: bias and a row of the response. With it there are 7.
 _TURNING = 0.02  # share of the highest rate below which a plateau says nothing about its mounting
 _TINY = 1e-300
 
@@ -71,9 +68,9 @@ class TableSession:
         return replace(self, columns=self.columns[:, :SIMPLE])
 
     def residual_squares(self, *, by_face: bool) -> tuple[Floats, int]:
-        """Weighted sum of squares (3,) that a fit leaves, and its degrees of freedom.
+        """Weighted squares (3,) that a fit leaves with the best tilt of each mounting, and its degrees of freedom.
 
-        Each mounting has whatever tilt fits best, and with `by_face` each face whatever bias.
+        With `by_face`, each face has whatever bias fits best.
         """
         root = np.sqrt(self.weight)[:, np.newaxis]
         free = (self.columns, self.spins, *([self.faces] if by_face else []))
@@ -91,7 +88,7 @@ class TableSession:
 def table_session(
     rate: ArrayLike, measured: ArrayLike, *, force: ArrayLike | None, seconds: ArrayLike | None, latitude: float | None
 ) -> TableSession:
-    """Session of plateaus; arguments as in `plumbob.calibration.gyr.table.fit_table`."""
+    """Session of plateaus; arguments as of `fit_table`."""
     rates = check.rows("rate", rate, 3)
     means = check.rows("measured", measured, 3, len(rates))
     forces = None if force is None else check.rows("force", force, 3, len(rates))
@@ -100,9 +97,16 @@ def table_session(
     if not all(np.isfinite(part).all() for part in inputs) or not (length > 0.0).all():
         text = "some plateau has no finite mean of rate or specific force, or no length."
         raise CaptureRefusedError(Reason("too-few", text, "Leave it out."))
-    up = np.zeros(len(rates), dtype=np.intp) if forces is None else _face(forces)
+    up, true = np.zeros(len(rates), dtype=np.intp), rates
+    if forces is not None:  # which of the six faces is up: 0 to 2 for x to z, 3 to 5 for their opposites
+        axis = np.argmax(np.abs(forces), axis=1)
+        up = axis + 3 * (forces[np.arange(len(forces)), axis] < 0.0)
     spins, axes = _mountings(rates, up)
-    true = _with_earth(rates, forces, latitude)
+    if latitude is not None:  # the vertical part of the Earth's rate: what is horizontal averages out in a turn
+        if forces is None:
+            raise ParameterError("the Earth's rate by latitude needs the specific force, which shows where up is.")
+        vertical = forces / np.linalg.norm(forces, axis=1, keepdims=True)
+        true = rates + EARTH_RATE * np.sin(latitude) * vertical
     columns = np.hstack((np.ones((len(rates), 1)), true, *([] if forces is None else [forces])))
     faces = (up[:, np.newaxis] == np.unique(up)).astype(np.float64)
     session = TableSession(means, columns, spins, axes, faces, length / length.mean() if length.size else length)
@@ -124,36 +128,14 @@ def _mountings(rates: Floats, up: NDArray[np.intp]) -> tuple[Floats, Floats]:
     return spins, axes
 
 
-def _face(forces: Floats) -> NDArray[np.intp]:
-    """Which of the six faces is up: 0 to 2 for x to z, 3 to 5 for their opposites."""
-    axis = np.argmax(np.abs(forces), axis=1)
-    return np.asarray(axis + 3 * (forces[np.arange(len(forces)), axis] < 0.0))
-
-
-def _with_earth(rates: Floats, forces: Floats | None, latitude: float | None) -> Floats:
-    """Rates with the vertical part of the Earth's: what is horizontal averages out in a turn."""
-    if latitude is None:
-        return rates
-    if forces is None:
-        raise ParameterError("the Earth's rate by latitude needs the specific force, which shows where up is.")
-    up = forces / np.linalg.norm(forces, axis=1, keepdims=True)
-    return np.asarray(rates + EARTH_RATE * np.sin(latitude) * up)
-
-
 def scaled(columns: Floats) -> Floats:
     """Columns brought to norm 1; what is zero stays so."""
     return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY))
 
 
-MODELS: Final = ("auto", "12", "21")
-"""Without g-sensitivity, with it, or with it where it shows."""
-
-MOUNTING: Final = float(deg(0.1))
-"""Tilt of a mounting on the table that is taken as usual, standard deviation per axis, rad."""
-
-SCALE_GRADES: Final = {"good": 1e-4, "fair": 1e-3}
-"""Largest standard deviation of a scale factor for each grade; above, it is poor."""
-
+MODELS: Final = ("auto", "12", "21")  # without g-sensitivity, with it, or with it where it shows
+MOUNTING: Final = float(deg(0.1))  # usual tilt of a mounting on the table, standard deviation per axis, rad
+SCALE_GRADES: Final = {"good": 1e-4, "fair": 1e-3}  # largest standard deviation of a scale factor; above, it is poor
 _AXES = "xyz"
 _NAMES = ("the bias", *(f"the rate about {a}" for a in _AXES), *(f"the specific force along {a}" for a in _AXES))
 _WORST_CONDITION = 100.0  # columns scaled to one size: 1 is an orthogonal session
@@ -188,57 +170,52 @@ def fit_table(
 ) -> Fitted:
     """Calibrate a gyroscope from plateaus on a rate table.
 
-    Parameters
-    ----------
-    rate : array_like (N, 3)
-        Rate of the table in the axes of the unit, rad/s; zero for a face at rest.
-    measured : array_like (N, 3)
-        Mean of the gyroscope over each plateau, rad/s.
-    force : array_like (N, 3), optional
-        Mean specific force, m/s², calibrated; without it there is no g-sensitivity.
-    seconds : array_like (N,), optional
-        Length of each plateau; the variance of a mean goes with its inverse.
-    clipped : array_like (N,), optional
-        Share of the samples of each plateau that are at the end of the range.
-    model : {"auto", "12", "21"}
-        Parameters; "auto" takes 21 where the session separates them and an F-test finds g-sensitivity.
-    mounting : float
-        Tilt of one mounting against the table's axis, standard deviation per axis, rad; taken as larger where opposite
-        mountings disagree by more.
-    latitude : float, optional
-        Of a table with a vertical axis, rad: the Earth's rate about the vertical is added to the table's.
-
-    Returns
-    -------
-    Fitted
-        Residuals are those of the means, tilts of the mountings and drift between faces removed.
-
-    Raises
-    ------
-    ParameterError
-        If a latitude is given, but no specific force that shows where the vertical is.
-    CaptureRefusedError
-        If plateaus are too few, clipped, or do not separate the parameters, or no gyroscope responds like that.
+    `rate` (N, 3) is the table's in the axes of the unit, rad/s, `measured` (N, 3) the gyroscope's mean; `force` (N, 3),
+    calibrated, without which there is no g-sensitivity; `seconds` (N,) the length of each, whose inverse the variance
+    of a mean goes with; `clipped` (N,) the share of its samples at the end of the range. The model "auto" takes 21
+    parameters where the session separates them and an F-test finds g-sensitivity. `mounting` is the tilt of one
+    mounting, rad, taken as larger where opposite ones disagree by more. The `latitude` of a table with a vertical axis,
+    rad, takes the Earth's rate out. Residuals are those of the means, tilts and drift between faces removed.
     """
     check.one_of("model", model, MODELS)
     full = table_session(rate, measured, force=force, seconds=seconds, latitude=latitude)
-    _refuse_clipped(check.floats("rate", rate), clipped)
-    _refuse_few(full)
+    shares = np.zeros(len(full.measured)) if clipped is None else check.column("clipped", clipped, len(full.measured))
+    if (shares > 0.0).any():
+        i = int(np.argmax(shares))
+        spun = ", ".join(f"{x:.4g}" for x in to_dps(check.floats("rate", rate)[i]))
+        text = f"{100.0 * shares[i]:.0f} % of the plateau at ({spun}) °/s are at the end of the range"
+        others = f"(of {counted(int(np.count_nonzero(shares)), 'such plateau')})"
+        refuse(Reason("clipping", f"{text} {others}.", "Leave such rates out, or record with a wider range."))
+    speed = np.abs(full.rate).max(axis=0, initial=0.0)
+    resting = [_AXES[i] for i in range(3) if speed[i] <= 0.02 * speed.max(initial=0.0)]
+    text = f"no plateau turns about {' or '.join(resting)}, of {len(full.rate)} plateaus."
+    advice = "Spin the unit about each of its axes, both ways round, at two rates or more."
+    refuse(reason_if(bool(resting), "too-few", text, advice))
+    refuse(_why_unclear(full.without_force(), 12))
     session, remarks = _chosen(full, model)
     first = _solve(session, mounting, np.eye(3))
     solution = _solve(session, max(mounting, first.tilt), first.response)
-    _refuse_deformed(solution)
+    shown = "; ".join(" ".join(f"{x:.3g}" for x in row) for row in solution.response)
+    text = f"measured over true rate comes out as [{shown}], which is far from the unit matrix."
+    advice = "Check the unit of the recording, the axes, and the signs and units of the rates."
+    refuse(reason_if(bool(np.abs(solution.response - np.eye(3)).max() > _DEFORMED), "implausible", text, advice))
     if first.tilt > 2.0 * mounting:
         tilts, usual = (f"{to_deg(angle):.2g}°" for angle in (first.tilt, mounting))
         remarks.append(warning("calibration.table_tilts", tilts=tilts, usual=usual))
-    return _fitted(session, solution, (*remarks, *_unknown_earth(latitude, session)))
+    if latitude is None:
+        where = "g-sensitivity" if session.parameters > SIMPLE else "bias"
+        most = f"{to_dps(EARTH_RATE):.4f} °/s"
+        remarks.append(
+            f"the Earth's rate about the vertical, up to {most}, is in the {where}; the latitude takes it out."
+        )
+    return _fitted(session, solution, tuple(remarks))
 
 
 def _chosen(session: TableSession, model: str) -> tuple[TableSession, list[Note]]:
     """Session with the columns of the model, and what to know about the choice."""
     why_not = _why_no_coupling(session)
     if model == "21":
-        refuse([] if why_not is None else [why_not])
+        refuse(why_not)
         return session, []
     if why_not is not None:
         text = "g-sensitivity cannot be separated from the bias, and is part of it"
@@ -275,17 +252,14 @@ def _why_unclear(session: TableSession, parameters: int) -> Reason | None:
     if session.condition > _WORST_CONDITION:
         weakest = np.linalg.svd(scaled(session.columns))[2][-1]
         names = [_NAMES[i] for i in np.flatnonzero(np.abs(weakest) > 0.1)]
-        text = f"{_listed(names)} change together, so they cannot be separated."
+        listed = " and ".join((", ".join(names[:-1]), names[-1])) if len(names) > 1 else names[0]
+        text = f"{listed} change together, so they cannot be separated."
         advice = "Spin both ways round about each axis, with either end of it up, and let each face rest too."
         return Reason("ill-conditioned", text, advice)
     if session.residual_squares(by_face=False)[1] < 1:
         text = f"{len(session.measured)} plateaus are too few for {parameters} parameters and the noise."
         return Reason("too-few", text, "Add rates, and spin both ways round.")
     return None
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join((", ".join(names[:-1]), names[-1])) if len(names) > 1 else names[0]
 
 
 def _chance_of_no_coupling(session: TableSession) -> float:
@@ -339,7 +313,11 @@ def _solve(session: TableSession, mounting: float, response: Floats) -> _Solutio
 
 def _fitted(session: TableSession, solution: _Solution, remarks: tuple[Note, ...]) -> Fitted:
     matrix = np.asarray(np.linalg.inv(solution.response), dtype=np.float64)
-    covariance = _covariance(matrix, solution.covariance)
+    first = np.arange(3)[:, np.newaxis] * (len(solution.covariance) // 3)
+    places = np.concatenate((first.ravel(), (first + np.arange(1, SIMPLE)).ravel()))
+    slope = np.eye(12)
+    slope[3:, 3:] = -np.kron(matrix, matrix.T)  # d(S⁻¹) = −S⁻¹ dS S⁻¹
+    covariance = slope @ solution.covariance[np.ix_(places, places)] @ slope.T
     scale_sd = float(np.sqrt(np.diag(covariance)[[3, 7, 11]]).max())
     coupled = session.parameters > SIMPLE
     calibration = TriadCalibration(
@@ -361,55 +339,3 @@ def _fitted(session: TableSession, solution: _Solution, remarks: tuple[Note, ...
     )
     used = np.ones(len(session.measured), dtype=np.bool_)
     return Fitted(calibration, session.measured, solution.residuals, used, remarks)
-
-
-def _covariance(matrix: Floats, of_all: Floats) -> Floats:
-    """Covariance (12, 12) of bias and matrix from that of all parameters: d(S⁻¹) = −S⁻¹ dS S⁻¹."""
-    first = np.arange(3)[:, np.newaxis] * (len(of_all) // 3)
-    places = np.concatenate((first.ravel(), (first + np.arange(1, SIMPLE)).ravel()))
-    slope = np.eye(12)
-    slope[3:, 3:] = -np.kron(matrix, matrix.T)
-    return np.asarray(slope @ of_all[np.ix_(places, places)] @ slope.T)
-
-
-def _unknown_earth(latitude: float | None, session: TableSession) -> tuple[str, ...]:
-    if latitude is not None:
-        return ()
-    where = "g-sensitivity" if session.parameters > SIMPLE else "bias"
-    most = f"{to_dps(EARTH_RATE):.4f} °/s"
-    return (f"the Earth's rate about the vertical, up to {most}, is in the {where}; the latitude takes it out.",)
-
-
-def _refuse_clipped(rates: Floats, clipped: ArrayLike | None) -> None:
-    shares = np.zeros(len(rates)) if clipped is None else check.column("clipped", clipped, len(rates))
-    if (shares > 0.0).any():
-        i = int(np.argmax(shares))
-        text = f"{100.0 * shares[i]:.0f} % of the plateau at {_dps(rates[i])} are at the end of the range"
-        advice = "Leave such rates out, or record with a wider range."
-        raise CaptureRefusedError(
-            Reason("clipping", f"{text} (of {counted(int(np.count_nonzero(shares)), 'such plateau')}).", advice)
-        )
-
-
-def _refuse_few(session: TableSession) -> None:
-    rates = session.rate
-    speed = np.abs(rates).max(axis=0, initial=0.0)
-    resting = [_AXES[i] for i in range(3) if speed[i] <= 0.02 * speed.max(initial=0.0)]
-    if resting:
-        text = f"no plateau turns about {' or '.join(resting)}, of {len(rates)} plateaus."
-        advice = "Spin the unit about each of its axes, both ways round, at two rates or more."
-        raise CaptureRefusedError(Reason("too-few", text, advice))
-    why_not = _why_unclear(session.without_force(), 12)
-    refuse([] if why_not is None else [why_not])
-
-
-def _refuse_deformed(solution: _Solution) -> None:
-    if np.abs(solution.response - np.eye(3)).max() > _DEFORMED:
-        shown = "; ".join(" ".join(f"{x:.3g}" for x in row) for row in solution.response)
-        text = f"measured over true rate comes out as [{shown}], which is far from the unit matrix."
-        advice = "Check the unit of the recording, the axes, and the signs and units of the rates."
-        raise CaptureRefusedError(Reason("implausible", text, advice))
-
-
-def _dps(rate: Floats) -> str:
-    return f"({', '.join(f'{x:.4g}' for x in to_dps(rate))}) °/s"

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, refuse
+from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, reason_if, refuse
 from plumbob.calibration.gyr.rest import (
     Rates,
     beyond_bias,
@@ -35,60 +35,39 @@ from plumbob.core.units import to_dps
 from plumbob.data.cards import Quality, TriadCalibration
 from plumbob.quality.static_periods import stills
 
-LEAST_SPAN: Final = 5.0
-"""Smallest span of temperature that shows a slope, K."""
-
-LEAST_REST: Final = 0.9
-"""Smallest share of the record that must be at rest."""
-
-WINDOW: Final = 300.0
-"""Time within which the field must not turn, s."""
-
-HIGHEST: Final = 3
-"""Highest degree."""
-
-SIGNIFICANCE: Final = 0.001
-"""Chance at which a power that is not there is taken for one."""
-
-SURE: Final = 4.0
-"""Standard deviations above which warming and cooling differ."""
-
-BLOCKS: Final = 200
-"""Blocks that a record is averaged in; of the length of `SHORTEST` at least."""
-
-SHORTEST: Final = 5.0
-"""Shortest block, s."""
-
-FEWEST: Final = 20
-"""Fewest blocks."""
-
+LEAST_SPAN: Final = 5.0  # smallest span of temperature that shows a slope, K
+LEAST_REST: Final = 0.9  # smallest share of the record that must be at rest
+WINDOW: Final = 300.0  # time within which the field must not turn, s
+HIGHEST: Final = 3  # highest degree
+SIGNIFICANCE: Final = 0.001  # chance at which a power that is not there is taken for one
+SURE: Final = 4.0  # standard deviations above which warming and cooling differ
+BLOCKS: Final = 200  # blocks that a record is averaged in; of the length of `SHORTEST` at least
+SHORTEST: Final = 5.0  # shortest block, s
+FEWEST: Final = 20  # fewest blocks
 _RATIOS = np.logspace(-5.0, 3.0, 41)  # from nothing that is seen in 200 blocks to nothing but a random walk
-
-USUAL: Final = 25.0
-"""Temperature at which data sheets state a bias, °C."""
+USUAL: Final = 25.0  # temperature at which data sheets state a bias, °C
 
 
 def fit_temperature(rates: Rates) -> Fitted:
-    """Polynomial of the bias over temperature, of degree 1 to 3; matrix and g-sensitivity known so far are kept.
-
-    Raises
-    ------
-    CaptureRefusedError
-        no-temperature, too-few, clipping, not-still, implausible.
-    CalibrationError
-        If the calibration so far has a g-sensitivity and there is no specific force.
-    """
+    """Polynomial of the bias over temperature, of degree 1 to 3; matrix and g-sensitivity known so far are kept."""
     t, base, mag = rates.t, rates.known, rates.mag
     gyr = check.rows("gyr", rates.gyr, 3, t.size)
     temperature = np.full(t.size, np.nan) if rates.temp_c is None else check.column("temp_c", rates.temp_c, t.size)
-    refuse([*dead_axes(gyr), *_unfit(t, gyr, temperature, rates.clipped)])
+    refuse(dead_axes(gyr), *_unfit(t, gyr, temperature, rates.clipped))
     reference = _reference(temperature)
     steady = replace(base, bias_per_k=np.zeros((1, 3)))
     corrected = without_known(rates._replace(gyr=gyr, known=steady))
-    drift = _powers(temperature, reference) @ _rough(_blocks(t, corrected, temperature, reference))
-    rest = _at_rest(t, corrected - drift, rates.acc)
-    refuse(_restless(rest))
-    refuse([] if mag is None else _turning(t, mag))
+    blocks = _blocks(t, corrected, temperature, reference)
+    rough = np.linalg.lstsq(blocks.powers, blocks.rate, rcond=None)[0]  # enough to tell rest from motion
+    still = corrected - _powers(temperature, reference) @ rough
+    rest = np.zeros(t.size, dtype=np.bool_)
+    for part in stills(t, np.zeros_like(gyr) if rates.acc is None else rates.acc, still):
+        rest[part] = True
+    share = float(rest.mean())
+    text = f"The unit was at rest for {100.0 * share:.0f} % of the record; {100.0 * LEAST_REST:.0f} % are needed."
+    quiet = "Put it where nobody touches it, or cut the record with --from and --to."
+    refuse(reason_if(not share >= LEAST_REST, "not-still", text, quiet))
+    refuse(None if mag is None else _turning(t, mag))
     blocks = _blocks(t, np.where(rest[:, np.newaxis], corrected, np.nan), temperature, reference)
     fit = _choose(blocks)
     refuse(beyond_bias(fit.bias))
@@ -113,28 +92,25 @@ class _Polynomial:
     wander: Floats  # (3,), variance of a step of the random walk over that of the white noise
 
 
-def _unfit(t: Floats, gyr: Floats, temp_c: Floats, clipped: NDArray[np.bool_] | None) -> list[Reason]:
+def _unfit(t: Floats, gyr: Floats, temp_c: Floats, clipped: NDArray[np.bool_] | None) -> tuple[Reason | None, ...]:
     """Reasons why there is nothing to fit."""
     advice = "Let the unit warm up from cold, or cool down in a box, over 10 K or more, and record its temperature."
     missing = int(np.count_nonzero(~np.isfinite(temp_c)))
     if missing:
-        return [Reason("no-temperature", f"The temperature is missing in {missing} of {t.size} samples.", advice)]
-    reasons = []
-    span = float(np.ptp(temp_c))
-    if span < LEAST_SPAN:
-        text = f"The temperature changes by {span:.1f} K only; {LEAST_SPAN:g} K are needed to show a slope."
-        reasons.append(Reason("no-temperature", text, advice))
-    if float(t[-1] - t[0]) < FEWEST * SHORTEST:
-        text = f"The record has {float(t[-1] - t[0]):.0f} s; {FEWEST * SHORTEST:.0f} s are needed."
-        reasons.append(Reason("too-few", text, "Record for half an hour or longer."))
-    if clipped is not None and clipped.any():
-        text = f"{int(clipped.sum())} samples are at the end of the gyroscope's range."
-        reasons.append(
-            Reason("clipping", text, "A unit at rest is far from its range: check the range, or let it lie.")
-        )
-    if not np.isfinite(gyr).any(axis=0).all():
-        reasons.append(Reason("too-few", "An axis of the gyroscope has no number.", "Check the profile's columns."))
-    return reasons
+        return (Reason("no-temperature", f"The temperature is missing in {missing} of {t.size} samples.", advice),)
+    span, lasting, needed = float(np.ptp(temp_c)), float(t[-1] - t[0]), FEWEST * SHORTEST
+    narrow = f"The temperature changes by {span:.1f} K only; {LEAST_SPAN:g} K are needed to show a slope."
+    short = f"The record has {lasting:.0f} s; {needed:.0f} s are needed."
+    count = 0 if clipped is None else int(clipped.sum())
+    at_end = f"{count} samples are at the end of the gyroscope's range."
+    far = "A unit at rest is far from its range: check the range, or let it lie."
+    empty, columns = not np.isfinite(gyr).any(axis=0).all(), "Check the profile's columns."
+    return (
+        reason_if(span < LEAST_SPAN, "no-temperature", narrow, advice),
+        reason_if(lasting < needed, "too-few", short, "Record for half an hour or longer."),
+        reason_if(count > 0, "clipping", at_end, far),
+        reason_if(empty, "too-few", "An axis of the gyroscope has no number.", columns),
+    )
 
 
 def _reference(temp_c: Floats) -> float:
@@ -159,32 +135,11 @@ def _blocks(t: Floats, rate: Floats, temp_c: Floats, reference: float) -> _Block
     return _Blocks(mean[:, : HIGHEST + 1], mean[:, HIGHEST + 1 :])
 
 
-def _at_rest(t: Floats, gyr: Floats, acc: Floats | None) -> NDArray[np.bool_]:
-    """Samples at rest, (N,): of the rates less their drift with temperature."""
-    rest = np.zeros(t.size, dtype=bool)
-    for part in stills(t, np.zeros_like(gyr) if acc is None else acc, gyr):
-        rest[part] = True
-    return rest
-
-
-def _restless(rest: NDArray[np.bool_]) -> list[Reason]:
-    share = float(rest.mean())
-    if share >= LEAST_REST:
-        return []
-    text = f"The unit was at rest for {100.0 * share:.0f} % of the record; {100.0 * LEAST_REST:.0f} % are needed."
-    return [Reason("not-still", text, "Put it where nobody touches it, or cut the record with --from and --to.")]
-
-
-def _turning(t: Floats, mag: Floats) -> list[Reason]:
+def _turning(t: Floats, mag: Floats) -> Reason | None:
     """Reason why the field turned in more than few windows: over a whole soak a magnetometer may drift by as much."""
     edges = np.searchsorted(t, np.arange(t[0], t[-1], WINDOW)).tolist()
     turns = field_turns(t, mag, [slice(a, b) for a, b in pairwise([*edges, t.size])])
-    return [turn_reason(turns)] if np.count_nonzero(turns) > (1.0 - LEAST_REST) * turns.size else []
-
-
-def _rough(blocks: _Blocks) -> Floats:
-    """Plain least squares of the highest degree, (4, 3): enough to tell rest from motion."""
-    return np.asarray(np.linalg.lstsq(blocks.powers, blocks.rate, rcond=None)[0])
+    return turn_reason(turns) if np.count_nonzero(turns) > (1.0 - LEAST_REST) * turns.size else None
 
 
 def _choose(blocks: _Blocks) -> _Polynomial:
@@ -193,7 +148,12 @@ def _choose(blocks: _Blocks) -> _Polynomial:
 
     diffs = _Differences.from_blocks(blocks)
     wander = np.array([_wander(diffs, axis) for axis in range(3)])
-    fits = [_poly(blocks, diffs, degree, wander) for degree in range(1, HIGHEST + 1)]
+    fits = []
+    for degree in range(1, HIGHEST + 1):  # the bias is the mean of what the powers leave
+        slopes, covariance, squares = _weighted(diffs.regressors[:, :degree], diffs, wander)
+        residual = blocks.rate - blocks.powers[:, 1 : degree + 1] @ slopes
+        bias, free = residual.mean(axis=0), len(diffs.rate) - degree
+        fits.append(_Polynomial(bias, slopes, covariance, residual - bias, squares, free, wander))
     full = fits[-1]
     for fit in fits[:-1]:
         more = fit.free - full.free
@@ -247,14 +207,6 @@ def _wander(diffs: _Differences, axis: int) -> float:
 
     costs = np.array([cost(ratio) for ratio in _RATIOS])
     return float(_RATIOS[np.flatnonzero(costs <= costs.min() + 1.0)[-1]])
-
-
-def _poly(blocks: _Blocks, diffs: _Differences, degree: int, wander: Floats) -> _Polynomial:
-    """Weighted least squares of one degree; the bias is the mean of what the powers leave."""
-    slopes, covariance, squares = _weighted(diffs.regressors[:, :degree], diffs, wander)
-    residual = blocks.rate - blocks.powers[:, 1 : degree + 1] @ slopes
-    bias = residual.mean(axis=0)
-    return _Polynomial(bias, slopes, covariance, residual - bias, squares, len(diffs.rate) - degree, wander)
 
 
 def _weighted(columns: Floats, diffs: _Differences, wander: Floats) -> tuple[Floats, Floats, Floats]:

@@ -1,8 +1,7 @@
 """Magnetometers: by the field's length alone, with accelerometer or gyroscope, in use, or turning level only."""
 
-from plumbob.calibration.mag.ellipsoid import fit_mag
+from plumbob.calibration.mag.ellipsoid import fit_mag, fit_mag_level
 from plumbob.calibration.mag.in_use import fit_mag_in_use
-from plumbob.calibration.mag.planar import fit_mag_level
 from plumbob.calibration.mag.with_acc import fit_mag_acc
 from plumbob.calibration.mag.with_gyr import fit_mag_gyr
 

@@ -29,13 +29,10 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.rotations import dcm_from_quat, every_axes, quat_chained, skew
 
+# Of the measured change on the predicted one: a wrong sign of one axis makes −1/3 where all axes turn alike.
 LEAST_SLOPE: Final = 0.5
-"""Slope of the measured change on the predicted one below which an axis is swapped or has the wrong sign: right axes
-make 1, a wrong sign of one axis makes −1/3 where the unit turns about all axes alike."""
 
-MOST_UNKNOWN: Final = 0.05
-"""Standard deviation beyond which a regression tells nothing."""
-
+MOST_UNKNOWN: Final = 0.05  # standard deviation beyond which a regression tells nothing
 _WINDOW: Final = 0.1
 _LONGEST: Final = 0.3
 _CHUNK: Final = 20_000
@@ -51,14 +48,8 @@ class Agreement(NamedTuple):
 def agreement(t: Floats, mag: Floats, gyr: Floats) -> Agreement | None:
     """How the field's change agrees with the one that the rates predict; None where the capture does not tell.
 
-    Neither needs to be calibrated: constant biases of both are found too.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    mag, gyr : ndarray (N, 3)
-        Field, µT, and rates, rad/s; rows with NaN do not count.
+    Neither field nor rates (N, 3) need be calibrated: constant biases of both are found too. Rows with NaN do not
+    count.
     """
     rows, change = _equations(t, mag, gyr)
     along = rows[:, :, [0, 4, 8]].sum(axis=2)
@@ -70,15 +61,7 @@ def agreement(t: Floats, mag: Floats, gyr: Floats) -> Agreement | None:
 
 
 def turn(t: Floats, field: Floats, gyr: Floats) -> Floats | None:
-    """Rotation matrix (3, 3) of the gyroscope's axes to those of a calibrated field; None where nothing shows it.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    field, gyr : ndarray (N, 3)
-        Calibrated field, µT, and rates, rad/s, of which a constant bias is found too; rows with NaN do not count.
-    """
+    """Rotation matrix (3, 3) of the gyroscope's axes to those of a calibrated field; None where nothing shows it."""
     rows, change = _equations(t, field, gyr)
     solution = _solution(rows[:, :, :12], change)
     if solution is None or solution[1][:9].max() > MOST_UNKNOWN:
@@ -134,18 +117,10 @@ def _solution(columns: Floats, change: Floats) -> tuple[Floats, Floats] | None:
     return solution / scale, np.sqrt(variance * np.diag(np.linalg.inv(normal))) / scale
 
 
-CLEARLY: Final = 3.0
-"""How many times as large the squares that an arrangement leaves must be as the least ones, for it to be excluded."""
-
-QUIET: Final = 0.05
-"""Departure of the specific force from its usual length, of itself, up to which it is taken for the vertical."""
-
-FEWEST_DIRECTIONS: Final = 14
-"""Fewest samples in which a dip is looked for."""
-
-SPAN: Final = 4.0
-"""Windows over which vectors are turned back, s: pushes average out, and a gyroscope's errors turn by few degrees."""
-
+CLEARLY: Final = 3.0  # times the least squares that an arrangement must leave to be excluded
+QUIET: Final = 0.05  # departure of the specific force from its usual length, of itself, up to which it is the vertical
+FEWEST_DIRECTIONS: Final = 14  # fewest samples in which a dip is looked for
+SPAN: Final = 4.0  # s over which vectors are turned back: pushes average out, and a gyroscope errs by few degrees
 _KEPT: Final = 0.3  # scatter of the field along the vertical, of its size, beyond which nothing keeps a dip
 _LEAST: Final = 0.1  # scatter that iron may make
 _SOME: Final = 5000
@@ -183,21 +158,11 @@ class Arrangements(NamedTuple):
     def keeps_dip(self) -> bool:
         """Whether the field keeps its dip with the axes as they are, but for the sign."""
         dip = _completed(self)[0]
-        return dip is not None and _is_same(dip)
+        return dip is not None and np.array_equal(_SAME, dip)
 
 
 def arrangements(t: Floats, mag: Floats, *, acc: Floats, gyr: Floats) -> Arrangements:
-    """What the pairs of triads tell of their axes.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    mag : ndarray (N, 3)
-        Field in the axes of the magnetometer, calibrated or not, µT.
-    acc, gyr : ndarray (N, 3)
-        Specific force, m/s², and rates, rad/s, calibrated or not; rows with NaN do not count, as those of all three.
-    """
+    """What the pairs of triads tell of their axes, calibrated or not; rows with NaN do not count."""
     keeping_dip = _keeping_dip(mag, acc)
     rows = _windows(t, np.flatnonzero(np.isfinite(gyr).all(axis=1)))
     if len(rows) < _FEWEST_WINDOWS:
@@ -206,28 +171,18 @@ def arrangements(t: Floats, mag: Floats, *, acc: Floats, gyr: Floats) -> Arrange
     bias, turned, field = np.zeros(3), [], []
     for _ in range(_ROUNDS):
         turned = [_turned_by(t, gyr - bias, rows, sense) for sense in (1.0, -1.0)]
-        field = _direction_fits(turned, mag, offset=True)
-        bias = bias + min(field, key=lambda fit: fit.misfit).bias if field else bias
+        field = [fit for back in turned for fit in _way_fits(back, mag, _TURNS, offset=True)]
+        bias = bias + field[int(np.argmin([fit.misfit for fit in field]))].bias if field else bias
     ways = _ways(field)
     senses = {float(np.linalg.det(way)) for way in ways} or {1.0, -1.0}
-    force = _direction_fits([back for back in turned if back.sense in senses], acc, offset=False)
+    force = [fit for back in turned if back.sense in senses for fit in _way_fits(back, acc, _TURNS, offset=False)]
     return Arrangements(keeping_dip, ways, _ways(force))
 
 
 def wander(t: Floats, field: Floats, gyr: Floats) -> float | None:
     """Root mean square angle, rad, by which a calibrated field, turned back by the rates, wanders over `SPAN`.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    field, gyr : ndarray (N, 3)
-        Field, µT, and rates, rad/s, of which a constant bias is found; rows with NaN do not count.
-
-    Returns
-    -------
-    float or None
-        The angle; None where there are not enough samples.
+    A constant bias of the rates is found; None where there are not enough samples.
     """
     rows = _windows(t, np.flatnonzero(np.isfinite(gyr).all(axis=1)))
     bias, misfit = np.zeros(3), None
@@ -241,14 +196,14 @@ def suspects(found: Arrangements) -> tuple[Suspect, ...]:
     """Triads whose axes are wrong; none where they are right, or the capture does not tell."""
     dip, field, force = _completed(found)
     if dip is None:
-        return () if field is None or _is_same(field) else (_by_turn_alone(field),)
+        return () if field is None or np.array_equal(_SAME, field) else (_by_turn_alone(field),)
     if field is None or force is None:
-        return () if _is_same(dip) else (Suspect("mag", dip, "acc", sure=False),)
-    if _is_same(field):
-        return () if _is_same(force) else (Suspect("acc", dip.T, "mag", sure=True),)
-    if _is_same(dip):
+        return () if np.array_equal(_SAME, dip) else (Suspect("mag", dip, "acc", sure=False),)
+    if np.array_equal(_SAME, field):
+        return () if np.array_equal(_SAME, force) else (Suspect("acc", dip.T, "mag", sure=True),)
+    if np.array_equal(_SAME, dip):
         return (Suspect("gyr", field.T, "acc", sure=True),)
-    if _is_same(force):
+    if np.array_equal(_SAME, force):
         return (Suspect("mag", dip, "acc", sure=True),)
     return (Suspect("mag", dip, "acc", sure=False), Suspect("gyr", force.T, "acc", sure=False))
 
@@ -270,10 +225,6 @@ def _completed(candidates: Arrangements) -> tuple[Floats | None, Floats | None, 
     if dip is not None and field is not None:
         return dip, field, dip.T @ field
     return dip, field, force
-
-
-def _is_same(way: Floats) -> bool:
-    return bool(np.array_equal(way, _SAME))
 
 
 def _keeping_dip(mag: Floats, acc: Floats) -> tuple[Floats, ...]:
@@ -343,14 +294,6 @@ def _turned_by(t: Floats, rates: Floats, rows: NDArray[np.intp], sense: float) -
     each = 0.5 * (turns[1:] + turns[:-1]) * step[:, :, np.newaxis]
     by_bias = np.concatenate((np.zeros((1, 3, 3)), np.cumsum(each, axis=0))).reshape(*rows.shape, 3, 3)
     return _TurnedBack(rows, sense, turns.reshape(by_bias.shape), by_bias - by_bias[:, :1, :1])
-
-
-def _direction_fits(turned: Sequence[_TurnedBack], vectors: Floats, *, offset: bool) -> list[_Followed]:
-    """How vectors (N, 3) keep their direction once turned back, by each arrangement; none where they are too few.
-
-    A bias of the rates is found too, and a constant one of the vectors where they may have an `offset`.
-    """
-    return [fit for back in turned for fit in _way_fits(back, vectors, _TURNS, offset=offset)]
 
 
 def _way_fits(turned: _TurnedBack, vectors: Floats, ways: Sequence[Floats], *, offset: bool) -> list[_Followed]:

@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Iterable
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob.calibration.autocorrelation import Alike
-from plumbob.calibration.fit import HEADING, Fitted, Reason, grade_of, refuse
+from plumbob.calibration.fit import HEADING, Fitted, Reason, grade_of, reason_if, refuse
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.predicted import filled
 from plumbob.core import check
@@ -80,24 +79,20 @@ def with_rates(
     return t, mag, gyr, acc
 
 
-WEAKEST, STRONGEST = 15.0, 90.0
-"""Strengths that the Earth's field may have in a sensor's own scale, µT: 22 to 67 µT with a third of error."""
-
+WEAKEST, STRONGEST = 15.0, 90.0  # of the Earth's field in a sensor's own scale, µT: 22 to 67 µT with a third of error
 _MOST_UNEQUAL: Final = 3.0
 
 
-MOST_CLIPPED: Final = 0.01
-"""Share of clipped samples above which a capture is refused."""
+MOST_CLIPPED: Final = 0.01  # share of clipped samples above which a capture is refused
 
 
 def clipped(at_end: NDArray[np.bool_]) -> Reason | None:
     """Reason to refuse samples (N,) too many of which are at the end of the range; None where few are."""
     share = float(np.mean(at_end)) if len(at_end) else 0.0
-    if share <= MOST_CLIPPED:
-        return None
     most = f"at most {100.0 * MOST_CLIPPED:.0f} % may be"
     what = f"{100.0 * share:.1f} % of the samples are at the end of the range; {most}."
-    return Reason("clipping", what, "Choose a wider range, and remove magnets and steel from around the sensor.")
+    advice = "Choose a wider range, and remove magnets and steel from around the sensor."
+    return reason_if(not share <= MOST_CLIPPED, "clipping", what, advice)
 
 
 def stuck(mag: Floats, title: str = "magnetometer", unit: str = "µT") -> Reason | None:
@@ -118,44 +113,29 @@ def unequal(matrix: Floats) -> Reason | None:
     """Reason to refuse a matrix (3, 3) whose gains differ too much between directions."""
     gains = np.linalg.svd(matrix, compute_uv=False)
     ratio = float(gains[0] / gains[-1])
-    if ratio <= _MOST_UNEQUAL:
-        return None
-    return Reason(
-        "implausible",
-        f"the sensitivity would differ by a factor of {ratio:.1f} between directions.",
-        "Look for steel right beside the sensor, and for a defective axis; then capture again through all attitudes.",
+    what = f"the sensitivity would differ by a factor of {ratio:.1f} between directions."
+    advice = (
+        "Look for steel right beside the sensor, and for a defective axis; then capture again through all attitudes."
     )
+    return reason_if(not ratio <= _MOST_UNEQUAL, "implausible", what, advice)
 
 
 def wrong_field(radius: float, strength: float | None) -> Reason | None:
     """Reason to refuse a field that measures `radius` in the sensor's own scale, µT, where it is `strength`."""
     low, high = (WEAKEST, STRONGEST) if strength is None else (0.6 * strength, 1.6 * strength)
-    if low <= radius <= high:
-        return None
-    return Reason(
-        "wrong-field",
-        f"the field measures {radius:.3g} µT in the sensor's own scale, but {low:.3g} to {high:.3g} µT can be.",
-        "Check the unit and the gain of the magnetometer, and that the capture was not taken beside a magnet.",
-    )
+    what = f"the field measures {radius:.3g} µT in the sensor's own scale, but {low:.3g} to {high:.3g} µT can be."
+    advice = "Check the unit and the gain of the magnetometer, and that the capture was not taken beside a magnet."
+    return reason_if(not low <= radius <= high, "wrong-field", what, advice)
 
 
-DIP: Final = deg(60.0)
-"""Dip that is assumed for the predicted heading error where nothing tells it, rad: that of Central Europe."""
-
-MOST_OUTLIERS: Final = 0.1
-"""Share of outliers above which a capture is refused."""
-
+DIP: Final = deg(60.0)  # assumed for the predicted error where nothing tells it, rad: that of Central Europe
+MOST_OUTLIERS: Final = 0.1  # share of outliers above which a capture is refused
 EVEN: Final = "Capture away from steel, furniture and walls, best outdoors, and turn the unit slowly about one place."
-"""Advice where the field differed from place to place."""
 
-LOST: Final = deg(30.0)
-"""Predicted heading error above which there is no heading, rad; three times as much is a quarter of a turn."""
-
+LOST: Final = deg(30.0)  # predicted error above which there is no heading, rad; thrice as much is a quarter of a turn
 _LONG_MEMORY: Final = 10.0  # samples that count as one, above which it is told
 _COUNTS: Final = 1.5  # predicted error over that of an even field, above which it is told
-
-STEEL: Final = "Look for switched currents, moving iron and steel nearby."
-"""Advice where samples do not fit each other."""
+STEEL: Final = "Look for switched currents, moving iron and steel nearby."  # advice where samples do not fit each other
 
 
 class Doubt(NamedTuple):
@@ -167,11 +147,6 @@ class Doubt(NamedTuple):
     field: Unevenness  # how uneven it was, or may have been
     memory: float  # how many neighbouring samples count as one
     shown: bool  # whether the residuals show that the field was uneven
-
-    @classmethod
-    def from_fit(cls, sd: float, even: float, field: Unevenness, shared: Alike) -> Self:
-        """Of a fit; residuals show an uneven field where that makes more of them count as one than their memory."""
-        return cls(sd, even, field, shared.memory, shared.unevenness > shared.memory)
 
 
 class FieldEstimate(NamedTuple):
@@ -200,7 +175,7 @@ class FieldEstimate(NamedTuple):
         remarks: tuple[Note, ...],
     ) -> Fitted:
         """Fit of the measured field (N, 3), µT, whose heading error is `sd`, rad; or the reasons to refuse it."""
-        refuse([reason for reason in reasons if reason is not None])
+        refuse(*reasons)
         used = self.used
         quality = Quality(
             grade=grade_of(sd, HEADING) or "poor",
@@ -227,7 +202,8 @@ class FieldEstimate(NamedTuple):
 
     def unlikely(self, sd: float) -> tuple[Reason | None, ...]:
         """Reasons that rest on the result; none where its heading error, rad, is beyond *poor*."""
-        return where_known(sd, unequal(self.matrix), wrong_field(self.radius, self.strength))
+        sure = sd <= HEADING.poor  # else they would be those of noise
+        return (unequal(self.matrix), wrong_field(self.radius, self.strength)) if sure else ()
 
     def remarks(self, stride: int = 1) -> tuple[Note, ...]:
         """Remarks on the scale, on samples that were left out, and on outliers."""
@@ -242,10 +218,8 @@ class FieldEstimate(NamedTuple):
 def outliers(used: NDArray[np.bool_], advice: str, most: float = MOST_OUTLIERS) -> Reason | None:
     """Reason to refuse a fit with too many outliers (N,), with what to do; None where there are few."""
     share = float(np.mean(~used))
-    if share <= most:
-        return None
     what = f"{100.0 * share:.0f} % of the samples do not fit the others; at most {100.0 * most:.0f} % may."
-    return Reason("outliers", what, advice)
+    return reason_if(not share <= most, "outliers", what, advice)
 
 
 def uncertain(doubt: Doubt, advice: str) -> Reason | None:
@@ -254,11 +228,6 @@ def uncertain(doubt: Doubt, advice: str) -> Reason | None:
         return None
     what = f"the capture leaves {heading_told(doubt.sd)}."
     return (uneven(doubt) if doubt.shown else None) or Reason("ill-conditioned", what, advice)
-
-
-def where_known(sd: float, *reasons: Reason | None) -> tuple[Reason | None, ...]:
-    """Reasons that rest on the result; none where its heading error, rad, is beyond *poor*: they would tell noise."""
-    return reasons if sd <= HEADING.poor else ()
 
 
 def uneven(doubt: Doubt) -> Reason | None:

@@ -4,6 +4,8 @@ The field has one strength; turned through all attitudes, the measured vectors l
 hard iron. The shape is chosen by test, outliers are set aside, and what the capture cannot determine is refused: its
 covariance decides, its geometry explains. The length of a vector fixes no rotation, so the matrix is symmetric, the one
 that turns the measured vectors least; `with_acc` finds the rotation too.
+
+Of a vehicle that only turns level, an ellipse in two axes gives headings while level.
 """
 
 import math
@@ -13,19 +15,28 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.calibration.autocorrelation import LONG, alike
-from plumbob.calibration.ellipsoid_fit import SPARE, NormFit, Shape, choose, fit_norm, linearised, mean_radius, scaled
-from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
+from plumbob.calibration.ellipsoid_fit import (
+    SPARE,
+    Ellipsoid,
+    NormFit,
+    Shape,
+    choose,
+    fit_norm,
+    linearised,
+    mean_radius,
+    scaled,
+)
+from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, reason_if, refuse
 from plumbob.calibration.mag import checks
 from plumbob.calibration.mag.checks import Doubt, FieldEstimate
 from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenness
 from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, region_names
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
-from plumbob.core.findings import Note, info
+from plumbob.core.findings import Note, info, warning
+from plumbob.core.units import deg, to_deg
 
-FEWEST: Final = 30
-"""Fewest samples in which a change is looked for."""
-
+FEWEST: Final = 30  # fewest samples in which a change is looked for
 _SOME_OF_ALL: Final = 4000
 
 _PLACES: Final = np.linspace(0.05, 0.95, 37)
@@ -72,38 +83,30 @@ class _Jump(NamedTuple):
 
 def _largest(rows: Floats, residuals: Floats, radius: float) -> _Jump | None:
     """Jump that explains the most of what is left (N,), None where it is chance, or too small."""
+    from scipy.stats import f
+
     best = _Jump(0.0, 0.0, np.zeros(3))
     for place in _PLACES:
         jump = np.where(np.arange(len(residuals))[:, np.newaxis] >= place * len(residuals), rows[:, :3], 0.0)
-        best = max(best, _jump(place, rows, jump, residuals), key=lambda candidate: candidate.explained)
+        both = np.hstack((rows, jump))  # what a linear step with a jump leaves, against one without
+        scale = np.maximum(np.linalg.norm(both, axis=0), 1e-12)
+        normal, right = (both / scale).T @ (both / scale), (both / scale).T @ residuals
+        count = rows.shape[1]
+        without, step = (np.linalg.lstsq(normal[:n, :n], right[:n], rcond=1e-12)[0] for n in (count, len(right)))
+        total = float(residuals @ residuals) - float(right[:count] @ without)
+        gained = float(right @ step) - float(right[:count] @ without)
+        if total > 0.0 and gained / total > best.explained:
+            best = _Jump(gained / total, float(place), -(step / scale)[-3:])
     if best.explained < _EXPLAINED or np.linalg.norm(best.size) < _SIZE * radius:
         return None
-    return best if _chance(best, *rows.shape) <= _CHANCE else None
-
-
-def _chance(jump: _Jump, count: int, parameters: int) -> float:
-    from scipy.stats import f
-
-    free = count - parameters - 3
-    return float(f.sf(jump.explained / 3.0 / ((1.0 - jump.explained) / free), 3, free))
-
-
-def _jump(place: float, rows: Floats, jump: Floats, residuals: Floats) -> _Jump:
-    """What a linear step with a jump leaves, against one without."""
-    both = np.hstack((rows, jump))
-    scale = np.maximum(np.linalg.norm(both, axis=0), 1e-12)
-    normal, right = (both / scale).T @ (both / scale), (both / scale).T @ residuals
-    without, step = (np.linalg.lstsq(normal[:n, :n], right[:n], rcond=1e-12)[0] for n in (rows.shape[1], len(right)))
-    total = float(residuals @ residuals) - float(right[: rows.shape[1]] @ without)
-    gained = float(right @ step) - float(right[: rows.shape[1]] @ without)
-    return _Jump(gained / total if total > 0.0 else 0.0, float(place), -(step / scale)[-3:])
+    free = rows.shape[0] - rows.shape[1] - 3
+    chance = float(f.sf(best.explained / 3.0 / ((1.0 - best.explained) / free), 3, free))
+    return best if chance <= _CHANCE else None
 
 
 PARTS: Final = (2, 3)
 
-MOST_APART: Final = 2.0
-"""Difference of parts over what they predict, root mean square, that chance makes as a rule."""
-
+MOST_APART: Final = 2.0  # difference of parts over what they predict, root mean square, that chance makes as a rule
 _SOME_OF_HALVES: Final = 20_000
 
 
@@ -153,8 +156,8 @@ def _part(
     return ((matrix, fit.ellipsoid.centre), sd) if sd <= HEADING.poor else None
 
 
+# Rms change of the field below which the unit was not turned, µT: a level field of 10 µT makes 7.
 LEAST_CHANGE: Final = 5.0
-"""Root mean square change of the field below which the unit was not turned, µT: a level field of 10 µT makes 7."""
 
 _HARDLY: Final = 0.5  # root mean square change of the field over its mean; turned through all attitudes, it is large
 _ADVICE: Final = "Turn the unit slowly through all attitudes: each face and each edge once up, as if it were a cube."
@@ -175,31 +178,12 @@ def fit_mag(
     dip: float | None = None,
     tilt_range: float = TILT_RANGE,
 ) -> Fitted:
-    """Fit an ellipsoid to what a magnetometer measured in many attitudes.
+    """Fit an ellipsoid to what a magnetometer measured in many attitudes, µT (N, 3), in order of time.
 
-    Parameters
-    ----------
-    mag : ndarray (N, 3)
-        Measured field, µT, in order of time; finite.
-    shape : Shape, optional
-        What to fit; without it, the smallest shape that the capture does not contradict.
-    strength : float, optional
-        Strength of the field at the place, µT; without it, the sensor's own scale is kept on average.
-    acc : ndarray (N, 3), optional
-        Specific force at the same instants, m/s², finite: it shows the dip, and how the unit was turned.
-    dip : float, optional
-        Dip of the field, rad, for the predicted heading error.
-    tilt_range : float
-        Inclination up to which the predicted heading error holds, rad.
-
-    Raises
-    ------
-    CaptureRefusedError
-        If the capture cannot determine the calibration, with the reasons.
-    ShapeError
-        If samples are not finite, or not as many of both sensors.
-    ParameterError
-        If another argument is outside its range.
+    Without a `shape`, the smallest that the capture does not contradict; without the `strength` of the field, the
+    sensor's own scale is kept on average. The specific force (N, 3) at the same instants shows the dip, and how the
+    unit was turned; dip and `tilt_range`, rad, are those that the predicted heading error holds for. Samples are
+    finite.
     """
     if shape is not None and not isinstance(shape, Shape):
         shapes = ", ".join(str(each) for each in Shape)
@@ -209,12 +193,11 @@ def fit_mag(
     acc = None if acc is None else checks.forces(acc, len(mag))
     least = (shape or Shape.ELLIPSOID).value + SPARE
     if len(mag) < least:
-        refuse([Reason("too-few", f"{len(mag)} samples, but this shape needs {least} at least.", _ADVICE)])
+        refuse(Reason("too-few", f"{len(mag)} samples, but this shape needs {least} at least.", _ADVICE))
     # a field that hardly changed; a weak one, of whatever scale, by as large a share of it
     share = min(1.0, math.sqrt(float(np.mean(np.sum(mag * mag, axis=1)))) / checks.WEAKEST)
     constant = unturned(mag, _ADVICE) if _change(mag) <= LEAST_CHANGE * share else None
-    if (narrow := constant or one_axis(mag, acc)) is not None:
-        refuse([narrow])
+    refuse(constant or one_axis(mag, acc))
     if (choice := choose(mag, shape)) is None:
         raise CaptureRefusedError(unturned(mag, _ADVICE) or _shapeless(mag))
     fit, full, why = choice
@@ -231,10 +214,12 @@ def fit_mag(
     covariance = field.counted(independent, memory=shared.memory, residuals=residuals, matrix=matrix, radius=radius)
     covariance = covariance * widening(mag, full, field, shared.memory, place)
     sd, even = (heading_sd(matrix, c, **place._asdict()) for c in (covariance, independent * shared.memory))
-    doubt = Doubt.from_fit(sd, even, field, shared)
+    doubt = Doubt(sd, even, field, shared.memory, shown=shared.unevenness > shared.memory)
     estimate = FieldEstimate(
         matrix, fit.ellipsoid.centre, covariance, fit.residuals, fit.used, radius, fit.condition, strength
     )
+    leaves = f"the capture leaves {checks.heading_told(sd)}"
+    regions = "" if sd <= HEADING.poor else _regions_told((mag - fit.ellipsoid.centre)[fit.used])
     return estimate.finished(
         mag,
         sd,
@@ -243,7 +228,8 @@ def fit_mag(
         reasons=(
             moved(mag, fit),
             checks.outliers(fit.used, _MOVED),
-            checks.uneven(doubt) or _coverage(mag, fit, sd),
+            checks.uneven(doubt)
+            or reason_if(not sd <= HEADING.poor, "too-few-regions", f"{leaves}; {regions}.", _ADVICE),
             *estimate.unlikely(sd),
         ),
         remarks=(*_remarks(fit, why), *estimate.remarks(), *checks.uneven_told(doubt)),
@@ -253,9 +239,8 @@ def fit_mag(
 def unturned(mag: Floats, advice: str) -> Reason | None:
     """Reason to refuse a capture whose field (N, 3), µT, hardly changed, with what to do; None where it did."""
     change = _change(mag)
-    if change >= LEAST_CHANGE:
-        return None
-    return Reason("no-motion", f"the measured field only changed by {change:.2g} µT.", advice)
+    what = f"the measured field only changed by {change:.2g} µT."
+    return reason_if(not change >= LEAST_CHANGE, "no-motion", what, advice)
 
 
 def _change(mag: Floats) -> float:
@@ -276,13 +261,6 @@ def _shapeless(mag: Floats) -> Reason:
     return Reason("too-few-regions", f"no ellipsoid fits; {_regions_told(directions)}.", _ADVICE)
 
 
-def _coverage(mag: Floats, fit: NormFit, sd: float) -> Reason | None:
-    if sd <= HEADING.poor:
-        return None
-    regions = _regions_told((mag - fit.ellipsoid.centre)[fit.used])
-    return Reason("too-few-regions", f"the capture leaves {checks.heading_told(sd)}; {regions}.", _ADVICE)
-
-
 def _regions_told(directions: Floats) -> str:
     counts = filled(directions)
     empty = [i for i, count in enumerate(counts.tolist()) if count == 0]
@@ -297,3 +275,117 @@ def _remarks(fit: NormFit, why: str) -> tuple[Note, ...]:
         *((info("calibration.general_ellipsoid"),) if larger else ()),
         info("calibration.field_length"),
     )
+
+
+WIDEST_GAP: Final = deg(90.0)  # largest gap between the headings that were seen, rad
+LEANING: Final = deg(10.0)  # inclination above which a unit is not level, rad
+_FEWEST: Final = 4 * Shape.ELLIPSE.value
+_WEAKEST: Final = 2.0  # µT of level field, of which nobody can tell a heading
+_THICKEST: Final = 0.1  # scatter over radius
+_LEVEL_GROUND: Final = "Stay on level ground, or use a fit of all three axes."
+_DRIVE: Final = "Drive a full circle or more on level ground, away from iron."
+
+
+def fit_ellipse(points: Floats) -> NormFit | None:
+    """Fit an ellipse to more than five finite points (N, 2); None where none comes out."""
+    middle, size = points.mean(axis=0), math.sqrt(float(np.sum(np.var(points, axis=0))))
+    if not size > 0.0:
+        return None
+    start = Ellipsoid(np.append(middle, 0.0), np.eye(3) / size)
+    fit = fit_norm(np.insert(points, 2, 0.0, axis=1), Shape.ELLIPSE, start)
+    if fit is not None:
+        fit.ellipsoid.shape[2, 2] = 1.0  # the upright axis stays as measured
+    return fit
+
+
+def fit_mag_level(
+    mag: Floats, *, acc: Floats | None = None, strength: float | None = None, dip: float | None = None
+) -> Fitted:
+    """Fit an ellipse to the two level axes; the third stays as measured.
+
+    The specific force shows which axis is upright, else the one along which the field changed least, and whether the
+    unit was level. `strength`, µT, and `dip`, rad, together give the level field; without them, the sensor's own scale
+    is kept.
+    """
+    checks.require_figures(strength=strength, dip=dip)
+    mag = checks.finite_rows("mag", mag)
+    acc = None if acc is None else checks.forces(acc, len(mag))
+    if len(mag) < _FEWEST:
+        refuse(Reason("too-few", f"{len(mag)} samples, but {_FEWEST} are needed.", _DRIVE))
+    axis = _upright(mag, acc)
+    order = [*(i for i in range(3) if i != axis), axis]
+    points = mag[:, order[:2]]
+    fit = fit_ellipse(points)
+    if fit is None:
+        raise CaptureRefusedError(Reason("too-few-regions", "no ellipse fits the field of the level axes.", _DRIVE))
+    shape, wanted = fit.ellipsoid.shape, None if strength is None or dip is None else strength * math.cos(dip)
+    radius = mean_radius(shape, axes=2)
+    shared = alike(fit.residuals, (points - fit.ellipsoid.centre[:2]) @ shape[:2, :2], fit.used)
+    matrix, independent = scaled(fit, wanted, alike=1.0)
+    sd, even = (
+        heading_sd(
+            matrix, c * independent, size=(wanted or radius) / math.cos(checks.DIP), dip=checks.DIP, tilt_range=0.0
+        )
+        for c in (shared.factor, shared.memory)
+    )
+    doubt = Doubt(sd, even, Unevenness(), shared.memory, shown=shared.unevenness > shared.memory)
+    back = np.argsort(order)
+    rows = np.concatenate((back, 3 + (3 * back[:, np.newaxis] + back).ravel()))
+    estimate = FieldEstimate(
+        matrix[np.ix_(back, back)], fit.ellipsoid.centre[back], (shared.factor * independent)[np.ix_(rows, rows)],
+        fit.residuals, fit.used, radius, fit.condition, wanted, solid=False,
+    )  # fmt: skip
+    axes = " and ".join("xyz"[i] for i in order[:2])
+    return estimate.finished(
+        mag,
+        sd,
+        tilt_range=0.0,
+        method=f"magnetometer level only: ellipse of {axes}, {fit.shape.value} parameters",
+        reasons=_reasons(fit, points, radius, doubt),
+        remarks=(*_level_remarks(axis, radius, wanted), *estimate.remarks(), *checks.uneven_told(doubt)),
+    )
+
+
+def _upright(mag: Floats, acc: Floats | None) -> int:
+    """Axis that stood upright."""
+    if acc is None:
+        return int(np.argmin(mag.std(axis=0)))
+    mean = acc.mean(axis=0)
+    axis = int(np.argmax(np.abs(mean)))
+    lean = math.acos(min(1.0, abs(float(mean[axis])) / float(np.linalg.norm(mean))))
+    along = np.median(np.abs(acc[:, axis]) / np.linalg.norm(acc, axis=1))
+    worst = max(lean, math.acos(min(1.0, float(along))))
+    if worst > LEANING:
+        what = f"the unit leaned by {to_deg(worst):.0f}° from its {'xyz'[axis]} axis upright; 10° may be."
+        refuse(Reason("not-level", what, _LEVEL_GROUND))
+    return axis
+
+
+def _reasons(fit: NormFit, points: Floats, radius: float, doubt: Doubt) -> tuple[Reason | None, ...]:
+    x, y = ((points[fit.used] - fit.ellipsoid.centre[:2]) @ fit.ellipsoid.shape[:2, :2]).T
+    course = np.sort(np.arctan2(y, x))
+    gap = float(np.diff(course, append=course[0] + 2.0 * np.pi).max())
+    open_ = f"headings cover {360.0 - to_deg(gap):.0f}°; 270° are needed."
+    scatter = float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) / radius
+    thick = f"the field of the level axes scatters by {100.0 * scatter:.0f} % of its size about the ellipse."
+    weak = f"the level field measures {radius:.3g} µT; {_WEAKEST:g} to {checks.STRONGEST:g} µT can be."
+    sure = doubt.sd <= HEADING.poor  # else what rests on the result would be that of noise
+    return (
+        reason_if(not gap <= WIDEST_GAP, "too-few-regions", open_, _DRIVE),
+        reason_if(not scatter <= _THICKEST, "not-level", thick, _LEVEL_GROUND),
+        checks.outliers(fit.used, checks.STEEL),
+        checks.uncertain(doubt, _DRIVE),
+        reason_if(
+            sure and not _WEAKEST <= radius <= checks.STRONGEST,
+            "wrong-field",
+            weak,
+            "Check the unit and the gain of the magnetometer.",
+        ),
+        checks.unequal(fit.ellipsoid.shape[:2, :2]) if sure else None,
+    )
+
+
+def _level_remarks(axis: int, radius: float, wanted: float | None) -> tuple[Note, ...]:
+    scale = () if wanted is not None else (info("calibration.level_field", radius=radius),)
+    only = warning("calibration.only_level", axis="xyz"[axis], per_degree=to_deg(10.0 * deg(1.0) / radius))
+    return (only, info("calibration.upright_turn"), *scale)

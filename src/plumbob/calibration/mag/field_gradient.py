@@ -26,23 +26,13 @@ from plumbob.calibration.fit import Reason
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
 
-USUAL: Final = 0.5
-"""Unevenness of the field in a usual room over the space that a hand moves a unit in, µT."""
-
-PATCH: Final = 2.0
-"""Turning of the measured field that makes one independent value of what wanders, rad."""
-
-HIDDEN: Final = 40.0
-"""Power that a capture may hide, over what chance makes of the power that it shows."""
-
-TAKEN_UP: Final = 9.0
-"""Patches whose errors the nine parameters of an ellipsoid take up, of one length each."""
-
+USUAL: Final = 0.5  # unevenness of the field in a usual room over the space that a hand moves a unit in, µT
+PATCH: Final = 2.0  # turning of the measured field that makes one independent value of what wanders, rad
+HIDDEN: Final = 40.0  # power that a capture may hide, over what chance makes of the power that it shows
+TAKEN_UP: Final = 9.0  # patches whose errors the nine parameters of an ellipsoid take up, of one length each
+# Share of a usual room's power that no length rules out: of the three components of its change along an arm, a length
+# shows two; a usual room, counted as half a component more, leaves the third a variance of ½/(2 + ½) of its own.
 ALONG: Final = 0.2
-"""Share of a usual room's power that no length rules out: that of a field which changes along itself, about an arm.
-
-Of the three components of its change along an arm, a length shows two. A usual room, counted as half a component more,
-leaves the third a variance of ½/(2 + ½) of its own, however small the two are."""
 
 _LINGERING: Final = 2  # mean samples per visit of a unit that a hand turns; with fewer they are single poses
 _LIKE_SEEN: Final = 2.0  # power of the unevenness over that shared by neighbours, which lie apart
@@ -72,16 +62,8 @@ class Unevenness(NamedTuple):
     ) -> Floats:
         """Covariance (12, 12) of bias and matrix with what the field leaves, from that of independent samples.
 
-        Parameters
-        ----------
-        covariance : ndarray (12, 12)
-            Of the fit.
-        memory : float
-            How many neighbouring samples count as one.
-        residuals : ndarray (N,)
-            Of the samples that were fitted, µT.
-        matrix, radius, turned
-            As in `unseen`.
+        `memory` neighbouring samples count as one; `residuals` (N,), µT, are of those that were fitted; the rest as in
+        `unseen`.
         """
         return covariance * (memory + self.spread(residuals)) + self.unseen(matrix, radius, turned=turned)
 
@@ -124,7 +106,12 @@ def unevenness(
     if columns.shape[1] < LONG:
         return Unevenness()
     starts = visits(directions[used])
-    patches = _patches(directions[used][starts]) if patches is None else max(1.0, patches)
+    if patches is None:
+        unit = directions[used][starts]
+        unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
+        turned = np.arccos(np.clip(np.sum(unit[1:] * unit[:-1], axis=1), -1.0, 1.0))
+        patches = float(np.sum(np.minimum(turned, PATCH))) / PATCH
+    patches = max(1.0, patches)
     share = 1.0 - taken_up / patches if patches > taken_up else 0.0
     if len(starts) < FEWEST_VISITS or share == 0.0:
         return Unevenness(USUAL, 0.0, patches, short=True)
@@ -142,16 +129,7 @@ def unevenness(
     return Unevenness(float(np.sqrt(variance)), float(np.sqrt(evident)), patches, short=drowned > along)
 
 
-def _patches(directions: Floats) -> float:
-    """How many patches the directions (K, D) with which visits begin lead through, at least 1."""
-    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    turned = np.arccos(np.clip(np.sum(unit[1:] * unit[:-1], axis=1), -1.0, 1.0))
-    return max(1.0, float(np.sum(np.minimum(turned, PATCH))) / PATCH)
-
-
-FLAT: Final = 0.1
-"""Thickness over width of the measured vectors below which they lie on a circle: ±1° of jitter makes 0.04."""
-
+FLAT: Final = 0.1  # thickness over width below which vectors lie on a circle: ±1° of jitter makes 0.04
 _LEVEL: Final = deg(8.0)
 _CONSTANT: Final = deg(10.0)
 
@@ -159,38 +137,29 @@ _CONSTANT: Final = deg(10.0)
 def one_axis(vectors: Floats, acc: Floats | None) -> Reason | None:
     """Reason to refuse vectors (N, 3) that were seen while turning about one axis only; None where they were not.
 
-    Specific force (N, 3) at the same instants distinguishes a level unit from an inclined one.
+    The specific force at the same instants distinguishes a level unit from an inclined one.
     """
     centred = vectors - vectors.mean(axis=0)
     _, sizes, directions = np.linalg.svd(centred[:: max(1, len(centred) // 10_000)], full_matrices=False)
     if not sizes[2] < FLAT * sizes[1]:
         return None
     axis = directions[2]
+    upright = _from_case_axis(axis) < _LEVEL  # whether it was about an axis of the case
+    label = f"the axis ({', '.join(f'{v:.2f}' for v in axis)})"
+    if upright:
+        label = f"the {'xyz'[int(np.argmax(np.abs(axis)))]} axis"
+    if acc is not None:
+        mean = (acc / np.linalg.norm(acc, axis=1, keepdims=True)).mean(axis=0)
+        size = float(np.linalg.norm(mean))
+        spread = math.sqrt(max(0.0, 2.0 * (1.0 - size)))  # root mean square angle about the mean direction
+        upright = spread < _CONSTANT and _from_case_axis(mean / size) < _LEVEL
     advice = "Turn the unit about all its axes: each face and each edge once up, as if it were a cube."
-    what = f"the field's directions lie on one circle about {_label(axis)}, {100.0 * sizes[2] / sizes[1]:.1f} % thick"
-    if _is_level(axis, acc):
-        return Reason(
-            "level-ring", f"{what}: the unit was turned about the vertical while level, and nothing else.", advice
-        )
-    return Reason("cone", f"{what}: the unit was turned about one inclined axis, and nothing else.", advice)
-
-
-def _is_level(axis: Floats, acc: Floats | None) -> bool:
-    """Whether the turning was about an upright axis of the case."""
-    if acc is None:
-        return _from_case_axis(axis) < _LEVEL
-    up = acc / np.linalg.norm(acc, axis=1, keepdims=True)
-    mean = up.mean(axis=0)
-    size = float(np.linalg.norm(mean))
-    spread = math.sqrt(max(0.0, 2.0 * (1.0 - size)))  # root mean square angle about the mean direction
-    return spread < _CONSTANT and _from_case_axis(mean / size) < _LEVEL
+    what = f"the field's directions lie on one circle about {label}, {100.0 * sizes[2] / sizes[1]:.1f} % thick"
+    turned = "about the vertical while level" if upright else "about one inclined axis"
+    return Reason(
+        "level-ring" if upright else "cone", f"{what}: the unit was turned {turned}, and nothing else.", advice
+    )
 
 
 def _from_case_axis(direction: Floats) -> float:
     return math.acos(min(1.0, float(np.abs(direction).max())))
-
-
-def _label(axis: Floats) -> str:
-    if _from_case_axis(axis) < _LEVEL:
-        return f"the {'xyz'[int(np.argmax(np.abs(axis)))]} axis"
-    return f"the axis ({', '.join(f'{v:.2f}' for v in axis)})"

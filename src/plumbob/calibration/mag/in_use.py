@@ -44,15 +44,9 @@ from plumbob.core.findings import Note, info
 from plumbob.core.units import dps, to_deg, to_dps
 from plumbob.rotations import skew
 
-LENGTH: Final = 4.0
-"""Of the windows, s."""
-
-WANDER: Final = float(dps(0.05))
-"""Standard deviation of the change of a gyroscope's bias from one segment to the next, rad/s."""
-
-CLUSTER: Final = 60.0
-"""Time beyond which errors have nothing in common, s."""
-
+LENGTH: Final = 4.0  # of the windows, s
+WANDER: Final = float(dps(0.05))  # change of a gyroscope's bias from one segment to the next, standard deviation, rad/s
+CLUSTER: Final = 60.0  # time beyond which errors have nothing in common, s
 FEWEST_WINDOWS: Final = 10
 
 _OWN: Final = 13  # parameters of the magnetometer: A, b and the delay; the gyroscope's are its gain and bias
@@ -88,10 +82,9 @@ class InUseFit(NamedTuple):
 
 
 def fit_in_use(t: Floats, mag: Floats, gyr: Floats, *, gyr_gain_sd: float) -> InUseFit | None:
-    """Fit windows; None where they are too few, or the steps do not settle.
+    """Fit windows; None where they are too few, or the steps do not settle. The field is NaN where there is none.
 
-    t (N,), s, increases; `mag` (N, 3) is of any unit, NaN where there is none; `gyr` (N, 3), rad/s, is finite, and
-    `gyr_gain_sd` the standard deviation of each entry of its gain matrix, relative to its scale.
+    `gyr_gain_sd` is the standard deviation of each entry of the gyroscope's gain matrix, relative to its scale.
     """
     present = np.asarray(np.isfinite(mag).all(axis=1))
     edges = window_edges(t, present, LENGTH) if len(t) > 1 else np.zeros((0, 2), dtype=np.intp)
@@ -110,8 +103,10 @@ def fit_in_use(t: Floats, mag: Floats, gyr: Floats, *, gyr_gain_sd: float) -> In
             before, fit = fit, _InUseFit(windows, float(t[-1] - t[0]), gyr_gain_sd, fit)
             if not fit.run(steady=k >= _SWINGING):
                 return None
-            if before is not None and fit.way_from(before) < _SETTLED:
-                return fit.result(middle, size)
+            if before is not None:
+                way = fit.parameters() - before.parameters()
+                if math.sqrt(float(way @ fit.equations().normal @ way)) < _SETTLED:
+                    return fit.result(middle, size)
             if before is not None and k >= _SWINGING:
                 fit.meet(before)
         return None
@@ -156,7 +151,9 @@ class _InUseFit:
         self.gyr: Gyroscope = self.base
         self.distortion: Floats = np.eye(3) if before is None else before.distortion
         self.bias: Floats = np.zeros(3) if before is None else before.bias
-        self.h = self._fields()
+        inverse = np.linalg.inv(self.distortion).T  # fields of the windows by what is known of the sensors so far
+        calibrated = (windows.fields - self.bias) @ inverse * windows.known[:, :, np.newaxis]
+        self.h = np.einsum("wpij,wpi->wj", windows.turns, calibrated) / windows.known.sum(axis=1)[:, np.newaxis]
         self.noise: _PartNoise = (
             _PartNoise(_sd(self._misfit()[windows.known]), 1.0, 0.1) if before is None else before.noise
         )
@@ -165,11 +162,6 @@ class _InUseFit:
     def size(self) -> int:
         """Number of parameters: the magnetometer's, the gyroscope's gain, and its bias of each segment."""
         return _ALL - 3 + 3 * self.segments
-
-    def way_from(self, other: "_InUseFit") -> float:
-        """How far the parameters are from those of another fit, in standard deviations of all of them together."""
-        way = self._parameters() - other._parameters()
-        return math.sqrt(float(way @ self._equations().normal @ way))
 
     def meet(self, other: "_InUseFit") -> None:
         """Go half way to another fit."""
@@ -182,7 +174,7 @@ class _InUseFit:
     def run(self, *, steady: bool) -> bool:
         """Alternate between steps and, unless it is steady, the sizes of noise; False where they do not settle."""
         for k in range(_STEPS):
-            system = self._equations()
+            system = self.equations()
             if not (np.isfinite(system.normal).all() and np.isfinite(system.slope).all()):
                 return False
             step = floored_inverse(system.normal) @ system.slope
@@ -197,16 +189,19 @@ class _InUseFit:
         """Take the scaling back; A comes before b in the steps, and after it in the covariance."""
         from scipy.special import chdtri
 
-        system = self._equations()
-        covariance, length = self._covariance(system)[:12, :12], self._length()
+        system = self.equations()
+        covariance, lengths = self._covariance(system)[:12, :12], np.linalg.norm(self.h, axis=1)
+        length = float(np.median(lengths))
+        # what differs from cluster to cluster averages out
+        scatter = MAD * float(np.median(np.abs(lengths - length))) / max(1.0, self.lasting / CLUSTER) ** 0.5
         valid = self.windows.known
         residuals = self._misfit()[valid]
         spread = np.sqrt(np.diag(system.normal))
-        order, scale = np.r_[9:12, :9], size * np.r_[np.ones(3), np.full(9, length.mean)]
+        order, scale = np.r_[9:12, :9], size * np.r_[np.ones(3), np.full(9, length)]
         entries = np.r_[np.zeros(3), self.distortion.ravel()]
-        covariance = covariance[np.ix_(order, order)] + (length.sd / length.mean) ** 2 * np.outer(entries, entries)
+        covariance = covariance[np.ix_(order, order)] + (scatter / length) ** 2 * np.outer(entries, entries)
         return InUseFit(
-            self.distortion * size * length.mean,
+            self.distortion * size * length,
             middle + size * self.bias,
             covariance * np.outer(scale, scale),
             middle + size * self.windows.fields[valid],
@@ -214,17 +209,9 @@ class _InUseFit:
             np.sum(residuals * residuals, axis=1) <= chdtri(3.0, FALSE_ALARM / len(residuals)) * self.noise.part**2,
             self.gyr.bias,
             self.gyr.delay,
-            self.noise.walk / length.mean,
+            self.noise.walk / length,
             len(valid),
             float(np.linalg.cond(system.normal / np.outer(spread, spread))),
-        )
-
-    def _length(self) -> "_Length":
-        """Length of the field, and how well it is known: what differs from cluster to cluster averages out."""
-        lengths = np.linalg.norm(self.h, axis=1)
-        count = max(1.0, self.lasting / CLUSTER)
-        return _Length(
-            float(np.median(lengths)), MAD * float(np.median(np.abs(lengths - np.median(lengths)))) / count**0.5
         )
 
     def _covariance(self, system: _FieldFreeEquations) -> Floats:
@@ -253,16 +240,10 @@ class _InUseFit:
         precision[_OWN + 9 :, _OWN + 9 :] = np.kron(walk.T @ np.diag(tight) @ walk, np.eye(3))
         return precision
 
-    def _parameters(self) -> Floats:
+    def parameters(self) -> Floats:
         """What the priors hold near zero."""
         change = (self.distortion - np.eye(3)).ravel()
         return np.concatenate((change, self.bias, [self.gyr.delay], self.gyr.gain.ravel(), self.gyr.bias.ravel()))
-
-    def _fields(self) -> Floats:
-        """Fields (W, 3) of the windows by what is known of the sensors so far."""
-        w = self.windows
-        calibrated = (w.fields - self.bias) @ np.linalg.inv(self.distortion).T * w.known[:, :, np.newaxis]
-        return np.asarray(np.einsum("wpij,wpi->wj", w.turns, calibrated) / w.known.sum(axis=1)[:, np.newaxis])
 
     def _errors(self) -> Floats:
         """Bias and gain (W, 12) of the gyroscope since the attitudes were computed."""
@@ -282,12 +263,6 @@ class _InUseFit:
         # departs from [Rodriguez2024]: nothing is differentiated
         return np.asarray(self.windows.fields - self._body_field() @ self.distortion.T - self.bias)
 
-    def _steps(self) -> Floats:
-        """How far the field of the place walks (L, 3) over each link, in space."""
-        before, after = self.h[self.links], self.h[self.links + 1]
-        lean = np.einsum("wij,wj->wi", self.windows.leant, self._errors())[self.links]
-        return np.asarray(after - before + np.cross(lean, before))
-
     def _noise(self, system: _FieldFreeEquations) -> _PartNoise:
         """Sizes of the noise; of the walk by the field of each window alone, less what its noise makes of it."""
         alone, noise_var = self.h + system.free, system.sd**2
@@ -300,14 +275,15 @@ class _InUseFit:
             same = run[lag:] == run[:-lag]
             lean = (drifted[lag:] - drifted[:-lag])[same]
             step = (alone[lag:] - alone[:-lag])[same] + np.cross(lean, alone[:-lag][same])
-            both = (noise_var[lag:] + noise_var[:-lag])[same]
-            variances.append(_beyond(step, both) if same.any() else 0.0)
+            both = (noise_var[lag:] + noise_var[:-lag])[same]  # of its own
+            beyond = (MAD * float(np.median(np.abs(step)))) ** 2 - float(np.median(both)) if same.any() else 0.0
+            variances.append(max(0.0, beyond))
         walk = max(0.0, variances[1] - variances[0]) / max(1, lags[1] - lags[0])
         walk = math.sqrt(walk + _LEAST_WALK**2)
         walk, misfit = math.sqrt(self.noise.walk * walk), self._misfit()[self.windows.known]  # half way, lest it swing
         return _PartNoise(_sd(misfit), memory_of_each(misfit), walk)
 
-    def _equations(self) -> _FieldFreeEquations:
+    def equations(self) -> _FieldFreeEquations:
         n = self.size
         normal, scores = self.priors.copy(), np.zeros((len(self.h), n))
         residuals, body_field = self._misfit(), self._body_field()
@@ -328,19 +304,16 @@ class _InUseFit:
         normal += np.einsum("l,lin,lim->nm", walks.tight, walks.rows, walks.rows)
         scores[self.links] += np.einsum("lin,li->ln", walks.rows, walks.pull)
         steps, by_own = _solved(band, slopes, cross)
-        slope = scores.sum(axis=0) - np.einsum("win,wi->n", by_own, slopes) - self.priors @ self._parameters()
+        slope = scores.sum(axis=0) - np.einsum("win,wi->n", by_own, slopes) - self.priors @ self.parameters()
         normal -= np.einsum("win,wim->nm", cross, by_own)
-        self._fix_size(normal, slope)
-        scores -= np.einsum("win,wi->wn", by_own, pull)
-        scores[self.links] -= np.einsum("lin,li->ln", by_own[self.links] - by_own[self.links + 1], walks.pull)
-        return _FieldFreeEquations(normal, slope, steps, by_own, scores, free, np.asarray(sd, dtype=np.float64))
-
-    def _fix_size(self, normal: Floats, slope: Floats) -> None:
-        """Add that A has the determinant 1, for it is the field's length that is found."""
+        # A has the determinant 1, for it is the field's length that is found
         by_entry = np.linalg.inv(self.distortion).T.ravel() / 3.0
         off = float(np.linalg.slogdet(self.distortion).logabsdet) / 3.0
         normal[:9, :9] += np.outer(by_entry, by_entry) / _SIZE_SD**2
         slope[:9] -= off / _SIZE_SD**2 * by_entry
+        scores -= np.einsum("win,wi->wn", by_own, pull)
+        scores[self.links] -= np.einsum("lin,li->ln", by_own[self.links] - by_own[self.links + 1], walks.pull)
+        return _FieldFreeEquations(normal, slope, steps, by_own, scores, free, np.asarray(sd, dtype=np.float64))
 
     def _of_windows(
         self, here: NDArray[np.intp], residuals: Floats, body_field: Floats
@@ -372,7 +345,11 @@ class _InUseFit:
 
     def _walks(self) -> "_Walks":
         """What the links add: a step of the field is zero, but for its walk."""
-        step, sd = self._steps(), self.noise.walk
+        before, sd = self.h[self.links], self.noise.walk
+        lean = np.einsum("wij,wj->wi", self.windows.leant, self._errors())[self.links]
+        step = (
+            self.h[self.links + 1] - before + np.cross(lean, before)
+        )  # how far the field of the place walks, in space
         tight = 1.0 / (sd**2 * (1.0 + np.sum(step * step, axis=1) / (CAUCHY * sd) ** 2))
         by_gyr = skew(self.h[self.links]) @ self.windows.leant[self.links]
         rows = np.zeros((len(self.links), 3, self.size))
@@ -399,13 +376,6 @@ class _InUseFit:
         )
 
 
-class _Length(NamedTuple):
-    """Length of the field, and its standard deviation."""
-
-    mean: float
-    sd: float
-
-
 class _Walks(NamedTuple):
     """Of L links: weights (L,), derivatives (L, 3, n) by the parameters, and slopes (L, 3) of the fields."""
 
@@ -417,11 +387,6 @@ class _Walks(NamedTuple):
 def _sd(residuals: Floats) -> float:
     """Standard deviation of residuals (M, 3) about an axis."""
     return max(MAD * float(np.median(np.abs(residuals))), 1e-6)
-
-
-def _beyond(steps: Floats, noise: Floats) -> float:
-    """Variance about an axis of steps (N, 3) beyond the variance (N,) that each has of its own."""
-    return max(0.0, (MAD * float(np.median(np.abs(steps)))) ** 2 - float(np.median(noise)))
 
 
 def _banded(of_field: Floats, links: NDArray[np.intp], tight: Floats) -> Floats:
@@ -458,8 +423,7 @@ def _larger(first: Floats, second: Floats) -> Floats:
     return np.asarray((spread * np.maximum(sizes, 1.0)) @ spread.T)
 
 
-MOST_OUTLIERS: Final = 0.3
-"""Share of outliers above which a record is refused: a unit at work passes steel, which nobody can keep away."""
+MOST_OUTLIERS: Final = 0.3  # a unit at work passes steel, which nobody can keep away
 
 _ADVICE: Final = (
     "Take a longer record, in which the unit turns through all headings and leans as far as it ever does; or turn it "
@@ -481,36 +445,30 @@ def fit_mag_in_use(
     """Fit bias and full matrix so that the field turns, from moment to moment, as the gyroscope says.
 
     Neither need the field stay what it was, nor the gyroscope's bias: what `fit_mag_gyr` rests on, and what does not
-    hold over hours of work. The idea is that of MAGYC [Rodriguez2024], but nothing is differentiated here.
-
-    Errors as of `fit_mag`; ClockError if the time does not increase.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s, increasing; where rates are missing for long, nothing is concluded.
-    mag : ndarray (N, 3)
-        Measured field, µT; NaN where there is none.
-    gyr : ndarray (N, 3)
-        Rates, rad/s, finite; their bias is found too, every ten minutes, and how much later the field is measured.
-        Their axes become those of the magnetometer.
-    acc : ndarray (N, 3), optional
-        Specific force, m/s², which shows the dip for the predicted error; NaN where there is none.
-    gyr_gain_sd : float
-        Standard deviation of each entry of the gyroscope's gain matrix, relative; 0 where it is exact.
-    strength, dip, tilt_range
-        As of `plumbob.calibration.mag.ellipsoid.fit_mag`.
+    hold over hours of work. The idea is that of MAGYC [Rodriguez2024], but nothing is differentiated here. The
+    gyroscope's bias is found every ten minutes; arguments as of `fit_mag_gyr` and `fit_mag`.
     """
     checks.require_figures(strength=strength, dip=dip, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
     t, mag, gyr, acc = checks.with_rates(t, mag, gyr, acc)
     fields = mag[np.isfinite(mag).all(axis=1)]
-    refuse([dead] if len(fields) and (dead := checks.stuck(fields)) is not None else [])
+    refuse(checks.stuck(fields) if len(fields) else None)
     fit = fit_in_use(t, mag, gyr, gyr_gain_sd=gyr_gain_sd)
     if fit is None:
-        raise CaptureRefusedError(_unsettled(t))
+        lasting, needed = float(t[-1] - t[0]) if len(t) else 0.0, FEWEST_WINDOWS * LENGTH
+        if lasting < needed:
+            what = f"{lasting:.3g} s of field and rates, but {needed:g} s are needed."
+            raise CaptureRefusedError(Reason("too-few", what, _ADVICE))
+        what = f"no bias and matrix fit how the field turned in {lasting:.3g} s, beside the rates."
+        raise CaptureRefusedError(Reason("ill-conditioned", what, _ADVICE))
     matrix, covariance = distortion_to_size(fit.distortion, fit.covariance, strength)
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
-    size, dip = strength or radius, _dip((mag - fit.bias) @ matrix.T, acc) if dip is None else dip
+    size = strength or radius
+    if dip is None:  # by the specific force; an assumed one without it
+        dip = checks.DIP
+        if acc is not None:
+            field = (mag - fit.bias) @ matrix.T
+            valid = np.isfinite(field).all(axis=1) & np.isfinite(acc).all(axis=1) & acc.any(axis=1)
+            dip = checks.dip_angle(field[valid], acc[valid]) if valid.any() else dip
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
     estimate = FieldEstimate(matrix, fit.bias, covariance, fit.residuals, fit.used, radius, fit.condition, strength)
     return estimate.finished(
@@ -525,15 +483,6 @@ def fit_mag_in_use(
         ),
         remarks=(*_remarks(fit, float(t[-1] - t[0]), size), *estimate.remarks()),
     )
-
-
-def _unsettled(t: Floats) -> Reason:
-    """Reason to refuse a record to which nothing could be fitted."""
-    lasting, needed = float(t[-1] - t[0]) if len(t) else 0.0, FEWEST_WINDOWS * LENGTH
-    if lasting < needed:
-        return Reason("too-few", f"{lasting:.3g} s of field and rates, but {needed:g} s are needed.", _ADVICE)
-    what = f"no bias and matrix fit how the field turned in {lasting:.3g} s, beside the rates."
-    return Reason("ill-conditioned", what, _ADVICE)
 
 
 def _remarks(fit: InUseFit, lasting: float, size: float) -> tuple[Note, ...]:
@@ -551,11 +500,3 @@ def _remarks(fit: InUseFit, lasting: float, size: float) -> tuple[Note, ...]:
             delay_ms=1000.0 * fit.delay,
         ),
     )
-
-
-def _dip(field: Floats, acc: Floats | None) -> float:
-    """Dip of a calibrated field (N, 3), rad, by the specific force; an assumed one without it."""
-    if acc is None:
-        return checks.DIP
-    valid = np.isfinite(field).all(axis=1) & np.isfinite(acc).all(axis=1) & acc.any(axis=1)
-    return checks.dip_angle(field[valid], acc[valid]) if valid.any() else checks.DIP

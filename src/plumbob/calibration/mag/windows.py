@@ -13,8 +13,8 @@ from plumbob.core.check import Floats
 from plumbob.core.units import deg, dps
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_from_rotvec, quat_multiply
 
+# Of a turn of a gyroscope's axes together about each, rad, without a card: 0.4 % across.
 TURN_SD: Final = float(deg(0.25))
-"""Standard deviation of a turn of a gyroscope's axes together about each, rad, without a card: 0.4 % across."""
 
 _BIAS_SD: Final = float(dps(10.0))  # rad/s; no MEMS gyroscope is off by more, and most by less
 _DELAY_SD: Final = 0.02  # s; periods of 10 ms, and filters of as much again
@@ -58,23 +58,13 @@ def floored_inverse(normal: Floats) -> Floats:
     return np.asarray(inverse / np.outer(spread, spread))
 
 
-PART: Final = 0.25
-"""Longest part of a window, s."""
-
-TURN: Final = float(deg(10.0))
-"""Turn within a part up to which the mean attitude tells how it leans by a gyroscope's errors, rad."""
-
-GAP: Final = 0.5
-"""Longest time without a rate across which an attitude is followed, s."""
-
-SEGMENT: Final = 600.0
-"""Time over which a gyroscope's bias is taken as constant, s, but for records of more than `MOST_SEGMENTS`."""
-
+PART: Final = 0.25  # longest part of a window, s
+TURN: Final = float(deg(10.0))  # turn within a part up to which the mean attitude tells how it leans, rad
+GAP: Final = 0.5  # longest time without a rate across which an attitude is followed, s
+SEGMENT: Final = 600.0  # s over which a gyroscope's bias is constant, but for records of more than `MOST_SEGMENTS`
 MOST_SEGMENTS: Final = 36
 
-FEWEST: Final = 10
-"""Samples of the field in a window."""
-
+FEWEST: Final = 10  # samples of the field in a window
 _CHUNK: Final = 100_000  # samples
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.autocorrelation import alike
 from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, Shape, mean_radius, to_size
-from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, invert, refuse
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, invert, reason_if, refuse
 from plumbob.calibration.mag import checks
 from plumbob.calibration.mag.checks import Doubt, FieldEstimate
 from plumbob.calibration.mag.ellipsoid import fit_mag
@@ -34,9 +34,7 @@ from plumbob.core.findings import Note, info
 from plumbob.core.text import measured
 from plumbob.core.units import deg, to_deg
 
-PARAMETERS: Final = 13
-"""Bias, matrix and sin(dip)."""
-
+PARAMETERS: Final = 13  # bias, matrix and sin(dip)
 _LENGTH_PARAMETERS, _DIP_PARAMETERS = 9, 4  # what the lengths tell, and what only the dip does
 _ROUNDS: Final = 4
 _ROUND: Final = 4
@@ -64,13 +62,6 @@ class DipFit(NamedTuple):
     condition: float  # of the normal matrix scaled to a diagonal of one
 
 
-class _FieldNoise(NamedTuple):
-    """Standard deviations of the measured field, in units of its strength, and of the vertical, rad."""
-
-    mag: float
-    down: float
-
-
 def fit_dip(mag: Floats, down: Floats, centre: Floats, matrix: Floats, used: NDArray[np.bool_]) -> DipFit | None:
     """Fit the joint model to the measured field (N, 3) and the unit vertical, downward; None if steps do not settle.
 
@@ -94,7 +85,10 @@ def fit_dip(mag: Floats, down: Floats, centre: Floats, matrix: Floats, used: NDA
 def _start(points: Floats, down: Floats, matrix: Floats) -> Floats:
     """Parameters (13,) with the rotation of a linear solution or none, whichever leaves less."""
     best, least = np.zeros(PARAMETERS), np.inf
-    for turn in (np.eye(3), _rotation(points @ matrix.T, down)):
+    # the rotation R that best makes ``down · R u`` one number, from the smallest singular vector of its linear form
+    rows = np.column_stack((np.einsum("ni,nj->nij", down, points @ matrix.T).reshape(-1, 9), -np.ones(len(points))))
+    u, _, vt = np.linalg.svd(np.linalg.eigh(rows.T @ rows)[1][:9, 0].reshape(3, 3))
+    for turn in (np.eye(3), u @ vt * np.sign(np.linalg.det(u @ vt))):
         turned = turn @ matrix
         along = np.einsum("ni,ni->n", down, points @ turned.T)
         sine = float(np.median(along))
@@ -102,14 +96,6 @@ def _start(points: Floats, down: Floats, matrix: Floats) -> Floats:
         if cost < least:
             best, least = np.concatenate((np.zeros(3), turned.ravel(), [sine])), cost
     return best
-
-
-def _rotation(inside: Floats, down: Floats) -> Floats:
-    """Rotation R that best makes ``down · R u`` one number, from the smallest singular vector of its linear form."""
-    rows = np.column_stack((np.einsum("ni,nj->nij", down, inside).reshape(-1, 9), -np.ones(len(inside))))
-    form = np.linalg.eigh(rows.T @ rows)[1][:9, 0].reshape(3, 3)
-    u, _, vt = np.linalg.svd(form)
-    return np.asarray(u @ vt * np.sign(np.linalg.det(u @ vt)))
 
 
 class _DistanceAndDip(NamedTuple):
@@ -167,13 +153,15 @@ class _Adjustment:
         self.measured, self.p = (mag, down), start
         self.adjusted = (mag, down)
         self._update()
-        self.noise = self._noise(robust=True)
+        self.mag_sd, self.down_sd = self._noise(robust=True)
 
     def run(self, steps: int, *, robust: bool = False) -> bool:
         """Take steps with the noise of the residuals so far; False where they did not settle."""
-        self.noise = self._noise(robust=robust)
+        self.mag_sd, self.down_sd = self._noise(robust=robust)
         for _ in range(steps):
-            weight = self._weights() if robust else np.ones(len(self.now.residuals))
+            weight = np.ones(len(self.now.residuals))
+            if robust:
+                weight = 1.0 / (1.0 + (self._whitened() ** 2).sum(axis=1) / CAUCHY**2)  # [Holland1977]
             whitened = self._whitened() * np.sqrt(weight)[:, np.newaxis]
             rows = (self.now.rows / self._sd()[:, :, np.newaxis] * np.sqrt(weight)[:, np.newaxis, np.newaxis]).reshape(
                 -1, PARAMETERS
@@ -181,7 +169,13 @@ class _Adjustment:
             self.normal = rows.T @ rows
             step = -np.linalg.lstsq(self.normal, rows.T @ whitened.ravel(), rcond=None)[0]
             self.p = self.p + step
-            self._adjust(self.now.residuals + self.now.rows @ step)
+            # field and vertical that fulfil both equations, as little from the measured ones as can be
+            (mag, down), now = self.measured, self.now
+            residuals = now.residuals + now.rows @ step
+            share = residuals[:, 1:] / self._sd()[:, 1:] ** 2
+            field = mag - residuals[:, :1] * now.out - self.mag_sd**2 * share * now.along
+            vertical = down - self.down_sd**2 * share * now.level
+            self.adjusted = (field, vertical / np.linalg.norm(vertical, axis=1, keepdims=True))
             self._update()
             if not np.isfinite(self.p).all():
                 return False
@@ -198,37 +192,26 @@ class _Adjustment:
         limit = 2.0 * float(f.ppf(1.0 - FALSE_ALARM / count, 2, free))
         return np.asarray((self._whitened() ** 2).sum(axis=1) <= limit)
 
-    def _weights(self) -> Floats:
-        return np.asarray(1.0 / (1.0 + (self._whitened() ** 2).sum(axis=1) / CAUCHY**2))  # [Holland1977]
-
     def _sd(self) -> Floats:
         """Standard deviations of both equations, (N, 2)."""
-        mag, down = self.noise
+        mag, down = self.mag_sd, self.down_sd
         var = mag * mag * (self.now.along**2).sum(axis=1)
         return np.stack((np.full(len(var), mag), np.sqrt(var + down * down * (self.now.level**2).sum(axis=1))), axis=1)
 
     def _whitened(self) -> Floats:
         return np.asarray(self.now.residuals / self._sd())
 
-    def _adjust(self, residuals: Floats) -> None:
-        """Field and vertical of every sample that fulfil both equations, as little from the measured ones as can be."""
-        (mag, down), now = self.measured, self.now
-        share = residuals[:, 1:] / self._sd()[:, 1:] ** 2
-        field = mag - residuals[:, :1] * now.out - self.noise.mag**2 * share * now.along
-        vertical = down - self.noise.down**2 * share * now.level
-        self.adjusted = (field, vertical / np.linalg.norm(vertical, axis=1, keepdims=True))
-
     def _update(self) -> None:
         off = (self.measured[0] - self.adjusted[0], self.measured[1] - self.adjusted[1])
         self.now = _equations(self.p, *self.adjusted, *off)
 
-    def _noise(self, *, robust: bool = False) -> _FieldNoise:
-        """Noise that the residuals show, parameters counted."""
+    def _noise(self, *, robust: bool) -> tuple[float, float]:
+        """Standard deviations of the field, of its strength, and of the vertical, rad, by the residuals."""
         mag = max(_sd(self.now.residuals[:, 0], _LENGTH_PARAMETERS, robust), _LEAST_SD)
         var = mag * mag * float(np.mean((self.now.along**2).sum(axis=1)))
         level = float(np.mean((self.now.level**2).sum(axis=1)))
         both = _sd(self.now.residuals[:, 1], _DIP_PARAMETERS, robust)
-        return _FieldNoise(mag, math.sqrt(max(0.0, both * both - var) / level))
+        return mag, math.sqrt(max(0.0, both * both - var) / level)
 
 
 def _sd(values: Floats, parameters: int, robust: bool) -> float:
@@ -257,51 +240,39 @@ def _result(
         math.asin(sine),
         covariance[:12, :12] * np.outer(back, back),
         math.sqrt(float(covariance[12, 12])) / cosine,
-        fit.noise.mag * size,
-        fit.noise.down,
+        fit.mag_sd * size,
+        fit.down_sd,
         residuals * [size, 1.0 / cosine],
         used,
         condition,
     )
 
 
-FEWEST: Final = PARAMETERS + 1
-"""Fewest samples or poses."""
-
-UNSTEADY: Final = deg(5.0)
-"""Scatter of the vertical above which the accelerometer did not measure gravity, rad."""
-
+FEWEST: Final = PARAMETERS + 1  # fewest samples or poses
+UNSTEADY: Final = deg(5.0)  # scatter of the vertical above which the accelerometer did not measure gravity, rad
 _GRAVITY: Final = 0.1  # departure of gravity, of itself
 _SOME: Final = 20_000
 _ADVICE: Final = "Hold the unit still in each attitude, or turn it slowly, and capture again."
 
 
 def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt_range: float = TILT_RANGE) -> Fitted:
-    """Fit bias and full matrix so that the field has one strength and one dip.
+    """Fit bias and full matrix so that the field has one strength and one dip; arguments as of `fit_mag`.
 
-    The vertical of the accelerometer shows what the length of the field cannot: how the magnetometer is turned against
-    it. Captures of small tilt gain too, for the dip says about the upright axis what the length hardly does.
-
-    Errors as of `fit_mag`.
-
-    Parameters
-    ----------
-    mag : ndarray (N, 3)
-        Measured field, µT, in order of time; finite.
-    acc : ndarray (N, 3)
-        Calibrated specific force at the same instants, m/s², at rest or nearly; finite. Its axes become those of the
-        magnetometer.
-    strength, tilt_range
-        As of `plumbob.calibration.mag.ellipsoid.fit_mag`.
+    The vertical of the accelerometer, calibrated and at rest or nearly, shows what the length of the field cannot: how
+    the magnetometer is turned against it. Captures of small tilt gain too, for the dip says about the upright axis what
+    the length hardly does.
     """
     checks.require_figures(strength=strength, tilt_range=tilt_range)
     mag = checks.finite_rows("mag", mag)
     acc = checks.forces(acc, len(mag))
     if len(mag) < FEWEST:
         what = f"{len(mag)} samples, but the joint fit needs {FEWEST} at least."
-        refuse([Reason("too-few", what, "Hold the unit in more attitudes: 18 faces and edges, or turn it slowly.")])
+        refuse(Reason("too-few", what, "Hold the unit in more attitudes: 18 faces and edges, or turn it slowly."))
     force = np.linalg.norm(acc, axis=1)
-    refuse(_wrong_gravity(force))
+    typical = float(np.median(force))
+    what = f"the specific force is {typical:.3g} m/s² in the median, but gravity is {G0:.3g} m/s²."
+    advice = "Check the accelerometer's unit and range, and calibrate it first."
+    refuse(reason_if(not abs(typical / G0 - 1.0) <= _GRAVITY, "wrong-gravity", what, advice))
     alone = fit_mag(mag, shape=Shape.ELLIPSOID, acc=acc, tilt_range=tilt_range)
     stride = -(-len(mag) // _SOME)
     points, down = mag[::stride], -(acc / force[:, np.newaxis])[::stride]
@@ -322,10 +293,11 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
         heading_sd(matrix, c, size=size, dip=fit.dip, tilt_range=tilt_range)
         for c in (covariance, independent * shared.memory)
     )
-    doubt = Doubt.from_fit(sd, even, field, shared)
+    doubt = Doubt(sd, even, field, shared.memory, shown=shared.unevenness > shared.memory)
     estimate = FieldEstimate(
         matrix, fit.centre, covariance, fit.residuals[:, 0], fit.used, radius, fit.condition, strength
     )
+    scatters = f"the vertical of the accelerometer scatters by {to_deg(fit.down_sd):.2g}° about the field's dip."
     dip_sd = fit.dip_sd * math.sqrt(shared.memory + field.spread(residuals))
     return estimate.finished(
         points,
@@ -334,7 +306,7 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
         method="magnetometer with accelerometer: ellipsoid, turn and dip, 13 parameters",
         reasons=(
             checks.outliers(fit.used, "Move less, and look for moving iron and switched currents nearby."),
-            _unsteady(fit.down_sd),
+            reason_if(not fit.down_sd <= UNSTEADY, "not-still", scatters, _ADVICE),
             checks.uncertain(doubt, "Turn the unit through all attitudes: each face and edge up."),
             *estimate.unlikely(sd),
         ),
@@ -351,21 +323,6 @@ def rotation_in(matrix: Floats) -> Floats:
     """Rotation (3, 3) in a matrix: the factor that is left beside a symmetric one."""
     u, _, vt = np.linalg.svd(matrix)
     return np.asarray(u @ vt)
-
-
-def _wrong_gravity(force: Floats) -> list[Reason]:
-    typical = float(np.median(force))
-    if abs(typical / G0 - 1.0) <= _GRAVITY:
-        return []
-    what = f"the specific force is {typical:.3g} m/s² in the median, but gravity is {G0:.3g} m/s²."
-    return [Reason("wrong-gravity", what, "Check the accelerometer's unit and range, and calibrate it first.")]
-
-
-def _unsteady(sd: float) -> Reason | None:
-    if sd <= UNSTEADY:
-        return None
-    what = f"the vertical of the accelerometer scatters by {to_deg(sd):.2g}° about the field's dip."
-    return Reason("not-still", what, _ADVICE)
 
 
 def _remarks(fit: DipFit, dip_sd: float) -> tuple[Note, ...]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.autocorrelation import Alike, memory_of_each
 from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, distortion_to_size
-from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, reason_if, refuse
 from plumbob.calibration.mag import checks
 from plumbob.calibration.mag.checks import Doubt, FieldEstimate
 from plumbob.calibration.mag.ellipsoid import unturned
@@ -49,7 +49,10 @@ def field_start(mag: Floats, turns: Floats) -> tuple[Floats, Floats, Floats]:
     power, cross = design.T @ design, design.T @ mag
     best: tuple[Floats, Floats, Floats] = (np.zeros(3), np.eye(3), np.zeros(3))
     least = math.inf
-    for h in _directions():
+    k = np.arange(_DIRECTIONS) + 0.5  # spread evenly over a sphere along a spiral of golden angles
+    up, angle = 1.0 - 2.0 * k / _DIRECTIONS, math.pi * (3.0 - math.sqrt(5.0)) * k
+    level = np.sqrt(1.0 - up * up)
+    for h in np.column_stack((level * np.cos(angle), level * np.sin(angle), up)):
         pick = np.zeros((4, 10))
         pick[:3, :9] = np.kron(h, np.eye(3))
         pick[3, 9] = 1.0
@@ -60,25 +63,15 @@ def field_start(mag: Floats, turns: Floats) -> tuple[Floats, Floats, Floats]:
     return best
 
 
-def _directions() -> Floats:
-    """Directions that are spread evenly over a sphere along a spiral of golden angles."""
-    k = np.arange(_DIRECTIONS) + 0.5
-    up, angle = 1.0 - 2.0 * k / _DIRECTIONS, math.pi * (3.0 - math.sqrt(5.0)) * k
-    level = np.sqrt(1.0 - up * up)
-    return np.column_stack((level * np.cos(angle), level * np.sin(angle), up))
-
-
 def across(h: Floats) -> Floats:
     """Two directions across h, as columns (3, 2)."""
     return np.linalg.svd(h[np.newaxis])[2][1:].T
 
 
+# A, b, two of the field's direction, twelve of the gyroscope (bias, scale and misalignment), and the delay.
 PARAMETERS: Final = 27
-"""A, b, two of the field's direction, twelve of the gyroscope (its bias, its scale and misalignment), and the delay."""
 
-WALK: Final = float(dps(0.005))
-"""Intensity of the attitude's random walk to start from, rad/√s: the noise of a good MEMS gyroscope."""
-
+WALK: Final = float(dps(0.005))  # of the attitude to start from, rad/√s: the noise of a good MEMS gyroscope
 _TAKEN_UP: Final = 4.0  # patches whose errors are taken up: twelve parameters of the magnetometer, three axes each
 _NODE: Final = 0.05  # s between attitudes at most; rotations in between are taken as one
 _STEP: Final = 1.0  # s from knot to knot of the random walk
@@ -115,9 +108,8 @@ def fit_turned_field(
 ) -> FieldFit | None:
     """Fit the model; None where the steps do not settle.
 
-    `mag` (M, 3), of any unit, is of the instants `seen` among t (N,), s; `gyr` (N, 3), rad/s, is off by a constant bias
-    and by `gyr_gain_sd`, the standard deviation of each entry of its gain matrix, relative to its scale. All are
-    finite.
+    `mag` (M, 3), of any unit, is of the instants `seen` among t (N,); `gyr` (N, 3) is off by a constant bias and by
+    `gyr_gain_sd`, the standard deviation of each entry of its gain matrix, relative to its scale. All are finite.
     """
     middle = mag.mean(axis=0)
     size = math.sqrt(float(np.mean(np.sum((mag - middle) ** 2, axis=1))))
@@ -205,7 +197,13 @@ class _RandomWalkFit:
             step = self.covariance @ self.slope
             if not np.isfinite(step).all():
                 return False
-            self._move(step)
+            self.distortion = self.distortion + step[:9].reshape(3, 3)
+            self.bias = self.bias + step[9:12]
+            h = self.h + across(self.h) @ step[12:14]
+            self.h = h / np.linalg.norm(h)
+            self.gyr_errors = self.gyr_errors + step[_FIELD:PARAMETERS]
+            self.lean[1:] += step[PARAMETERS:].reshape(-1, 3)
+            self.turns = self._turns()
             if float(step @ self.normal @ step) < _ENOUGH**2 * PARAMETERS:
                 return True
         return False
@@ -223,14 +221,11 @@ class _RandomWalkFit:
     def _gain(self) -> Floats:
         return self.gyr_errors[3:12].reshape(3, 3)
 
-    def _leans(self) -> Floats:
-        """θ of each sample, (M, 3)."""
-        share = self.share[:, np.newaxis]
-        return np.asarray((1.0 - share) * self.lean[self.knot] + share * self.lean[self.knot + 1])
-
     def _seen_field(self) -> Floats:
         """Field's direction in the body axes of each sample, (M, 3)."""
-        leaned = self.h - np.cross(self._leans(), self.h)
+        share = self.share[:, np.newaxis]
+        lean = (1.0 - share) * self.lean[self.knot] + share * self.lean[self.knot + 1]  # θ of each sample
+        leaned = self.h - np.cross(lean, self.h)
         return np.asarray(np.einsum("nji,nj->ni", self.turns, leaned))
 
     @property
@@ -281,10 +276,7 @@ class _RandomWalkFit:
             slope[at] += block.T @ residuals[here].ravel()
         keep = np.delete(np.arange(len(slope)), slice(PARAMETERS, PARAMETERS + 3))
         self.normal, self.slope = normal[np.ix_(keep, keep)], slope[keep]
-        self._expect()
-
-    def _expect(self) -> None:
-        """Add what is known before: that θ is a random walk, and how large the gyroscope's errors can be."""
+        # what is known before: that θ is a random walk, and how large the gyroscope's errors can be
         tight = 1.0 / (self.walk**2 * self.step)
         self.normal[PARAMETERS:, PARAMETERS:] += tight * self.changes.T @ self.changes
         self.slope[PARAMETERS:] -= tight * self.changes.T @ (self.changes @ self.lean[1:].ravel())
@@ -307,28 +299,11 @@ class _RandomWalkFit:
         rows[:, :, PARAMETERS:] = lean
         return rows
 
-    def _move(self, step: Floats) -> None:
-        self.distortion = self.distortion + step[:9].reshape(3, 3)
-        self.bias = self.bias + step[9:12]
-        h = self.h + across(self.h) @ step[12:14]
-        self.h = h / np.linalg.norm(h)
-        self.gyr_errors = self.gyr_errors + step[_FIELD:PARAMETERS]
-        self.lean[1:] += step[PARAMETERS:].reshape(-1, 3)
-        self.turns = self._turns()
 
-
-GAIN_SD: Final = 0.002
-"""Standard deviation of each entry of a calibrated gyroscope's gain matrix."""
-
-SHEET_GAIN_SD: Final = 0.02
-"""The same of one that was not calibrated: data sheets say 2 to 3 % of scale, and 2 % across the axes."""
-
-LONGEST_GAP: Final = 0.5
-"""Longest time without a rate, s."""
-
-WORST_WALK: Final = float(dps(0.1))
-"""Random walk of the attitude above which it is not the gyroscope's noise, rad/√s."""
-
+GAIN_SD: Final = 0.002  # standard deviation of each entry of a calibrated gyroscope's gain matrix
+SHEET_GAIN_SD: Final = 0.02  # the same of one without a card: data sheets say 2 to 3 % of scale, 2 % across
+LONGEST_GAP: Final = 0.5  # longest time without a rate, s
+WORST_WALK: Final = float(dps(0.1))  # random walk of the attitude above which it is not the gyroscope's noise, rad/√s
 _FEWEST: Final = 2 * PARAMETERS
 _SOME: Final = 4000  # samples of the field; more of them share its unevenness
 _ADVICE: Final = (
@@ -348,33 +323,25 @@ def fit_mag_gyr(
     gyr_gain_sd: float = GAIN_SD,
     tilt_range: float = TILT_RANGE,
 ) -> Fitted:
-    """Fit bias and full matrix so that the field is one vector as the gyroscope turns.
+    """Fit bias and full matrix so that the field, NaN where there is none, is one vector as the gyroscope turns.
 
-    Errors as of `fit_mag`; CalibrationError if rates are missing for long, ClockError if the time does not increase.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s, increasing.
-    mag : ndarray (N, 3)
-        Measured field, µT; NaN where there is none.
-    gyr : ndarray (N, 3)
-        Rates, rad/s, finite; their constant bias is found too, and how much later the field is measured. Their axes
-        become those of the magnetometer.
-    acc : ndarray (N, 3), optional
-        Specific force, m/s², whose mean over the capture shows the vertical, and so the dip for the predicted error.
-    gyr_gain_sd : float
-        Standard deviation of each entry of the gyroscope's gain matrix, relative; 0 where it is exact.
-    strength, tilt_range
-        As of `plumbob.calibration.mag.ellipsoid.fit_mag`.
+    The constant bias of the rates is found too, and how much later the field is measured; the rates' axes become those
+    of the magnetometer. The mean specific force shows the vertical, and so the dip. `gyr_gain_sd` is the standard
+    deviation of each entry of the gyroscope's gain matrix, relative; 0 where it is exact. The rest as of `fit_mag`.
     """
     checks.require_figures(strength=strength, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
     t, mag, gyr, acc = checks.with_rates(t, mag, gyr, acc)
     present = np.flatnonzero(np.isfinite(mag).all(axis=1))
     stride = max(1, -(-len(present) // _SOME))
     samples = present[::stride]
-    _require_rates(t)
-    refuse(_unfit(mag[samples]))
+    gap = float(np.diff(t).max()) if len(t) > 1 else 0.0
+    if gap > LONGEST_GAP:
+        raise CalibrationError(
+            f"rates are missing for {gap:.2g} s, and the field can be followed across {LONGEST_GAP:g} s at most; "
+            "cut the capture there with --from or --to, or choose another sensor than the gyroscope."
+        )
+    few = f"{len(samples)} samples of the field, but {_FEWEST} are needed."
+    refuse(Reason("too-few", few, _ADVICE) if len(samples) < _FEWEST else unturned(mag[samples], _ADVICE))
     first = "" if gyr_gain_sd <= GAIN_SD else f"{_FIRST} "
     fit = fit_turned_field(t, mag[samples], gyr, samples, gyr_gain_sd=gyr_gain_sd)
     if fit is None or not np.linalg.det(fit.distortion) > 0.0:
@@ -382,9 +349,17 @@ def fit_mag_gyr(
         raise CaptureRefusedError(Reason("ill-conditioned", what, first + _ADVICE))
     matrix, covariance = distortion_to_size(fit.distortion, fit.covariance, strength)
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
-    size, dip = strength or radius, _dip(fit, None if acc is None else acc[samples])
+    size, dip = strength or radius, checks.DIP
+    if acc is not None:  # by the mean specific force in the axes of the start
+        up = np.nanmean(np.einsum("nij,nj->ni", fit.turns, acc[samples]), axis=0)
+        dip = float(-np.arcsin(np.clip(up @ fit.field_s / np.linalg.norm(up), -1.0, 1.0)))
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
-    doubt = _doubt(fit, sd)
+    # the field is shown to be uneven where most of it is seen, and counts
+    shown = 2.0 * fit.field.seen**2 > fit.field.sd**2 and fit.alike.unevenness > fit.alike.memory
+    even = sd * math.sqrt(fit.alike.memory / fit.alike.factor)
+    doubt = Doubt(sd, even, fit.field, fit.alike.memory, shown)
+    walks = f"field and rates only agree if the attitude walks by {to_dps(fit.walk):.2g}°/√s, which no gyroscope does."
+    keep = "Keep iron and magnets away, check the gyroscope's unit and range, and calibrate it first."
     estimate = FieldEstimate(matrix, fit.bias, covariance, fit.residuals, fit.used, radius, fit.condition, strength)
     return estimate.finished(
         mag[samples],
@@ -392,51 +367,13 @@ def fit_mag_gyr(
         tilt_range=tilt_range,
         method=f"magnetometer with gyroscope: one field, {PARAMETERS} parameters delay included, and random walk",
         reasons=(
-            _wandering(fit.walk),
+            reason_if(not fit.walk <= WORST_WALK, "magnet-moved", walks, keep),
             checks.outliers(fit.used, first + checks.STEEL),
             checks.uncertain(doubt, first + _ADVICE),
             *estimate.unlikely(sd),
         ),
         remarks=(*_remarks(fit, dip, acc is not None), *estimate.remarks(stride), *checks.uneven_told(doubt)),
     )
-
-
-def _require_rates(t: Floats) -> None:
-    gap = float(np.diff(t).max()) if len(t) > 1 else 0.0
-    if gap > LONGEST_GAP:
-        raise CalibrationError(
-            f"rates are missing for {gap:.2g} s, and the field can be followed across {LONGEST_GAP:g} s at most; "
-            "cut the capture there with --from or --to, or choose another sensor than the gyroscope."
-        )
-
-
-def _unfit(mag: Floats) -> list[Reason]:
-    if len(mag) < _FEWEST:
-        return [Reason("too-few", f"{len(mag)} samples of the field, but {_FEWEST} are needed.", _ADVICE)]
-    rest = unturned(mag, _ADVICE)
-    return [] if rest is None else [rest]
-
-
-def _dip(fit: FieldFit, acc: Floats | None) -> float:
-    """Dip of the field, rad: by the mean specific force in the axes of the start, or an assumed one."""
-    if acc is None:
-        return checks.DIP
-    up = np.nanmean(np.einsum("nij,nj->ni", fit.turns, acc), axis=0)
-    return float(-np.arcsin(np.clip(up @ fit.field_s / np.linalg.norm(up), -1.0, 1.0)))
-
-
-def _doubt(fit: FieldFit, sd: float) -> Doubt:
-    """What is predicted, and why; the field is shown to be uneven where most of it is seen, and counts."""
-    shown = 2.0 * fit.field.seen**2 > fit.field.sd**2 and fit.alike.unevenness > fit.alike.memory
-    return Doubt(sd, sd * math.sqrt(fit.alike.memory / fit.alike.factor), fit.field, fit.alike.memory, shown)
-
-
-def _wandering(walk: float) -> Reason | None:
-    if walk <= WORST_WALK:
-        return None
-    what = f"field and rates only agree if the attitude walks by {to_dps(walk):.2g}°/√s, which no gyroscope does."
-    keep = "Keep iron and magnets away, check the gyroscope's unit and range, and calibrate it first."
-    return Reason("magnet-moved", what, keep)
 
 
 def _remarks(fit: FieldFit, dip: float, measured: bool) -> tuple[Note, ...]:

@@ -20,15 +20,10 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 
-Parts = list[tuple[float, float]]
-"""Intervals, first and end."""
-RATIO: Final = 2.0
-"""The outermost level is a pile if it occurs more often than so many times the next one; the tail of noise thins."""
-FEWEST: Final = 8
-"""Visits of a pile; slow noise may stay at its outermost level for long, but not again and again."""
-
-CLIPPED_SHARE: Final = 1e-4
-"""Part of all samples that a pile has."""
+Parts = list[tuple[float, float]]  # intervals, first and end
+RATIO: Final = 2.0  # of a pile to the next level; the tail of noise thins
+FEWEST: Final = 8  # visits of a pile; slow noise may stay at its outermost level for long, but not again and again
+CLIPPED_SHARE: Final = 1e-4  # part of all samples that a pile has
 
 
 class Pile(NamedTuple):
@@ -57,9 +52,9 @@ def clipped(values: Floats) -> list[Pile]:
     return piles
 
 
+# Of runs of equal values that are alike: of coarse noise, whose runs halve in number with each length, 38 % last for
+# two or three samples.
 HELD_SHARE: Final = 0.8
-"""Part of the runs of equal values that must be alike. Coarse noise repeats itself too, but in runs of any length: of
-those that halve in number from each length to the next, 38 % last for two or three samples."""
 
 
 def hold_length(values: Floats) -> int:
@@ -73,11 +68,10 @@ def hold_length(values: Floats) -> int:
     return usual if usual > 1 and alike >= HELD_SHARE else 1
 
 
-LONGEST: Final = 12
-"""Channels in turn that are looked for: three sensors of three axes, temperature, and two more."""
+LONGEST: Final = 12  # channels in turn that are looked for: three sensors of three axes, temperature, and two more
+# Standard deviation of the means of the channels over that within them; a sinusoid at a whole fraction of the rate,
+# such as mains folded down, would have to be that strong to look so.
 APART: Final = 1.0
-"""Standard deviation of the means of the channels over that within them above which they are not one channel. A
-sinusoid at a whole fraction of the rate, such as mains folded down, would have to be that strong to look so."""
 
 _AS_GOOD: Final = 0.8  # of the best: the smallest number of channels
 _FEWEST: Final = 50  # values of each channel
@@ -101,11 +95,9 @@ def interleaved(values: Floats) -> int:
     return 1 if most <= APART else next(k for k, ratio in apart.items() if ratio >= _AS_GOOD * most)
 
 
+# Of the energy of all changes in a single line; of 200 equal lines, the largest five hold a tenth.
 PERIODIC_SHARE: Final = 0.9
-"""Part of the energy of all changes that a single line must hold. Of 200 equal lines, the largest five hold a tenth."""
-LINES: Final = 200
-"""Spectra of fewer lines are not judged."""
-
+LINES: Final = 200  # spectra of fewer lines are not judged
 _LOBE: Final = 3
 _SLOWEST: Final = 10
 
@@ -124,8 +116,13 @@ def shaking(values: Floats, dt: float) -> Oscillation | None:
     """
     averages, n = values, 1
     while averages.size >= 2 * LINES:
-        x, power = _line(np.diff(averages))
-        if power > 0.0:
+        changes = np.diff(averages)
+        centred = changes - changes.mean()
+        spectrum = np.abs(np.fft.rfft(centred * np.hanning(changes.size))) ** 2
+        peak = int(np.argmax(spectrum))
+        inside = float(spectrum[max(0, peak - _LOBE) : peak + _LOBE + 1].sum())
+        x, power = peak / changes.size, float(np.mean(centred * centred))
+        if power > 0.0 and peak >= _SLOWEST and inside > PERIODIC_SHARE * spectrum.sum():
             averaging = math.sin(math.pi * x) / (n * math.sin(math.pi * x / n))
             difference = 2.0 * math.sin(math.pi * x)
             return Oscillation(x / (n * dt), math.sqrt(2.0 * power) / abs(averaging * difference))
@@ -133,33 +130,15 @@ def shaking(values: Floats, dt: float) -> Oscillation | None:
     return None
 
 
-def _line(changes: Floats) -> tuple[float, float]:
-    """Frequency, in samples⁻¹, and mean square of the line that holds nearly everything, else 0."""
-    centred = changes - changes.mean()
-    spectrum = np.abs(np.fft.rfft(centred * np.hanning(changes.size))) ** 2
-    peak = int(np.argmax(spectrum))
-    inside = float(spectrum[max(0, peak - _LOBE) : peak + _LOBE + 1].sum())
-    holds = peak >= _SLOWEST and inside > PERIODIC_SHARE * spectrum.sum()
-    return peak / changes.size, float(np.mean(centred * centred)) if holds else 0.0
-
-
-FAR: Final = 9.0
-"""Distance from the median of three samples beyond which a sample is a spike, in standard deviations of white noise
-with the same second differences."""
-
+FAR: Final = 9.0  # distance of a spike from the median of three, in sd of white noise with the same second differences
 _CELL: Final = 256
 
 
 @kernel
 def distances(x: Floats, typical: Floats, largest: Floats, place: Floats) -> None:
-    """Distances of samples from the median of themselves and their neighbours, for each cell.
+    """Distances of samples (n,), of which the outermost are neighbours only, from the median of three, for each cell.
 
-    Parameters
-    ----------
-    x : ndarray (n,)
-        Samples; the first and the last are neighbours only.
-    typical, largest, place : ndarray (cells,)
-        Standard deviation of white noise with the same second differences; largest distance, and where that is in x.
+    Filled in: the standard deviation of white noise with the same second differences, the largest distance, and where.
     """
     for i in range(typical.shape[0]):
         cell = x[i * _CELL : i * _CELL + _CELL + 2]
@@ -206,13 +185,9 @@ class Spikes:
         return [int(i) for i in np.concatenate(self._place)[largest > max(FAR * typical, least)]]
 
 
-REPEATS: Final = 4
-"""Values come from a converter if each occurs so often on average; what is not quantised hardly repeats."""
-
-_ROUNDING: Final = 2e-7
-"""Values that differ by less than this part of the largest are equal: float32 rounds to 1.2e-7."""
-_RESIDUAL: Final = 0.2
-"""How far a value may lie from its multiple, in steps: a text of few digits rounds."""
+REPEATS: Final = 4  # values of a converter occur so often on average; what is not quantised hardly repeats
+_ROUNDING: Final = 2e-7  # values that differ by less than this part of the largest are equal: float32 rounds to 1.2e-7
+_RESIDUAL: Final = 0.2  # how far a value may lie from its multiple, in steps: a text of few digits rounds
 
 
 def find_step(values: ArrayLike) -> float:
@@ -220,11 +195,6 @@ def find_step(values: ArrayLike) -> float:
 
     The closest neighbours among the levels give a first guess, which a straight line through all of them makes exact:
     0.06, 0.12, 0.18, 0.24, 0.31 are multiples of 0.061 in a text of two decimals.
-
-    Parameters
-    ----------
-    values : array_like (N,)
-        Samples; a hundred or more, as fewer show nothing.
     """
     samples = check.column("values", values)
     levels = np.unique(samples[np.isfinite(samples)])
@@ -241,29 +211,20 @@ def find_step(values: ArrayLike) -> float:
     return step if np.ptp(residual) < 2.0 * _RESIDUAL * step else 0.0
 
 
-LEAST: Final = 10
-"""Shorter runs are not kept."""
+LEAST: Final = 10  # shorter runs are not kept
+# With a share p of equal neighbours, N independent samples have N pᴸ runs of L more equal ones; so runs three times as
+# long as the longest usual one, ln N / -ln p, come once in N² records.
 MARGIN: Final = 3.0
-"""With a share p of equal neighbours, N independent samples have N pᴸ runs of L more equal ones; so runs three times as
-long as the longest usual one, ln N / -ln p, come once in N² records."""
-FEWEST_CHANGES: Final = 8
-"""So many changes without one back are no noise."""
-
+FEWEST_CHANGES: Final = 8  # so many changes without one back are no noise
 _RUN, _RISES, _FALLS, _EQUAL, _FOUND = range(5)
 
 
 @kernel
 def follow(x: Floats, state: Floats, ends: Floats, lengths: Floats) -> None:
-    """Runs of equal neighbours that end within `x`.
+    """Runs of equal neighbours that end within `x` (n,), whose first sample is the last of the block before.
 
-    Parameters
-    ----------
-    x : ndarray (n,)
-        Samples; the first is the last of the block before.
-    state : ndarray (5,)
-        Length of the run that goes on, numbers of rises, falls and equal neighbours so far, and of runs found here.
-    ends, lengths : ndarray (m,)
-        For each run longer than `LEAST`, the index after it in x, and its samples.
+    `state` (5,) counts the length of the run that goes on, rises, falls, equal neighbours, and runs found here; of each
+    run longer than `LEAST`, `ends` has the index after it in x, and `lengths` its samples.
     """
     run, count, rises, equal = state[0], 0, 0, 0
     for i in range(1, x.shape[0]):
@@ -324,26 +285,17 @@ class ChannelWatch:
         return [(int(end - length), int(end)) for end, length in zip(ends, lengths, strict=True) if length > most]
 
 
+# Energy of a window over that of quiet ones; of noise, the extremes of a million windows stay below 10 (χ² of 8 degrees
+# of freedom against its quantile of 20 %).
 LOUDER: Final = 16.0
-"""Energy of a window over that of the quiet ones above which something moved; of noise, the extremes of a million
-windows stay below 10 (χ² of 8 degrees of freedom against its quantile of 20 %)."""
 
-JUMP: Final = 100.0
-"""The same for one squared second difference: ten standard deviations, seven where the quiet ones seem too quiet."""
-
-LONGEST_AVERAGE: Final = 5.0
-"""Longest averages that are judged, s, to the next octave; over 10 s, a warm-up of 20 sd in 60 s moves at 1 kHz."""
-
-HALF_WINDOW: Final = 8
-"""Second differences in half a window, at least; they last a second at least."""
-
-LONG_HALF_WINDOW: Final = 32
-"""The same for averages that are not Gaussian."""
-
+JUMP: Final = 100.0  # the same for one squared second difference: ten sd, seven where the quiet ones seem too quiet
+LONGEST_AVERAGE: Final = 5.0  # s, to the next octave; over 10 s, a warm-up of 20 sd in 60 s moves at 1 kHz
+HALF_WINDOW: Final = 8  # second differences in half a window, at least; they last a second at least
+LONG_HALF_WINDOW: Final = 32  # the same for averages that are not Gaussian
 FEWEST_WINDOWS: Final = 6
 _QUIET: Final = 0.2
-_GAUSSIAN: Final = 4
-"""Averages over fewer samples are not Gaussian: the running median takes the middle out of noise, not its tails."""
+_GAUSSIAN: Final = 4  # samples of a Gaussian average: the running median takes the middle out of noise, not its tails
 
 
 @kernel
@@ -406,24 +358,15 @@ class Level:
         if energy.size < FEWEST_WINDOWS:
             return []
         quiet = limit * max(float(np.quantile(energy, _QUIET)), step * step * (0.125 + 0.5 / self.n))
-        loud = self._parts(begin + np.flatnonzero(energy > LOUDER * quiet), 2)
-        if self.n < _GAUSSIAN:
-            return loud
-        return loud + self._parts(begin + np.flatnonzero(largest > JUMP * quiet), 1)
-
-    def _parts(self, places: NDArray[np.int64], halves: int) -> Parts:
         hop, n = self.hop, self.n
-        return [(i * hop * n, ((i + halves) * hop + 2) * n) for i in places.tolist()]
+        places = [(i, 2) for i in (begin + np.flatnonzero(energy > LOUDER * quiet)).tolist()]  # and how many halves
+        if n >= _GAUSSIAN:
+            places += [(i, 1) for i in (begin + np.flatnonzero(largest > JUMP * quiet)).tolist()]
+        return [(i * hop * n, ((i + halves) * hop + 2) * n) for i, halves in places]
 
 
 class Stillness:
-    """Watches one channel, block by block.
-
-    Parameters
-    ----------
-    dt : float
-        Sampling time, s.
-    """
+    """Watches one channel, block by block."""
 
     def __init__(self, dt: float) -> None:
         self.count = 0
@@ -447,14 +390,9 @@ class Stillness:
     def moving(self, start: int, stop: int, step: float, *, limit: float = 1.0) -> Parts:
         """Parts of the samples from `start` to `stop` in which something moved, as (first, end), in no order.
 
-        Parameters
-        ----------
-        start, stop : int
-            What is judged: its own quiet windows are the measure.
-        step : float
-            Of a converter that is coarser than the noise, which makes calm and lively stretches out of none; else 0.
-        limit : float
-            Part of `LOUDER` and `JUMP` above which something moved.
+        Its own quiet windows are the measure. `step` is that of a converter that is coarser than the noise, which makes
+        calm and lively stretches out of none, else 0; `limit` the part of `LOUDER` and `JUMP` above which something
+        moved.
         """
         parts = Parts()
         for level in self._levels:  # what shorter averages have shown, longer ones only blur
@@ -472,11 +410,6 @@ def joined(parts: Parts) -> Parts:
         else:
             union.append((first, end))
     return union
-
-
-def longest_gap(parts: Parts, start: float, stop: float) -> tuple[float, float]:
-    """Longest interval from `start` to `stop` outside all the parts."""
-    return max(between(parts, start, stop), key=np.ptp, default=(start, start))
 
 
 def between(parts: Parts, start: float, stop: float) -> Parts:

@@ -1,23 +1,29 @@
 """Is this a static record that a noise analysis can be made of? Findings in words, and the longest still stretch.
 
 Samples come in blocks, so that a record need not fit in memory; a check keeps a few numbers for each second.
+
+Disturbed seconds of a long record are skipped: a step that somebody takes, or a door, spoils a second of hours, and
+what is left is as good as before. But an Allan deviation and a spectrum need even samples, so each gap is filled with
+its neighbours: those before it, mirrored, for its first half, and those after it for its second, on a straight line
+between the two levels. So it has the noise of its surroundings at all but the longest times, and shows nothing of its
+own.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.findings import warning
+from plumbob.core.findings import Finding, warning
 from plumbob.core.units import Quantity, deg, dps
-from plumbob.noise.static.artefacts import (
+from plumbob.noise.artefacts import (
     ChannelWatch,
     Parts,
     Spikes,
@@ -28,49 +34,94 @@ from plumbob.noise.static.artefacts import (
     hold_length,
     interleaved,
     joined,
-    longest_gap,
     shaking,
 )
-from plumbob.noise.static.report import LONGEST, MARGIN, MOST, MOST_ASKED, Remark, StaticReport, jumped, total, widened
 
+# Averages over 1 to 100 of them, two decades of time, are known to 20 % (13 degrees of freedom of white noise
+# [Riley2008]); through a shorter curve any line can be laid.
 FEWEST_SAMPLES: Final = 1000
-"""From here on averages over 1 to 100 samples, two decades of time, are known to 20 % (13 degrees of freedom of white
-noise [Riley2008]); through a shorter curve any line can be laid."""
 
 FEWEST_LEVELS: Final = 5
-TURNING: Final = dps(10.0)
-"""A gyroscope whose average over 1 s departs so far from its median turns, rad/s; no warm-up drifts as much."""
-TILTING: Final = deg(3.0)
-"""An accelerometer whose average over 1 s departs so far from its median direction is tilted, rad: 50 mg of drift."""
-LENGTHENING: Final = 0.05
-"""The same for the length of the specific force, as a part of it."""
-ABOUT_G: Final = (0.8, 1.2)
-"""Specific force of an uncalibrated accelerometer at rest, in g."""
-
+TURNING: Final = dps(10.0)  # departure of an average over 1 s from the median, rad/s; no warm-up drifts as much
+TILTING: Final = deg(3.0)  # the same of the specific force's direction, rad: 50 mg of drift
+LENGTHENING: Final = 0.05  # the same for the length of the specific force, as a part of it
+ABOUT_G: Final = (0.8, 1.2)  # specific force of an uncalibrated accelerometer at rest, in g
+# Noise on two neighbouring levels has a standard deviation of half their step at most; more must change.
 TWO_LEVELS: Final = 0.6
-"""Noise on two neighbouring levels has a standard deviation of at most half their step; more has to change."""
 
 _EXCERPT: Final = 1 << 16
 _STRICT: Final = 0.7
+_INERTIAL: Final = (Quantity.RATE, Quantity.ACCELERATION)  # of sensors whose motion is the unit's
 _WITHOUT_MOTION: Final = ("not_finite", "constant", "one_way", "interleaved", "held", "coarse", "not_at_rest")
+MARGIN: Final = 1.0  # what is skipped before and after a disturbance too, s
+MOST: Final = 0.05  # share that may be skipped because it was found; more is no static record
+MOST_ASKED: Final = 0.2  # share that may be skipped because it was asked for
+LONGEST: Final = 60.0  # longest part that may be skipped because it was found, s: somebody at work, not a step
+_LEVEL: Final = 10  # seconds whose mean is a level
+_JUMP: Final = 6.0  # standard deviations of what the record does by itself in the same time
+_FEWEST: Final = 20  # of such changes that are known
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """One thing to know about a record: its channel, or the names of those that it concerns, and the finding."""
+
+    channel: str
+    finding: Finding
+
+    @property
+    def kind(self) -> str:
+        """What it is: the code without its family, as ``"one_way"``."""
+        return self.finding.code.partition(".")[2]
+
+    @property
+    def refuses(self) -> bool:
+        """Whether an analysis of the channel would mislead."""
+        return self.finding.severity == "error"
+
+    def concerns(self, channel: str) -> bool:
+        """Whether it is about a channel, alone or with others; a name may hold a comma."""
+        return channel == self.channel or channel in self.channel.split(", ")
+
+    def __str__(self) -> str:
+        """Sentence with the channel."""
+        return f"{self.channel}: {self.finding}"
+
+
+@dataclass(frozen=True)
+class StaticReport:
+    """What was found in a record."""
+
+    findings: tuple[Remark, ...]  # errors and warnings
+    steps: Mapping[str, float]  # step of the values of each channel, in their unit; 0 where none was found
+    moving: tuple[tuple[float, float], ...]  # when something moved or was stuck, s, in order
+    still: tuple[float, float] | None  # longest stretch without, s, if it has enough samples
+    # times, s, that an analysis of a channel leaves out, with their margins
+    skipped: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+
+    @property
+    def errors(self) -> tuple[Remark, ...]:
+        """Findings for which an analysis would mislead."""
+        return tuple(finding for finding in self.findings if finding.refuses)
+
+    @property
+    def warnings(self) -> tuple[Remark, ...]:
+        """Findings that a reader must know."""
+        return tuple(finding for finding in self.findings if not finding.refuses)
+
+    def refused(self, *channels: str) -> bool:
+        """Whether an analysis of any of the channels would mislead."""
+        return any(finding.concerns(channel) for finding in self.errors for channel in channels)
+
+    def require(self, *sensors: Sequence[str]) -> None:
+        """Refuse a record of which no sensor, by the names of its channels, can be analysed."""
+        if self.errors and all(self.refused(*names) for names in sensors):
+            more = f" ({len(self.errors) - 1} more)" if len(self.errors) > 1 else ""
+            raise ShapeError(f"not a static record: {self.errors[0]}{more}")
 
 
 class StaticCheck:
-    """Looks at channels of one rate, block by block.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of the channels.
-    dt : float
-        Sampling time, s.
-    quantity : Quantity
-        What they measure, in inside units; rates and accelerations must also be possible at rest.
-    triad : bool
-        Whether they are x, y and z of one sensor.
-    start : float
-        Time of the first sample, s.
-    """
+    """Looks at channels of one rate, block by block; `triad` tells whether they are x, y and z of one sensor."""
 
     def __init__(
         self,
@@ -98,11 +149,6 @@ class StaticCheck:
         self._second = max(1, round(1.0 / dt))
         self._rest = np.empty((0, columns))
         self._means: list[Floats] = []
-
-    @property
-    def inertial(self) -> bool:
-        """Whether it is a sensor whose motion is the unit's."""
-        return self.quantity in (Quantity.RATE, Quantity.ACCELERATION)
 
     @property
     def stop(self) -> float:
@@ -157,15 +203,7 @@ class StaticCheck:
         return [c for c, (_, bad) in enumerate(self._bad) if not bad and self._high[c] > self._low[c]]
 
     def moving(self, start: float, stop: float, *, limit: float = 1.0) -> Parts:
-        """When something moved between two times, s, by the measure of what is quiet between them.
-
-        Parameters
-        ----------
-        start, stop : float
-            The two times.
-        limit : float
-            Less than 1 is stricter, as in `Stillness.moving`.
-        """
+        """When something moved between two times, s, by what is quiet between them; a `limit` below 1 is stricter."""
         first, end = round((start - self.start) / self.dt), round((stop - self.start) / self.dt)
         parts = [
             part
@@ -206,10 +244,10 @@ class StaticCheck:
             )
         return parts
 
-    def level_after(self, parts: Parts) -> float | None:
-        """When a part ends, s, after which the level may be another; None where it is the same."""
-        inner = [part for part in parts if part[0] > self.start and part[1] < self.stop]
-        return jumped(np.concatenate(self._means)[:, self._sound], inner, self.start)
+    @property
+    def means(self) -> Floats:
+        """Average of each second of the channels of numbers that change up and down."""
+        return np.concatenate(self._means)[:, self._sound]
 
     def too_much(self, parts: Parts) -> bool:
         """Whether parts that were found, s, are too long to be skipped."""
@@ -235,17 +273,14 @@ class StaticCheck:
         means = np.concatenate(self._means)[begin : end // size]
         if not len(means) or len(self._sound) < len(self.names):
             return []
-        places = begin + np.flatnonzero(self._off(means, np.median(means, axis=0)))
-        return [(i * size, (i + 1) * size) for i in places.tolist()]
-
-    def _off(self, means: Floats, middle: Floats) -> NDArray[np.bool_]:
-        if self.quantity is Quantity.RATE:
-            return np.asarray((np.abs(means - middle) > TURNING).any(axis=1))
+        middle, off = np.median(means, axis=0), np.zeros(len(means), dtype=np.bool_)
         length, usual = np.linalg.norm(means, axis=1), float(np.linalg.norm(middle))
-        if self.quantity is not Quantity.ACCELERATION or not self.triad or not _about_g(usual):
-            return np.zeros(len(means), dtype=bool)
-        angle = np.arctan2(np.linalg.norm(np.cross(means, middle), axis=1), means @ middle)
-        return np.asarray((angle > TILTING) | (np.abs(length / usual - 1.0) > LENGTHENING))
+        if self.quantity is Quantity.RATE:
+            off |= (np.abs(means - middle) > TURNING).any(axis=1)
+        elif self.quantity is Quantity.ACCELERATION and self.triad and _about_g(usual):
+            angle = np.arctan2(np.linalg.norm(np.cross(means, middle), axis=1), means @ middle)
+            off |= (angle > TILTING) | (np.abs(length / usual - 1.0) > LENGTHENING)
+        return [(i * size, (i + 1) * size) for i in (begin + np.flatnonzero(off)).tolist()]
 
     def excerpt(self) -> Floats:
         """First samples of the record (n, k)."""
@@ -275,17 +310,19 @@ class StaticCheck:
     def findings(self) -> list[Remark]:
         """Everything but motion."""
         if self.count < FEWEST_SAMPLES:
-            return [self._about_all("rest.short", count=self.count, least=FEWEST_SAMPLES)]
+            return [_remark("rest.short", ", ".join(self.names), count=self.count, least=FEWEST_SAMPLES)]
         findings = [finding for column, name in enumerate(self.names) for finding in self._of_channel(column, name)]
-        return findings + self._of_triad()
+        if self.triad and self.quantity is Quantity.ACCELERATION and len(self._sound) == len(self.names):
+            means = np.concatenate(self._means)
+            usual = float(np.linalg.norm(np.median(means, axis=0))) if len(means) else G0
+            if not _about_g(usual):
+                findings.append(_remark("rest.not_at_rest", ", ".join(self.names), size=usual / G0))
+        return findings
 
     def _text(self, value: float, digits: int = 3) -> str:
         """Value with its unit."""
         unit = "" if self.quantity is Quantity.RATIO else f" {self.quantity}"
         return f"{value:.{digits}g}{unit}"
-
-    def _about_all(self, kind: str, **values: Any) -> Remark:
-        return _remark(kind, ", ".join(self.names), **values)
 
     def _of_channel(self, column: int, name: str) -> list[Remark]:
         first, bad = self._bad[column]
@@ -300,81 +337,42 @@ class StaticCheck:
             return [_remark("rest.constant", name, count=self.count, value=self._text(self._low[column], 9))]
         if (way := self._runs[column].one_way) is not None:
             return [_remark("rest.one_way", name, **{way: True})]
-        times = interleaved(self.excerpt()[:, column])
-        if times > 1:
+        values = self.excerpt()[:, column]
+        if (times := interleaved(values)) > 1:
             return [_remark("rest.interleaved", name, times=times)]
-        findings = (self._repeated, self._quantised, self._clipped, self._spiked, self._shaken)
-        return [finding for find in findings for finding in find(column, name)]
+        return [*self._artefacts(column, name, values)]
 
-    def _repeated(self, column: int, name: str) -> list[Remark]:
-        times = hold_length(self.excerpt()[:, column])
-        return [] if times == 1 else [_remark("rest.held", name, times=times, rate=1.0 / (self.dt * times))]
-
-    def _quantised(self, column: int, name: str) -> list[Remark]:
+    def _artefacts(self, column: int, name: str, values: Floats) -> Iterator[Remark]:
+        """What the first samples of a channel that changes show of a converter, of its range, of spikes and shaking."""
+        if (times := hold_length(values)) > 1:
+            yield _remark("rest.held", name, times=times, rate=1.0 / (self.dt * times))
         step, sd = self._grains()[column]
-        levels = np.unique(self.excerpt()[:, column]).size
-        if not (step > 0.0 and (levels < FEWEST_LEVELS or sd < 0.5 * step)):
-            return []
-        values: dict[str, Any] = {"levels": levels, "step": self._text(step, 6), "scatter": self._text(sd)}
-        return [_remark("rest.coarse", name, refuses=False, **values)]
-
-    def _clipped(self, column: int, name: str) -> list[Remark]:
-        if self._coarse(column):
-            return []
-        values = self.excerpt()[:, column]
-        piles = clipped(values)
-        if not piles:
-            return []
-        first, *other = [(pile.size, self._text(pile.value, 6)) for pile in piles]
-        more = dict(zip(("other_times", "other"), *other, strict=True)) if other else {}
-        return [_remark("rest.clipped", name, times=first[0], value=first[1], count=values.size, **more)]
-
-    def _spiked(self, column: int, name: str) -> list[Remark]:
-        places = self._spikes[column].places(3.0 * self.steps[column])
-        if not places:
-            return []
-        more = len(places) > 5 or None
-        return [_remark("rest.spikes", name, refuses=False, count=len(places), places=tuple(places[:5]), more=more)]
-
-    def _shaken(self, column: int, name: str) -> list[Remark]:
-        values = self.excerpt()[:, column]
+        levels = np.unique(values).size
+        if step > 0.0 and (levels < FEWEST_LEVELS or sd < 0.5 * step):
+            scatter = self._text(sd)
+            yield _remark("rest.coarse", name, refuses=False, levels=levels, step=self._text(step, 6), scatter=scatter)
+        if piles := [] if self._coarse(column) else clipped(values):
+            (times, value), *other = [(pile.size, self._text(pile.value, 6)) for pile in piles]
+            more = dict(zip(("other_times", "other"), *other, strict=True)) if other else {}
+            yield _remark("rest.clipped", name, times=times, value=value, count=values.size, **more)
+        if places := self._spikes[column].places(3.0 * step):
+            first, others = tuple(places[:5]), len(places) > 5 or None
+            yield _remark("rest.spikes", name, refuses=False, count=len(places), places=first, more=others)
         wave = shaking(values, self.dt)
-        if wave is None or wave.amplitude < self.steps[column]:  # as the stairs of a quantised ramp
-            return []
-        rule = np.arange(values.size)
-        scatter = float(np.var(values - np.polyval(np.polyfit(rule, values, 1), rule)))
-        most = wave.amplitude**2 / 2.0 > 0.5 * scatter
-        shape = {"most" if most else "hump": True, "frequency": wave.frequency}
-        return [_remark("rest.periodic", name, refuses=most, amplitude=self._text(wave.amplitude), **shape)]
-
-    def _of_triad(self) -> list[Remark]:
-        if not (self.triad and self.quantity is Quantity.ACCELERATION and len(self._sound) == len(self.names)):
-            return []
-        means = np.concatenate(self._means)
-        usual = float(np.linalg.norm(np.median(means, axis=0))) if len(means) else G0
-        if _about_g(usual):
-            return []
-        return [self._about_all("rest.not_at_rest", size=usual / G0)]
+        if wave is not None and wave.amplitude >= step:  # less is as the stairs of a quantised ramp
+            rule = np.arange(values.size)
+            power = float(np.var(values - np.polyval(np.polyfit(rule, values, 1), rule)))
+            most = wave.amplitude**2 / 2.0 > 0.5 * power
+            shape = {"most" if most else "hump": True, "frequency": wave.frequency}
+            yield _remark("rest.periodic", name, refuses=most, amplitude=self._text(wave.amplitude), **shape)
 
 
 def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> StaticReport:
     """Report on all sensors of one unit, each by itself, but a unit that moved has moved all of them.
 
-    Short disturbances of a long record are skipped and reported; what moved for longer, or left the sensor at
-    another level, refuses it. The still stretch passes by its own measure, and a stricter one: beside a rough motion a
-    gentle one seems quiet, so what is left is judged again until nothing is found in it.
-
-    Parameters
-    ----------
-    *checks : StaticCheck
-        One for each sensor, which have seen all samples.
-    skip : sequence of (float, float)
-        Times to skip whatever they hold, s.
-
-    Raises
-    ------
-    ParameterError
-        If a time to skip is not one, or they are too much of the record.
+    Short disturbances of a long record are skipped and reported, and what lies in `skip`, s; what moved for longer, or
+    left the sensor at another level, refuses it. The still stretch passes by its own measure, and a stricter one:
+    beside a rough motion a gentle one seems quiet, so what is left is judged again until nothing is found in it.
     """
     findings = {sensor: sensor.findings() for sensor in checks}
     steps = {name: step for sensor in checks for name, step in zip(sensor.names, sensor.steps, strict=True)}
@@ -387,7 +385,10 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
     for sensor, parts in moving.items():
         excluded = joined(parts + requested[sensor])
         lasts = bool(parts) and (bool(stuck[sensor]) or sensor.too_much(parts))
-        level = sensor.level_after(parts) if parts and not lasts else None
+        level = None
+        if parts and not lasts:  # when a part ends, s, after which the level may be another
+            inner = [(a, b) for a, b in parts if a > sensor.start and b < sensor.stop]
+            level = jumped(sensor.means, inner, sensor.start)
         refused = lasts or level is not None
         if parts:  # of which everything else is a consequence
             kind = "rest.stuck" if stuck[sensor] else "rest.moving"
@@ -399,7 +400,7 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
         if excluded and not refused:
             skipped |= dict.fromkeys(sensor.names, tuple(excluded))
     still = _longest_still(enough, together) if enough else None
-    mover = next((s for s in enough if s.inertial and any(f.kind == "moving" for f in findings[s])), None)
+    mover = next((s for s in enough if s.quantity in _INERTIAL and any(f.kind == "moving" for f in findings[s])), None)
     for sensor in checks:
         if mover is not None and sensor is not mover and not any(f.refuses for f in findings[sensor]):
             about = _disturbed(mover, moving[mover], "rest.moving", None).finding
@@ -420,7 +421,9 @@ def _longest_still(checks: Sequence[StaticCheck], motions: Parts) -> tuple[float
     """Longest stretch outside the known motions, a second away from any, in which nothing else moved."""
     span = max(float(sensor.start) for sensor in checks), min(float(sensor.stop) for sensor in checks)
     while True:
-        stretch = longest_gap(joined([(a - MARGIN, b + MARGIN) for a, b in motions]), *span)
+        stretch = max(
+            between([(a - MARGIN, b + MARGIN) for a, b in motions], *span), key=np.ptp, default=(span[0],) * 2
+        )
         if any((stretch[1] - stretch[0]) / sensor.dt < FEWEST_SAMPLES - 0.5 for sensor in checks):
             return None
         more = [part for sensor in checks for part in sensor.moving(*stretch, limit=_STRICT)] if motions else []
@@ -462,3 +465,75 @@ def _before(t: float) -> float:
 def _local_sds(values: Floats, size: int = 64) -> Floats:
     stop = values.size // size * size
     return values[:stop].reshape(-1, size).std(axis=1) if stop else np.array([values.std()])
+
+
+def widened(parts: Parts, start: float, stop: float) -> Parts:
+    """Parts with their margins, s, inside of a record from `start` to `stop`; those that then meet are one."""
+    return joined([(max(start, a - MARGIN), min(stop, b + MARGIN)) for a, b in parts])
+
+
+def total(parts: Parts) -> float:
+    """Sum of their lengths."""
+    return sum(b - a for a, b in parts)
+
+
+def jumped(means: Floats, parts: Parts, start: float) -> float | None:
+    """When, s, a part ends after which the level is another; None where the record drifts as much by itself.
+
+    By the average of each second of the record, (n, k), and the parts that are skipped, s.
+    """
+    seconds = [(math.floor(a - start), math.ceil(b - start)) for a, b in parts]
+    disturbed = np.zeros((len(means), 1))
+    for first, end in seconds:
+        disturbed[first:end] = 1.0
+    levels = _sums(means, _LEVEL) / _LEVEL
+    for begin, late in joined([(a, b + _LEVEL) for a, b in seconds]):  # those that share a level are judged together
+        before, end = int(begin) - _LEVEL, int(late) - _LEVEL
+        if before < 0 or end >= len(levels):
+            continue
+        apart = end - before
+        quiet = _sums(disturbed, apart + _LEVEL)[:, 0] == 0.0
+        changes = (levels[apart:] - levels[:-apart])[quiet]
+        if len(changes) < _FEWEST:
+            return start + end
+        usual = np.median(changes, axis=0)
+        sd = 1.4826 * np.median(np.abs(changes - usual), axis=0)  # of a normal distribution
+        if (np.abs(levels[end] - levels[before] - usual) > _JUMP * sd).any():
+            return start + end
+    return None
+
+
+def _sums(rows: Floats, size: int) -> Floats:
+    total = np.concatenate((np.zeros((1, rows.shape[1])), np.cumsum(rows, axis=0)))
+    return np.asarray(total[size:] - total[:-size])
+
+
+def bridged(samples: Floats, dt: float, start: float, parts: Parts) -> Floats:
+    """Samples (N, k), every `dt` s from `start` on, with their neighbours in place of the parts.
+
+    A part at an end of the record is cut off.
+    """
+    filled = samples.copy()
+    begin, stop = 0, len(filled)
+    for a, b in parts:
+        first, end = max(0, round((a - start) / dt)), min(len(filled), round((b - start) / dt))
+        if first <= begin:
+            begin = end
+        elif end >= len(filled):
+            stop = first
+        else:
+            filled[first:end] = _filling(filled[begin:first], filled[end:], end - first)
+    return filled[begin:stop]
+
+
+def _filling(before: Floats, after: Floats, count: int) -> Floats:
+    """Rows (count, k) between two stretches: each mirrored for its half, on a line between their levels."""
+    reach = max(1, min(count, len(before), len(after)))
+    tail, head = before[-reach:], after[:reach]
+    low, high = tail.mean(axis=0), head.mean(axis=0)
+    place = (np.arange(count) + 0.5) / count
+    half = count // 2
+    noise = np.empty((count, before.shape[1]))
+    noise[:half] = (tail - low)[::-1][np.arange(half) % reach]
+    noise[half:] = (head - high)[np.arange(count - half)[::-1] % reach]
+    return np.asarray(noise + low + place[:, np.newaxis] * (high - low))
