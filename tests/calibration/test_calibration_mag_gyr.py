@@ -97,26 +97,21 @@ def test_slower_or_outlying_or_too_many_samples_do_no_harm():
 
 
 def test_what_cannot_calibrate_is_refused():
-    _, (t, mag, gyr), _ = scene(6)
+    _, (t, mag, gyr), _ = scene(6, duration=24.0)
     rng, level = np.random.default_rng(7), np.zeros_like(gyr) + [0.0, 0.0, 0.3]
     noise = 0.2 * rng.normal(size=mag.shape)
     circling = np.einsum("nji,j->ni", turned(t, level), [25.0, 0.0, 43.0]) + noise
-    other = mags.field(rng, mags.unit_of(rng), mags.attitudes(rng, 1000))  # of another motion
+    other = mags.field(rng, mags.unit_of(rng), mags.attitudes(rng, len(t)))  # of another motion
     outlying = mag + 20.0 * (rng.random((len(t), 1)) < 0.2)
     for capture, kind, options, advice in (
         ((t[:40], mag[:40], gyr[:40]), "too-few", {}, ""),
         ((t, mag[0] + noise, gyr), "no-motion", {}, ""),
         ((t, circling, level), "ill-conditioned", {}, ""),
-        ((t[:1000], other, gyr[:1000]), "ill-conditioned", {}, ""),
-        ((t[:1500], outlying[:1500], gyr[:1500]), "outliers", {"gyr_gain_sd": GAIN_SD}, "Look for"),
-        (
-            (t[:1500], outlying[:1500], gyr[:1500]),
-            "outliers",
-            {"gyr_gain_sd": SHEET_GAIN_SD},
-            "Calibrate the gyroscope first",
-        ),
+        ((t, other, gyr), "ill-conditioned", {}, ""),
+        ((t, outlying, gyr), "outliers", {"gyr_gain_sd": GAIN_SD}, "Look for"),
+        ((t, outlying, gyr), "outliers", {"gyr_gain_sd": SHEET_GAIN_SD}, "Calibrate the gyroscope first"),
     ):
         (reason, *_) = reasons(fit_mag_gyr, *capture, **options)
         assert reason.kind == kind and reason.advice.startswith(advice)
     with pytest.raises(CalibrationError, match="rates are missing for 1"):
-        fit_mag_gyr(t + (t > 30.0), mag, gyr)
+        fit_mag_gyr(t + (t > 12.0), mag, gyr)

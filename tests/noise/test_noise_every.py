@@ -25,7 +25,7 @@ def steep(count):
 
 
 RECORDS = (white, flicker, walk, drifting, steep, wave)
-COUNTS = (300,) if is_plain() else (1000, 20_000)
+COUNTS = (300,) if is_plain() else (1000, 9000)
 
 
 def some(count):

@@ -342,17 +342,6 @@ def compared():
     return [ChannelComparison("gyr x", Quantity.RATE, compare(raw, smooth, 0.1))]
 
 
-@pytest.fixture(scope="module")
-def page_of_comparison(compared):
-    return report.before_and_after([compared[0]._replace(name=HOSTILE)], facts=[(HOSTILE, HOSTILE)]).page()
-
-
-class TestComparisonPage(PageBattery):
-    @pytest.fixture
-    def text(self, page_of_comparison):
-        return page_of_comparison
-
-
 def test_a_comparison_has_both_deviations_and_their_ratio(compared, tmp_path):
     table = report.before_and_after(compared).text().splitlines()
     cells = next(line.split() for line in table if line.startswith("0.100"))
