@@ -162,8 +162,8 @@ def alike(residuals: Floats, directions: Floats, used: NDArray[np.bool_]) -> Ali
     columns, starts = residuals.reshape(len(residuals), -1)[used].T, visits(directions[used])
     count, stays = len(starts), 1.0  # if what stays while the unit turns is an uneven field
     if count >= FEWEST_VISITS:
-        kept = [(c, v) for c in columns if (v := staying(c, starts).variance) > 0.0]
-        stays = max([1.0, *(_per_sample(v * count / (count - _TAKEN_UP), c) / SLOW for c, v in kept)])
+        lasting = [(c, v) for c in columns if (v := staying(c, starts).variance) > 0.0]
+        stays = max([1.0, *(_per_sample(v * count / (count - _TAKEN_UP), c) / SLOW for c, v in lasting)])
     return Alike(max(memory(column, starts) for column in columns), stays)
 
 

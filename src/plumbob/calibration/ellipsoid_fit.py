@@ -103,7 +103,7 @@ def fit_quadric(vectors: Floats) -> Ellipsoid | None:
     return Ellipsoid(middle + size * centre, (axes * np.sqrt(sizes)) @ axes.T / size)
 
 
-CAUCHY: Final = 2.385  # constant of 95 % efficiency on normal errors [Holland1977]
+CAUCHY: Final = 2.385  # [Holland1977]: of 95 % efficiency on normal errors
 FALSE_ALARM: Final = 1e-3  # probability that a capture without outliers loses a sample
 MAD: Final = 1.482602218505602  # standard deviation over median absolute deviation of a normal distribution
 _STEPS: Final = 200
@@ -360,7 +360,7 @@ def outlying(rows: Floats, left: Floats, *, false_alarm: float, rounding: float)
         if free < 2:
             break
         groups = np.array(list(combinations(range(len(residuals)), count)))
-        # what the deletion of each group takes off the sum of squares [Cook1982]
+        # [Cook1982]: what the deletion of each group takes off the sum of squares
         inner, of_group = spare[groups[:, :, np.newaxis], groups[:, np.newaxis, :]], residuals[groups]
         alone = np.linalg.det(inner) < _ALONE
         inner[alone] = np.eye(count)

@@ -232,7 +232,7 @@ def lines(curve: Curve, *, first: int = 1) -> Estimates:
         if run is not None and x[run.stop - 1] - x[run.start] >= _DECADES:
             height = float(np.mean(y[run] - term.slope * x[run]))
             value = 10.0**height / math.sqrt(term.share)
-            # [Ou2017] takes √3 s for the flat line too
+            # [Ou2017]: √3 s for the flat line too
             samples = (math.sqrt(3.0) if term.read_at is None else term.read_at) / curve.dt
             terms[letter] = Coefficient(value)
             if 1.0 <= samples <= 0.5 * curve.count:

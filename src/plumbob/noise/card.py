@@ -24,7 +24,7 @@ from plumbob.noise.terms import DATASHEET
 
 
 def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> NoiseCard:
-    """Noise card of one unit, from channels named as in "gyr x"; what is no triad of three axes is left out, and said.
+    """Noise card of one unit, from channels named as in "gyr x"; what is not a triad of three axes is left out.
 
     Coefficients that are not observable are those that are most likely, with their limits among the remarks.
     """

@@ -350,9 +350,10 @@ ACCURACY: Final = 1e-12  # bound of the relative error of σ against direct sums
 # What the products may err by, of the 2e-12 in σ²; a quarter is for the roundings of a direct sum.
 _SHARE: Final = 1.5 * ACCURACY
 _EPS: Final = float(np.finfo(np.float64).eps)
-# Of S(m) over r(0): if all roundings conspired, r could err by 6 eps at each of the log2 P levels of its transform
-# [Percival2003], and S by ten times that. They do not: over 4000 records of 20 to 1e5 points, with the code of five
-# kinds of processor, the rms error of S over a record's m stayed below 14 eps, and the largest was 35.
+# Of S(m) over r(0): if all roundings conspired, r could err by 6 eps at each of the log2 P levels of its transform, and
+# S by ten times that. They do not: over 4000 records of 20 to 1e5 points, with the code of five kinds of processor, the
+# rms error of S over a record's m stayed below 14 eps, and the largest was 35.
+# [Percival2003]: the 6 eps of a level
 _ROUNDING: Final = 64.0 * _EPS
 _TRIANGLE: Final = 256  # at most so long are the edges of the triangles that are summed directly
 

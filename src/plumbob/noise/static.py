@@ -37,8 +37,8 @@ from plumbob.noise.artefacts import (
     shaking,
 )
 
-# Averages over 1 to 100 of them, two decades of time, are known to 20 % (13 degrees of freedom of white noise
-# [Riley2008]); through a shorter curve any line can be laid.
+# Averages over 1 to 100 of them, two decades of time, are known to 20 %; through a shorter curve any line can be laid.
+# [Riley2008]: 13 degrees of freedom of white noise
 FEWEST_SAMPLES: Final = 1000
 
 FEWEST_LEVELS: Final = 5
@@ -121,7 +121,7 @@ class StaticReport:
 
 
 class StaticCheck:
-    """Looks at channels of one rate, block by block; `triad` tells whether they are x, y and z of one sensor."""
+    """Looks at channels of one rate, block by block; `triad` says whether they are x, y and z of one sensor."""
 
     def __init__(
         self,
