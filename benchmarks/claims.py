@@ -17,7 +17,7 @@ from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import TriadCalibration
 from plumbob.evaluation.metrics import BOUNDS, nees
 from plumbob.rotations import quat_conjugate, quat_multiply, rotvec_from_quat
-from plumbob.rotations.headings import claimed_sd
+from plumbob.rotations.frames import claimed_sd
 
 SENSORS = "mpu6000+hmc5983"
 CASES = {  # standard deviations of the parameters: offset of acc, m/s², and mag, µT; entries of both matrices

@@ -17,7 +17,7 @@ from plumbob.core.check import Floats
 from plumbob.core.units import to_deg
 from plumbob.evaluation.metrics import attitude_errors, error_quat
 from plumbob.rotations import quat_conjugate, quat_multiply
-from plumbob.rotations.headings import claimed_sd
+from plumbob.rotations.frames import claimed_sd
 
 BARS: Final = (("silent and wrong, though it could be seen", 0.0), ("silent and wrong at the end", 4.0),
                ("silent for more than 1 s", 8.0), ("error beyond 5 claimed sd", 5.0))  # fmt: skip

@@ -67,8 +67,7 @@ if TYPE_CHECKING:
     from plumbob.data.array import ImuArray
     from plumbob.data.calibrated import apply_card
     from plumbob.data.cards import CalibrationCard, NoiseCard, open_card
-    from plumbob.data.chain import Chain
-    from plumbob.data.chain_toml import load_chain
+    from plumbob.data.chain import Chain, load_chain
     from plumbob.data.recording import Recording
     from plumbob.data.sample import ImuSample
     from plumbob.door.allan import allan
@@ -107,7 +106,7 @@ if TYPE_CHECKING:
     from plumbob.viewer.view import view
 
 _HOME = {
-    "AttitudeTrack": "data.imu", "Chain": "data.chain", "ImuArray": "data.array", "load_chain": "data.chain_toml",
+    "AttitudeTrack": "data.imu", "Chain": "data.chain", "ImuArray": "data.array", "load_chain": "data.chain",
     "read_array": "door.reading", "BatchRun": "fleet.batch", "CalibrationCard": "data.cards",
     "Decoder": "protocols.decode", "Evaluation": "evaluation.evaluation", "Filter": "filters",
     "FixedLag": "filters.smoother", "Format": "protocols.format", "Frame": "rotations", "ImuData": "data.imu",

@@ -7,7 +7,7 @@ import pytest
 
 import plumbob
 from plumbob.arm import JointTrack
-from plumbob.data.chain_toml import chain_text
+from plumbob.data.chain import chain_text
 from tests.helpers.arm_samples import arm, pick_and_place
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983"}

@@ -9,7 +9,7 @@ import yaml
 
 import plumbob
 from plumbob.arm import ArmCard, JointTrack, Program, export, replay, run, taught
-from plumbob.data.chain_toml import chain_text
+from plumbob.data.chain import chain_text
 from plumbob.simulation import simulate_chain
 from tests.helpers.arm_samples import arm, pick_and_place
 from tests.helpers.commandline import answer, refused, table_of, typed

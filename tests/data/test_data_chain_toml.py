@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from plumbob.core import errors
 from plumbob.data.array import UnitMount
-from plumbob.data.chain import Chain, Joint, Limits, Segment
-from plumbob.data.chain_toml import chain_text, load_chain, parse_chain
+from plumbob.data.chain import Chain, Joint, Limits, Segment, chain_text, load_chain, parse_chain
 from plumbob.rotations import quat_rotate
 from tests.helpers import beside, examples
 from tests.helpers.commandline import table_of

@@ -7,7 +7,7 @@ import pytest
 
 from plumbob.evaluation.metrics import attitude_errors
 from plumbob.rotations import dcm_from_quat, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
-from plumbob.rotations.headings import claimed_sd
+from plumbob.rotations.frames import claimed_sd
 
 N = 20_000
 SD = np.array([0.004, 0.003, 0.02])  # about the level axes and the vertical, rad

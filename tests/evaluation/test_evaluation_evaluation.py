@@ -11,7 +11,7 @@ from plumbob.core.errors import FrameError, ParameterError, ShapeError, UnitErro
 from plumbob.core.units import deg
 from plumbob.evaluation.metrics import QUANTITIES
 from plumbob.rotations import Frame, North, change_frame, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
-from plumbob.rotations.headings import turn_heading
+from plumbob.rotations.frames import turn_heading
 
 STATISTICS = {"rmse_deg", "mean_deg", "std_deg", "max_abs_deg", "max_at_s", "p50_deg", "p95_deg", "p99_deg", "count"}
 

@@ -163,12 +163,20 @@ class Served(NamedTuple):
                 time.sleep(wall)
 
 
+IMPATIENT = """from plumbob.viewer import guard, serve
+guard.ASKING_S = guard.LISTENING_S = serve.PATIENCE = {0}
+serve.sys.exit(serve.main())"""
+
+
 @contextmanager
-def serving(*options: str, folder: Path, token: str | None = None, host: str | None = None) -> Iterator[Served]:
-    """Run a server as a process of its own, and end it."""
+def serving(
+    *options: str, folder: Path, token: str | None = None, host: str | None = None, patience: float | None = None
+) -> Iterator[Served]:
+    """Run a server as a process of its own, and end it; `patience` is how long it waits for anybody, s."""
     token = token or secrets.token_urlsafe(24)
     ours, theirs = socket.socketpair()
-    command = [sys.executable, "-m", "plumbob.viewer.serve", "--fd", str(theirs.fileno()), "--port", "0",
+    begin = ["-m", "plumbob.viewer.serve"] if patience is None else ["-c", IMPATIENT.format(patience)]
+    command = [sys.executable, *begin, "--fd", str(theirs.fileno()), "--port", "0",
                "--folder", str(folder), *(("--host", host) if host else ()), *options]  # fmt: skip
     with (folder / "server.log").open("wb") as log:
         process = subprocess.Popen(
@@ -301,8 +309,13 @@ class Asking:
 
 
 @contextmanager
-def asked(*options: str, folder: Path, **changed: Any) -> Iterator[tuple[Served, Asking]]:
+def asked(
+    *options: str, folder: Path, patience: float | None = None, **changed: Any
+) -> Iterator[tuple[Served, Asking]]:
     """A server that has got its hello, and a client of it."""
-    with serving(*options, folder=folder) as served, connect(served.socket_url(), max_size=None) as line:
+    with (
+        serving(*options, folder=folder, patience=patience) as served,
+        connect(served.socket_url(), max_size=None) as line,
+    ):
         served.feed.say("hello", hello(**changed))
         yield served, Asking(line)

@@ -12,8 +12,7 @@ from plumbob import ImuData, ImuMeta, Recording, doctor, simulate
 from plumbob.core.units import from_si
 from plumbob.quality.arrangement import ARRANGEMENTS, Samples, fit
 from plumbob.quality.derotated import fit_force
-from plumbob.quality.diagnosis import Diagnosis, Trust, unusable
-from plumbob.quality.units import unit_odds
+from plumbob.quality.diagnosis import Diagnosis, Trust, unit_odds, unusable
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_from_euler_zyx, signed_axes
 from tests.helpers.commandline import call, ok
 

@@ -18,7 +18,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from plumbob.rotations.headings import claimed_sd, euler_sd
+from plumbob.rotations.frames import claimed_sd, euler_sd
 from plumbob.rotations.quaternions import GIMBAL_MARGIN
 from tests.helpers import examples
 

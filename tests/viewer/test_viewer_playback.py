@@ -193,7 +193,7 @@ def test_events_come_at_their_time(tmp_path):
 def test_a_chain_that_is_played_stands_as_it_did(tmp_path):
     """The hand of the machine `teach` against its true angles: 1° is 10 mm at the end of an arm of 0.6 m."""
     from plumbob.arm.angles import JointTrack
-    from plumbob.data.chain_toml import load_chain
+    from plumbob.data.chain import load_chain
     from plumbob.live.emulated import chain_files
     from plumbob.rotations import Frame, change_frame
 

@@ -10,7 +10,6 @@ import threading
 import time
 import urllib.request
 from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -243,63 +242,24 @@ record = {{ path = "{tmp_path}/own.mcap" }}
     assert outlet.hellos[-1].started_utc == pytest.approx(time.time(), abs=60.0)
 
 
-def test_an_emulated_rig_is_shown_with_its_truth():
-    outlet = Kept()
+def test_an_emulated_rig_is_shown_with_its_truth_and_the_server_gets_its_card_which_is_not_on_the_page(tmp_path):
+    outlet, log = Kept(), tmp_path / "log"
     with opened_up(None, **SHOWN | {"emulate": "buoy"}) as shows:
-        stop = Stop()
-        threading.Thread(target=lambda: (until(lambda: len(outlet.batches) > 100, "no batches"), stop.set())).start()
-        shows.run(outlet, folder=Path(), control=False, duration=PATIENCE, stop=stop, note=print,
+        path, stop = shows.card_in(tmp_path), Stop()
+        threading.Thread(target=lambda: (until(lambda: len(outlet.batches) > 50, "no batches"), stop.set())).start()
+        shows.run(outlet, folder=tmp_path, control=False, duration=PATIENCE, stop=stop, note=print,
                   echo=lambda line: None, opened=lambda: None)  # fmt: skip
     assert [one.name for one in outlet.hellos[-1].estimators] == ["mekf", "reference"]
     assert outlet.hellos[-1].calibration != "uncalibrated"
     # the truth is on the stream's time line: the estimate of a calibrated unit is near it
     assert outlet.fields["attitudes"]["mekf"]["error"] < 15.0
-
-
-def test_the_server_gets_the_sessions_card_which_is_not_on_the_page(tmp_path):
-    with opened_up(None, **SHOWN | {"emulate": "buoy"}) as shows:
-        path = shows.card_in(tmp_path)
-        card = plumbob.CalibrationCard.load(path)
-    assert card.device == "mpu6000+hmc5983 #0"
-    log = tmp_path / "log"
-    server = ServerOutlet(StandIn(kind="reader", log=str(log)), lambda line: None)
+    assert plumbob.CalibrationCard.load(path).device == "mpu6000+hmc5983 #0"
+    server = ServerOutlet(StandIn(kind="reader", log=str(log)), print)
     server.card = path
     server.start()
-    outlet = Kept()
-    Feed(Stream(live_samples.session(live_samples.SESSION)), outlet)
     server.hello(outlet.hellos[0])
     server.close()
     assert json.loads(log.read_text().splitlines()[0]) == ["hello", {}, str(path)]
-
-
-@needs_server
-def test_the_view_answers_commands_over_http(tmp_path):
-    said = {}
-    with emulated("buoy", duration="60s") as port:
-        stop = Stop()
-
-        def opened(url):
-            def aside():
-                try:
-                    said["record"] = plumbob.control(url, "record", "http")
-                    said["mark"] = plumbob.control(url, "mark", "now")
-                    with pytest.raises(ParameterError, match="the view refused"):
-                        plumbob.control(url, "record")
-                    with pytest.raises(ParameterError, match="the view refused"):
-                        plumbob.control(url, "seek", 3.0)
-                    said["stop"] = plumbob.control(url, "stop")
-                    with pytest.raises(LineError, match="does not accept the token"):
-                        plumbob.control(url[:-1] + ("a" if url[-1] != "a" else "b"), "stop")
-                finally:
-                    stop.set()
-
-            threading.Thread(target=aside).start()
-
-        found = view(port, format="buoy", frame="NED", filter="mekf", http_port=0, control=True, folder=tmp_path,
-                     stop=stop, opened=opened, duration=PATIENCE)  # fmt: skip
-    assert set(said) == {"record", "mark", "stop"}
-    assert found.recordings[0]["path"] == said["record"]
-    assert plumbob.verify(said["record"]).whole
 
 
 def recorded(url):
@@ -311,21 +271,27 @@ def recorded(url):
 
 
 @needs_server
-def test_a_signal_ends_the_verb_in_time_and_the_recording_whole(tmp_path):
+def test_the_verb_takes_commands_over_http_and_a_signal_ends_it_in_time_and_the_recording_whole(tmp_path):
     with emulated("buoy", duration="60s") as port:
         words = ["view", port, "--format", "buoy", "--frame", "NED", "--filter", "mekf", "--http-port", "0",
                  "--control", "--no-open", "--json"]  # fmt: skip
         with subprocess.Popen([*PLUMBOB, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                               text=True) as process:  # fmt: skip
-            url = next(line for line in process.stderr if line.startswith("http"))
+            url = next(line.strip() for line in process.stderr if line.startswith("http"))
             drained = threading.Thread(target=process.stderr.read)
             drained.start()
-            plumbob.control(url.strip(), "record", "signal")
-            until(lambda: (recorded(url.strip()) or {}).get("rows", 0) > 0, "no row was recorded")
+            path = plumbob.control(url, "record", "signal")
+            plumbob.control(url, "mark", "now")
+            for command in (("record",), ("seek", 3.0)):
+                with pytest.raises(ParameterError, match="the view refused"):
+                    plumbob.control(url, *command)
+            with pytest.raises(LineError, match="does not accept the token"):
+                plumbob.control(url[:-1] + ("a" if url[-1] != "a" else "b"), "stop")
+            until(lambda: (recorded(url) or {}).get("rows", 0) > 0, "no row was recorded")
             began = time.monotonic()
             process.send_signal(signal.SIGTERM)
             told = json.loads(process.stdout.read())
             assert process.wait(10) == 0
             assert time.monotonic() - began < 2.0 + 1.0  # 1 s for a host that is busy
             drained.join(10)
-    assert plumbob.verify(tmp_path / told["recordings"][0]["path"]).whole
+    assert told["recordings"][0]["path"] == path and plumbob.verify(tmp_path / path).whole

@@ -32,8 +32,7 @@ from plumbob.core.params import build
 from plumbob.core.units import Quantity, deg, dps, given, to_deg
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards.file import Card, built, kind_of
-from plumbob.data.chain import Chain, Joint, Segment
-from plumbob.data.chain_toml import chain_text, load_chain, parse_chain
+from plumbob.data.chain import Chain, Joint, Segment, chain_text, load_chain, parse_chain
 from plumbob.filters.smoother.keyframes import trusted
 from plumbob.filters.smoother.preprocess import watched
 from plumbob.rotations import (

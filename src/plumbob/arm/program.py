@@ -28,8 +28,7 @@ from plumbob.core.findings import Note, as_json, warning
 from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity, to_deg
-from plumbob.data.chain import Chain, Limits
-from plumbob.data.chain_toml import load_chain
+from plumbob.data.chain import Chain, Limits, load_chain
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline

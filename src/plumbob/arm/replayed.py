@@ -14,8 +14,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ParameterError
 from plumbob.core.series import Series
 from plumbob.data.array import Quat, Vec
-from plumbob.data.chain import Chain, Posture
-from plumbob.data.chain_toml import load_chain
+from plumbob.data.chain import Chain, Posture, load_chain
 
 
 class HandError(NamedTuple):

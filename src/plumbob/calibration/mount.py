@@ -33,7 +33,7 @@ from plumbob.rotations import (
     quat_multiply,
     rotvec_from_quat,
 )
-from plumbob.rotations.headings import heading_policy
+from plumbob.rotations.frames import heading_policy
 
 # Smallest angle between the two poses, rad: 1 mg of force is then 0.3° of heading.
 LEAST_RAISE: Final = float(deg(10.0))

@@ -80,7 +80,7 @@ def export(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Write the program, or the angles as they are, and say what became of them."""
     from plumbob import arm
     from plumbob.arm.exported import SUFFIXES
-    from plumbob.data.chain_toml import load_chain
+    from plumbob.data.chain import load_chain
 
     paths = [Path(path) for path in args.out]
     for path in paths:

@@ -54,7 +54,7 @@ def sim(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 def _chain(args: argparse.Namespace, call: Call) -> int:
     from plumbob import files
     from plumbob.data import calibration_told
-    from plumbob.data.chain_toml import load_chain
+    from plumbob.data.chain import load_chain
     from plumbob.data.recording import Recording
     from plumbob.live.emulated import chain_files, unit_file, write_chain
     from plumbob.simulation import named_chain, simulate_chain

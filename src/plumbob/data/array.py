@@ -138,13 +138,7 @@ class ImuArray(Series):
             yield self[start : start + size]
 
     def stacked(self, triad: str) -> Floats:
-        """Values of a triad of all units in body axes (N, units, 3); NaN where absent, invalid, or a unit has none.
-
-        Parameters
-        ----------
-        triad : {"gyr", "acc", "mag"}
-            Which.
-        """
+        """Values of a triad of all units in body axes (N, units, 3); NaN where absent, invalid, or a unit has none."""
         turned = [unit.usable(triad) @ self.mounts[name].dcm.T for name, unit in self.units.items()]
         return np.stack(turned, axis=1)
 

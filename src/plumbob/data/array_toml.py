@@ -20,8 +20,7 @@ KIND: Final = "plumbob array"
 VERSION: Final = 1
 GUIDE: Final = guide("sessions.md")
 
-Fetch = Callable[[str], str]
-"""Gives the text of a file that is named."""
+Fetch = Callable[[str], str]  # Gives the text of a file that is named
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,20 +34,7 @@ class MountedUnit:
 
 
 def load_units(path: str | Path) -> dict[str, MountedUnit]:
-    """Read what a file, or a preset such as ``"arm"``, says of the units of an array, by name.
-
-    Parameters
-    ----------
-    path : path
-        The file; cards that it names lie beside it. Or the name of one of `plumbob.data.array.PRESETS`.
-
-    Raises
-    ------
-    DecodeError
-        If a file is missing or no TOML, or a key is unknown, missing or of the wrong type.
-    UnitError, FrameError, CalibrationError, ParameterError
-        If a value cannot be what it should be.
-    """
+    """What a file, beside the cards that it names, or one of `PRESETS` says of the units of an array, by name."""
     if str(path) in PRESETS:
         return {name: MountedUnit(name, mount) for name, mount in PRESETS[str(path)].items()}
     text, file = text_of(path), Path(path)
@@ -58,13 +44,7 @@ def load_units(path: str | Path) -> dict[str, MountedUnit]:
 
 
 def listed_units(tables: Iterable[dict[str, Any]], fetch: Fetch) -> dict[str, MountedUnit]:
-    """Units of the tables that `UNIT` has parsed, by name.
-
-    Raises
-    ------
-    DecodeError
-        If a name stands twice, there is more than one rotation, or a card cannot be read.
-    """
+    """Units of the tables that `UNIT` has parsed, by name."""
     from plumbob.data.cards import CalibrationCard, NoiseCard  # chains, which share parsers, need no cards
 
     units: dict[str, MountedUnit] = {}

@@ -81,10 +81,8 @@ def calibrated_meta(card: CalibrationCard, meta: ImuMeta, triads: Sequence[str])
 
 
 _UNUSABLE: Final = flags.ACC_ABSENT | flags.ACC_INVALID
-_ORDER: Final = ("acc", "gyr", "mag")
-"""Triads as they are corrected: the gyroscope's g-sensitivity asks for the calibrated specific force."""
-_SIZE: Final = 22
-"""Of a triad: whether the card has it, its matrix, bias and g-sensitivity; then the same of its mounting."""
+_ORDER: Final = ("acc", "gyr", "mag")  # the gyroscope's g-sensitivity asks for the calibrated specific force
+_SIZE: Final = 22  # of a triad: whether the card has it, its matrix, bias, g-sensitivity; the same of its mounting
 _MOUNT: Final = 3 * _SIZE
 
 
@@ -116,18 +114,7 @@ def correct_values(c: Floats, values: Floats, out: Floats) -> None:
 
 
 class SampleCorrection:
-    """Applies a card to single samples, with the bits of `apply_card`.
-
-    Parameters
-    ----------
-    card : CalibrationCard
-        The card.
-
-    Raises
-    ------
-    CalibrationError
-        If it is for other units than those used inside.
-    """
+    """Applies a card to single samples, with the bits of `apply_card`."""
 
     def __init__(self, card: CalibrationCard) -> None:
         _require_units(card)
@@ -173,8 +160,7 @@ def calibrating(
     return card, SampleCorrection(card), meta
 
 
-correction = lru_cache(maxsize=32)(SampleCorrection)
-"""The `SampleCorrection` of a card, made once."""
+correction = lru_cache(maxsize=32)(SampleCorrection)  # The `SampleCorrection` of a card, made once
 
 
 def temperature_beyond(card: CalibrationCard, data: ImuData) -> tuple[Finding, ...]:
@@ -198,15 +184,7 @@ def temperature_beyond(card: CalibrationCard, data: ImuData) -> tuple[Finding, .
 
 
 def temperature_drift(model: TriadCalibration, temp_c: Floats) -> Floats:
-    """Change of the bias from that at the reference temperature, (N, 3): a polynomial, and its tangent beyond the span.
-
-    Parameters
-    ----------
-    model : TriadCalibration
-        The model.
-    temp_c : ndarray (N,)
-        Temperature, °C.
-    """
+    """Change of the bias (N, 3) from that at the reference temperature: a polynomial, its tangent beyond the span."""
     inside = temp_c if model.temp_span_c is None else np.clip(temp_c, *model.temp_span_c)
     warmer, beyond = inside - model.temp_ref_c, temp_c - inside
     drift, slope, power = np.zeros((temp_c.size, 3)), np.zeros((temp_c.size, 3)), np.ones_like(temp_c)

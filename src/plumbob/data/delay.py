@@ -15,26 +15,16 @@ from plumbob.core.check import Floats
 from plumbob.data.imu import ImuData
 from plumbob.data.plausibility import QUIET
 
-STEP: Final = 0.02
-"""Of the grid, s, of times and of delays."""
-REACH: Final = 8
-"""Steps by which the gyroscope is shifted both ways at most."""
-SMOOTH: Final = 5
-"""Steps that are averaged, twice;"""
-SLOW: Final = 101
-"""and whose mean is taken off."""
-BLOCKS: Final = 20
-"""Parts that are left out once each, for the standard deviation."""
-FEWEST: Final = 500
-"""Steps with little but gravity in them, without which nothing is said."""
-MOST: Final = 30_000
-"""Steps that are looked at: the first ten minutes."""
-ENOUGH: Final = 0.6
-"""With a smaller correlation it may come from what the body accelerates by: below 0.4 it did in 3 of 73 recordings."""
-CERTAIN: Final = 5.0
-"""A delay of fewer standard deviations may be none,"""
-LEAST: Final = 0.01
-"""and a smaller one, s, does not matter."""
+STEP: Final = 0.02  # Of the grid, s, of times and of delays
+REACH: Final = 8  # Steps by which the gyroscope is shifted both ways at most
+SMOOTH: Final = 5  # Steps that are averaged, twice;
+SLOW: Final = 101  # and whose mean is taken off
+BLOCKS: Final = 20  # Parts that are left out once each, for the standard deviation
+FEWEST: Final = 500  # Steps with little but gravity in them, without which nothing is said
+MOST: Final = 30_000  # Steps that are looked at: the first ten minutes
+ENOUGH: Final = 0.6  # with less it may come from what the body accelerates by: below 0.4 it did in 3 of 73 recordings
+CERTAIN: Final = 5.0  # A delay of fewer standard deviations may be none,
+LEAST: Final = 0.01  # and a smaller one, s, does not matter
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +43,7 @@ class Delay:
 
 
 def gyr_delay(imu: ImuData) -> Delay | None:
-    """Delay of the gyroscope against the accelerometer; None where there are too few samples with both.
-
-    Parameters
-    ----------
-    imu : ImuData
-        The recording; its first ten minutes are looked at.
-    """
+    """Delay of the gyroscope against the accelerometer in its first ten minutes; None where too few have both."""
     if not {"gyr", "acc"} <= set(imu.triads):
         return None
     imu = imu[: int(np.searchsorted(imu.t, imu.t[0] + MOST * STEP))]

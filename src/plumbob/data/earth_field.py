@@ -14,8 +14,7 @@ from plumbob.core.findings import Finding, warning
 from plumbob.core.units import deg, to_deg
 from plumbob.data.imu import BLOCK, ImuData, median, norms
 
-HIGHEST, LOWEST = 850e3, -1e3
-"""Heights above the ellipsoid between which the model holds, m."""
+HIGHEST, LOWEST = 850e3, -1e3  # Heights above the ellipsoid between which the model holds, m
 
 
 class EarthField(NamedTuple):
@@ -36,24 +35,7 @@ class EarthField(NamedTuple):
 
 
 def earth_field_at(latitude: float, longitude: float, height: float, date: str) -> EarthField:
-    """Field at a place and day; the model is that of the day.
-
-    Parameters
-    ----------
-    latitude, longitude : float
-        WGS 84, north and east positive, rad.
-    height : float
-        Above the ellipsoid, m.
-    date : str
-        Day, ISO 8601.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such place or day, or no model for it.
-    MissingExtraError
-        If pygeomag is not installed.
-    """
+    """Field at a place (WGS 84, rad, m, north and east positive) and day (ISO 8601); the model is of that day."""
     _require_place(latitude, longitude, height)
     year = _decimal_year(date)
     try:
@@ -72,43 +54,21 @@ def earth_field_at(latitude: float, longitude: float, height: float, date: str) 
 
 
 def located(imu: ImuData, place: str, *, date: str | None = None) -> tuple[ImuData, EarthField]:
-    """Return the recording with the declination of its place, and the field there: its headings can then be true.
+    """Recording with the declination of its place, and the field there: its headings can then be true.
 
-    Parameters
-    ----------
-    imu : ImuData
-        The recording; a declination that it has is replaced.
-    place : str
-        ``LAT,LON[,HEIGHT]`` in degrees and metres.
-    date : str, optional
-        Day of the recording, ISO 8601, where it does not know it.
-
-    Raises
-    ------
-    ParameterError
-        If the day is not known, or as in `earth_field_at`.
-    MissingExtraError
-        As in `earth_field_at`.
+    The place is ``LAT,LON[,HEIGHT]`` in degrees and metres; the date, ISO 8601, counts where the recording does not
+    know it.
     """
     field = earth_field_at(*parse_place(place), iso_day(imu.meta.t0_ns) if date is None else date)
     meta = replace(imu.meta, declination=field.declination)
     return imu.each(lambda part: part.corrected(meta=meta)), field
 
 
-UNLIKE: Final = 0.5
-"""Part of the field of a place by which the measured one may differ: iron of a unit and of rooms, no more."""
+UNLIKE: Final = 0.5  # part by which the measured field may differ: iron of a unit and of rooms, no more
 
 
 def unlike(imu: ImuData, field: EarthField) -> Finding | None:
-    """Say what the magnetometer measures along and across the vertical, where the field of the place is another.
-
-    Parameters
-    ----------
-    imu : ImuData
-        The recording; its accelerometer gives the vertical.
-    field : EarthField
-        Field of the place.
-    """
+    """Say what the magnetometer measures along and across the vertical, where the field of the place is another."""
     if not {"acc", "mag"} <= set(imu.triads):
         return None
 
@@ -129,13 +89,7 @@ def unlike(imu: ImuData, field: EarthField) -> Finding | None:
 
 
 def iso_day(t0_ns: int) -> str:
-    """Day, ISO 8601, of a time in ns since 1970.
-
-    Raises
-    ------
-    ParameterError
-        If it is 0, which says that it is not known.
-    """
+    """Day, ISO 8601, of a time in ns since 1970; 0 says that it is not known."""
     if t0_ns == 0:
         raise ParameterError(
             "the recording does not say when it was made, and the Earth's field changes from year to year; give the "
@@ -145,13 +99,7 @@ def iso_day(t0_ns: int) -> str:
 
 
 def parse_place(text: str) -> tuple[float, float, float]:
-    """Latitude and longitude, rad, and height, m, of ``LAT,LON[,HEIGHT]`` in degrees and metres.
-
-    Raises
-    ------
-    ParameterError
-        If the text is not a place.
-    """
+    """Latitude and longitude, rad, and height, m, of ``LAT,LON[,HEIGHT]`` in degrees and metres."""
     try:
         latitude, longitude, *rest = (float(part) for part in text.split(","))
         (height,) = rest or (0.0,)

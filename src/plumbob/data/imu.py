@@ -31,11 +31,9 @@ TITLES = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
 UNCALIBRATED = "NONE: these sensor values are uncalibrated"
 """What stands in every output about sensor values that no calibration card has been applied to."""
 
-BLOCK = 1 << 14
-"""Samples that are looked at together where a recording is judged as a whole."""
+BLOCK = 1 << 14  # Samples that are looked at together where a recording is judged as a whole
 
-ENOUGH = 100
-"""Fewest samples by whose typical size a recording's units are judged."""
+ENOUGH = 100  # Fewest samples by whose typical size a recording's units are judged
 
 TRIAD_FLAGS = {
     "gyr": (flags.GYR_ABSENT, flags.GYR_CLIPPED, flags.GYR_INVALID),
@@ -128,24 +126,12 @@ class ImuMeta:
         return acc if self.acc_left is None else self.acc_left, mag if self.mag_left is None else self.mag_left
 
     def full_scale(self, name: str) -> Floats | None:
-        """Full scale of the three axes of a triad (3,), in the unit of its values; None where it is not known.
-
-        Parameters
-        ----------
-        name : {"gyr", "acc", "mag"}
-            Which triad.
-        """
+        """Full scale of the three axes of a triad (3,), in the unit of its values; None where it is not known."""
         limit: Range = getattr(self, f"{name}_range")
         return None if limit is None else np.broadcast_to(np.asarray(limit, dtype=np.float64), 3)
 
     def turned(self, dcm: Floats) -> Self:
-        """Return the meta of a recording whose triads are turned: each range is the greatest value of the turned axis.
-
-        Parameters
-        ----------
-        dcm : ndarray (3, 3)
-            Rotation matrix that the triads are multiplied by.
-        """
+        """Meta of a recording whose triads a matrix has turned: each range is the greatest value of the turned axis."""
         ranges: dict[str, Any] = {}
         for name in TRIADS:
             full_scale = self.full_scale(name)
@@ -236,20 +222,8 @@ class ImuData(Series):
         """Part of a stream: each row is judged by itself, so that it does not matter how the stream was cut.
 
         What only a whole recording can tell is left out: gaps, which the flags say, and whether the unit is plausible.
-        A triad may be absent in all rows of a part. The arrays are handed over and must not change any more.
-
-        Parameters
-        ----------
-        t_ns : ndarray (N,)
-            Time since the start of the stream, ns, strictly increasing from part to part.
-        triads : mapping of str to ndarray (N, 3)
-            ``gyr``, ``acc``, ``mag``, the same ones in every part.
-        temp_c : ndarray (N,), optional
-            Temperature, °C.
-        flags : ndarray (N,) of uint32
-            What the source knows.
-        meta : ImuMeta
-            What else is known.
+        Times, ns, increase from part to part, and every part has the same triads; one may be absent in all rows of a
+        part. The arrays are handed over and must not change any more.
         """
         marks = flags.copy()
         _mark(marks, triads, meta)
@@ -425,16 +399,9 @@ class ImuData(Series):
     def corrected(self, *, meta: ImuMeta, **triads: Floats) -> Self:
         """Return the same samples with corrected values of some triads.
 
-        Nothing is judged again, so that a part of a recording can be corrected as the whole. Flags stay, because
-        they say what the sensor measured: a value at the end of its range is clipped, whatever a calibration makes of
-        it. Absent alone is read from the new values: it means NaN.
-
-        Parameters
-        ----------
-        meta : ImuMeta
-            The new meta.
-        **triads : array_like (N, 3)
-            New values of triads that the recording has.
+        Nothing is judged again, so that a part of a recording can be corrected as the whole. Flags stay, because they
+        say what the sensor measured: a value at the end of its range is clipped, whatever a calibration makes of it.
+        Absent alone is read from the new values: it means NaN.
         """
         state = {f.name: getattr(self, f.name) for f in fields(self)} | {"meta": meta}
         marks = self.flags.copy()
@@ -650,27 +617,13 @@ class AttitudeTrack(Series):
 
     @classmethod
     def trusted(cls, **values: Any) -> Self:
-        """Track of arrays that are known to be valid and are handed over: nothing is judged or copied, all is frozen.
-
-        Parameters
-        ----------
-        **values
-            The fields; those left out keep their defaults.
-        """
+        """Track of arrays that are known to be valid and are handed over: nothing is judged or copied."""
         defaults = {f.name: f.default for f in fields(cls) if f.default is not MISSING}
         return _filled(object.__new__(cls), defaults | values)
 
     @classmethod
     def joined(cls, parts: Iterable[Self], count: int) -> Self:
-        """One track of parts that follow each other, as a filter gives them; what is not an array is that of the last.
-
-        Parameters
-        ----------
-        parts : iterable of AttitudeTrack
-            The parts; none is kept.
-        count : int
-            Samples of all.
-        """
+        """One track of `count` samples of parts that follow each other; what is not an array is that of the last."""
         state: dict[str, Any] = {}
         at = 0
         for part in parts:

@@ -17,19 +17,14 @@ from plumbob.rotations import Frame
 
 LONGEST_STEP: Final = 0.5
 """A gyroscope whose usual step is longer tells no attitude, s; the slowest in use give some 10 samples a second."""
-SHORTEST_STEP: Final = 3e-5
-"""No MEMS part gives samples at shorter steps, s: the fastest give 32 kHz (ICM-42688-P, DS-000347)."""
+SHORTEST_STEP: Final = 3e-5  # no MEMS part gives samples faster, s: the fastest give 32 kHz (ICM-42688-P, DS-000347)
 USUAL_RATE: Final = 10.0
 """A body that turns faster half of the time is rare, rad/s: 573 °/s. Walking, hands and vehicles stay far below."""
-QUIET: Final = 0.2
-"""Specific forces count that are as long as usual within this fraction: mostly gravity."""
-PAUSE: Final = 1.5
-"""Steps longer than so many mean ones are pauses between bursts."""
-BURST: Final = 0.5
-"""Where the usual step is so much shorter than the mean one, rows come in bursts."""
+QUIET: Final = 0.2  # Specific forces count that are as long as usual within this fraction: mostly gravity
+PAUSE: Final = 1.5  # Steps longer than so many mean ones are pauses between bursts
+BURST: Final = 0.5  # Where the usual step is so much shorter than the mean one, rows come in bursts
 FEW_PAUSES: Final = 0.005
-STEADY: Final = 0.03
-"""Typical departure of the rows in a time of twenty bursts from their usual number."""
+STEADY: Final = 0.03  # Typical departure of the rows in a time of twenty bursts from their usual number
 FEWEST_WINDOWS: Final = 5
 THROUGHOUT: Final = 0.99
 STEEP: Final = math.cos(float(deg(135.0)))
@@ -65,15 +60,7 @@ def stuck_runs(repeats: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def statistics(imu: ImuData, name: str) -> Statistics:
-    """Measure a triad, in one pass; who asks again about the same recording is not made to wait again.
-
-    Parameters
-    ----------
-    imu : ImuData
-        The recording.
-    name : {"gyr", "acc", "mag"}
-        Which triad; it has it.
-    """
+    """Measure a triad, in one pass; who asks again about the same recording is not made to wait again."""
     measured = _MEASURED.setdefault(imu, {})
     if name not in measured:
         measured[name] = _measured(imu.only(name), name)
@@ -101,13 +88,7 @@ def _measured(imu: ImuData, name: str) -> Statistics:
 
 
 def doubts(imu: ImuData) -> tuple[Finding, ...]:
-    """What contradicts the units of times and rates, and gyroscopes that turn against the accelerometer.
-
-    Parameters
-    ----------
-    imu : ImuData
-        The recording; too few samples or no gyroscope leave no doubt.
-    """
+    """What contradicts the units of times and rates, and gyroscopes that turn against the accelerometer."""
     if "gyr" not in imu.triads or len(imu) < ENOUGH:
         return ()
     if imu not in _DOUBTS:
@@ -116,15 +97,7 @@ def doubts(imu: ImuData) -> tuple[Finding, ...]:
 
 
 def upside_down(imu: ImuData, frame: Frame) -> tuple[Finding, ...]:
-    """A finding where a unit is upside down throughout, as one is whose signs or axes are declared wrongly.
-
-    Parameters
-    ----------
-    imu : ImuData
-        The recording.
-    frame : Frame
-        Navigation frame of its attitudes, with whose axes those of the body agree at zero angles.
-    """
+    """A finding where a unit is upside down throughout, as one is whose signs or axes are declared wrongly."""
     if "acc" not in imu.triads or len(imu) < ENOUGH:
         return ()
     usual, of_parts = statistics(imu, "acc").norm, list[Floats]()
@@ -194,20 +167,16 @@ def _rates(imu: ImuData) -> tuple[Finding, ...]:
     return (warning("samples.rates_large", rate=usual, rate_dps=to_deg(usual), samples=size),)
 
 
-WINDOW: Final = 0.2
-"""Time over which samples are averaged before they are compared, s."""
-LARGEST_TURN: Final = 0.5
-"""Turns of the acceleration from window to window beyond it are left out, rad: they are no small angles."""
+WINDOW: Final = 0.2  # Time over which samples are averaged before they are compared, s
+LARGEST_TURN: Final = 0.5  # of the acceleration from window to window, rad: beyond it angles are not small
 
 QUIET_WHILE_TURNING: Final = 0.05
 """Windows count whose mean acceleration is as long as usual, within this fraction: little but gravity."""
-MOST_PAIRS = 50_000
-"""About so many pairs of windows are compared, spread over the recording; more would only take longer."""
+MOST_PAIRS = 50_000  # of windows that are compared, about, spread over the recording; more would only take longer
 ENOUGH_WINDOWS: Final = 50
 ENOUGH_EFFECTIVE: Final = 5.0
 """A body that lies still and starts to spin within one window says anything: that one outweighs all others."""
-ENOUGH_CORRELATION: Final = 0.7
-"""From here on the rates explain half of what the acceleration does, and their factor can be trusted."""
+ENOUGH_CORRELATION: Final = 0.7  # with more the rates explain half of the acceleration, and their factor can be trusted
 
 
 @dataclass(frozen=True, slots=True)

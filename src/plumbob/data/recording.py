@@ -54,66 +54,32 @@ class Delays:
 
 @dataclass(frozen=True, slots=True)
 class TimeReport:
-    """What the stamps of one source have shown.
+    """What the stamps of one source have shown."""
 
-    Attributes
-    ----------
-    mode : str
-        Where the time comes from: ``"clock"``, ``"frames"`` or ``"host"``.
-    frames : int
-        Frames that were stamped, with and without faults.
-    rate : float
-        Measured rate, Hz of the host's seconds; NaN while not known.
-    drift_ppm : float
-        Host seconds per device second, less one: positive for a device that runs slow; NaN where neither
-        a device clock nor a nominal rate says how long its second is.
-    delays : Delays
-        Of the frames' arrivals.
-    offset : float
-        By how much the latest stamp is later than the earliest possible arrival of its frame, s.
-    lost : int
-        Frames that are missing.
-    duplicates, late, ahead : int
-        Frames that repeat the last, that come after their successor, or that claim a time to come; none is used.
-    resets : int
-        How often time began again, because counts no longer fit the host's time.
-    wraps_by_host : int
-        How often the host's time alone decided how many turns of a counter, or how many frames, had passed.
-    suspects : int
-        Frames so late that a turn of the counter, or a frame, may be missing before them.
-    reopened : int
-        How often the source was opened again, or the host's clock set back.
-    unsure : int
-        Frames stamped before the rate was known, that shared a read with others.
-    inferred : int
-        Gaps, or steps of time, that nothing but a lasting delay of the host spoke for: no count, no byte, no event.
-    inferred_time : float
-        Their length in all, s.
-    gap_count : int
-        How many gaps there were.
-    gaps : tuple of (int, int, int)
-        The latest of them: time before and after, ns, and frames lost.
-    """
-
-    mode: str
-    frames: int
-    rate: float
+    mode: str  # where the time comes from: ``"clock"``, ``"frames"`` or ``"host"``
+    frames: int  # that were stamped, with and without faults
+    rate: float  # measured, Hz of the host's seconds; NaN while not known
+    # host seconds per device second, less one: positive for a device that runs slow; NaN where neither a device clock
+    # nor a nominal rate says how long its second is
     drift_ppm: float
-    delays: Delays
-    offset: float
-    lost: int
+    delays: Delays  # of the frames' arrivals
+    offset: float  # by how much the latest stamp is later than the earliest possible arrival of its frame, s
+    lost: int  # frames that are missing
+    # duplicates, late, ahead: frames that repeat the last, come after their successor, or claim a time to come; unused
     duplicates: int
     late: int
     ahead: int
-    resets: int
-    wraps_by_host: int
-    suspects: int
-    reopened: int
-    unsure: int
+    resets: int  # how often time began again, because counts no longer fit the host's time
+    wraps_by_host: int  # how often it alone decided how many turns of a counter, or how many frames, had passed
+    suspects: int  # frames so late that a turn of the counter, or a frame, may be missing before them
+    reopened: int  # how often the source was opened again, or the host's clock set back
+    unsure: int  # frames stamped before the rate was known, that shared a read with others
+    # inferred: gaps, or steps of time, that nothing but a lasting delay of the host spoke for: no count, no byte, no
+    # event; and their length in all, s
     inferred: int
     inferred_time: float
     gap_count: int
-    gaps: tuple[tuple[int, int, int], ...]
+    gaps: tuple[tuple[int, int, int], ...]  # the latest: time before and after, ns, and frames lost
 
     @classmethod
     def joined(cls, reports: Sequence["TimeReport"]) -> "TimeReport":
@@ -216,21 +182,9 @@ def unsaved(imu: ImuData, name: str) -> Recording:
 
 
 def recalibrated(recording: Recording, card: "CalibrationCard") -> Recording:
-    """Recording with the card applied to its samples, and what is then found in them in its notes.
+    """Recording with the card of this very unit applied to its samples, and what is then found in them in its notes.
 
-    Parameters
-    ----------
-    recording : Recording
-        Uncalibrated samples; an attitude that comes with them stays as it is.
-    card : CalibrationCard
-        Of this very unit.
-
-    Raises
-    ------
-    ShapeError
-        If it has no samples.
-    CalibrationError
-        As `plumbob.apply_card`.
+    An attitude that comes with them stays as it is.
     """
     from plumbob.data.calibrated import apply_card, temperature_beyond
 
@@ -242,8 +196,7 @@ def recalibrated(recording: Recording, card: "CalibrationCard") -> Recording:
     )
 
 
-EARTH_FIELD: Final = (22.0, 67.0)
-"""Smallest and largest flux density at the surface of the Earth, µT [Alken2021]."""
+EARTH_FIELD: Final = (22.0, 67.0)  # [Alken2021]: smallest and largest flux density at the surface of the Earth, µT
 
 STUCK_FOR: Final = 1.0
 """A sensor that repeats its value to the bit for so long is stuck, s: noise changes the last digit before."""

@@ -66,13 +66,7 @@ class ImuSample:
 
     @classmethod
     def packed(cls, t_ns: int, values: ArrayLike, temp_c: float | None = None, flags: int = 0) -> Self:
-        """Sample of nine numbers, gyr, acc and mag, NaN where absent.
-
-        Raises
-        ------
-        ShapeError
-            If there are not nine.
-        """
+        """Sample of nine numbers, gyr, acc and mag, NaN where absent."""
         nine = check.floats("values", values).copy()
         if nine.shape != (9,):
             raise ShapeError(f"values of a sample must have shape (9,), but their shape is {nine.shape}.")

@@ -42,7 +42,7 @@ from plumbob.filters.offline import (
 )
 from plumbob.filters.settling import error_sensitivity, residual_covariance
 from plumbob.rotations import Frame, North, dcm_from_quat, euler_zyx_from_quat, quat_rotate
-from plumbob.rotations.headings import claimed_sd, counted_from, heading_zero
+from plumbob.rotations.frames import claimed_sd, counted_from, heading_zero
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard

@@ -35,7 +35,7 @@ from plumbob.data import AttitudeTrack
 from plumbob.data.reading import Reading, read_at
 from plumbob.evaluation.metrics import error_quat
 from plumbob.rotations import Frame, quat_angle, quat_conjugate, quat_mean, quat_multiply, quat_rotate
-from plumbob.rotations.headings import turn_heading
+from plumbob.rotations.frames import turn_heading
 
 Mask = NDArray[np.bool_]
 
@@ -97,27 +97,12 @@ def associate(
     settle: float = 0.0,
     offset: float = 0.0,
 ) -> Match:
-    """Read the reference at the times of the estimate.
+    """Read the reference at the times of the estimate; both count from the same start.
 
-    Parameters
-    ----------
-    estimate, reference : AttitudeTrack
-        Their times count from the same start. The reference's ``score`` masks samples: an interpolated one counts only
-        where both neighbours do. A ``score`` of the estimate is not heard; nobody marks his own work. What it holds
-        before the filter has converged, `not_converged`, does not count.
-    max_gap : float, optional
-        Largest step between reference stamps that is bridged, s; by default `GAP_FACTOR` median steps of the reference.
-    settle : float
-        Time after the estimate's first sample that is left out, s.
-    offset : float
-        Added to the reference's stamps, s.
-
-    Raises
-    ------
-    ClockError
-        If the two have no time in common.
-    ParameterError
-        If `max_gap` or `settle` is out of range.
+    The ``score`` of the reference masks samples: an interpolated one counts only where both neighbours do. A ``score``
+    of the estimate is not heard; nobody marks his own work. What it holds before the filter has converged,
+    `not_converged`, and `settle` s from its first sample do not count. Steps of the reference longer than `max_gap` s
+    (`GAP_FACTOR` median steps) are not bridged; `offset` s is added to its stamps.
     """
     limit = longest_bridged(to_ns(reference.t)) if max_gap is None else max_gap
     if not 0.0 <= limit < np.inf:
@@ -159,12 +144,10 @@ def _no_overlap(estimate: AttitudeTrack, reference: AttitudeTrack, offset: float
     )
 
 
-FINEST_STEP = 0.01
-"""Least grid step, s: a body's turning is sought below 50 Hz, where tracks of all rates can be compared."""
+FINEST_STEP = 0.01  # s; a body's turning is sought below 50 Hz, where tracks of all rates can be compared
 
 MIN_CORRELATION = 0.5
-MIN_RATE_SD = dps(0.5)
-"""Variation of the angular rate, rad/s, below which there is nothing to compare."""
+MIN_RATE_SD = dps(0.5)  # Variation of the angular rate, rad/s, below which there is nothing to compare
 
 _ENOUGH = 20  # grid steps that both tracks must know at a lag
 _TIE = 1e-6
@@ -187,23 +170,10 @@ class TimeOffset:
 def find_time_offset(
     estimate: AttitudeTrack, reference: AttitudeTrack, *, max_offset: float = 1.0, max_gap: float | None = None
 ) -> TimeOffset:
-    """Time that, added to the reference's stamps, brings its turning to the estimate's.
+    """Time up to ±`max_offset` s that, added to the reference's stamps, brings its turning to the estimate's.
 
-    Parameters
-    ----------
-    estimate, reference : AttitudeTrack
-        Tracks of one body; frames, headings and mountings may differ.
-    max_offset : float
-        Largest offset sought in either direction, s.
-    max_gap : float, optional
-        Largest step that is bridged, s; by default `GAP_FACTOR` median steps of each track.
-
-    Raises
-    ------
-    ParameterError
-        If `max_offset` is not positive, or the best match lies at its end.
-    ClockError
-        If the tracks share too little time or turning, or their turning does not match.
+    Frames, headings and mountings of the two may differ; steps longer than `max_gap` s (`GAP_FACTOR` median steps of
+    each) are not bridged.
     """
     from scipy.optimize import brentq
 
@@ -282,12 +252,9 @@ def _coarse(rate_est: Floats, rate_ref: Floats, step: float, max_offset: float) 
 
 
 def masked_correlation(a: Floats, b: Floats, most: int) -> tuple[Floats, Floats]:
-    """Pearson correlation of a[i] and b[i − lag] for lags −most to most, over the samples where neither is NaN.
+    """Lags −most to most and the Pearson correlation of a[i] and b[i − lag], over the samples where neither is NaN.
 
-    Returns
-    -------
-    lags, r : ndarray (2 most + 1,)
-        NaN where fewer than half as many samples meet as at the best lag.
+    NaN where fewer than half as many samples meet as at the best lag.
     """
     from scipy.signal import correlate, correlation_lags
 
@@ -356,17 +323,7 @@ class Alignment:
 def find_heading(q_est: Floats, q_ref: Floats, frame: Frame) -> float:
     """How much more the estimate's heading reads than the reference's, clockwise seen from above, rad in [−π, π].
 
-    Parameters
-    ----------
-    q_est, q_ref : ndarray (N, 4)
-        Attitudes known in every row.
-    frame : Frame
-        Navigation frame of both.
-
-    Raises
-    ------
-    ShapeError
-        If the headings differ by every angle alike, so that no constant is better than another.
+    Attitudes are known in every row. Headings that differ by every angle alike are refused: no constant is better.
     """
     w, _, _, z = np.moveaxis(error_quat(q_est, q_ref), -1, 0)
     sine, cosine, weight = 2.0 * float(w @ z), float(w @ w - z @ z), float(w @ w + z @ z)
@@ -381,13 +338,7 @@ def find_mounting(q_est: Floats, q_ref: Floats) -> Floats:
 
 
 def find_mounting_and_heading(q_est: Floats, q_ref: Floats, frame: Frame) -> Alignment:
-    """Both constants at once.
-
-    Raises
-    ------
-    ParameterError
-        If the body hardly tilts: a body that only turns about the vertical does not separate mounting and heading.
-    """
+    """Both constants at once; a body that only turns about the vertical does not separate them, and is refused."""
     spread = tilt_spread(q_ref, frame)
     if spread < MIN_TILT_SPREAD:
         raise ParameterError(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.core import flags
 from plumbob.core.check import Floats
@@ -23,27 +24,19 @@ from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.evaluation.align import FINEST_STEP, MIN_CORRELATION, MIN_RATE_SD, masked_correlation
 from plumbob.evaluation.evaluation import Evaluation
-from plumbob.rotations import IDENTITY, dcm_from_quat, euler_zyx_from_quat, quat_from_dcm, skew
+from plumbob.rotations import IDENTITY, dcm_from_quat, euler_zyx_from_quat, quat_from_dcm, quat_from_rotvec, skew
 
 if TYPE_CHECKING:
     from plumbob.data.recording import Recording
 
-LONGEST_OFFSET: Final = 10.0
-"""Largest time offset sought by default, s."""
-FEWEST: Final = 100
-"""Samples in common, fewer of which say nothing."""
-PLANE: Final = 0.02
-"""Ratio of the second to the first principal rate, above which a rotation is seen about every axis."""
-COARSE: Final = 0.05
-"""Standard deviation of the smoothing that both get before the fit, s: a motion below 3 Hz keeps half of its power."""
-HALF_POWER: Final = 0.1325
-"""Of a Gaussian: frequency at which it halves the power, times its standard deviation, √(ln 2) / 2π."""
-FARTHEST: Final = 0.5
-"""From the best correlation the fit goes no farther, s."""
-ROUNDS: Final = 30
-"""Of the least squares at most; some five are enough."""
-COHERENT: Final = 0.5
-"""Magnitude-squared coherence above which the two say the same at a frequency."""
+LONGEST_OFFSET: Final = 10.0  # Largest time offset sought by default, s
+FEWEST: Final = 100  # Samples in common, fewer of which say nothing
+PLANE: Final = 0.02  # Ratio of the second to the first principal rate, above which a rotation is seen about every axis
+COARSE: Final = 0.05  # sd of the smoothing that both get before the fit, s: a motion below 3 Hz keeps half of its power
+HALF_POWER: Final = 0.1325  # of a Gaussian: frequency at which it halves the power, times its sd, √(ln 2) / 2π
+FARTHEST: Final = 0.5  # From the best correlation the fit goes no farther, s
+ROUNDS: Final = 30  # Of the least squares at most; some five are enough
+COHERENT: Final = 0.5  # Magnitude-squared coherence above which the two say the same at a frequency
 _SEGMENTS: Final = 8
 
 
@@ -96,42 +89,19 @@ class TriadDifference:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Reported):
-    """Two recordings or two attitudes beside each other.
+    """Two recordings or two attitudes beside each other."""
 
-    Attributes
-    ----------
-    names : (str, str)
-        Of a and b.
-    equal : bool
-        Whether times and values are equal to the bit.
-    first : str
-        Where the first difference is; empty where they are equal.
-    clock : Clock or None
-        Of recordings, where it could be found.
-    mounting : Mounting or None
-        Of recordings: how the body axes of b lie in those of a, where the motion shows it.
-    triads : mapping of str to TriadDifference
-        Of recordings.
-    evaluation : Evaluation or None
-        Of attitudes: a judged by b.
-    within : bool or None
-        Whether the difference is within the tolerance; None where none is given.
-    counts : sequence of (str, str, str)
-        Samples, gaps, flags: name, of a, of b.
-    remarks : tuple of str
-        What could not be seen, and why.
-    """
-
-    names: tuple[str, str]
-    equal: bool
-    first: str
+    names: tuple[str, str]  # of a and b
+    equal: bool  # whether times and values are equal to the bit
+    first: str  # where the first difference is; empty where they are equal
+    # clock, mounting, triads: of recordings, as far as the motion shows them
     clock: Clock | None = None
     mounting: Mounting | None = None
     triads: Mapping[str, TriadDifference] = field(default_factory=dict)
-    evaluation: Evaluation | None = None
-    within: bool | None = None
-    counts: Sequence[tuple[str, str, str]] = ()
-    remarks: tuple[Note, ...] = ()
+    evaluation: Evaluation | None = None  # of attitudes: a judged by b
+    within: bool | None = None  # whether the difference is within the tolerance, where one is given
+    counts: Sequence[tuple[str, str, str]] = ()  # samples, gaps, flags: name, of a, of b
+    remarks: tuple[Note, ...] = ()  # what could not be seen, and why
 
     def facts(self) -> Mapping[str, str]:
         """What was compared, and whether it is equal."""
@@ -308,7 +278,6 @@ def _fine(
         width = min(COARSE, HALF_POWER / band)
     if not observed:
         remarks.append(warning("compare.single_axis"))
-    if not observed:
         return clock, None
     return clock, Mounting(quat_from_dcm(rotation, tolerance=1e-3), turn_sd)
 
@@ -321,14 +290,12 @@ def _settled(
     for _ in range(ROUNDS):
         at = clock.back(t)
         y, slope = (values @ rotation.T for values in curve.interpolate(at))
-        both = np.isfinite(x[0] + x[1] + y + slope).all(axis=1)
-        if both.sum() < FEWEST:
-            raise ClockError("a and b have too few samples in common at the offset that was found.")
+        both = _common(x[0] + x[1] + y + slope)
         mine, its = (x[0][both], x[1][both]), (y[both], slope[both])
         step, sd = _solve(mine, its, at[both] - clock.middle, observed)
         clock = replace(clock, offset=clock.offset + step[9], drift=clock.drift + step[10], offset_sd=sd[9],
                         drift_sd=sd[10])  # fmt: skip
-        rotation, turn_sd = _exp(step[:3]) @ rotation, sd[:3]
+        rotation, turn_sd = dcm_from_quat(quat_from_rotvec(step[:3])) @ rotation, sd[:3]
         if abs(clock.offset - begin) > FARTHEST:
             raise ClockError(
                 f"the time offset does not settle near {begin:.3f} s, where the rates match best: the motion hardly "
@@ -378,17 +345,17 @@ def _memory(residuals: Floats) -> float:
     return (1.0 + r) / (1.0 - r)
 
 
-def _exp(theta: Floats) -> Floats:
-    from plumbob.rotations import quat_from_rotvec
-
-    return dcm_from_quat(quat_from_rotvec(theta))
+def _common(values: Floats) -> NDArray[np.bool_]:
+    """Rows that are known in both, which are not too few."""
+    both = np.asarray(np.isfinite(values).all(axis=1))
+    if both.sum() < FEWEST:
+        raise ClockError("a and b have too few samples in common at the offset that was found.")
+    return both
 
 
 def _rotation(x: Floats, y: Floats) -> tuple[Floats, bool]:
     """Rotation that brings y (N, 3) to x in least squares, and whether both turn about more than one axis."""
-    both = np.isfinite(x + y).all(axis=1)
-    if both.sum() < FEWEST:
-        raise ClockError("a and b have too few samples in common at the offset that was found.")
+    both = _common(x + y)
     x, y = x[both] - x[both].mean(axis=0), y[both] - y[both].mean(axis=0)
     u, s, vt = np.linalg.svd(x.T @ y)  # [Kabsch]: the orthogonal Procrustes problem
     rotation = u @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ vt)))]) @ vt

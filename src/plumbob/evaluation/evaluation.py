@@ -44,10 +44,9 @@ from plumbob.evaluation.metrics import (
     total_rmse,
 )
 from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle, quat_conjugate
-from plumbob.rotations.headings import HeadingPolicy, heading_policy, turn_heading
+from plumbob.rotations.frames import HeadingPolicy, heading_policy, turn_heading
 
-RATE_BASELINE = 0.1
-"""Time over which the reference's turning is measured, s; shorter ones would measure its noise."""
+RATE_BASELINE = 0.1  # Time over which the reference's turning is measured, s; shorter ones would measure its noise
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,26 +34,15 @@ from plumbob.core.units import deg
 from plumbob.rotations import dcm_from_quat, euler_zyx_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat, wrap
 
 QUANTITIES = ("total", "heading", "inclination", "yaw", "pitch", "roll")
-NEEDS_HEADING = ("total", "heading", "yaw")
-"""Quantities that mean nothing unless both headings count from the same zero."""
+NEEDS_HEADING = ("total", "heading", "yaw")  # mean nothing unless both headings count from the same zero
 
-GIMBAL_GUARD = deg(5.0)
-"""Distance of a pitch from ±90°, rad, inside which yaw and roll are not scored: there they magnify an error by 11.5."""
+GIMBAL_GUARD = deg(5.0)  # of a pitch from ±90°, rad: inside, yaw and roll magnify an error by 11.5 and are not scored
 
 
 def attitude_errors(q_est: Floats, q_ref: Floats) -> dict[str, Floats]:
-    """Errors of an estimate, one array (N,) in rad for each of `QUANTITIES`.
+    """Errors of an estimate, one array (N,) in rad for each of `QUANTITIES`, in one frame whose z axis is vertical.
 
-    Parameters
-    ----------
-    q_est, q_ref : array_like (N, 4)
-        Attitudes at the same times, in the same frame, whose z axis is vertical. NaN where not known.
-
-    Returns
-    -------
-    dict of str to ndarray (N,)
-        NaN where one of the two is not known; yaw and roll also where one of the two is within `GIMBAL_GUARD` of
-        pitch ±90°.
+    NaN where one of the two is not known; yaw and roll also where one is within `GIMBAL_GUARD` of pitch ±90°.
     """
     w, x, y, z = np.abs(np.moveaxis(error_quat(q_est, q_ref), -1, 0))
     est, ref = euler_zyx_from_quat(q_est), euler_zyx_from_quat(q_ref)
@@ -105,14 +94,9 @@ class Consistency:
 
 
 def nees(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Floats:
-    """Squared errors dᵀ P⁻¹ d, (N,); NaN where the covariance is not positive definite.
+    """Squared errors dᵀ P⁻¹ d, (N,), by the covariance (N, 3, 3) of the error as a rotation vector in body axes, rad².
 
-    Parameters
-    ----------
-    q_est, q_ref : ndarray (N, 4)
-        Attitudes, known in every row.
-    cov_b : ndarray (N, 3, 3)
-        Claimed covariance of the error as a rotation vector in body axes, rad².
+    NaN where the covariance is not positive definite.
     """
     d = rotvec_from_quat(quat_multiply(quat_conjugate(q_est), q_ref))
     # Sylvester's criterion: all leading minors of a positive definite matrix are positive (NaN is not)
@@ -143,8 +127,7 @@ def consistency(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Consistency | No
     )
 
 
-INSIDE: Final = 1.959963984540054
-"""A normal variable is within so many standard deviations of its mean with probability CONFIDENCE."""
+INSIDE: Final = 1.959963984540054  # standard deviations within which a normal variable is with probability CONFIDENCE
 
 
 def inside_claim(
@@ -152,14 +135,8 @@ def inside_claim(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Whether errors lie within `INSIDE` claimed standard deviations: of the heading (N,), of two level axes (N, 2).
 
-    Parameters
-    ----------
-    q_est, q_ref : ndarray (N, 4)
-        Attitudes, known in every row, in one frame.
-    cov_b : ndarray (N, 3, 3)
-        Claimed covariance of the error as a rotation vector in body axes, rad².
-    free : bool
-        Headings count from a free zero, that of the first sample: what is claimed is how they change from there.
+    Attitudes are known in every row. With `free` headings count from a free zero, that of the first sample: what is
+    claimed is how they change from there.
     """
     error = error_quat(q_est, q_ref)
     error *= np.where(error[:, :1] < 0.0, -1.0, 1.0)

@@ -16,7 +16,7 @@ from plumbob.filters import SMOOTHER, Filter, Start, takes_noise
 from plumbob.filters.known import CAUSAL_LAG
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame, North, change_frame
-from plumbob.rotations.headings import heading_policy, turn_heading
+from plumbob.rotations.frames import heading_policy, turn_heading
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard

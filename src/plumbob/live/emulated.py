@@ -15,7 +15,7 @@ from plumbob.core.files import profile_beside, replacing, require_place, write_t
 from plumbob.core.units import Quantity, given
 from plumbob.data import TRIADS
 from plumbob.data.cards import CalibrationCard
-from plumbob.data.chain_toml import chain_text
+from plumbob.data.chain import chain_text
 from plumbob.data.recording import Recording
 from plumbob.files.arrow import TABLES, write_table
 from plumbob.live.rigs.faults import Fault

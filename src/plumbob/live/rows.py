@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.event import Event
+from plumbob.core.flags import names
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.files.mcap import Recorder, Schema
 
@@ -104,6 +105,11 @@ def unit_of_topic(topic: str) -> str | None:
     """Unit whose samples a topic holds, an empty one of the only unit; None where it holds something else."""
     kind, _, unit = topic.partition("/")
     return unit if kind == IMU else None
+
+
+def line_of(t: float, roll: float, pitch: float, yaw: float, word: int) -> str:
+    """Line of the text for an attitude: s, degrees, and the names of its flags."""
+    return f"{t:.6f}\t{roll:.4f}\t{pitch:.4f}\t{yaw:.4f}\t{'+'.join(names(word))}"
 
 
 def declare(recorder: Recorder, topic: str) -> int:

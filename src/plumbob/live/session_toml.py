@@ -110,7 +110,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     ShapeError
         If there is no such kind.
     """
-    from plumbob.data.chain_toml import CHAIN
+    from plumbob.data.chain import CHAIN
     from plumbob.files.profile import PROFILE
 
     parsers = {"array": ARRAY, "chain": CHAIN, "format": FORMAT, "profile": PROFILE, "session": SESSION_FORM}

@@ -13,7 +13,6 @@ from plumbob.core import __version__
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
 from plumbob.core.files import require_place
-from plumbob.core.flags import names
 from plumbob.core.text import visible
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
@@ -23,6 +22,7 @@ from plumbob.files.mcap import Recorder
 from plumbob.files.mcap.layout import UTC_FIELD, dated, next_path
 from plumbob.files.mcap.recorder import VERSION_KEY
 from plumbob.live import rows
+from plumbob.live.rows import line_of
 from plumbob.live.session import RecordSpec, Session
 from plumbob.live.stream import STARTED_AGAIN, ItemResult
 from plumbob.live.transports.polled import Schedule, Task
@@ -153,11 +153,6 @@ def track_lines(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, 
     words = (np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags)[rows]
     for t, (yaw, pitch, roll), word in zip(track.t[rows].tolist(), angles.tolist(), words.tolist(), strict=True):
         yield line_of(t, roll, pitch, yaw, word) + "\n"
-
-
-def line_of(t: float, roll: float, pitch: float, yaw: float, word: int) -> str:
-    """Line of the text for an attitude: s, degrees, and the names of its flags."""
-    return f"{t:.6f}\t{roll:.4f}\t{pitch:.4f}\t{yaw:.4f}\t{'+'.join(names(word))}"
 
 
 class TextSink:

@@ -20,7 +20,7 @@ from plumbob.protocols.decode import Counts
 from plumbob.protocols.overlap import passes_anything
 from plumbob.protocols.page import UNCHECKED
 from plumbob.rotations import euler_zyx_from_quat
-from plumbob.rotations.headings import counted_from
+from plumbob.rotations.frames import counted_from
 
 Note = Callable[[str], None]
 

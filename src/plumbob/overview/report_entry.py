@@ -32,7 +32,7 @@ from plumbob.quality import quality
 from plumbob.quality.grade import Grade, grade, grade_of
 from plumbob.quality.tilt import Headings, Inclination, TiltMotion, TiltStatistics
 from plumbob.rotations import North
-from plumbob.rotations.headings import counted_from
+from plumbob.rotations.frames import counted_from
 
 if TYPE_CHECKING:
     from plumbob.files.mcap import Log

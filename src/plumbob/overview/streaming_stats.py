@@ -24,7 +24,7 @@ from plumbob.quality import quality
 from plumbob.quality.spectra import Spectra, peak_period, segment_length, welch
 from plumbob.quality.tilt import LIMIT, Headings, Inclination, TiltMotion, TiltStatistics
 from plumbob.rotations import euler_zyx_from_quat, quat_rotate
-from plumbob.rotations.headings import euler_sd, heading_of
+from plumbob.rotations.frames import euler_sd, heading_of
 
 WHOLE: Final = 400_000  # up to so many samples every one is kept: an hour at 100 Hz has 360 000
 # Of a longer recording, about so many stretches are kept, each with its smallest and largest value.

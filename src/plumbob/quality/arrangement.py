@@ -19,11 +19,9 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.rotations import every_axes
 
-BIN: Final = 0.02
-"""Step of the even grid on which rates and vectors are averaged, s."""
+BIN: Final = 0.02  # Step of the even grid on which rates and vectors are averaged, s
 SCALARS: Final = 19
-FREE: Final = 10
-"""Parameters of one arrangement: the scale, three biases of the rates, three offsets, three constants."""
+FREE: Final = 10  # Parameters of one arrangement: the scale, three biases of the rates, three offsets, three constants
 
 _LONGEST_STEP: Final = 0.1
 _LARGEST_TURN: Final = 0.5
@@ -38,14 +36,9 @@ ARRANGEMENTS: Final = np.concatenate((_TURNED, -_TURNED))
 
 
 class Samples:
-    """Samples as straight lines from one to the next, and the area below them: means of any stretch come from it.
+    """Samples (N, C) as straight lines between their times, and the area below them: means of any stretch come from it.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    values : ndarray (N, C)
-        Rows with NaN do not count.
+    Rows with NaN do not count.
     """
 
     def __init__(self, t: Floats, values: Floats) -> None:
@@ -90,12 +83,7 @@ class Grid:
     def scalars(self, size: int, shift: int = 0) -> Floats:
         """Scalars of each pair of neighbouring windows (19, n), weighted; those of a pair that a pause spoils are 0.
 
-        Parameters
-        ----------
-        size : int
-            Bins of a window; the change is that from one window to the next.
-        shift : int
-            Bins by which the vector is later than the rates.
+        A window has `size` bins; the vector is `shift` bins later than the rates.
         """
         length = (self.size - abs(shift)) // size * size
         if length < 2 * size:
@@ -149,12 +137,9 @@ def solved(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.linalg.solve(scaled, b / size[..., np.newaxis]) / size[..., np.newaxis])
 
 
-LONGEST_DELAY: Final = 0.5
-"""Delays that are looked for, s, either way."""
-FLOOR: Final = 0.05
-"""Part of the change that no arrangement of real axes explains: scales, axes that are not square, soft iron."""
-WINDOWS: Final = (5, 20)
-"""Bins of a window: short ones follow quick motion, long ones average pushes out."""
+LONGEST_DELAY: Final = 0.5  # Delays that are looked for, s, either way
+FLOOR: Final = 0.05  # part of the change that no arrangement explains: scales, axes that are not square, soft iron
+WINDOWS: Final = (5, 20)  # Bins of a window: short ones follow quick motion, long ones average pushes out
 _BLOCK: Final = 5.0  # s
 _ROUNDS: Final = 3
 _CONTRADICTS: Final = 4.6  # 100 to 1
@@ -202,16 +187,8 @@ class VectorFit:
 def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> VectorFit | None:
     """Score every arrangement of one sensor's axes against the gyroscope's; None where nothing overlaps or turns.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    gyr : ndarray (N, 3)
-        Rates, in whatever unit.
-    vector : ndarray (N, 3)
-        Specific force or field, in whatever unit; rows with NaN do not count.
-    offset : float
-        How large an offset of the sensor may be, as a part of the vector's length.
+    Rates and vector are in whatever unit; rows with NaN do not count. The sensor's offset is at most the part `offset`
+    of the length of the vector.
     """
     length = float(np.nanmedian(np.sqrt(np.sum(vector * vector, axis=1)))) if np.isfinite(vector).any() else 0.0
     if not length > 0.0 or not np.nanmax(np.abs(gyr), initial=0.0) > 0.0:

@@ -23,23 +23,15 @@ from plumbob.core.kernels import kernel
 from plumbob.quality.arrangement import ARRANGEMENTS, BIN, LONGEST_DELAY, Samples, VectorFit, inflation, widening
 from plumbob.rotations.kernels import quat_exp, quat_mul, rows
 
-FLOOR: Final = 0.02
-"""Change of gravity's direction from window to window that biases and scales of good sensors feign, rad."""
-SIZES: Final = (25, 50, 100, 200, 400)
-"""Bins of a window, each twice the one before."""
-_FEWEST: Final = 8
-"""Windows of a level at least."""
-_MISLED: Final = 10.0
-"""Logarithm of the odds that one level can give at most."""
-_BLOCK: Final = 10
-"""Windows of a block, which has a variance of its own."""
-_STRIDE: Final = 2
-"""Bins between two delays that are tried; the best is refined."""
-_NEVER: Final = 1e30
-"""Mean square change of a handedness that is out of the question."""
+FLOOR: Final = 0.02  # change of gravity's direction between windows that biases and scales of good sensors feign, rad
+SIZES: Final = (25, 50, 100, 200, 400)  # Bins of a window, each twice the one before
+_FEWEST: Final = 8  # Windows of a level at least
+_MISLED: Final = 10.0  # Logarithm of the odds that one level can give at most
+_BLOCK: Final = 10  # Windows of a block, which has a variance of its own
+_STRIDE: Final = 2  # Bins between two delays that are tried; the best is refined
+_NEVER: Final = 1e30  # Mean square change of a handedness that is out of the question
 _HALF: Final = len(ARRANGEMENTS) // 2
-_TAKEN: Final = np.swapaxes(ARRANGEMENTS[:_HALF], 1, 2).reshape(_HALF, 9)
-"""What each arrangement of one handedness takes of the products ``R_ab u_c``."""
+_TAKEN: Final = np.swapaxes(ARRANGEMENTS[:_HALF], 1, 2).reshape(_HALF, 9)  # of the products ``R_ab u_c``
 _SQUARED: Final = (_TAKEN[:, :, np.newaxis] * _TAKEN[:, np.newaxis]).reshape(_HALF, 81)
 
 
@@ -48,18 +40,8 @@ def fit_force(
 ) -> VectorFit | None:
     """Score every arrangement of the accelerometer's axes against the gyroscope's.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    trials : sequence of ndarray (N, 3)
-        Rates, less one bias or another; `scales` times their unit is rad/s.
-    acc : ndarray (N, 3)
-        Specific force, in whatever unit; rows with NaN do not count.
-    scales : sequence of float
-        What the rates may have to be multiplied by.
-    signs : sequence of float
-        1 for rates of right-handed axes, -1 for those of mirrored ones, where both are possible.
+    Each of `trials` (N, 3) is the rates less one bias or another; one of `scales` times their unit is rad/s, and
+    `signs` has -1 where axes may be mirrored. The force is in whatever unit; rows with NaN do not count.
     """
     length = float(np.nanmedian(np.sqrt(np.sum(acc * acc, axis=1)))) if np.isfinite(acc).any() else 0.0
     if not length > 0.0:

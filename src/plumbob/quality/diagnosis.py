@@ -11,54 +11,90 @@ from numpy.typing import NDArray
 
 from plumbob.core import check
 from plumbob.core.check import Floats
+from plumbob.core.constants import G0
 from plumbob.core.findings import Finding, as_json, info
 from plumbob.core.result import Reported
-from plumbob.core.units import deg, to_deg, to_si
+from plumbob.core.units import QUANTITY_BY_TRIAD, deg, to_deg, to_si
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.imu import TRIAD_FLAGS, median, norms
 from plumbob.data.plausibility import ALL_AXES, LONGEST_STEP, NOT_KNOWN, statistics, stuck_runs
 from plumbob.data.recording import findings as sample_findings
 from plumbob.quality.arrangement import ARRANGEMENTS, FLOOR, Samples, VectorFit, fit
 from plumbob.quality.derotated import fit_force
-from plumbob.quality.units import UNITS, unit_odds
 from plumbob.rotations import Frame, axes_letters, quat_chained, quat_rotate, signed_axes
 
 if TYPE_CHECKING:
     from plumbob.files.profile import Profile
 
-CERTAIN: Final = math.log(1000.0)
-"""Logarithm of the odds above which an answer may be sure."""
+
+UNITS: Final = {
+    "gyr": ("rad/s", "deg/s", "rpm", "mrad/s", "mdeg/s"),
+    "acc": ("m/s2", "g", "mg", "cm/s2"),
+    "mag": ("uT", "nT", "mgauss", "gauss", "mT", "T"),
+}
+"""Units in use, by triad; that of SI as it is used inside comes first."""
+_USUAL_SIZE: Final = {"gyr": 1.0, "acc": G0, "mag": 40.0}  # [Alken2021]: the Earth's field has 22 to 67 µT
+_SPREAD: Final = {"gyr": 0.2, "acc": 0.06, "mag": 0.35}
+"""Standard deviation of the logarithm of the size in the right unit: gain and bias of gravity (MPU-6000: ±3 %, ±50 mg,
+PS-MPU-6000A, 6.2), pushes, places on the Earth."""
+_NONE_FITS: Final = 3.5
+
+
+@dataclass(frozen=True)
+class UnitOdds:
+    """The unit that fits best."""
+
+    unit: str | None  # its name; None where no unit in use fits
+    factor: float  # what the values as declared have to be multiplied by
+    log_odds: float  # against the next unit
+    next: str
+    declared_odds: float  # of the declared unit, against the best
+
+
+def unit_odds(name: str, size: float, sd: float, declared: str) -> UnitOdds:
+    """Odds of the units of a triad whose values were taken for the unit `declared`.
+
+    `size` is, with that unit, gravity, m/s², the field, µT, or the turning that the rates say over that which the other
+    sensors show; `sd` is the standard deviation of its logarithm.
+    """
+    kind = QUANTITY_BY_TRIAD[name]
+    scale = float(to_si(1.0, declared, kind))
+    spread = math.hypot(_SPREAD[name], sd)
+    candidates = tuple(dict.fromkeys((declared, *UNITS[name])))
+    away = {
+        unit: math.log(size * float(to_si(1.0, unit, kind)) / scale / _USUAL_SIZE[name]) / spread for unit in candidates
+    }
+    best, second, *_ = sorted(away, key=lambda unit: abs(away[unit]))
+    odds = 0.5 * (away[second] ** 2 - away[best] ** 2)
+    against = 0.5 * (away[best] ** 2 - away[declared] ** 2)
+    if abs(away[best]) > _NONE_FITS:
+        return UnitOdds(None, _USUAL_SIZE[name] / size, 0.0, best, against)
+    return UnitOdds(best, float(to_si(1.0, best, kind)) / scale, odds, second, against)
+
+
+CERTAIN: Final = math.log(1000.0)  # Logarithm of the odds above which an answer may be sure
 _HINT: Final = math.log(10.0)
-_EXPLAINED: Final = 0.2
-"""Part of the change that the best arrangement must explain to be sure."""
+_EXPLAINED: Final = 0.2  # Part of the change that the best arrangement must explain to be sure
 _USUAL: Final = int(np.flatnonzero((np.eye(3) == ARRANGEMENTS).all(axis=(1, 2)))[0])
-_MOST: Final = 0.8
-"""Part of the change that is to be turning for an answer about the axes as declared, where others fit as well."""
+_MOST: Final = 0.8  # part of the change that is turning where declared axes are answered for and others fit as well
 _ENOUGH: Final = {"mag": 30.0, "acc": CERTAIN}
 """Logarithm of the odds that are enough where less is explained: those of an accelerometer allow for pushes already."""
 _NOISE: Final = {"mag": -0.5, "acc": -math.inf}
-_EXACT: Final = 1e-3
-"""Standard deviation of a delay that is sure, s."""
-_MATTERS: Final = float(deg(1.0))
-"""Tilt or heading that a delay costs, rad, above which it is wrong."""
+_EXACT: Final = 1e-3  # Standard deviation of a delay that is sure, s
+_MATTERS: Final = float(deg(1.0))  # Tilt or heading that a delay costs, rad, above which it is wrong
 _AVERAGED: Final = 3.0
 """Time over which filters average gravity, and the field for longer, s [Laidig2023]: turns to and fro cancel."""
 _FEWEST: Final = 100
-_SHORT_STEP, _USUAL_STEP = 2e-3, 1e-2
-"""Steps below the first, s, are fewer than loggers write, most of which write some 100 samples a second."""
+_SHORT_STEP, _USUAL_STEP = 2e-3, 1e-2  # s; loggers do not write faster than the first, most of them at the second
 _SLOWEST, _FASTEST = 0.003, 30.0  # usual rates of bodies that turn at all, rad/s
-_GAIN: Final = math.log(1.03)
-"""What the gain of a gyroscope may be off by, of parts as they leave the line (MPU-6000: ±3 %, PS-MPU-6000A, 6.1)."""
+_GAIN: Final = math.log(1.03)  # of gyroscopes as they leave the line (MPU-6000: ±3 %, PS-MPU-6000A, 6.1)
 _VAGUE, _VAGUE_DELAY = 0.3, 0.05  # of a scale, and of a delay, s
 _PUSHED: Final = 0.25
 """Part of the usual specific force by which half of the samples differ from it where pushes rule, as of a runner's arm:
 pushes that are in step with the turning imitate gravity in other axes."""
-_LEAST_DIP: Final = 0.17
-"""Part of the field along the vertical below which its sign says nothing."""
-EXAMINED: Final = 300.0
-"""Of a longer recording the time of so many seconds in which it turns most is examined."""
-_SHORTEST_RUN: Final = 5
-"""Repeats in fewer samples cost an examination nothing."""
+_LEAST_DIP: Final = 0.17  # Part of the field along the vertical below which its sign says nothing
+EXAMINED: Final = 300.0  # Of a longer recording the time of so many seconds in which it turns most is examined
+_SHORTEST_RUN: Final = 5  # Repeats in fewer samples cost an examination nothing
 
 
 class Trust(StrEnum):
@@ -102,27 +138,13 @@ class Convention:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Reported):
-    """What the motion of a recording says about its conventions.
-
-    Attributes
-    ----------
-    name : str
-        Of the recording.
-    findings : tuple of Convention
-        Every question.
-    lines : tuple of str
-        Lines of the profile, as TOML.
-    remarks : tuple of Finding
-        What is assumed, what cannot be known, and which samples say nothing.
-    values : mapping
-        Numbers by sensor: ``scale``, ``delay_s``, ``axes`` and their odds.
-    """
+    """What the motion of a recording says about its conventions."""
 
     name: str
-    findings: tuple[Convention, ...]
-    lines: tuple[str, ...]
-    remarks: tuple[Finding, ...]
-    values: Mapping[str, Any]
+    findings: tuple[Convention, ...]  # every question
+    lines: tuple[str, ...]  # of the profile, as TOML
+    remarks: tuple[Finding, ...]  # what is assumed, what cannot be known, and which samples say nothing
+    values: Mapping[str, Any]  # numbers by sensor: ``scale``, ``delay_s``, ``axes`` and their odds
 
     @property
     def wrong(self) -> bool:

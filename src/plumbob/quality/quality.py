@@ -24,32 +24,21 @@ MEANING: Final = {
 }  # fmt: skip
 """Of the flags, in the words of QARTOD."""
 
-FEWEST: Final = 50
-"""Samples below which nothing is evaluated."""
-HOLE: Final = (1.0, 10.0)
-"""Longest time without a usable value, s: suspect above the first, fail above the second."""
+FEWEST: Final = 50  # Samples below which nothing is evaluated
+HOLE: Final = (1.0, 10.0)  # Longest time without a usable value, s: suspect above the first, fail above the second
 GOOD: Final = (0.95, 0.90)
 """Share of good samples: suspect below the first, fail below the second, which [CDIPWaves] recommends."""
-SPIKE: Final = 4.0
-"""Standard deviations of a spike from the mean, and from both neighbours, as [CDIPWaves] recommends."""
-STEP: Final = 7.0
-"""Standard deviations from one sample to the next that are too fast."""
-SHARE: Final = (2e-4, 1e-2)
-"""Share of samples that are spikes, too fast, or beyond the range: suspect above the first, fail above the second."""
-SHIFT: Final = (1.0, 1.7)
-"""Change of the mean from an eighth of a burst to the next, in standard deviations of the burst; a step is 2."""
+SPIKE: Final = 4.0  # [CDIPWaves]: standard deviations of a spike from the mean, and from both neighbours
+STEP: Final = 7.0  # Standard deviations from one sample to the next that are too fast
+SHARE: Final = (2e-4, 1e-2)  # share of samples that are spikes, too fast, or beyond the range: suspect, fail above
+SHIFT: Final = (1.0, 1.7)  # of the mean from an eighth of a burst to the next, in its standard deviations; a step is 2
 EIGHTHS: Final = 8
-LONG: Final = 480.0
-"""In a burst of this length or longer, s, the means of its eighths are means of many waves."""
-HARD: Final = 0.5
-"""Vertical acceleration without gravity that is too large, g, as [CDIPWaves] recommends."""
-FLAT: Final = (STUCK_FOR, 5.0)
-"""Time for which all axes say the same to the last bit, s: suspect from the first on, fail from the second."""
-CELSIUS: Final = (-40.0, 85.0)
-"""Temperatures that electronics are made for, °C."""
+LONG: Final = 480.0  # In a burst of this length or longer, s, the means of its eighths are means of many waves
+HARD: Final = 0.5  # [CDIPWaves]: vertical acceleration without gravity that is too large, g
+FLAT: Final = (STUCK_FOR, 5.0)  # time for which all axes say the same to the last bit, s: suspect, fail from there on
+CELSIUS: Final = (-40.0, 85.0)  # Temperatures that electronics are made for, °C
 
-CHANNELS: Final = ("gyr", "acc", "mag", "temp", "attitude")
-"""What is judged, where a recording has it."""
+CHANNELS: Final = ("gyr", "acc", "mag", "temp", "attitude")  # What is judged, where a recording has it
 
 _BAD: Final = {
     "gyr": flags.GYR_CLIPPED | flags.GYR_INVALID | flags.GYR_STUCK | flags.TIME_FAULT,
@@ -107,22 +96,9 @@ def verdict(
     channel: str, t: Floats, values: Floats, words: NDArray[np.uint32], span: tuple[float, float],
     vertical: Floats | None = None,
 ) -> BurstVerdict:  # fmt: skip
-    """Judge a channel in a burst.
+    """Judge a channel in a burst (begin and end `span`, s) by its values (N, C), SI, NaN where absent, and its flags.
 
-    Parameters
-    ----------
-    channel : {"gyr", "acc", "mag", "temp", "attitude"}
-        Which.
-    t : ndarray (N,)
-        Times of the samples, s.
-    values : ndarray (N, C)
-        Its values, SI; roll and pitch of the attitude. NaN where absent.
-    words : ndarray (N,) of uint32
-        Flags of the samples, of sensors and estimate.
-    span : (float, float)
-        Begin and end of the burst, s.
-    vertical : ndarray (N,), optional
-        Vertical acceleration without gravity, m/s², for ``acc``.
+    The channel ``attitude`` has roll and pitch; ``acc`` may have the vertical acceleration without gravity, m/s².
     """
     check.one_of("channel", channel, CHANNELS)
     finite = np.isfinite(values).all(axis=1)

@@ -20,7 +20,7 @@ from plumbob.data.array import ImuArray
 from plumbob.data.cards import UNITS
 from plumbob.data.plausibility import statistics
 from plumbob.data.recording import Recording
-from plumbob.rotations.headings import heading_zero
+from plumbob.rotations.frames import heading_zero
 
 if TYPE_CHECKING:
     from plumbob.quality.grade import Grade

@@ -285,8 +285,7 @@ def _pivoted(m: Floats) -> Floats:
     return np.asarray(np.where(q[..., :1] < 0.0, -q, q))
 
 
-GIMBAL_MARGIN = 1e-8
-"""Distance from pitch ±90°, rad, inside which roll is set to 0. There rounding leaves roll about 1e-8 rad uncertain."""
+GIMBAL_MARGIN = 1e-8  # of pitch from ±90°, rad: inside, roll is about 1e-8 rad uncertain and set to 0
 
 
 def euler_zyx_from_quat(q: ArrayLike) -> Floats:

@@ -1,4 +1,4 @@
-"""Rows of the charts: fewer where there are too many to draw, the last minute of them, and how they are sent."""
+"""What is drawn: rows of the charts, fewer where there are too many, the last minute of them; angles, after a tare."""
 
 import struct
 from collections.abc import Mapping, Sequence
@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
+from plumbob.core.units import to_deg
+from plumbob.rotations import euler_zyx_from_quat, quat_conjugate, quat_multiply
 from plumbob.viewer.messages import HISTORY, TICK, as_json
 
-PER_SECOND: Final = 120
-"""Rows of a second at most, two for each group of samples."""
-SECONDS: Final = 60
-"""How far the history goes back."""
+PER_SECOND: Final = 120  # Rows of a second at most, two for each group of samples
+SECONDS: Final = 60  # How far the history goes back
 CHUNK: Final = 128 << 10
 """Bytes of a part of the history, about: a client that does not read has no more of it in memory."""
 
@@ -37,11 +37,8 @@ class Rows(NamedTuple):
         """These rows and later ones."""
         if not len(self.t):
             return later
-        return Rows(
-            np.concatenate((self.t, later.t)),
-            np.concatenate((self.flags, later.flags)),
-            np.concatenate((self.values, later.values)),
-        )
+        pairs: Any = zip(self, later, strict=True)
+        return Rows(*map(np.concatenate, pairs))
 
     def some(self, first: int, stop: int | None = None) -> "Rows":
         """Rows from one place to another."""
@@ -75,17 +72,7 @@ class Thinner:
         self._waiting = Rows.none(width)
 
     def take(self, rows: Rows, *, rate: float, speed: float = 1.0) -> Rows:
-        """Take samples, and return the rows that are complete.
-
-        Parameters
-        ----------
-        rows : Rows
-            The next samples.
-        rate : float
-            Samples per second of the stream's time.
-        speed : float
-            How fast a recording is played.
-        """
+        """Rows that samples complete, at `rate` per second of their time, which is played `speed` times as fast."""
         if rate * speed <= PER_SECOND:
             return self.rest().joined(rows)
         pending = self._waiting.joined(rows)
@@ -105,15 +92,7 @@ class Thinner:
 
 
 class History:
-    """The last minute of rows, by the number of a row since the start.
-
-    Attributes
-    ----------
-    end : int
-        Number of the row that comes next.
-    keys : tuple of str
-        Columns.
-    """
+    """The last minute of rows, by the number of a row since the start."""
 
     def __init__(self, keys: Sequence[str]) -> None:
         self.keys = tuple(keys)
@@ -121,7 +100,7 @@ class History:
         self._t = np.zeros(self._room)
         self._flags = np.zeros(self._room, dtype=np.uint32)
         self._values = np.zeros((len(keys), self._room), dtype=np.float32)
-        self.end = self._floor = 0
+        self.end = self._floor = 0  # number of the row that comes next
 
     def add(self, rows: Rows) -> None:
         """Take the next rows."""
@@ -184,3 +163,52 @@ def binary(
     head = _HEAD.pack(kind, len(text), len(t), len(values), epoch, 0)
     parts = (t.astype("<f8", copy=False), flags.astype("<u4", copy=False), values.astype("<f4", copy=False))
     return b"".join((head, text, *(part.tobytes() for part in parts)))
+
+
+def euler_deg(q_nb: Floats) -> Floats:
+    """Roll, pitch and yaw (N, 3), degrees, of attitudes (N, 4), as every report of Plumbob prints them."""
+    return to_deg(euler_zyx_from_quat(q_nb))[..., ::-1]
+
+
+class Tare:
+    """The attitude that shows as zero roll, pitch and yaw.
+
+    Angles then turn the body's axes at the tare into its axes now: a turn about the body's x axis is roll, in whichever
+    attitude it was tared. All estimators count from the primary one's attitude, so what they differ by stays in sight.
+    The attitudes themselves, the errors, the charts and what is recorded are not changed.
+    """
+
+    def __init__(self) -> None:
+        self._inverse: Floats | None = None
+
+    @property
+    def is_set(self) -> bool:
+        """Whether angles count from a tare."""
+        return self._inverse is not None
+
+    def set(self, q_nb: Any) -> None:
+        """Count from an attitude (4,)."""
+        self._inverse = quat_conjugate(np.asarray(q_nb, dtype=np.float64))
+
+    def clear(self) -> None:
+        """Count from the navigation frame again."""
+        self._inverse = None
+
+    def applied(self, q_nb: Floats) -> Floats:
+        """Attitudes (N, 4) or (4,) as they are shown."""
+        return q_nb if self._inverse is None else quat_multiply(self._inverse, q_nb)
+
+
+def shown_attitudes(estimates: Mapping[str, Any], tare: Tare, hello: Mapping[str, Any]) -> dict[str, Any]:
+    """Attitudes of a batch as `messages.Attitude`, by estimator."""
+    if not estimates:
+        return {}
+    q_nb = np.array([estimate["q_nb"] for estimate in estimates.values()], dtype=np.float64)
+    angles = euler_deg(tare.applied(q_nb))
+    is_heading = hello.get("frame") == "NED" and hello.get("north") in ("true", "magnetic")  # clockwise from a north
+    if is_heading and not tare.is_set:
+        angles[:, 2] %= 360.0
+    return {
+        name: {"roll": roll, "pitch": pitch, "yaw": yaw, "sd": None, "error": None} | estimate
+        for (name, estimate), (roll, pitch, yaw) in zip(estimates.items(), angles.tolist(), strict=True)
+    }

@@ -20,12 +20,9 @@ from plumbob.viewer.commands import ClientCommand
 from plumbob.viewer.messages import Batch, Command, Hello
 from plumbob.viewer.pipe import LIMIT, PAGE, TOKEN, MessageUnpacker, PipeMessage, PipeWriter, require_packages
 
-STARTS: Final = 20
-"""How often a server that has died is started again."""
-_APART: Final = 2.0
-"""Least time between two starts, s."""
-_READY: Final = 30.0
-"""Longest wait for the first start, s; a cold disk is slow."""
+STARTS: Final = 20  # How often a server that has died is started again
+_APART: Final = 2.0  # Least time between two starts, s
+_READY: Final = 30.0  # Longest wait for the first start, s; a cold disk is slow
 _END: Final = 0.3, 0.8, 0.3
 """Longest waits at the end, s: for the last messages, for the server to end, and to end on being asked to."""
 _SURELY: Final = 5.0
@@ -36,13 +33,7 @@ _ORIGIN: Final = re.compile(r"[a-z][a-z0-9+.-]*://[a-z0-9.:\[\]_-]+")  # as a br
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Serving:
-    """How the view is served.
-
-    Raises
-    ------
-    ParameterError
-        If one of them cannot be.
-    """
+    """How the view is served."""
 
     host: str = "127.0.0.1"  # address that is listened at
     port: int = 8770  # port; 0 takes a free one
@@ -74,36 +65,13 @@ class Serving:
 
 
 def require_view() -> None:
-    """Refuse to begin without what the server needs.
-
-    Raises
-    ------
-    MissingExtraError
-        If a package, or the built page, is missing.
-    """
+    """Refuse to begin without what the server needs."""
     require_packages()
     asset(PAGE)
 
 
 class ServerOutlet:
-    """Outlet into a server process.
-
-    Parameters
-    ----------
-    serving : Serving
-        How it serves.
-    note : callable
-        Called with what happened to it.
-
-    Attributes
-    ----------
-    starts : int
-        How often it was started.
-    port : int
-        Port that it listens at.
-    card : path or None
-        Copy of the session's calibration card, with which a guided calibration begins; set before the first hello.
-    """
+    """Outlet into a server process; `note` is called with what happened to it."""
 
     def __init__(self, serving: Serving, note: Callable[[str], object]) -> None:
         self._serving, self._note = serving, note
@@ -117,8 +85,8 @@ class ServerOutlet:
         self._commands: list[ClientCommand] = []
         self._started_at = 0.0
         self._skipped = 0
-        self.card: Path | None = None
-        self.starts = 0
+        self.card: Path | None = None  # with which a guided calibration begins; set before the first hello
+        self.starts = 0  # how often it was started
         self.port = serving.port
         self._is_ready = False
 
@@ -140,13 +108,7 @@ class ServerOutlet:
         return self._skipped + (0 if self._writer is None else self._writer.skipped)
 
     def start(self) -> None:
-        """Start it, and wait until it serves.
-
-        Raises
-        ------
-        LineError
-            If it does not.
-        """
+        """Start it, and wait until it serves."""
         self._spawn()
         until = time.monotonic() + _READY
         while not self._is_ready:

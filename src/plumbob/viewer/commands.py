@@ -15,10 +15,8 @@ from urllib.parse import parse_qs, urlsplit
 from plumbob.core.errors import DecodeError, LineError, ParameterError, PlumbobError, one_line
 from plumbob.viewer.messages import Batch, Command, Hello, Verb
 
-LONGEST_NAME: Final = 64
-"""Letters of a name at most."""
-LONGEST_TEXT: Final = 200
-"""Letters of a text at most."""
+LONGEST_NAME: Final = 64  # Letters of a name at most
+LONGEST_TEXT: Final = 200  # Letters of a text at most
 
 VERBS: Final[dict[str, tuple[str, str]]] = {
     "record": ("", "name"), "stop": ("", ""), "mark": ("text", ""), "tare": ("", ""), "untare": ("", ""),
@@ -32,13 +30,7 @@ _LARGEST: Final = 2**53
 
 
 class RefusedError(ParameterError):
-    """A command that is not one.
-
-    Attributes
-    ----------
-    id : int
-        That of the command, where it has one; else 0.
-    """
+    """A command that is not one."""
 
     def __init__(self, text: str, number: int = 0) -> None:
         self.id = number
@@ -46,13 +38,7 @@ class RefusedError(ParameterError):
 
 
 def parse_command(data: str | bytes) -> Command:
-    """Command that a JSON object says.
-
-    Raises
-    ------
-    RefusedError
-        If it is not one: another key, type, length or verb, or a number that is not finite.
-    """
+    """Command that a JSON object says."""
     content = _object(data)
     number = content.get("id")
     if type(number) is not int or not 0 <= number < _LARGEST:
@@ -83,8 +69,14 @@ def _command(number: int, content: dict[str, Any]) -> Command:
     verb = content.get("verb")
     if not isinstance(verb, str) or verb not in VERBS:
         raise ParameterError(f"The verb must be one of {', '.join(VERBS)}.")
-    name, text = _name(content.get("name", "")), checked_text(content.get("text", ""))
-    command = Command(id=number, verb=cast(Verb, verb), name=name, text=text, value=_value(content))
+    name, text = content.get("name", ""), checked_text(content.get("text", ""))
+    command = Command(
+        id=number,
+        verb=cast(Verb, verb),
+        name=name if name == "" else checked_name(name),
+        text=text,
+        value=_value(content),
+    )
     needed, allowed = VERBS[verb]
     given = {"name": command.name != "", "text": command.text != "", "value": command.value is not None}
     for key, is_given in given.items():
@@ -95,18 +87,8 @@ def _command(number: int, content: dict[str, Any]) -> Command:
     return command
 
 
-def _name(name: Any) -> str:
-    return "" if name == "" else checked_name(name)
-
-
 def checked_name(name: Any) -> str:
-    """Name of an output or of an estimator, as somebody gave it.
-
-    Raises
-    ------
-    ParameterError
-        If it could be a path, or is too long.
-    """
+    """Name of an output or of an estimator, as somebody gave it."""
     if not isinstance(name, str) or _NAME.fullmatch(name) is None:
         raise ParameterError(
             f"A name may have at most {LONGEST_NAME} letters, digits, '-', '_' and '.', not '.' first; it is "
@@ -116,13 +98,7 @@ def checked_name(name: Any) -> str:
 
 
 def checked_text(text: Any) -> str:
-    """Text of a mark, as somebody gave it.
-
-    Raises
-    ------
-    ParameterError
-        If it is too long, or has more than one line.
-    """
+    """Text of a mark, as somebody gave it."""
     if not isinstance(text, str) or len(text) > LONGEST_TEXT or not text.isprintable():
         raise ParameterError(f"A text may have at most {LONGEST_TEXT} printable characters, all on one line.")
     return text
@@ -171,33 +147,21 @@ class Outlet(Protocol):
 
 
 class CommandHandler:
-    """Does what an outlet asks for, a verb each.
+    """Does what an outlet asks for, a verb each; `other` says what a verb that is not known here is for."""
 
-    Parameters
-    ----------
-    outlet : Outlet
-        Who asks, and gets the answers.
-    other : str
-        What a verb that is not known here is for.
-    """
-
-    verbs: Mapping[str, Callable[[Command], str]]  # what does them; each gives its answer
-
-    def __init__(self, outlet: Outlet, other: str) -> None:
-        self._outlet, self._other = outlet, other
+    def __init__(self, outlet: Outlet, other: str, verbs: Mapping[str, Callable[[Command], str]]) -> None:
+        self._outlet, self._other, self._verbs = outlet, other, verbs
 
     def serve(self) -> None:
         """Do everything that was asked for since the last call, and answer."""
         for request in self._outlet.take_commands():
             try:
-                self._outlet.answer(request, True, self._do(request.command))
+                command = request.command
+                if command.verb not in self._verbs:
+                    raise ParameterError(f"'{command.verb}' is {self._other}.")
+                self._outlet.answer(request, True, self._verbs[command.verb](command))
             except (PlumbobError, OSError) as error:
                 self._outlet.answer(request, False, one_line(error))
-
-    def _do(self, command: Command) -> str:
-        if command.verb not in self.verbs:
-            raise ParameterError(f"'{command.verb}' is {self._other}.")
-        return self.verbs[command.verb](command)
 
 
 _TOKEN: Final = "token"
@@ -236,7 +200,7 @@ def control(url: str, what: str, argument: str | float | None = None) -> str:
     """
     answer = _posted(*_place(url), {"id": 1, "verb": what, **verb_value(what, argument)})
     if not isinstance(answer.get("ok"), bool) or not isinstance(answer.get("text"), str):
-        raise DecodeError(f"what answers at {_bare(url)} is not a view of this version of Plumbob.")
+        raise DecodeError(f"what answers at {urlsplit(url).netloc} is not a view of this version of Plumbob.")
     if not answer["ok"]:
         raise ParameterError(f"the view refused: {answer['text']}")
     reply: str = answer["text"]
@@ -244,14 +208,9 @@ def control(url: str, what: str, argument: str | float | None = None) -> str:
 
 
 def verb_value(verb: str, argument: str | float | None) -> dict[str, Any]:
-    """What a verb's argument is to the view, by name.
-
-    Raises
-    ------
-    ParameterError
-        If the verb is not known, takes none, or needs a number.
-    """
-    _require_known(verb)
+    """What a verb's argument is to the view, by name."""
+    if verb not in VERBS:
+        raise ParameterError(f"the view has no command '{verb}'; there are {', '.join(VERBS)}.")
     if argument is None:
         return {}
     needed, allowed = VERBS[verb]
@@ -269,11 +228,6 @@ def verb_value(verb: str, argument: str | float | None) -> dict[str, Any]:
     return {kind: value}
 
 
-def _require_known(verb: str) -> None:
-    if verb not in VERBS:
-        raise ParameterError(f"the view has no command '{verb}'; there are {', '.join(VERBS)}.")
-
-
 def _place(url: str) -> tuple[str, str]:
     """Address without the token, and the token."""
     try:
@@ -288,11 +242,6 @@ def _place(url: str) -> tuple[str, str]:
             "a shell reads it."
         )
     return f"{parts.scheme}://{parts.netloc}", tokens[0]
-
-
-def _bare(url: str) -> str:
-    """Address as it may be shown: without its token."""
-    return urlsplit(url).netloc
 
 
 def _posted(place: str, token: str, command: dict[str, Any]) -> dict[str, Any]:

@@ -24,25 +24,20 @@ from plumbob.core.errors import CalibrationError, ParameterError, PlumbobError, 
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import TRIADS, ImuData, ImuMeta
-from plumbob.live.sinks import line_of
+from plumbob.live.rows import line_of
 from plumbob.live.transports.polled import Schedule, Task
 from plumbob.viewer.hub import Hub
 from plumbob.viewer.messages import AllanCurve, Command, Guidance, numbers
 from plumbob.viewer.pipe import PipeMessage
 
 if TYPE_CHECKING:
-    from plumbob.live.guide.guide import Guide, Progress
+    from plumbob.live.guide.guide import Guide
 
-EVERY_S: Final = 0.1
-"""Length of the parts that the thread gets, s."""
-ALLAN_S: Final = 2.0
-"""Time between two curves, s."""
-LINES_NS: Final = 50_000_000
-"""Time between two lines, ns."""
-MOST: Final = 1_000_000
-"""Samples of a guided capture at most, which take 90 MB."""
-CLOUD: Final = 400
-"""Directions that are shown at most."""
+EVERY_S: Final = 0.1  # Length of the parts that the thread gets, s
+ALLAN_S: Final = 2.0  # Time between two curves, s
+LINES_NS: Final = 50_000_000  # Time between two lines, ns
+MOST: Final = 1_000_000  # Samples of a guided capture at most, which take 90 MB
+CLOUD: Final = 400  # Directions that are shown at most
 
 _LONGEST: Final = 2**21
 _PER_DECADE: Final = 8
@@ -66,11 +61,7 @@ class FedSamples(NamedTuple):
     @classmethod
     def joined(cls, parts: Sequence["FedSamples"]) -> "FedSamples":
         """Parts that follow one another."""
-        return cls(
-            np.concatenate([part.t for part in parts]),
-            np.concatenate([part.flags for part in parts]),
-            np.concatenate([part.sensed for part in parts]),
-        )
+        return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 class Allan:
@@ -122,19 +113,16 @@ class Allan:
             self._columns = np.flatnonzero(usable.all(axis=0)).tolist()
             if not self._columns:
                 return
-            self._stream, self._first = _new_stream(len(self._columns)), float(t[0])
+            from plumbob.noise.factors import log_factors, stream_factors
+            from plumbob.noise.stream import AllanStream
+
+            factors = stream_factors(log_factors(_LONGEST, per_decade=_PER_DECADE))
+            self._stream, self._first = AllanStream(factors, channels=len(self._columns)), float(t[0])
         try:
             self._stream.feed(sensed[:, self._columns])
         except ShapeError:  # too large to be added
             self.reset()
         self._last = float(t[-1])
-
-
-def _new_stream(channels: int) -> Any:
-    from plumbob.noise.factors import log_factors, stream_factors
-    from plumbob.noise.stream import AllanStream
-
-    return AllanStream(stream_factors(log_factors(_LONGEST, per_decade=_PER_DECADE)), channels=channels)
 
 
 class CardTarget(NamedTuple):
@@ -146,20 +134,7 @@ class CardTarget(NamedTuple):
 
 
 class Guided:
-    """A guided calibration.
-
-    Parameters
-    ----------
-    kind : str
-        ``mag``, ``accel`` or ``gyro``.
-    unit : CardTarget
-        The unit.
-
-    Attributes
-    ----------
-    kind : str
-        What is calibrated.
-    """
+    """A guided calibration of `kind`: ``mag``, ``accel`` or ``gyro``."""
 
     def __init__(self, kind: str, unit: CardTarget) -> None:
         self.kind, self._unit = kind, unit
@@ -182,7 +157,9 @@ class Guided:
             self._count += len(part.t)
             at = 3 * TRIADS.index(self._guide.triad)
             self._cloud.take(part.sensed[:, at : at + 3])
-            self._guide.feed(self._live(part))
+            triads = {name: part.sensed[:, 3 * i : 3 * i + 3] for i, name in enumerate(TRIADS)}
+            temp_c, t_ns = part.sensed[:, 9], to_ns(part.t)
+            self._guide.feed(ImuData.live(t_ns, triads, temp_c=temp_c, flags=part.flags, meta=self._meta))
         return self.guidance()
 
     def guidance(self, *, card: str | None = None, refused: Sequence[str] = ()) -> Guidance:
@@ -190,7 +167,25 @@ class Guided:
         warnings = ["the capture is full: end it"] if self._count >= MOST else []
         progress = self._guide.progress()
         cloud = [] if self.kind == "gyro" else self._cloud.directions(self._guide.centre)
-        return _guidance(self.kind, progress, cloud, warnings, card=card, refused=refused)
+        return Guidance(
+            kind=self.kind,
+            elapsed=progress.elapsed,
+            still_for=progress.still_for,
+            filled=None if progress.filled is None else progress.filled.tolist(),
+            direction=progress.direction,
+            goal=progress.goal,
+            axis=None if progress.turn is None else progress.turn.axis,
+            angle=None if progress.turn is None else float(to_deg(progress.turn.angle)),
+            next_step=progress.next_step,
+            predicted=progress.predicted,
+            grade=progress.grade,
+            share=progress.share,
+            warnings=[*progress.warnings, *warnings],
+            done=progress.done,
+            cloud=cloud,
+            card=card,
+            refused=refused,
+        )
 
     def end(self) -> Guidance:
         """Make the card, and write it."""
@@ -216,10 +211,6 @@ class Guided:
         calibration.save(path)
         return path
 
-    def _live(self, part: FedSamples) -> ImuData:
-        triads = {name: part.sensed[:, 3 * i : 3 * i + 3] for i, name in enumerate(TRIADS)}
-        return ImuData.live(to_ns(part.t), triads, temp_c=part.sensed[:, 9], flags=part.flags, meta=self._meta)
-
     def _joined_imu(self) -> ImuData:
         """All samples, judged as a recording."""
         if not self._parts:
@@ -231,29 +222,6 @@ class Guided:
         if "temp_c" in measured and not np.isfinite(measured["temp_c"]).all():
             del measured["temp_c"]
         return ImuData(t=t, flags=words, meta=self._meta, **measured)
-
-
-def _guidance(
-    kind: str, progress: "Progress", cloud: list[list[float]], warnings: list[str], **result: Any
-) -> Guidance:
-    return Guidance(
-        kind=kind,
-        elapsed=progress.elapsed,
-        still_for=progress.still_for,
-        filled=None if progress.filled is None else progress.filled.tolist(),
-        direction=progress.direction,
-        goal=progress.goal,
-        axis=None if progress.turn is None else progress.turn.axis,
-        angle=None if progress.turn is None else float(to_deg(progress.turn.angle)),
-        next_step=progress.next_step,
-        predicted=progress.predicted,
-        grade=progress.grade,
-        share=progress.share,
-        warnings=[*progress.warnings, *warnings],
-        done=progress.done,
-        cloud=cloud,
-        **result,
-    )
 
 
 class _Cloud:
@@ -279,15 +247,7 @@ class _Cloud:
 
 
 class Derived:
-    """Hands samples to what is made of them, and its results to the clients.
-
-    Parameters
-    ----------
-    hub : Hub
-        What the server knows, and who its clients are.
-    folder : Path
-        Where cards are written.
-    """
+    """Hands samples to what is made of them, and its results to the clients."""
 
     def __init__(self, hub: Hub, folder: Path) -> None:
         self._hub, self._folder = hub, folder

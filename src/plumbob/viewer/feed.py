@@ -27,7 +27,15 @@ from plumbob.protocols.encode import encode
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.viewer.commands import Outlet
 from plumbob.viewer.messages import Batch, Hello, Link, numbers
-from plumbob.viewer.overlays import ChainFollower, Overlay, described, greeting, joined_units, require_addable
+from plumbob.viewer.overlays import (
+    ChainFollower,
+    Overlay,
+    described,
+    frame_faults,
+    greeting,
+    joined_units,
+    require_addable,
+)
 from plumbob.viewer.rows import (
     Attitudes,
     RowLayout,
@@ -42,15 +50,11 @@ from plumbob.viewer.rows import (
     shown_estimator,
 )
 
-EVERY_NS: Final = 16_000_000
-"""Least time between two batches, ns."""
-_STILL_NS: Final = 500_000_000
-"""After this time a batch without samples says how the line does."""
+EVERY_NS: Final = 16_000_000  # Least time between two batches, ns
+_STILL_NS: Final = 500_000_000  # After this time a batch without samples says how the line does
 _REPORT_NS: Final = 1_000_000_000
-_RATE_NS: Final = 3_000_000_000
-"""Over which the rate is counted, ns."""
-_FALLEN: Final = 2.0
-"""A flag has fallen that no sample had for so long, s."""
+_RATE_NS: Final = 3_000_000_000  # Over which the rate is counted, ns
+_FALLEN: Final = 2.0  # A flag has fallen that no sample had for so long, s
 _TOLD: Final = sum(flags.MEANING) & ~(
     flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSENT | flags.ACC_GATED | flags.MAG_GATED | flags.AT_REST
     | flags.GAP
@@ -72,13 +76,7 @@ class Aligned:
 
 
 class Aligner:
-    """Holds parts until the attitudes of their samples are there, which with a lag come later.
-
-    Parameters
-    ----------
-    stream : Stream
-        The stream.
-    """
+    """Holds parts until the attitudes of their samples are there, which with a lag come later."""
 
     def __init__(self, stream: Stream) -> None:
         self._stream = stream
@@ -139,33 +137,10 @@ class FlagWatch:
 
 
 class Feed:
-    """Sink that shows a stream. A fault in it ends the view, not the stream.
+    """Sink that shows a stream, which keeps covariances. A fault in it ends the view, not the stream.
 
-    Parameters
-    ----------
-    stream : Stream
-        The stream, which keeps covariances.
-    outlet : Outlet
-        What shows it.
-    also : sequence of str
-        Names of further estimators.
-    chain : Chain, optional
-        Whose segments carry the units.
-    truth : AttitudeTrack, optional
-        Reference on the stream's time line, as of an emulated rig.
-    control, recording : bool
-        Whether commands are taken, and whether something can be recorded.
-    beside : callable, optional
-        Gives further fields of a batch: ``recording``, ``text``.
-    note : callable, optional
-        Called with why the view has ended, where it has.
-    clock : callable
-        Monotonic clock, ns.
-
-    Attributes
-    ----------
-    failed : str
-        Why the view has ended; empty while it goes on.
+    `truth` is on the time line of the stream; `beside` gives further fields of a batch: ``recording``, ``text``; `note`
+    is called with why the view has ended; `clock` is monotonic, ns.
     """
 
     def __init__(
@@ -182,7 +157,7 @@ class Feed:
         note: Callable[[str], object] | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        self.failed = ""
+        self.failed = ""  # why the view has ended; empty while it goes on
         self._stream, self._outlet, self._note, self._clock = stream, outlet, note, clock
         self._control, self._recording = control, recording
         self._beside = beside or dict
@@ -226,13 +201,7 @@ class Feed:
         self._safely(lambda: self._outlet.hello(self._hello()))
 
     def add(self, name: str) -> str:
-        """Add an estimator: from the current attitude, where there is one, else from its first samples.
-
-        Raises
-        ------
-        ParameterError
-            If it is not known, runs already, or cannot work here.
-        """
+        """Add an estimator: from the current attitude, where there is one, else from its first samples."""
         frame = self._frame
         if name in (*self._overlays, *self._preparing) or (self._own is not None and name == self._own.name):
             raise ParameterError(f"{name} is already running.")
@@ -261,13 +230,7 @@ class Feed:
                 self._attach(name, self._frame)
 
     def remove(self, name: str) -> str:
-        """Remove an estimator.
-
-        Raises
-        ------
-        ParameterError
-            If it was not added.
-        """
+        """Remove an estimator."""
         if name not in self._overlays:
             raise ParameterError(f"'{name}' was not added; these were: {', '.join(self._overlays) or 'none'}.")
         self._overlays.pop(name).close()
@@ -341,14 +304,16 @@ class Feed:
             return
         self._due_ns, self._still_ns = now_ns + EVERY_NS, now_ns + _STILL_NS
         self._attach_prepared()
-        rows = self._nothing_new() if ready is None else self._rows(ready)
+        none = np.zeros((0, len(self._layout.columns)))
+        rows: Any = {
+            "t": none[:, :0].ravel(),
+            "flags": np.zeros(0, np.uint32),
+            "values": none,
+            "sensed": np.zeros((0, 10)),
+        }
+        rows = rows if ready is None else self._rows(ready)
         fields = {**self._known, "link": self._link(now_ns), "playback": None, "recording": None, "text": None}
         self._outlet.batch(Batch(rows, fields | dict(self._beside())))
-
-    def _nothing_new(self) -> dict[str, NDArray[Any]]:
-        none = np.zeros((0, len(self._layout.columns)))
-        return {"t": none[:, 0] if none.shape[1] else np.zeros(0), "flags": np.zeros(0, dtype=np.uint32),
-                "values": none, "sensed": np.zeros((0, 10))}  # fmt: skip
 
     def _rows(self, ready: Aligned) -> dict[str, NDArray[Any]]:
         """Rows of samples; what is known now changes with them."""
@@ -400,7 +365,6 @@ class Feed:
 
     def _link(self, now_ns: int) -> dict[str, Any]:
         """How the stream does."""
-        counts = self._stream.decoder.counts
         if now_ns >= self._told[0]:
             self._told = now_ns + _REPORT_NS, self._timed()
         self._counted.append((now_ns, self._samples))
@@ -408,10 +372,9 @@ class Feed:
             self._counted.popleft()
         (begin_ns, before), (end_ns, after) = self._counted[0], self._counted[-1]
         rate = (after - before) / (end_ns - begin_ns) * 1e9 if end_ns - begin_ns > _STILL_NS else None
-        rejected = counts.bad_checksum + counts.bad_content + counts.bad_length + counts.unknown
         link = Link(
-            rate=rate, latency=None, age=None, samples=self._samples, junk=counts.junk, rejected=rejected,
-            unusable=self._stream.faults, skipped=0, **self._told[1],
+            rate=rate, latency=None, age=None, samples=self._samples, skipped=0,
+            **frame_faults(self._stream), **self._told[1],
         )  # fmt: skip
         return asdict(link)
 

@@ -11,7 +11,6 @@ import struct
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -25,17 +24,15 @@ from plumbob.core.units import deg, dps
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.live.rows import ATTITUDE, IMU, TIME_SCHEMA, TRANSFORMS, attitude_rows, imu_rows, row_schema, transform_row
 from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
-from plumbob.viewer.hub import Hub, deliver
+from plumbob.viewer.hub import Hub, delivered
 from plumbob.viewer.messages import as_json
 from plumbob.viewer.pipe import PipeMessage
 
 if TYPE_CHECKING:
     from starlette.websockets import WebSocket
 
-PROTOCOLS: Final = ("foxglove.websocket.v1", "foxglove.sdk.v1")
-"""Names of the protocol, of which a client names at least one."""
-QUEUE: Final = 2000
-"""Messages that wait for a client at most; the oldest go."""
+PROTOCOLS: Final = ("foxglove.websocket.v1", "foxglove.sdk.v1")  # a client names at least one of them
+QUEUE: Final = 2000  # Messages that wait for a client at most; the oldest go
 
 _DATA: Final = struct.Struct("<BIQ")
 _MESSAGE_DATA: Final = 1
@@ -102,15 +99,7 @@ Sample = tuple[int, bytes]
 
 
 class SampleMessages:
-    """Messages of the samples of a batch, by channel.
-
-    Parameters
-    ----------
-    hub : Hub
-        What the samples are of.
-    message : PipeMessage
-        The batch.
-    """
+    """Messages of the samples of a batch, by channel."""
 
     def __init__(self, hub: Hub, message: PipeMessage) -> None:
         self._hub, self._hello = hub, hub.hello or {}
@@ -188,10 +177,6 @@ class SampleMessages:
 _NED: Final = frame_rotation(Frame.ENU, Frame.NED)
 
 
-def _stamp(utc: int) -> dict[str, int]:
-    return {"sec": utc // 1_000_000_000, "nsec": utc % 1_000_000_000}
-
-
 class Viewer:
     """A client: what it has subscribed to, and what waits for it."""
 
@@ -261,13 +246,7 @@ class Viewer:
 
 
 class Foxglove:
-    """Serves clients of the protocol.
-
-    Parameters
-    ----------
-    hub : Hub
-        What the server knows.
-    """
+    """Serves clients of the protocol."""
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
@@ -279,7 +258,6 @@ class Foxglove:
     async def serve(self, socket: "WebSocket") -> None:
         """Serve a client until one of the two goes."""
         from starlette.responses import PlainTextResponse
-        from starlette.websockets import WebSocketDisconnect
 
         named = [protocol for protocol in socket.scope["subprotocols"] if protocol in PROTOCOLS]
         if not named:
@@ -288,30 +266,12 @@ class Foxglove:
             return
         await socket.accept(named[0])
         viewer = Viewer()
-        sending = asyncio.create_task(self._send(socket, viewer))
-        self._viewers.add(viewer)
-        try:
-            while True:
-                message = await socket.receive()
-                if message["type"] == "websocket.disconnect":
-                    break
+        async with delivered(viewer, socket, self._viewers, self._info(), _advertised()):
+            while (message := await socket.receive())["type"] != "websocket.disconnect":
                 if message.get("text") is not None:
                     viewer.take(message["text"])
                 else:
                     viewer.say(_WARNING, "This server takes no data.")
-        except WebSocketDisconnect:
-            pass
-        finally:
-            self._viewers.discard(viewer)
-            sending.cancel()
-
-    async def _send(self, socket: "WebSocket", viewer: Viewer) -> None:
-        from starlette.websockets import WebSocketDisconnect
-
-        with suppress(WebSocketDisconnect):
-            await socket.send_text(as_json(self._info()))
-            await socket.send_text(as_json(_advertised()))
-            await deliver(viewer, socket)
 
     def _info(self) -> dict[str, Any]:
         hello = self._hub.hello or {}
@@ -337,8 +297,10 @@ class Foxglove:
     def _tell(self, kind: str, text: str, t: float | None) -> None:
         started = (self._hub.hello or {}).get("started_utc")
         utc = time.time_ns() if t is None or started is None else round(1e9 * (started + t))
-        entry = {"timestamp": _stamp(utc), "level": _LOG_WARNING if kind in _WARNED else _LOG_INFO, "message": text,
-                 "name": kind, "file": "", "line": 0}  # fmt: skip
+        sec, nsec = divmod(utc, 1_000_000_000)
+        level = _LOG_WARNING if kind in _WARNED else _LOG_INFO
+        entry = {"timestamp": {"sec": sec, "nsec": nsec}, "level": level, "message": text, "name": kind, "file": "",
+                 "line": 0}  # fmt: skip
         for viewer in self._viewers:
             viewer.put(_EVENTS, [(utc, as_json(entry).encode())])
 

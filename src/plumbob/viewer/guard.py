@@ -27,8 +27,7 @@ Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-HEADERS: Final = 16 << 10
-"""Bytes of a request's headers at most."""
+HEADERS: Final = 16 << 10  # Bytes of a request's headers at most
 
 _LOOPBACK: Final = ("localhost", "127.0.0.1", "[::1]")
 _ALWAYS: Final = {
@@ -72,15 +71,7 @@ class GuardRules:
 
 
 class Guard:
-    """ASGI application before another, which it lets nobody come to who may not.
-
-    Parameters
-    ----------
-    app : callable
-        The application.
-    rules : GuardRules
-        What it goes by.
-    """
+    """ASGI application before another, which it lets nobody come to who may not."""
 
     def __init__(self, app: App, rules: GuardRules) -> None:
         self._app, self._rules = app, rules
@@ -229,14 +220,10 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, why: Refusal) -> N
     await send({"type": f"{kind}.body", "body": body})
 
 
-ASKING_S: Final = 5.0
-"""How long a request may take to come, s."""
-LISTENING_S: Final = 5.0
-"""How long a client may take nothing of what it is sent, s."""
-BODY: Final = 1 << 20
-"""Bytes of a request's body at most, also of one that nobody reads."""
-MESSAGE: Final = 64 << 10
-"""Bytes of a client's message at most."""
+ASKING_S: Final = 5.0  # How long a request may take to come, s
+LISTENING_S: Final = 5.0  # How long a client may take nothing of what it is sent, s
+BODY: Final = 1 << 20  # Bytes of a request's body at most, also of one that nobody reads
+MESSAGE: Final = 64 << 10  # Bytes of a client's message at most
 SLOW: Final = 1013, "Too slow: nothing could be sent for 5 s. Connect again."
 
 _NO_HANDSHAKE: Final = b"HTTP/1.1 431 Request Header Fields Too Large\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"

@@ -7,8 +7,8 @@ supersedes itself, who is slow gets the newest.
 import asyncio
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager, suppress
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, Generic, Protocol, TypeVar
 
@@ -16,20 +16,16 @@ import numpy as np
 
 from plumbob.core.flags import names
 from plumbob.core.text import counted
-from plumbob.viewer.charts import History, Rows, Thinner, tick
+from plumbob.viewer.charts import History, Rows, Tare, Thinner, shown_attitudes, tick
 from plumbob.viewer.messages import Answer, Happened, Lines, as_json, numbers
 from plumbob.viewer.pipe import PipeMessage
-from plumbob.viewer.rows import Tare, shown_attitudes
 
 if TYPE_CHECKING:
     from starlette.websockets import WebSocket
 
-TICK_S: Final = 1.0 / 50.0
-"""Time between two ticks at least, s."""
-IDLE_S: Final = 0.25
-"""Time between two ticks at most, s: the age of the newest sample grows."""
-PAST: Final = 100
-"""Events that a new client gets."""
+TICK_S: Final = 1.0 / 50.0  # Time between two ticks at least, s
+IDLE_S: Final = 0.25  # Time between two ticks at most, s: the age of the newest sample grows
+PAST: Final = 100  # Events that a new client gets
 
 _BEHIND: Final = 25  # ticks after which a client is given the newest one
 _FRESH: Final = 1.0  # s, for which a column shows the last value that was not absent
@@ -46,17 +42,11 @@ Listener = Callable[[PipeMessage], None]
 
 
 class NewestItems(Generic[Item]):
-    """The newest of a queue, by the number of an item since the start.
-
-    Attributes
-    ----------
-    end : int
-        Number of the item that comes next.
-    """
+    """The newest of a queue, by the number of an item since the start."""
 
     def __init__(self, room: int) -> None:
         self._items: deque[Item] = deque(maxlen=room)
-        self.end = 0
+        self.end = 0  # number of the item that comes next
 
     @property
     def first(self) -> int:
@@ -77,20 +67,7 @@ class NewestItems(Generic[Item]):
 
 
 class Client:
-    """What a page has got so far.
-
-    Parameters
-    ----------
-    hub : Hub
-        Where it gets it from.
-    since : int, optional
-        Number of the last event that it knows.
-
-    Attributes
-    ----------
-    wake : asyncio.Event
-        Set when there may be something to get.
-    """
+    """What a page has got so far, which knows the event of number `since`."""
 
     def __init__(self, hub: "Hub", since: int | None = None) -> None:
         self._hub = hub
@@ -173,71 +150,55 @@ class MessageSource(Protocol):
         """Message that comes next; None where there is none yet."""
 
 
-async def deliver(source: MessageSource, socket: "WebSocket") -> None:
-    """Send a client its messages as they come, until it goes."""
+Source = TypeVar("Source", bound=MessageSource)
+
+
+@asynccontextmanager
+async def delivered(
+    source: Source, socket: "WebSocket", connected: set[Source], *greetings: Mapping[str, Any]
+) -> AsyncIterator[None]:
+    """While what is inside runs, a client is among those that are connected, and gets its messages; until it goes."""
     from starlette.websockets import WebSocketDisconnect
 
-    with suppress(WebSocketDisconnect):
-        while True:
-            await source.wake.wait()
-            source.wake.clear()
-            while (message := source.next()) is not None:
-                await (socket.send_text(message) if isinstance(message, str) else socket.send_bytes(message))
+    async def deliver() -> None:
+        with suppress(WebSocketDisconnect):
+            for greeting in greetings:
+                await socket.send_text(as_json(greeting))
+            while True:
+                await source.wake.wait()
+                source.wake.clear()
+                while (message := source.next()) is not None:
+                    await (socket.send_text(message) if isinstance(message, str) else socket.send_bytes(message))
+
+    connected.add(source)
+    sending = asyncio.create_task(deliver())
+    try:
+        with suppress(WebSocketDisconnect):
+            yield
+    finally:
+        connected.discard(source)
+        sending.cancel()
 
 
 class Hub:
-    """What the server knows of the stream.
-
-    Parameters
-    ----------
-    control : bool
-        Whether clients may give commands.
-
-    Attributes
-    ----------
-    hello : dict or None
-        Newest `messages.Hello`.
-    hello_text : str
-        The same as it is sent; empty before there is one.
-    hellos, layouts : int
-        How many there were, and how many with other columns than before.
-    epoch : int
-        Rises when time begins again.
-    history : History
-        Rows of the last minute.
-    ticks, events : NewestItems
-        Encoded messages.
-    lines : NewestItems
-        Lines of the device's output.
-    newest : dict of str to (int, str)
-        Messages that supersede the ones before them, with how many there were: ``allan``, ``guide``.
-    clients : set of Client
-        Those that are connected.
-    listeners : set of callable
-        Called with each message of the pipe.
-    on_event : callable
-        Called with kind, text and time of each event.
-    tare : Tare
-        What angles count from.
-    guide : str or None
-        What is being calibrated.
-    """
+    """What the server knows of the stream."""
 
     def __init__(self, *, control: bool = False) -> None:
-        self.control = control
-        self.hello: dict[str, Any] | None = None
-        self.hello_text = ""
-        self.hellos = self.layouts = self.epoch = 0
+        self.control = control  # whether clients may give commands
+        self.hello: dict[str, Any] | None = None  # newest `messages.Hello`
+        self.hello_text = ""  # the same as it is sent
+        self.hellos = self.layouts = 0  # how many there were, and how many with other columns than before
+        self.epoch = 0  # rises when time begins again
         self.history, self._thinner = History(()), Thinner(0)
         self.ticks: NewestItems[bytes] = NewestItems(50)
         self.events: NewestItems[str] = NewestItems(1000)
         self.lines: NewestItems[str] = NewestItems(100)
-        self.newest: dict[str, tuple[int, str]] = {}
+        self.newest: dict[str, tuple[int, str]] = {}  # by kind, with a version: what supersedes what was before
         self.clients: set[Client] = set()
         self.listeners: set[Listener] = set()
         self.on_event: Callable[[str, str, float | None], None] = lambda kind, text, t: None
         self.tare = Tare()
-        self.guide: str | None = None
+        self.guide: str | None = None  # what is being calibrated
         self.fields: dict[str, Any] = {}
         self.t: float | None = None
         self._flags = 0
@@ -411,20 +372,12 @@ class Hub:
 
     def _flush(self) -> Rows:
         """Rows of what came since the last tick, which the history has from now on."""
-        rows = Rows.none(len(self.history.keys))
-        if not self._waiting:
-            rows = self._thinner.rest()
+        rate = self.fields.get("link", {}).get("rate") or (self.hello or {}).get("rate")
+        speed = float((self.fields.get("playback") or {}).get("speed") or 1.0)
+        rows = Rows.none(len(self.history.keys)) if self._waiting else self._thinner.rest()
         for some in self._waiting:
-            rows = rows.joined(self._thinner.take(some, rate=self._rate, speed=self._speed))
+            part = self._thinner.take(some, rate=float("inf") if rate is None else float(rate), speed=speed)
+            rows = rows.joined(part)
         self._waiting.clear()
         self.history.add(rows)
         return rows
-
-    @property
-    def _rate(self) -> float:
-        rate = self.fields.get("link", {}).get("rate") or (self.hello or {}).get("rate")
-        return float("inf") if rate is None else float(rate)
-
-    @property
-    def _speed(self) -> float:
-        return float((self.fields.get("playback") or {}).get("speed") or 1.0)

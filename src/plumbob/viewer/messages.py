@@ -18,11 +18,9 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 if TYPE_CHECKING:
     from plumbob.core.check import Floats
 
-PROTOCOL: Final = 1
-"""Version of these messages; a page of another version says so instead of drawing."""
+PROTOCOL: Final = 1  # Version of these messages; a page of another version says so instead of drawing
 TICK: Final = 1
-HISTORY: Final = 2
-"""Kinds of binary messages."""
+HISTORY: Final = 2  # Kinds of binary messages
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -261,8 +259,7 @@ class Command:
     value: float | None = None  # a number
 
 
-FromServer = Hello | State | Happened | AllanCurve | Guidance | Lines | Answer
-"""All that a page must understand."""
+FromServer = Hello | State | Happened | AllanCurve | Guidance | Lines | Answer  # All that a page must understand
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,16 +17,14 @@ from plumbob.filters import Filter, Start, estimator_names
 from plumbob.filters.known import EXTENSIBLE
 from plumbob.filters.offline import Stage, make_follower
 from plumbob.filters.smoother import FixedLag, Smoother
-from plumbob.live.stream import UnitPart
+from plumbob.live.stream import Stream, UnitPart
 from plumbob.reporting.arm import stick_points
 from plumbob.rotations import Frame, change_frame, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.viewer.messages import Skeleton
 from plumbob.viewer.rows import Attitudes, RowLayout, ShownEstimator, rows_at, shown_estimator
 
-MOST: Final = 8
-"""Overlays at the same time."""
-_OF_UNITS: Final = "mekf"
-"""What estimates each unit of a chain."""
+MOST: Final = 8  # Overlays at the same time
+_OF_UNITS: Final = "mekf"  # What estimates each unit of a chain
 _ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT)
 
 
@@ -60,6 +58,13 @@ def greeting(layout: RowLayout, frame: Frame | None) -> dict[str, Any]:
     }
 
 
+def frame_faults(stream: Stream) -> dict[str, Any]:
+    """What `messages.Link` says of a stream's bytes and frames."""
+    counts = stream.decoder.counts
+    rejected = counts.bad_checksum + counts.bad_content + counts.bad_length + counts.unknown
+    return {"junk": counts.junk, "rejected": rejected, "unusable": stream.faults}
+
+
 def described(filter_: Filter | Smoother | FixedLag) -> str:
     """Filter with what differs from its defaults."""
     params = filter_.facts()["params"]
@@ -67,18 +72,9 @@ def described(filter_: Filter | Smoother | FixedLag) -> str:
 
 
 class Overlay:
-    """An estimator that runs beside the primary one.
+    """An estimator that runs beside the primary one; the smoother then has no lag.
 
-    Parameters
-    ----------
-    name : str
-        Name of its filter, or ``"smoother"``, which then has no lag.
-    frame : Frame
-        Navigation frame.
-    meta : ImuMeta
-        Of the samples.
-    start : Start or None
-        Attitude that it goes on from; None: its first samples give it.
+    It goes on from the attitude `start`, or where that is None from its first samples.
     """
 
     def __init__(self, name: str, frame: Frame, meta: ImuMeta, start: Start | None = None) -> None:
@@ -109,22 +105,7 @@ class Overlay:
 
 
 class ChainFollower:
-    """Follows a chain by an estimator on each of its units.
-
-    Parameters
-    ----------
-    chain : Chain
-        The chain; the place of every joint is known.
-    frame : Frame
-        Navigation frame.
-    units : sequence of str
-        Units that there are samples of.
-
-    Attributes
-    ----------
-    skeleton : Skeleton
-        Its stick figure.
-    """
+    """Follows a chain, whose joints all have places, by an estimator on each of its units."""
 
     def __init__(self, chain: Chain, frame: Frame, units: Sequence[str]) -> None:
         if not chain.known:

@@ -17,24 +17,15 @@ from numpy.typing import NDArray
 
 from plumbob.core.errors import MissingExtraError
 
-LIMIT: Final = 1 << 20
-"""Bytes that wait for a slow server at most."""
-TOKEN: Final = "PLUMBOB_VIEW_TOKEN"
-"""Variable of the environment that gives the server its token; options can be read by every process of the machine."""
-PAGE: Final = "view/index.html"
-"""The built page, as `plumbob.core.resources.asset` has it."""
+LIMIT: Final = 1 << 20  # Bytes that wait for a slow server at most
+TOKEN: Final = "PLUMBOB_VIEW_TOKEN"  # of the environment, for options can be read by every process of the machine
+PAGE: Final = "view/index.html"  # The built page, as `plumbob.core.resources.asset` has it
 _HEAD: Final = struct.Struct("<II")
 _MOST: Final = 64 << 20
 
 
 def require_packages() -> None:
-    """Refuse to begin without the packages of the server.
-
-    Raises
-    ------
-    MissingExtraError
-        If one is missing.
-    """
+    """Refuse to begin without the packages of the server."""
     for name in ("starlette", "uvicorn", "websockets"):
         if find_spec(name) is None:
             raise MissingExtraError(f'the live view needs {name}: pip install "plumbob[view]".')
@@ -92,28 +83,15 @@ def _message(head: bytes, body: bytes) -> PipeMessage:
 
 
 class PipeWriter:
-    """Writes into a pipe without ever waiting.
-
-    Parameters
-    ----------
-    end : socket
-        Its end; made non-blocking here.
-
-    Attributes
-    ----------
-    skipped : int
-        Messages that were dropped, for the reader was too slow.
-    broken : bool
-        Whether the reader is gone.
-    """
+    """Writes into a pipe, whose end it makes non-blocking, without ever waiting."""
 
     def __init__(self, end: socket.socket) -> None:
         end.setblocking(False)
         self._end = end
         self._waiting: deque[bytes] = deque()
         self._size = 0
-        self.skipped = 0
-        self.broken = False
+        self.skipped = 0  # messages that were dropped, for the reader was too slow
+        self.broken = False  # whether the reader is gone
 
     @property
     def waiting(self) -> int:

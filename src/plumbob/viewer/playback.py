@@ -29,7 +29,7 @@ from plumbob.protocols.format import Message
 from plumbob.rotations import Frame
 from plumbob.viewer.commands import Outlet
 from plumbob.viewer.messages import Batch, Hello, Link, Playback, numbers
-from plumbob.viewer.overlays import ChainFollower, described, greeting, require_addable
+from plumbob.viewer.overlays import ChainFollower, described, frame_faults, greeting, require_addable
 from plumbob.viewer.rows import (
     Attitudes,
     RowLayout,
@@ -45,13 +45,10 @@ from plumbob.viewer.rows import (
     shown_of_track,
 )
 
-BEFORE: Final = 60.0
-"""Time before a place that is shown with it, s."""
+BEFORE: Final = 60.0  # Time before a place that is shown with it, s
 SPEEDS: Final = 0.1, 100.0
-RECORDED: Final = "recorded"
-"""Name of an estimate that the recording carries."""
-_ROWS: Final = 2000
-"""Rows that are handed over at a time."""
+RECORDED: Final = "recorded"  # Name of an estimate that the recording carries
+_ROWS: Final = 2000  # Rows that are handed over at a time
 _STILL_NS: Final = 250_000_000
 
 
@@ -84,12 +81,10 @@ class Loaded:
     raw: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (N,), fields of the frames, in counts
     message: Message | None = None  # what they are
     events: Sequence[tuple[float, Event]] = ()  # events at their time, s
-    # lost, gaps, junk, rejected, unusable: of the whole, as `messages.Link` has them
-    lost: int = 0
-    gaps: int = 0
-    junk: int = 0
-    rejected: int = 0
-    unusable: int = 0
+    # of the whole: ``lost``, ``gaps``, ``junk``, ``rejected``, ``unusable`` as `messages.Link` has them
+    counts: Mapping[str, int] = field(
+        default_factory=lambda: dict.fromkeys(("lost", "gaps", "junk", "rejected", "unusable"), 0)
+    )
 
     @property
     def frame(self) -> Frame | None:
@@ -112,26 +107,10 @@ def load(
     note: Note | None = None,
     **options: Any,
 ) -> Loaded:
-    """Read a recording, and estimate it.
+    """Read and estimate a recording that `plumbob.read` reads.
 
-    Parameters
-    ----------
-    path : path
-        Anything that `plumbob.read` reads.
-    filter : str, optional
-        Instead of the estimate that the recording carries, or of the smoother.
-    also : sequence of str
-        Further estimators.
-    chain : Chain, optional
-        Whose segments carry the units, which are then all read.
-    unit : str, optional
-        Which of several units.
-    profile : path, optional
-        What the columns of a text mean.
-    calibration, frame, note : optional
-        As of `plumbob.estimate`.
-    **options
-        ``causal``, ``lag``, ``params``, ``init``, ``noise``, ``place``, ``date``, as of `plumbob.estimate`.
+    With a `filter` or any of `options` (those of `plumbob.estimate`) the estimate that the recording carries does not
+    count; `also` names further estimators. A `chain` reads all units, `unit` one of several.
     """
     options = {name: value for name, value in options.items() if value is not None}
     wanted = filter is not None or bool(options)
@@ -224,7 +203,7 @@ def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, fram
     imu, sensed = replayed.imu, replayed.found.imu(calibrated=False)
     if imu is None or sensed is None:
         raise ShapeError(f"{path} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
-    stage, counts, report = replayed.stream.session.stage, replayed.stream.decoder.counts, replayed.stream.time_report()
+    stage, report = replayed.stream.session.stage, replayed.stream.time_report()
     estimates = []
     if stage is not None and replayed.track is not None and replayed.stream.filter is not None:
         filter_ = replayed.stream.filter
@@ -246,12 +225,8 @@ def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, fram
         array=replayed.found.array(calibrated=True),
         raw=_recorded_raw(replayed, message),
         message=message,
-        events=_timed_events(replayed),
-        lost=report.lost,
-        gaps=report.gap_count,
-        junk=counts.junk,
-        rejected=counts.bad_checksum + counts.bad_content + counts.bad_length + counts.unknown,
-        unusable=replayed.stream.faults,
+        events=[((event.t_ns - (replayed.stream.t0_ns or 0)) / 1e9, event) for event in replayed.found.events],
+        counts={"lost": report.lost, "gaps": report.gap_count, **frame_faults(replayed.stream)},
     )
 
 
@@ -265,27 +240,8 @@ def _recorded_raw(replayed: Replayed, message: Message) -> dict[str, NDArray[Any
     return raw_fields(message, columns)
 
 
-def _timed_events(replayed: Replayed) -> list[tuple[float, Event]]:
-    first = replayed.stream.t0_ns or 0
-    return [((event.t_ns - first) / 1e9, event) for event in replayed.found.events]
-
-
 class Player:
-    """Plays a recording into an outlet.
-
-    Parameters
-    ----------
-    loaded : Loaded
-        The recording.
-    outlet : Outlet
-        What shows it.
-    chain : Chain, optional
-        Whose segments carry its units.
-    control : bool
-        Whether commands are taken.
-    clock : callable
-        Monotonic clock, ns.
-    """
+    """Plays a recording into an outlet; `clock` is monotonic, ns."""
 
     def __init__(
         self,
@@ -299,8 +255,8 @@ class Player:
         self._loaded, self._outlet, self._clock, self._control = loaded, outlet, clock, control
         self.playing, self.speed = True, 1.0
         self._t = loaded.t
-        self._first, self._last = float(loaded.t[0]), float(loaded.t[-1])
-        self._position = self._first
+        self._first, self.duration = float(loaded.t[0]), float(loaded.t[-1])  # of the first and the last sample, s
+        self.position = self._first  # where it is, s of the recording's time
         self._next = 0  # row that is to be handed over next
         self._event = 0
         self._told_ns = clock()
@@ -309,19 +265,9 @@ class Player:
         self._lay_out()
         self._outlet.hello(self.hello())
 
-    @property
-    def position(self) -> float:
-        """Where it is, s of the recording's time."""
-        return self._position
-
-    @property
-    def duration(self) -> float:
-        """Time of the last sample, s."""
-        return self._last
-
     def play(self) -> str:
         """Go on; from the beginning where it has ended."""
-        if self._position >= self._last:
+        if self.position >= self.duration:
             self.seek(self._first)
         self.playing, self._told_ns = True, self._clock()
         return "it plays"
@@ -329,16 +275,10 @@ class Player:
     def pause(self) -> str:
         """Stand still."""
         self.playing = False
-        return f"it stands at {self._position:.3f} s"
+        return f"it stands at {self.position:.3f} s"
 
     def set_speed(self, speed: float) -> str:
-        """Play faster or slower.
-
-        Raises
-        ------
-        ParameterError
-            If it is out of range.
-        """
+        """Play faster or slower."""
         low, high = SPEEDS
         if not low <= speed <= high:
             raise ParameterError(f"the speed must be from {low:g} to {high:g}, but it is {speed:g}.")
@@ -346,32 +286,20 @@ class Player:
         return f"it plays {speed:g} times as fast"
 
     def seek(self, position: float) -> str:
-        """Go to a time, s: what is shown is the sample at or before it, and the minute before.
-
-        Raises
-        ------
-        ParameterError
-            If it is not a time.
-        """
+        """Go to a time, s: what is shown is the sample at or before it, and the minute before."""
         if not np.isfinite(position):
             raise ParameterError("a position must be a number of seconds.")
-        self._position = min(max(position, self._first), self._last)
+        self.position = min(max(position, self._first), self.duration)
         self._told_ns = self._clock()
         self._outlet.reset()
-        self._next = int(np.searchsorted(self._t, self._position - BEFORE))
-        self._event = sum(t < self._position for t, _ in self._loaded.events)
+        self._next = int(np.searchsorted(self._t, self.position - BEFORE))
+        self._event = sum(t < self.position for t, _ in self._loaded.events)
         self._still_ns = 0
         self._hand_on()
-        return f"it is at {self._position:.3f} s"
+        return f"it is at {self.position:.3f} s"
 
     def add(self, name: str) -> str:
-        """Estimate the recording by a further estimator.
-
-        Raises
-        ------
-        ParameterError
-            If it is not known, or is shown already.
-        """
+        """Estimate the recording by a further estimator."""
         loaded = self._loaded
         if loaded.imu is None:
             raise ParameterError("the recording has no samples to estimate from.")
@@ -382,13 +310,7 @@ class Player:
         return self._changed(f"{name} runs beside")
 
     def remove(self, name: str) -> str:
-        """Remove an estimator that is not the first.
-
-        Raises
-        ------
-        ParameterError
-            If there is none.
-        """
+        """Remove an estimator that is not the first."""
         others = [est for est in self._loaded.estimates[1:] if est.shown.name == name]
         if not others:
             raise ParameterError(f"'{name}' was not added.")
@@ -398,30 +320,30 @@ class Player:
     def _changed(self, text: str) -> str:
         self._lay_out()
         self._outlet.hello(self.hello())
-        self.seek(self._position)
+        self.seek(self.position)
         return text
 
     def tick(self) -> None:
         """Hand on what is due."""
         now_ns = self._clock()
         if self.playing:
-            self._position += (now_ns - self._told_ns) / 1e9 * self.speed
-            if self._position >= self._last:
-                self._position, self.playing = self._last, False
+            self.position += (now_ns - self._told_ns) / 1e9 * self.speed
+            if self.position >= self.duration:
+                self.position, self.playing = self.duration, False
         self._told_ns = now_ns
         self._tell_events()
         self._hand_on()
 
     def _tell_events(self) -> None:
         events = self._loaded.events
-        while self._event < len(events) and events[self._event][0] <= self._position:
+        while self._event < len(events) and events[self._event][0] <= self.position:
             t, event = events[self._event]
             self._outlet.event(t, event.kind, event.text)
             self._event += 1
 
     def _hand_on(self) -> None:
         """Hand over the rows up to the position, as far as there is room, and the state where nothing is new."""
-        end, now_ns = max(1, int(np.searchsorted(self._t, self._position, side="right"))), self._clock()
+        end, now_ns = max(1, int(np.searchsorted(self._t, self.position, side="right"))), self._clock()
         while self._next < end and self._outlet.ready:
             stop = min(end, self._next + _ROWS)
             self._outlet.batch(self.batch(self._next, stop))
@@ -453,9 +375,8 @@ class Player:
         reference = None if self._reference is None else self._reference.rows(at)
         imu = None if loaded.imu is None else loaded.imu[at]
         link = Link(
-            rate=self._rate, latency=None, age=None, samples=at.stop, lost=loaded.lost, gaps=loaded.gaps,
-            junk=loaded.junk, rejected=loaded.rejected, unusable=loaded.unusable, drift_ppm=None, clock=RECORDED,
-            skipped=0,
+            rate=self._rate, latency=None, age=None, samples=at.stop, drift_ppm=None, clock=RECORDED,
+            skipped=0, **loaded.counts,
         )  # fmt: skip
         return {
             "raw": numbers(np.array([column[at.start] for column in loaded.raw.values()], dtype=np.float64)),
@@ -466,7 +387,7 @@ class Player:
             "link": asdict(link),
             "recording": None,
             "text": None,
-            "playback": asdict(Playback(position=self._position, speed=self.speed, playing=self.playing)),
+            "playback": asdict(Playback(position=self.position, speed=self.speed, playing=self.playing)),
             "arrived_ns": None,
         }
 
@@ -508,7 +429,7 @@ class Player:
             guides=(),
             control=self._control,
             recording=False,
-            duration=self._last,
+            duration=self.duration,
             started_utc=t0_ns / 1e9 if t0_ns else None,
             **greeting(self._layout, loaded.frame),
         )

@@ -28,7 +28,7 @@ from plumbob.viewer.commands import RefusedError, parse_command
 from plumbob.viewer.derived import Derived
 from plumbob.viewer.foxglove import Foxglove
 from plumbob.viewer.guard import App, Guard, GuardRules
-from plumbob.viewer.hub import Client, Hub, deliver
+from plumbob.viewer.hub import Client, Hub, delivered
 from plumbob.viewer.messages import Answer, Command, as_json
 from plumbob.viewer.pipe import LIMIT, PAGE, TOKEN, MessageUnpacker, PipeMessage, packed, require_packages
 
@@ -39,12 +39,9 @@ if TYPE_CHECKING:
     from starlette.routing import BaseRoute
     from starlette.websockets import WebSocket
 
-BODY: Final = 64 << 10
-"""Bytes of a request's body at most: a command has a few hundred."""
-OUTSTANDING: Final = 8
-"""Commands of a client that wait for their answer at most."""
-FULL: Final = 1013
-"""Close code of a client that finds no room, or was too slow: try again later."""
+BODY: Final = 64 << 10  # Bytes of a request's body at most: a command has a few hundred
+OUTSTANDING: Final = 8  # Commands of a client that wait for their answer at most
+FULL: Final = 1013  # Close code of a client that finds no room, or was too slow: try again later
 _READ_ONLY: Final = "This view takes no commands. Start it with --control."
 
 
@@ -212,26 +209,16 @@ class Page:
 
     async def serve(self, socket: "WebSocket") -> None:
         """Serve a page until one of the two goes."""
-        from starlette.websockets import WebSocketDisconnect
-
         since = socket.query_params.get("since", "")
         client = Client(self._hub, int(since) if since.isascii() and since.isdigit() and len(since) < 16 else None)
         await socket.accept()
-        self._hub.clients.add(client)
-        sending = asyncio.create_task(deliver(client, socket))
         commands: set[asyncio.Task[None]] = set()
         try:
-            while True:
-                text = await socket.receive_text()
-                self._ask(client, text, commands)
-        except WebSocketDisconnect:
-            pass
+            async with delivered(client, socket, self._hub.clients):
+                while True:
+                    self._ask(client, await socket.receive_text(), commands)
         except KeyError:
-            sending.cancel()
             await socket.close(1003, "A command is text, not bytes.")
-        finally:
-            self._hub.clients.discard(client)
-            sending.cancel()
 
     def _ask(self, client: Client, text: str, commands: set["asyncio.Task[None]"]) -> None:
         """Do a command in a task of its own, or say why not."""
@@ -253,8 +240,7 @@ class Page:
         client.answer(await self._control.do(command))
 
 
-SHORTEST: Final = 22
-"""Letters of a token at least: 128 bits, 6 to a letter."""
+SHORTEST: Final = 22  # Letters of a token at least: 128 bits, 6 to a letter
 LOOPBACK: Final = ("127.0.0.1", "::1")
 
 _SENT: Final = 128 << 10  # bytes that the system keeps for a client that does not read
@@ -320,13 +306,7 @@ async def _run(options: argparse.Namespace, token: str) -> None:
 
 
 def listening(host: str, port: int) -> list[socket.socket]:
-    """Sockets that listen: at the address, or where that is this machine's own, at both of its own.
-
-    Raises
-    ------
-    LineError
-        If the address is not one of this machine, or the port is taken.
-    """
+    """Sockets that listen: at the address, or where that is this machine's own, at both of its own."""
     is_own = host in (LOOPBACK[0], "localhost")
     try:
         place = LOOPBACK[0] if is_own else host
@@ -421,20 +401,11 @@ class Pipe(asyncio.Protocol):
             self._server.should_exit = True
 
 
-PATIENCE: Final = 10.0
-"""How long an answer of the session is waited for, s."""
+PATIENCE: Final = 10.0  # How long an answer of the session is waited for, s
 
 
 class Control:
-    """Does commands.
-
-    Parameters
-    ----------
-    hub : Hub
-        What the server knows; it lets each command that was done be known as an event.
-    write : callable
-        Writes a message into the pipe, and says whether it was taken.
-    """
+    """Does commands; `write` writes a message into the pipe, and says whether it was taken."""
 
     def __init__(self, hub: Hub, write: Callable[[PipeMessage], bool]) -> None:
         self._hub, self._write = hub, write

@@ -16,39 +16,16 @@ from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Received
 from plumbob.viewer.commands import LONGEST_NAME, checked_name, checked_text
 
-MARK: Final = "mark"
-"""Kind of the event that a mark is."""
+MARK: Final = "mark"  # Kind of the event that a mark is
 _FREE: Final = 1000
-
-
-def _tame(name: str) -> str:
-    """Name of a session as one of a file."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-")[:LONGEST_NAME] or "recording"
 
 
 class Switch:
     """Takes the place of a recording in a run, and records when it is asked to.
 
     A recording that starts while the line runs has a stream of its own, which begins with it: its samples and attitudes
-    are those that `plumbob record` would have written, and a replay gives them again to the bit.
-
-    Parameters
-    ----------
-    stream : Stream
-        The stream that runs.
-    folder : path
-        Where files go.
-    own : RecordingSink, optional
-        The session's own recording, which is made from the start.
-
-    Attributes
-    ----------
-    recordings : list of dict
-        Of each that has ended: ``path``, and ``rows``, ``acknowledged`` and ``dropped``.
-    failures : list of Event
-        Sinks beside it that have failed.
-    text : str or None
-        Text file that is written.
+    are those that `plumbob record` would have written, and a replay gives them again to the bit. The session's own
+    recording, `sink`, is made from the start.
     """
 
     def __init__(
@@ -64,9 +41,9 @@ class Switch:
         self._behind: Event | None = None
         self._events: list[Event] = []
         self._text: TextSink | None = None
-        self.recordings: list[dict[str, Any]] = []
-        self.failures: list[Event] = []
-        self.text: str | None = None
+        self.recordings: list[dict[str, Any]] = []  # facts of each that has ended
+        self.failures: list[Event] = []  # of sinks beside it
+        self.text: str | None = None  # text file that is written
 
     @property
     def recording(self) -> dict[str, Any] | None:
@@ -76,15 +53,7 @@ class Switch:
         return {**_recorder_facts(self._sink), "since": self._since}
 
     def record(self, name: str = "") -> str:
-        """Start a recording, and say where.
-
-        Raises
-        ------
-        ParameterError
-            If one is made already, or the name is not one.
-        DecodeError
-            If the file cannot be made.
-        """
+        """Start a recording, and say where."""
         if self._sink is not None:
             raise ParameterError(f"{self._sink.recorder.path.name} is being recorded; stop it first.")
         session = replace(self._stream.session, record=None)
@@ -96,13 +65,7 @@ class Switch:
         return str(path)
 
     def stop(self) -> str:
-        """End the recording, and say what it holds.
-
-        Raises
-        ------
-        ParameterError
-            If there is none.
-        """
+        """End the recording, and say what it holds."""
         if self._sink is None:
             raise ParameterError("nothing is being recorded.")
         facts = self._end(self._clock())
@@ -111,13 +74,7 @@ class Switch:
         return text
 
     def mark(self, text: str) -> str:
-        """Put an event into the recording and the view.
-
-        Raises
-        ------
-        ParameterError
-            If the text is empty, too long, or has more than one line.
-        """
+        """Put an event into the recording and the view."""
         text = checked_text(text.strip())
         if not text:
             raise ParameterError("a mark needs text.")
@@ -128,13 +85,7 @@ class Switch:
         return f"marked: {text}"
 
     def write_text(self, name: str = "") -> str:
-        """Start a text file, and say where.
-
-        Raises
-        ------
-        ParameterError
-            If one is written already, nothing is estimated, or the name is not one.
-        """
+        """Start a text file, and say where."""
         if self.text is not None:
             raise ParameterError(f"{Path(self.text).name} is being written; stop it first.")
         if self._stream.filter is None:
@@ -145,13 +96,7 @@ class Switch:
         return str(path)
 
     def stop_text(self) -> str:
-        """End the text file.
-
-        Raises
-        ------
-        ParameterError
-            If there is none.
-        """
+        """End the text file."""
         if self._text is None or self.text is None:
             raise ParameterError("no text is being written.")
         self._text.close()
@@ -220,7 +165,8 @@ class Switch:
 
     def _free(self, name: str, suffix: str) -> Path:
         """Path of a new file: the name and the time, and a number where that exists."""
-        stem = checked_name(name) if name else _tame(self._stream.session.name)
+        tame = re.sub(r"[^A-Za-z0-9_-]+", "-", self._stream.session.name).strip("-")[:LONGEST_NAME] or "recording"
+        stem = checked_name(name) if name else tame
         if not self._folder.is_dir():
             raise DecodeError(f"there is no folder {self._folder}; create it first.")
         stem = dated(f"{stem}-{{utc}}", self._clock() + epoch_offset_ns())

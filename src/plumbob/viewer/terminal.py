@@ -11,35 +11,31 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from rich.cells import cell_len, set_cell_size
+from rich.text import Text
 
 from plumbob.core.flags import names
 from plumbob.core.text import visible
 from plumbob.core.units import to_deg
 from plumbob.live.transports.transport import Stop, Stopping
 from plumbob.rotations import Frame, North
-from plumbob.rotations.headings import heading_of
+from plumbob.rotations.frames import heading_of
+from plumbob.viewer.charts import Tare, euler_deg
 from plumbob.viewer.commands import ClientCommand
 from plumbob.viewer.messages import Batch, Command, Hello
-from plumbob.viewer.rows import REFERENCE, Tare, euler_deg
-
-if TYPE_CHECKING:
-    from rich.text import Text
-
+from plumbob.viewer.rows import REFERENCE
 
 _EVERY: Final = 0.1
 _STALE_NS: Final = 1_000_000_000
 _EVENTS: Final = 50
 _JOIN: Final = 1.0
 _LABEL: Final = 12
-_NARROW: Final = 76
-"""Columns below which a table of estimators stands closer."""
-_TAPE: Final = 0.2
-"""Characters for a degree of the heading's tape."""
-_SCALES: Final = {"gyr": 250.0, "acc": 20.0, "mag": 80.0}
-"""Ends of the bars, °/s, m/s², µT: wider than most motions, and not the ranges of the sensors."""
+_NARROW: Final = 76  # Columns below which a table of estimators stands closer
+_TAPE: Final = 0.2  # Characters for a degree of the heading's tape
+_SCALES: Final = {"gyr": 250.0, "acc": 20.0, "mag": 80.0}  # ends of the bars, °/s, m/s², µT, wider than most motions
 _SENSORS: Final = (("gyr", "rate", "°/s", 2), ("acc", "force", "m/s²", 2), ("mag", "field", "µT", 1))
 
 CHINESE: Final = {
@@ -76,20 +72,7 @@ class Now:
 
 
 class Terminal:
-    """Outlet on a terminal.
-
-    Parameters
-    ----------
-    stop : Stop
-        Set by the key q.
-    lang : {"en", "zh"}
-        Language of the labels.
-
-    Attributes
-    ----------
-    now : Now
-        What is shown.
-    """
+    """Outlet on a terminal, whose key q sets `stop`."""
 
     def __init__(self, stop: Stop, lang: str = "en") -> None:
         self.now = Now()
@@ -148,7 +131,7 @@ class Terminal:
                 commands.append(ClientCommand(None, command))
         return commands
 
-    def lines(self, width: int, height: int, now_ns: int) -> "list[Text]":
+    def lines(self, width: int, height: int, now_ns: int) -> list[Text]:
         """What the screen shows: lines of at most `width`, `height` of them at most."""
         with self._lock:
             return _Page(self.now, self._words, width, now_ns).lines(height)
@@ -190,9 +173,7 @@ class _Page:
         self._age = None if arrived is None or not live else (now_ns - arrived) / 1e9
         self._stale = self._age is not None and self._age * 1e9 > _STALE_NS
 
-    def lines(self, height: int) -> "list[Text]":
-        from rich.text import Text
-
+    def lines(self, height: int) -> list[Text]:
         if self._now.hello is None:
             return [Text(self._say("waiting"))]
         head = [*self._head(), *self._attitudes(), *self._tape(), *self._sensors(), *self._state()]
@@ -211,9 +192,7 @@ class _Page:
     def _say(self, word: str) -> str:
         return self._words.get(word, word)
 
-    def _head(self) -> "Iterator[Text]":
-        from rich.text import Text
-
+    def _head(self) -> Iterator[Text]:
         hello, now = self._now.hello, self._now
         assert hello is not None
         playback = now.fields.get("playback")
@@ -223,7 +202,7 @@ class _Page:
             status = self._say("stale" if self._stale else "live" if now.t is not None else "waiting")
         line = Text(f"{visible(hello.session)}  ", style="bold")
         line.append(status, style="bold red" if self._stale else "bold green")
-        line.append(f"  {_clock(now.t)}")
+        line.append("  " if now.t is None else f"  {now.t:.2f} s")
         if now.tare.is_set:
             line.append(f"  {self._say('tared')}", style="yellow")
         yield line
@@ -233,9 +212,7 @@ class _Page:
         line.append(visible(self._say(hello.calibration)), style="bold yellow" if bare else "dim")
         yield line
 
-    def _attitudes(self) -> "Iterator[Text]":
-        from rich.text import Text
-
+    def _attitudes(self) -> Iterator[Text]:
         attitudes = self._now.fields.get("attitudes") or {}
         if not attitudes:
             return
@@ -250,9 +227,7 @@ class _Page:
             label = self._say(name) if name == REFERENCE else visible(name)
             yield Text(_row(label, cells, error, narrow=narrow), style="dim" if name == REFERENCE else "bold")
 
-    def _tape(self) -> "Iterator[Text]":
-        from rich.text import Text
-
+    def _tape(self) -> Iterator[Text]:
         hello, attitudes = self._now.hello, self._now.fields.get("attitudes") or {}
         if hello is None or hello.frame is None or not attitudes:
             return
@@ -263,9 +238,7 @@ class _Page:
         north = self._say(hello.north or North.FREE)
         yield Text(f"▲ {heading:05.1f}° {north}".rjust(width // 2 + len(f" {heading:05.1f}° {north}") + 1))
 
-    def _sensors(self) -> "Iterator[Text]":
-        from rich.text import Text
-
+    def _sensors(self) -> Iterator[Text]:
         values = self._now.values
         for sensor, label, unit, digits in _SENSORS:
             if not any(f"{sensor}.{axis}" in values for axis in "xyz"):
@@ -292,9 +265,7 @@ class _Page:
         ]  # fmt: skip
         return f"   {self._say('residual')}: {', '.join(residuals)}" if residuals else ""
 
-    def _state(self) -> "Iterator[Text]":
-        from rich.text import Text
-
+    def _state(self) -> Iterator[Text]:
         fields = self._now.fields
         risen = [self._say(name) for name in names(self._now.words)]
         line = Text(f"{self._say('flags')}: ")
@@ -314,9 +285,7 @@ class _Page:
             yield Text(counts, style="yellow" if bad else "dim")
         yield self._recorded()
 
-    def _recorded(self) -> "Text":
-        from rich.text import Text
-
+    def _recorded(self) -> Text:
         fields, hello = self._now.fields, self._now.hello
         playback, file = fields.get("playback"), fields.get("recording")
         if playback is not None and hello is not None:
@@ -364,8 +333,6 @@ def _row(name: str, cells: Sequence[str], error: str, *, narrow: bool) -> str:
 
 def _padded(text: str, width: int) -> str:
     """Text with spaces behind it, by the cells that it takes: a Chinese sign takes two."""
-    from rich.cells import cell_len, set_cell_size
-
     return set_cell_size(text, width) if cell_len(text) > width else text + " " * (width - cell_len(text))
 
 
@@ -378,10 +345,6 @@ def _bar(value: float | None, end: float, width: int) -> str:
         place = middle + round(max(-1.0, min(1.0, value / end)) * middle)
         cells[min(place, width - 1)] = "█"
     return "".join(cells)
-
-
-def _clock(t: float | None) -> str:
-    return "" if t is None else f"{t:.2f} s"
 
 
 def _pressed() -> str:

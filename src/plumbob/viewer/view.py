@@ -19,8 +19,7 @@ from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
 from plumbob.data.cards import CalibrationCard
-from plumbob.data.chain import Chain
-from plumbob.data.chain_toml import load_chain
+from plumbob.data.chain import Chain, load_chain
 from plumbob.door.reading import read
 from plumbob.live.record import announce
 from plumbob.live.runner import run_stream
@@ -39,34 +38,19 @@ from plumbob.viewer.messages import Command
 from plumbob.viewer.playback import Player, load
 from plumbob.viewer.switch import Switch, lossy
 
-HTTP_PORT: Final = 8770
-"""Where the view is served, unless another port is asked for."""
+HTTP_PORT: Final = 8770  # Where the view is served, unless another port is asked for
 _PAUSE: Final = 0.01
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Viewed(FactsText):
-    """A view that has ended.
-
-    Attributes
-    ----------
-    name : str
-        What was shown.
-    ran : Ran or None
-        Of a line: what it gave.
-    recordings : sequence of mapping
-        Of each recording that was made: its ``path``, ``rows``, those ``acknowledged`` by the disk, and ``dropped``.
-    restarts : int
-        How often the server had to be started again.
-    fault : str
-        Why the view ended before the line; empty where it did not.
-    """
+    """A view that has ended."""
 
     name: str
-    ran: Ran | None
-    recordings: Sequence[Mapping[str, Any]] = ()
-    restarts: int = 0
-    fault: str = ""
+    ran: Ran | None  # of a line: what it gave
+    recordings: Sequence[Mapping[str, Any]] = ()  # facts of each that was made
+    restarts: int = 0  # how often the server had to be started again
+    fault: str = ""  # why the view ended before the line
 
     @property
     def lossy(self) -> bool:
@@ -252,33 +236,18 @@ def _fill_terminal(
 class _Presentation:
     """How something is shown, whatever it is."""
 
+    # folder, control, duration, stop, note: as of `view`
     folder: Path
     control: bool
     duration: float | None
     stop: Stopping | None
     note: Note
-    echo: Note
-    opened: Callable[[], None]
+    echo: Note  # called with what the outlet shows as events
+    opened: Callable[[], None]  # called before the first sample
 
 
 class Shows:
-    """Something that can be shown: a line or a recording.
-
-    Parameters
-    ----------
-    session : Session, optional
-        Of a line.
-    path : path, optional
-        Of a recording.
-    options : mapping
-        How the recording is estimated.
-    also : sequence of str
-        Further estimators.
-    chain : Chain, optional
-        Whose segments carry the units.
-    truth : AttitudeTrack, optional
-        Of an emulated rig.
-    """
+    """Something that can be shown: a line or a recording, with `options` by which it is estimated."""
 
     def __init__(
         self,
@@ -294,13 +263,7 @@ class Shows:
         self._also, self._chain, self._truth = also, chain, truth
 
     def sends(self, send: Sequence[str]) -> None:
-        """Send the attitude there as well.
-
-        Raises
-        ------
-        ParameterError
-            If it is not a line, or nothing is estimated.
-        """
+        """Send the attitude there as well."""
         if send and self._session is None:
             raise ParameterError("--send of view belongs to a line; a recording is sent by 'plumbob send'.")
         if self._session is not None:
@@ -315,16 +278,7 @@ class Shows:
         return path
 
     def run(self, outlet: Outlet, **how: Any) -> Viewed:
-        """Show it in an outlet until its end, or until it is stopped.
-
-        Parameters
-        ----------
-        outlet : Outlet
-            What shows it.
-        **how
-            ``folder``, ``control``, ``duration``, ``stop``, ``note`` as of `view`; ``opened``, called before the first
-            sample; ``echo``, called with what the outlet shows as events.
-        """
+        """Show it in an outlet until its end, or until it is stopped; `how` is that of `_Presentation`."""
         if self._session is not None:
             return self._follow(self._session, outlet, _Presentation(**how))
         assert self._path is not None
@@ -345,7 +299,15 @@ class Shows:
             feed.say(feed.now, "remark", line)
 
         watch = Watch(stream, remark, events=False)
-        desk = _LineDesk(feed, switch, outlet)
+        desk = CommandHandler(outlet, "for a recording that is played, and this is a line", {
+            "record": lambda command: switch.record(command.name),
+            "stop": lambda command: switch.stop(),
+            "mark": lambda command: switch.mark(command.text),
+            "text": lambda command: switch.write_text(command.name),
+            "text-stop": lambda command: switch.stop_text(),
+            "add": lambda command: feed.add(command.name),
+            "remove": lambda command: feed.remove(command.name),
+        })  # fmt: skip
         texts = text_sinks(session)
         source = open_source(session.source)
         sending = send_sinks(session, note=remark)
@@ -363,7 +325,14 @@ class Shows:
     def _play(self, path: Path, outlet: Outlet, how: "_Presentation") -> Viewed:
         loaded = load(path, also=self._also, chain=self._chain, note=how.note, **self._options)
         player = Player(loaded, outlet, chain=self._chain, control=how.control)
-        desk = _PlayerDesk(player, outlet)
+        desk = CommandHandler(outlet, "for a line, and this is a recording that is played", {
+            "play": lambda command: player.play(),
+            "pause": lambda command: player.pause(),
+            "seek": lambda command: player.seek(_number(command)),
+            "speed": lambda command: player.set_speed(_number(command)),
+            "add": lambda command: player.add(command.name),
+            "remove": lambda command: player.remove(command.name),
+        })  # fmt: skip
         how.opened()
         end = None if how.duration is None else time.monotonic() + how.duration
         while not (how.stop and how.stop.is_set()) and (end is None or time.monotonic() < end):
@@ -371,6 +340,12 @@ class Shows:
             player.tick()
             time.sleep(_PAUSE)
         return Viewed(path.name, None)
+
+
+def _number(command: Command) -> float:
+    if command.value is None:
+        raise ParameterError(f"'{command.verb}' needs a number.")
+    return command.value
 
 
 @contextmanager
@@ -464,61 +439,15 @@ class _RemarkSink:
         """Nothing is held open."""
 
 
-class _LineDesk(CommandHandler):
-    """What can be asked of a line."""
-
-    def __init__(self, feed: Feed, switch: Switch, outlet: Outlet) -> None:
-        super().__init__(outlet, "for a recording that is played, and this is a line")
-        self.verbs = {
-            "record": lambda command: switch.record(command.name),
-            "stop": lambda command: switch.stop(),
-            "mark": lambda command: switch.mark(command.text),
-            "text": lambda command: switch.write_text(command.name),
-            "text-stop": lambda command: switch.stop_text(),
-            "add": lambda command: feed.add(command.name),
-            "remove": lambda command: feed.remove(command.name),
-        }
-
-
-class _PlayerDesk(CommandHandler):
-    """What can be asked of a recording that is played."""
-
-    def __init__(self, player: Player, outlet: Outlet) -> None:
-        super().__init__(outlet, "for a line, and this is a recording that is played")
-
-        def number(command: Command) -> float:
-            if command.value is None:
-                raise ParameterError(f"'{command.verb}' needs a number.")
-            return command.value
-
-        self.verbs = {
-            "play": lambda command: player.play(),
-            "pause": lambda command: player.pause(),
-            "seek": lambda command: player.seek(number(command)),
-            "speed": lambda command: player.set_speed(number(command)),
-            "add": lambda command: player.add(command.name),
-            "remove": lambda command: player.remove(command.name),
-        }
-
-
 _FILTER: Final = "mekf"
-_BLIND: Final = "integrate"
-"""What estimates a rig that has a gyroscope alone."""
+_BLIND: Final = "integrate"  # What estimates a rig that has a gyroscope alone
 
 
 @contextmanager
 def emulated(
     rig: str, note: Note, line: Mapping[str, Any]
 ) -> Iterator[tuple[Session, AttitudeTrack | None, Chain | None]]:
-    """Session of a rig that runs meanwhile, the truth of its first unit, and its chain, where it is on one.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such rig.
-    LineError
-        If it does not start.
-    """
+    """Session of a rig that runs meanwhile, the truth of its first unit, and its chain, where it is on one."""
     from plumbob.live.emulated import chain_files, running_rig, unit_file
     from plumbob.live.rigs.plan import PLANS, Chained
 

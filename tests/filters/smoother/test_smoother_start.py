@@ -10,7 +10,7 @@ from plumbob.filters.offline import Stage, run_stage
 from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.filters.smoother.inertial import GIVEN
 from plumbob.rotations import change_frame, quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
-from plumbob.rotations.headings import claimed_sd
+from plumbob.rotations.frames import claimed_sd
 from tests.helpers import slow_as_python
 from tests.helpers.hand_motion import CALIBRATED, by_hand, error_n
 

@@ -20,39 +20,19 @@ GRADES: Final = ("good", "fair", "poor")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Quality:
-    """How good a calibration of one triad is, by what it was made of.
+    """How good a calibration of one triad is, by what it was made of."""
 
-    Parameters
-    ----------
-    grade : str
-        "good", "fair" or "poor".
-    samples : int
-        Samples, poses or plateaus that the fit used.
-    outliers : int
-        Those that it set aside.
-    regions : int or None
-        How many of the 18 directions (6 faces, 12 edges) were seen, where directions count.
-    condition : float or None
-        Condition number of the fit's normal equations, parameters scaled to their sizes: how far the capture was from
-        telling them apart.
-    tilt_sd, heading_sd : float or None
-        Standard deviation that errors of the parameters leave in inclination and heading, root mean square over
-        attitudes up to `tilt_range` from level, rad.
-    tilt_range : float or None
-        Largest inclination for which they hold, rad.
-    scale_sd : float or None
-        Standard deviation of the scale factors, relative, where that counts, as for a gyroscope.
-    """
-
-    grade: str
-    samples: int
-    outliers: int = 0
-    regions: int | None = None
-    condition: float | None = None
+    grade: str  # one of `GRADES`
+    samples: int  # samples, poses or plateaus that the fit used
+    outliers: int = 0  # those that it set aside
+    regions: int | None = None  # how many of the 18 directions (6 faces, 12 edges) were seen, where they count
+    condition: float | None = None  # of the fit's normal equations, parameters scaled to their sizes
+    # tilt_sd, heading_sd: what errors of the parameters leave, root mean square over attitudes up to `tilt_range` from
+    # level, rad
     tilt_sd: float | None = None
     heading_sd: float | None = None
     tilt_range: float | None = None
-    scale_sd: float | None = None
+    scale_sd: float | None = None  # of the scale factors, relative, where that counts, as for a gyroscope
 
     def __post_init__(self) -> None:
         """Validate the numbers."""
@@ -68,10 +48,6 @@ class Quality:
                 require_no_negative(name, getattr(self, name))
 
 
-def _no_coupling() -> Floats:
-    return np.zeros((3, 3))
-
-
 @dataclass(frozen=True, eq=False)
 class TriadCalibration:
     """Linear model of one triad, with what is known about its parameters.
@@ -79,54 +55,26 @@ class TriadCalibration:
     ::
 
         calibrated = matrix @ (measured − bias − Σ_k bias_per_k[k] (T − temp_ref_c)^(k+1) − g_sensitivity @ force)
-
-    Parameters
-    ----------
-    matrix : array_like (3, 3)
-        Scale, misalignment and soft iron; right-handed, gains from 0.1 to 10.
-    bias : array_like (3,)
-        Offset in the unit of the measurement, at `temp_ref_c` and without specific force.
-    unit_in, unit_out : str
-        Units of measurement and result; "rad/s", "m/s2" or "uT".
-    bias_per_k : array_like (3,) or (K, 3)
-        Change of the offset with temperature: row k is the coefficient of (T − temp_ref_c)^(k+1), unit/K^(k+1).
-    temp_ref_c : float
-        Temperature of `bias`, °C.
-    residual_rms : float or None
-        Root mean square of the residuals, in `unit_out`.
-    g_sensitivity : array_like (3, 3)
-        Of a gyroscope, rad/s per m/s²: entry ij is the bias of axis i per calibrated specific force along j.
-    temp_span_c : (float, float) or None
-        Lowest and highest temperature of the calibration, °C; beyond, the polynomial goes on as its tangent.
-    covariance : array_like (12, 12) or None
-        Of bias and matrix, row by row, symmetric; zero for what was not fitted.
-    bias_per_k_sd, g_sensitivity_sd : array_like or None
-        Standard deviations, shaped as what they belong to.
-    reference : float or None
-        Size of what was measured, where the fit took it as known: gravity, m/s², or the field's strength, µT.
-    method, date : str
-        How and when it was found; ISO 8601.
-    quality : Quality or None
-        How good it is.
-    remarks : tuple of Finding
-        What to know about it, each a sentence.
     """
 
-    matrix: Floats
-    bias: Floats
+    matrix: Floats  # (3, 3), scale, misalignment and soft iron; right-handed
+    bias: Floats  # (3,), in `unit_in`, at `temp_ref_c` and without specific force
+    # unit_in, unit_out: of measurement and result; "rad/s", "m/s2" or "uT"
     unit_in: str
     unit_out: str
-    bias_per_k: Floats = field(default_factory=lambda: np.zeros((1, 3)))
+    bias_per_k: Floats = field(default_factory=lambda: np.zeros((1, 3)))  # (3,) or (K, 3), unit/K^(k+1)
     temp_ref_c: float = 25.0
-    residual_rms: float | None = None
-    g_sensitivity: Floats = field(default_factory=_no_coupling)
-    temp_span_c: tuple[float, float] | None = None
-    covariance: Floats | None = None
+    residual_rms: float | None = None  # in `unit_out`
+    # (3, 3), of a gyroscope, rad/s per m/s²: entry ij is the bias of axis i per calibrated specific force along j
+    g_sensitivity: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    temp_span_c: tuple[float, float] | None = None  # of the calibration; beyond, the polynomial goes on as its tangent
+    covariance: Floats | None = None  # (12, 12), of bias and matrix, row by row; zero for what was not fitted
+    # bias_per_k_sd, g_sensitivity_sd: standard deviations, shaped as what they belong to
     bias_per_k_sd: Floats | None = None
     g_sensitivity_sd: Floats | None = None
-    reference: float | None = None
+    reference: float | None = None  # what the fit took as known: gravity, m/s², or the field's strength, µT
     method: str = ""
-    date: str = ""
+    date: str = ""  # ISO 8601
     quality: Quality | None = None
     remarks: tuple[Note, ...] = ()
 
@@ -189,24 +137,12 @@ class TriadCalibration:
 
 @dataclass(frozen=True, eq=False)
 class Mount:
-    """How the unit sits on its body.
+    """How the unit sits on its body."""
 
-    Parameters
-    ----------
-    q_bs : array_like (4,)
-        Rotation from the axes of the sensor case s to those of the body b, wxyz.
-    sd : array_like (3,) or None
-        Standard deviation about the body's axes, rad.
-    method, date : str
-        How and when it was found; ISO 8601.
-    remarks : tuple of Finding
-        What to know about it, each a sentence.
-    """
-
-    q_bs: Floats
-    sd: Floats | None = None
+    q_bs: Floats  # (4,), from the axes of the sensor case s to those of the body b, wxyz
+    sd: Floats | None = None  # (3,), standard deviation about the body's axes, rad
     method: str = ""
-    date: str = ""
+    date: str = ""  # ISO 8601
     remarks: tuple[Note, ...] = ()
 
     def __post_init__(self) -> None:
@@ -319,8 +255,7 @@ def _span(value: Any) -> tuple[float, float]:
     return low, high
 
 
-GAINS: Final = (0.1, 10.0)
-"""Smallest and largest gain of a matrix; a unit in another scale is a matter of its profile."""
+GAINS: Final = (0.1, 10.0)  # Smallest and largest gain of a matrix; a unit in another scale is a matter of its profile
 
 _BIASES: Final = {"rad/s": IMPOSSIBLE_RATE, "m/s2": IMPOSSIBLE_ACCELERATION, "uT": IMPOSSIBLE_FIELD}
 _ROUNDING: Final = 1e-6  # of a covariance, relative to the standard deviations; inverses leave less

@@ -31,34 +31,13 @@ class Card(FactsText):
         return texts | {"of": ", ".join(name for name in self.PARTS if getattr(self, name) is not None) or "nothing"}
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the card as JSON.
-
-        Parameters
-        ----------
-        path : path
-            The file.
-        overwrite : bool
-            Whether a card of its kind that lies there may be replaced.
-
-        Raises
-        ------
-        ParameterError
-            If a file lies there and `overwrite` is false, or it is of another kind.
-        DecodeError
-            If the system refuses.
-        """
+        """Write the card as JSON; what lies there is replaced only with `overwrite`, and only a card of its kind."""
         self.require_place(path)
         write_text(path, self.text(), overwrite=overwrite)
 
     @classmethod
     def require_place(cls, path: str | Path) -> None:
-        """Refuse a place where a file of another kind lies: a card replaces only a card of its own kind.
-
-        Raises
-        ------
-        ParameterError
-            If one lies there.
-        """
+        """Refuse a place where a file of another kind lies: a card replaces only a card of its own kind."""
         kind = kind_of(path)
         if kind is not None and kind != cls.KIND:
             existing, wanted = kind.removeprefix("plumbob "), cls.KIND.removeprefix("plumbob ")
@@ -76,13 +55,7 @@ class Card(FactsText):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a card.
-
-        Raises
-        ------
-        DecodeError
-            If the file is not a card of this kind, of a newer version, larger than a card can be, or cannot be read.
-        """
+        """Read a card."""
         return cls.from_text(text_of(path, cls.KIND), str(path))
 
     @classmethod

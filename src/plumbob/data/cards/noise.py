@@ -15,23 +15,14 @@ from plumbob.data.sample import UNITS
 
 @dataclass(frozen=True, eq=False)
 class TriadNoise:
-    """Noise of one triad, per axis, as root power spectral densities in inside units (IEEE Std 952 letters).
+    """Noise of one triad, per axis, as root power spectral densities in inside units (IEEE Std 952 letters)."""
 
-    Parameters
-    ----------
-    n_rpsd : array_like (3,)
-        White noise N: rad/s/√Hz, m/s²/√Hz or µT/√Hz.
-    b : array_like (3,)
-        Bias instability B, in the unit of the triad.
-    k_rpsd : array_like (3,)
-        Random walk of the bias K, unit/s/√Hz.
-    n_interval, b_interval, k_interval : array_like (2, 3), optional
-        Lower and upper ends of their intervals of 68.3 %, where a record was long enough to tell; None in a data sheet.
-    """
-
+    # n_rpsd, b, k_rpsd: (3,), white noise N, rad/s/√Hz, m/s²/√Hz or µT/√Hz; bias instability B, in the unit of the
+    # triad; random walk of the bias K, unit/s/√Hz
     n_rpsd: Floats
     b: Floats
     k_rpsd: Floats
+    # (2, 3), ends of their intervals of 68.3 %, where a record was long enough to tell; None in a data sheet
     n_interval: Floats | None = None
     b_interval: Floats | None = None
     k_interval: Floats | None = None

@@ -20,8 +20,7 @@ from plumbob.rotations import dcm_from_quat
 if TYPE_CHECKING:
     from plumbob.data.cards.calibration import Mount, TriadCalibration
 
-Half = tuple[float, ...]
-"""Upper half of a covariance (12, 12)."""
+Half = tuple[float, ...]  # Upper half of a covariance (12, 12)
 
 _ROWS, _COLUMNS = np.triu_indices(12)
 SIZE: Final = _ROWS.size
@@ -48,17 +47,7 @@ def uncalibrated(triad: str) -> Half:
 
 @lru_cache
 def left_by(triad: str, model: "TriadCalibration | None", mount: "Mount | None") -> Half:
-    """Covariance of what a triad of a card leaves, in the body's axes; a matrix that was not fitted counts as unknown.
-
-    Parameters
-    ----------
-    triad : str
-        ``"gyr"``, ``"acc"`` or ``"mag"``.
-    model : TriadCalibration or None
-        The card's; None: the card leaves the triad as it is.
-    mount : Mount or None
-        How the unit sits on its body.
-    """
+    """Covariance of what a triad of a card leaves, in body axes; a matrix that was not fitted counts as unknown."""
     if model is None:
         return uncalibrated(triad)
     change = np.zeros((12, 12))  # from errors of bias and matrix to (d, E): d = −M δb, E = δM M⁻¹

@@ -45,7 +45,7 @@ from plumbob.filters.smoother.model import (
 from plumbob.filters.smoother.sensor_fixed_field import Attached, attached_field
 from plumbob.filters.smoother.sweeps import Sweep, sweep
 from plumbob.rotations import Frame, dcm_from_quat
-from plumbob.rotations.headings import turn_heading
+from plumbob.rotations.frames import turn_heading
 
 AGAIN_TILT: Final = deg(3.0)
 AGAIN_HEADING: Final = deg(30.0)  # standard deviations of a smoothed attitude that is taken for a start, rad

@@ -19,7 +19,7 @@ from plumbob.filters.smoother.keyframes import BLOCK, Keyframes
 from plumbob.filters.smoother.model import Params
 from plumbob.filters.smoother.passes import Smoothed, at_samples, rates
 from plumbob.rotations import Frame, dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, quat_slerp
-from plumbob.rotations.headings import turn_heading
+from plumbob.rotations.frames import turn_heading
 
 GATED: Final = 0.1  # a field that counts with less than this was not used
 DOUBTFUL: Final = deg(6.0)  # with a larger standard deviation of the tilt, rad, the attitude is not converged

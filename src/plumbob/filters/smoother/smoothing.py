@@ -41,7 +41,7 @@ from plumbob.filters.smoother.samples import (
 )
 from plumbob.filters.start import Start, as_start
 from plumbob.rotations import Frame, North, change_frame
-from plumbob.rotations.headings import turn_heading
+from plumbob.rotations.frames import turn_heading
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -29,7 +29,7 @@ from plumbob.rotations import (
     quat_multiply,
     rotvec_from_quat,
 )
-from plumbob.rotations.headings import euler_sd
+from plumbob.rotations.frames import euler_sd
 
 UNRELIABLE: Final = flags.NOT_CONVERGED | flags.GAP | flags.TIME_FAULT | flags.GYR_HELD
 """Flags with which an attitude is not to be steered by: not converged, after a gap, or turned on without a rate."""
