@@ -2,17 +2,14 @@
 
 from typing import Final
 
-G0: Final = 9.80665
-"""Standard acceleration of free fall, m/s² (3rd CGPM 1901; ISO 80000-3)."""
+G0: Final = 9.80665  # standard acceleration of free fall, m/s² (3rd CGPM 1901; ISO 80000-3)
 
-ABSOLUTE_ZERO_C: Final = -273.15
-"""Nothing is colder, °C (9th SI Brochure, 2.3.1)."""
+ABSOLUTE_ZERO_C: Final = -273.15  # nothing is colder, °C (9th SI Brochure, 2.3.1)
 
 NOMINAL_FIELD: Final = 50.0
 """Size of the Earth's field that stands for an unknown one, µT: it is 22 to 67 (World Magnetic Model 2025)."""
 
-EARTH_RATE: Final = 7.292115e-5
-"""Rotation rate of the Earth, rad/s (WGS 84, NGA.STND.0036)."""
+EARTH_RATE: Final = 7.292115e-5  # rotation rate of the Earth, rad/s (WGS 84, NGA.STND.0036)
 
 IMPOSSIBLE_RATE: Final = 100.0
 """No MEMS gyroscope measures beyond this, rad/s (5730 °/s; the widest on sale end at 4000 to 5000 °/s)."""
@@ -20,20 +17,14 @@ IMPOSSIBLE_RATE: Final = 100.0
 IMPOSSIBLE_ACCELERATION: Final = 2e4
 """No MEMS accelerometer for attitude measures beyond this, m/s² (about 2000 g; shock sensors excepted)."""
 
-IMPOSSIBLE_FIELD: Final = 1e5
-"""No magnetometer of a compass measures beyond this, µT (0.1 T)."""
+IMPOSSIBLE_FIELD: Final = 1e5  # no magnetometer of a compass measures beyond this, µT (0.1 T)
 
-WGS84_A: Final = 6378137.0
-"""Semi-major axis of the reference ellipsoid, m (WGS 84, NGA.STND.0036)."""
+WGS84_A: Final = 6378137.0  # semi-major axis of the reference ellipsoid, m (WGS 84, NGA.STND.0036)
 
-WGS84_F: Final = 1.0 / 298.257223563
-"""Flattening of the reference ellipsoid (WGS 84, NGA.STND.0036)."""
+WGS84_F: Final = 1.0 / 298.257223563  # flattening of the reference ellipsoid (WGS 84, NGA.STND.0036)
 
-WGS84_GM: Final = 3.986004418e14
-"""Gravitational constant times mass of the Earth, m³/s² (WGS 84, NGA.STND.0036)."""
+WGS84_GM: Final = 3.986004418e14  # gravitational constant times mass of the Earth, m³/s² (WGS 84, NGA.STND.0036)
 
-WGS84_GRAVITY_EQUATOR: Final = 9.7803253359
-"""Normal gravity at the equator, m/s² (WGS 84, NGA.STND.0036)."""
+WGS84_GRAVITY_EQUATOR: Final = 9.7803253359  # normal gravity at the equator, m/s² (WGS 84, NGA.STND.0036)
 
-WGS84_GRAVITY_POLE: Final = 9.8321849379
-"""Normal gravity at the poles, m/s² (WGS 84, NGA.STND.0036)."""
+WGS84_GRAVITY_POLE: Final = 9.8321849379  # normal gravity at the poles, m/s² (WGS 84, NGA.STND.0036)

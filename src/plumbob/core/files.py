@@ -34,21 +34,11 @@ _MEMORY: Final = "PLUMBOB_MEMORY"
 
 
 def require_room(unpacked: int, stored: int) -> None:
-    """Refuse what a file unpacks to by its own word, before any of it is unpacked.
+    """Refuse what a file of `stored` bytes unpacks to by its own word, before any of it is unpacked.
 
-    Sensors that rest and hardly stir pack to a seventieth of their size (measured; to a fifth with their usual noise),
-    and numbers that never change to a fifteen-hundredth. Where `PLUMBOB_MEMORY` says so, as in ``4GiB``, a file may
-    unpack to more.
-
-    Parameters
-    ----------
-    unpacked, stored : int
-        Bytes in memory, and in the file.
-
-    Raises
-    ------
-    DecodeError
-        If that is more than 64 MiB and 128 times the file's size, or the environment says no size.
+    The bound is 64 MiB, or 128 times the file: sensors that rest and hardly stir pack to a seventieth of their size
+    (measured; to a fifth with their usual noise), and numbers that never change to a fifteen-hundredth. Where
+    `PLUMBOB_MEMORY` says so, as in ``4GiB``, a file may unpack to more.
     """
     text = os.environ.get(_MEMORY, "0")
     match = re.fullmatch(r"(\d{1,9}) ?(|B|KiB|MiB|GiB)", text)
@@ -64,20 +54,7 @@ def require_room(unpacked: int, stored: int) -> None:
 
 
 def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path:
-    """Path of a regular file.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    most : int, optional
-        Bytes that it may have.
-
-    Raises
-    ------
-    DecodeError
-        If there is none, it is a folder, a pipe or a device, or it is larger.
-    """
+    """Path of a regular file of `most` bytes; DecodeError where there is none."""
     if not isinstance(path, str | os.PathLike):
         from plumbob.core import check  # which imports NumPy
 
@@ -109,13 +86,7 @@ def file_sha256(path: Path) -> tuple[str, int]:
 
 
 def text_of(path: str | os.PathLike[str], what: str | None = None) -> str:
-    """Text of a file of at most `MAX_TEXT` bytes; `what` it should be is for messages.
-
-    Raises
-    ------
-    DecodeError
-        If it is not a regular file, is larger, cannot be read, or is not UTF-8.
-    """
+    """Text of a file of at most `MAX_TEXT` bytes; `what` it should be is for messages."""
     file = existing_file(path, MAX_TEXT)
     try:
         return file.read_text(encoding="utf-8-sig")
@@ -186,13 +157,6 @@ def require_place(path: Path, *, overwrite: bool = False) -> None:
     """Refuse a place where no file can be written, or where one lies that is not to be replaced.
 
     What is not a regular file, as a pipe, is always a place: bytes go through it.
-
-    Raises
-    ------
-    ParameterError
-        If a file lies there and `overwrite` is false.
-    DecodeError
-        If the folder does not exist, the path is a folder or a circle of links, or the file is write-protected.
     """
     if not path.parent.is_dir():
         raise DecodeError(f"{path} cannot be written: there is no folder {path.parent}; create it first.")
@@ -232,15 +196,8 @@ def replacing(path: Path, *, overwrite: bool = False, seeks: bool = False) -> It
     """Give an empty temporary file in the same folder that takes the final name only once it is complete and on disk.
 
     What is not a regular file is given itself, or refused where the writer `seeks` in it: such writers remove what they
-    fail to write, and that may be a device. After an error or Ctrl-C nothing is left behind; a temporary of a process
-    that was killed is removed when a file of that name is written again.
-
-    Raises
-    ------
-    ParameterError
-        If a file lies there and `overwrite` is false, also where it has come into being meanwhile.
-    DecodeError
-        If the system refuses; then whatever was at `path` before is still there, untouched.
+    fail to write, and that may be a device. After an error or Ctrl-C nothing is left behind, and what lay at `path` is
+    untouched; a temporary of a process that was killed is removed when a file of that name is written again.
     """
     if seeks and _is_stream(path):
         raise DecodeError(
@@ -280,14 +237,7 @@ def replacing_all(*paths: Path, overwrite: bool = False) -> Iterator[tuple[Path,
 def replacing_folder(path: Path, *, overwrite: bool, known: Callable[[Path], bool]) -> Iterator[Path]:
     """As `replacing`, for a folder: give a path that does not exist yet, for a folder that is to take the final name.
 
-    Parameters
-    ----------
-    path : Path
-        The folder.
-    overwrite : bool
-        Whether one that lies there may be replaced, with all that is in it.
-    known : callable
-        Whether a folder is of the kind that is written; another one is never replaced.
+    A folder that is not of the kind that is written (`known`) is never replaced.
     """
     require_folder_place(path, overwrite=overwrite, known=known)
     final = Path(os.path.realpath(path))

@@ -28,8 +28,7 @@ Severity = Literal["info", "warning", "error"]
 
 Value = str | int | float | bool | tuple[str, ...] | None
 
-TEXT: Final = "text"
-"""Code of a sentence that somebody else wrote: a user, a file, a package."""
+TEXT: Final = "text"  # code of a sentence that somebody else wrote: a user, a file, a package
 RECOMPUTED: Final = "samples"
 
 _OPTIONAL = re.compile(r"\[\[(?:(\w+)\?)?(.*?)\]\]", re.S)
@@ -75,13 +74,7 @@ class Finding:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Finding of `to_dict`; of a code that is not known, its sentence stays.
-
-        Raises
-        ------
-        DecodeError
-            If it is none.
-        """
+        """Finding of `to_dict`; of a code that is not known, its sentence stays."""
         code, severity = content.get("code"), content.get("severity", "info")
         values = content.get("values", {})
         if not (isinstance(code, str) and severity in get_args(Severity) and isinstance(values, Mapping)):
@@ -91,8 +84,7 @@ class Finding:
         return cls(code, severity, held | text)
 
 
-Note = Finding | str
-"""A finding, or a line of text that stands for one."""
+Note = Finding | str  # a finding, or a line of text that stands for one
 
 
 def info(code: str, **values: object) -> Finding:
@@ -115,13 +107,7 @@ def _plain(value: object) -> Value:
 
 
 def as_findings(name: str, given: Iterable[Finding | str | Mapping[str, Any]]) -> tuple[Finding, ...]:
-    """Findings, of which some may be given as lines of text, or as JSON has them.
-
-    Raises
-    ------
-    ShapeError
-        If it is one text, whose findings would be its letters, or holds anything else.
-    """
+    """Findings, of which some may be given as lines of text, or as JSON has them."""
     items = None if isinstance(given, str | Mapping) or not isinstance(given, Iterable) else tuple(given)
     if items is None or not all(isinstance(item, str | Finding | Mapping) for item in items):
         raise ShapeError(f"{name} must be a sequence of findings or lines of text, but got {given!r}.")
@@ -195,13 +181,7 @@ _FORMATTER: Final = _Words()
 
 
 def note(place: str, value: Any) -> Finding:
-    """Finding as a file has it: text, or what `Finding.to_dict` gives; a parser of `plumbob.core.schema`.
-
-    Raises
-    ------
-    DecodeError
-        If it is neither.
-    """
+    """Finding as a file has it: text, or what `Finding.to_dict` gives; a parser of `plumbob.core.schema`."""
     if not isinstance(value, str | Mapping):
         raise DecodeError(f"{place} must be text or a table with code, severity and values, but is {value!r:.100}.")
     return _finding(value)

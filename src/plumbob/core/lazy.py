@@ -6,14 +6,9 @@ from typing import Any
 
 
 def lazily(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """`__getattr__` and `__dir__` of a package.
+    """`__getattr__` and `__dir__` of a package, from the module of each name, without the package.
 
-    Parameters
-    ----------
-    package : str
-        Its ``__name__``.
-    homes : mapping of str to str
-        Module of each name, without the package. No name may be that of a module of the package, which would hide it.
+    No name may be that of a module of the package, which would hide it.
     """
 
     def attribute(name: str) -> Any:

@@ -100,22 +100,7 @@ def _unit(p: Parameter) -> str:
 
 
 def build(cls: type[Built], values: Mapping[str, Any], *, of: str) -> Built:
-    """Instance with the given values; text is parsed with its unit, numbers are in the unit inside.
-
-    Parameters
-    ----------
-    cls : type
-        A class that `describe` understands.
-    values : Mapping
-        By name; what is not named keeps its default.
-    of : str
-        Name of the filter or scenario, for messages.
-
-    Raises
-    ------
-    ParameterError
-        If a name is unknown, a value is outside its domain, or a unit is missing or wrong.
-    """
+    """Instance of a class that `describe` takes, of values by name; text is parsed with its unit."""
     parameters = {p.name: p for p in describe(cls)}
     for name in values:
         if name not in parameters:
@@ -125,13 +110,7 @@ def build(cls: type[Built], values: Mapping[str, Any], *, of: str) -> Built:
 
 
 def checked(of: str, p: Parameter, value: Any) -> Any:
-    """Value of a parameter in the unit inside, if it is one.
-
-    Raises
-    ------
-    ParameterError
-        If it is outside the domain, of another kind, or text without a unit where one is needed.
-    """
+    """Value of a parameter in the unit inside, if it is one."""
     if hasattr(value, "item"):  # a NumPy scalar
         value = value.item()
     if isinstance(value, str):

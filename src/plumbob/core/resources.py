@@ -9,18 +9,11 @@ from plumbob.core.errors import MissingExtraError, ParameterError, PlumbobError
 from plumbob.core.text import closest
 
 _PACKAGE = Path(__file__).parents[1]
-WEB: Final = _PACKAGE / "web"
-"""What Vite makes of ``web/`` in the source."""
+WEB: Final = _PACKAGE / "web"  # what Vite makes of ``web/`` in the source
 
 
 def docs_folder() -> Path:
-    """Folder of the pages and of the bibliography.
-
-    Raises
-    ------
-    PlumbobError
-        If there is none.
-    """
+    """Folder of the pages and of the bibliography."""
     for folder in (_PACKAGE / "docs", _PACKAGE.parents[1] / "docs"):
         if (folder / "references.bib").is_file():
             return folder
@@ -88,13 +81,7 @@ def _page_of_verb(verb: str, pages: Mapping[str, Path]) -> str:
 
 
 def asset(name: str) -> Path:
-    """Path of a file of the built pages, such as ``view/index.html`` or ``report.js``.
-
-    Raises
-    ------
-    MissingExtraError
-        If the pages were not built.
-    """
+    """Path of a file of the built pages, such as ``view/index.html`` or ``report.js``."""
     path = WEB / name
     if not path.is_file():
         raise MissingExtraError(

@@ -24,10 +24,8 @@ from plumbob.core.text import closest
 from plumbob.core.units import Quantity
 
 Parse = Callable[[str, Any], Any]
-Make = Callable[[str, dict[str, Any]], Any]
-"""Makes of a table's place and its values what is returned."""
-Absent = Callable[[str, str], PlumbobError]
-"""Makes the error for a missing key, of the table's place and the key."""
+Make = Callable[[str, dict[str, Any]], Any]  # makes of a table's place and its values what is returned
+Absent = Callable[[str, str], PlumbobError]  # makes the error for a missing key, of the table's place and the key
 
 _MAX_DEPTH = 32
 _HEADER = re.compile(r"""\s*(\[\[?)\s*([\w."' -]+?)\s*\]\]?\s*(#.*)?$""")
@@ -35,22 +33,7 @@ _KEY = re.compile(r"""\s*(["']?)([^"'=#\s]+)\1\s*=""")
 
 
 def document(text: str, guide: str, parse: Parse) -> Any:
-    """Content of a TOML file, by the parser of its outermost table; errors say the line.
-
-    Parameters
-    ----------
-    text : str
-        TOML.
-    guide : str
-        Names the page with examples, for messages.
-    parse : callable
-        A form with a name, so that keys stand without one.
-
-    Raises
-    ------
-    DecodeError
-        If it is not TOML, or as `toml` and the parser say.
-    """
+    """Content of a TOML file, by the parser of its outermost table, a form with a name; errors say the line."""
     content = toml(text, guide)
     try:
         return parse("", content)
@@ -86,13 +69,7 @@ def _find_line(text: str, place: str) -> int:
 
 
 def toml(text: str, guide: str) -> dict[str, Any]:
-    """Parse TOML text; `guide` names the page with examples.
-
-    Raises
-    ------
-    DecodeError
-        If it is not TOML, tables in it are too deep, or a whole number has more than the 64 bits of TOML.
-    """
+    """Parse TOML text; `guide` names the page with examples."""
     try:
         content = tomllib.loads(text)
         _require_bounds(content)
@@ -143,22 +120,10 @@ def form(
     name: str = "",
     missing: Absent = absent,
 ) -> Parse:
-    """Parser of a table.
+    """Parser of a table of these keys, each with its parser, of which some are `required`.
 
-    Parameters
-    ----------
-    keys : mapping of str to callable
-        The keys that there are, each with its parser.
-    required : collection of str
-        Keys that must be there.
-    make : callable, optional
-        Makes of the table's place and its values what is returned.
-    kind : callable
-        A class; without `make`, an object of it is returned, made of the values by their names.
-    name : str
-        What messages call a whole file, whose keys stand without a name before them.
-    missing : callable
-        Makes the error for a missing key.
+    It returns what `make` makes of the table's place and its values, or a `kind` of them. `name` is what messages call
+    a whole file, whose keys stand without a name before them; `missing` makes the error for a missing key.
     """
 
     def parse(where: str, raw: Any) -> Any:
@@ -194,18 +159,9 @@ def form(
 
 
 def listed(parse: Parse, *counts: int, of: str = "values", names: Sequence[str] = "") -> Parse:
-    """Parser of a list, as a tuple.
+    """Parser of a list, as a tuple; any number of items where `counts` names none.
 
-    Parameters
-    ----------
-    parse : callable
-        Of each item.
-    *counts : int
-        How many there may be; any number without.
-    of : str
-        What they are called; ``{}`` in it stands for the place.
-    names : sequence of str
-        A name for each item, such as ``"xyz"``; numbers from 1 without.
+    They are called `of`, with ``{}`` for the place, and each by `names`, such as ``"xyz"``, or its number from 1.
     """
     many = " or ".join(map(str, counts)) + " " if counts else ""
 
@@ -265,20 +221,15 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
-anything = plain("anything", lambda _: True, lambda value: value)
-"""What another place judges."""
+anything = plain("anything", lambda _: True, lambda value: value)  # what another place judges
 
-text = plain("text in quotes", lambda value: isinstance(value, str), str, type="string")
-"""Text in quotes."""
+text = plain("text in quotes", lambda value: isinstance(value, str), str, type="string")  # text in quotes
 
-texts = listed(text, of="texts")
-"""List of texts."""
+texts = listed(text, of="texts")  # list of texts
 
-truth = plain("true or false", lambda value: isinstance(value, bool), bool, type="boolean")
-"""True or false."""
+truth = plain("true or false", lambda value: isinstance(value, bool), bool, type="boolean")  # true or false
 
-number = plain("a finite number", _is_number, float, type="number")
-"""Finite number."""
+number = plain("a finite number", _is_number, float, type="number")  # finite number
 
 positive = plain(
     "a finite number above 0", lambda v: _is_number(v) and v > 0.0, float, type="number", exclusiveMinimum=0
@@ -369,18 +320,10 @@ def table(
     missing: Absent = absent,
     **changed: Parse,
 ) -> Parse:
-    """Parser of a table whose keys are the fields of a dataclass.
+    """Parser of a table whose keys are the fields of a dataclass; those without a default are `required`.
 
-    Parameters
-    ----------
-    kind : type
-        The class. A parser annotates a field, or its type says what may stand there.
-    make, missing : callable, optional
-        As in `form`; an object of the class is made without `make`.
-    required : collection of str, optional
-        Keys that must be there; by default those without a default.
-    **changed : callable
-        Parsers of keys that are not fields, or whose fields do not say it.
+    A parser annotates a field, or its type says what may stand there; `changed` are those of other keys, or where
+    neither does.
     """
     if required is None:
         required = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]

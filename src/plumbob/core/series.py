@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from plumbob.core.errors import MissingExtraError
 from plumbob.core.text import FactsText
 
-_HEIGHT = 1.8
-"""Of a panel, inches."""
+_HEIGHT = 1.8  # of a panel, inches
 
 
 class Series(FactsText):
@@ -25,13 +24,7 @@ class Series(FactsText):
         raise NotImplementedError
 
     def to_frame(self) -> Any:
-        """Table for pandas, a column each.
-
-        Raises
-        ------
-        MissingExtraError
-            If pandas is not installed.
-        """
+        """Table for pandas, a column each."""
         return data_frame(self.columns())
 
     def plot(self, path: str | Path | None = None, *, overwrite: bool = False) -> Any:

@@ -14,12 +14,7 @@ _STEERING = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 def visible(text: str, keep: str = "") -> str:
     """Text of a file as it may be shown: what would steer a terminal, or turn the reading, is written as an escape.
 
-    Parameters
-    ----------
-    text : str
-        The text.
-    keep : str
-        Control characters that stay, as line breaks where the text has several lines.
+    Control characters of `keep` stay, as line breaks where the text has several lines.
     """
     if text.isprintable():
         return text
@@ -60,8 +55,7 @@ def p_value(p: float) -> str:
     return "p < 0.001" if p < 1e-3 else f"p = {p:.2g}"
 
 
-ALIKE = 1.1
-"""Up to this ratio, the two sides of an interval are printed as one ±, the larger of them."""
+ALIKE = 1.1  # up to this ratio, the two sides of an interval are printed as one ±, the larger of them
 
 PLAIN = (1e-4, 1e6)  # magnitudes that are written without a power of ten
 

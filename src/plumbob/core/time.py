@@ -19,13 +19,7 @@ LONGEST: Final = float(2**23)
 
 
 def to_ns(t: Floats) -> NDArray[np.int64]:
-    """Round seconds to integer nanoseconds.
-
-    Raises
-    ------
-    ClockError
-        If a time is 97 days or farther from the start, where seconds can no longer hold the nanosecond.
-    """
+    """Round seconds to integer nanoseconds."""
     if t.size and not float(np.max(np.abs(t))) < LONGEST:
         raise ClockError(
             f"t reaches {float(np.max(np.abs(t))):.6g} s, but seconds count from the start of the recording and end at "
@@ -40,8 +34,7 @@ def to_s(t_ns: NDArray[np.int64]) -> Floats:
     return t_ns / 1e9
 
 
-GAP_FACTOR = 5.0
-"""A step longer than this many median steps is a gap."""
+GAP_FACTOR = 5.0  # a step longer than this many median steps is a gap
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,16 +104,9 @@ def neighbours(own_ns: NDArray[np.int64], t_ns: NDArray[np.int64], max_gap: floa
 
 
 def interpolated(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> Floats:
-    """Values between neighbours that are not a gap apart; NaN elsewhere, also outside and beside a NaN.
+    """Values (M, 3) or (M,), known at `stamps`, between neighbours that are not a gap apart; NaN elsewhere.
 
-    Parameters
-    ----------
-    rows : ndarray (N,) of int64
-        Where they are asked for, ns.
-    stamps : ndarray (M,) of int64
-        Where they are known, ns, increasing.
-    values : ndarray (M, 3) or (M,)
-        What they are there.
+    That is also outside and beside a NaN; `rows` (N,) and `stamps` (M,) are ns.
     """
     at = neighbours(stamps, rows, longest_bridged(stamps))
     span, inside = stamps[at.high] - stamps[at.low], at.known
@@ -138,8 +124,7 @@ def is_gap(dt_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
     return np.asarray(dt_ns > GAP_FACTOR * np.median(dt_ns) if dt_ns.size else np.zeros(0, dtype=bool))
 
 
-BINS: Final = 16 * 58
-"""Up to 10¹⁸ ns; everything below 32 ns has a bin of its own."""
+BINS: Final = 16 * 58  # up to 10¹⁸ ns; everything below 32 ns has a bin of its own
 
 
 @kernel
@@ -174,8 +159,7 @@ def quantile(histogram: NDArray[np.int64], first: int, share: float) -> float:
     return 0.0
 
 
-REMEMBERED: Final = 128
-"""Rows that are known again: more than a second at 100 Hz."""
+REMEMBERED: Final = 128  # rows that are known again: more than a second at 100 Hz
 _PRIME: Final = np.uint64(0x100000001B3)  # of the 64-bit FNV hash: draft-eastlake-fnv-21, section 5
 _HALF: Final = np.uint64(32)
 

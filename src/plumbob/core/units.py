@@ -221,20 +221,7 @@ _TWO_MEANINGS |= {"mG": "'mgauss' for a magnetic field, 'mg' for an acceleration
 
 
 def unit(name: str, quantity: Quantity | None = None) -> Unit:
-    """Look a unit up by name.
-
-    Parameters
-    ----------
-    name : str
-        Such as ``"dps"``, ``"g"``, ``"uT"``; case matters (``mT`` is not ``MT``).
-    quantity : Quantity, optional
-        What the unit must measure.
-
-    Raises
-    ------
-    UnitError
-        If the name is unknown or measures something else.
-    """
+    """Look a unit up by name, such as ``"dps"`` or ``"uT"``; case matters (``mT`` is not ``MT``)."""
     return UNITS[canonical_name(name, quantity)]
 
 
@@ -300,13 +287,7 @@ def split(text: str) -> tuple[str, str]:
 
 
 def parse(text: str, quantity: Quantity) -> float:
-    """Read a number with its unit, as in ``"3.2 deg"``.
-
-    Raises
-    ------
-    UnitError
-        If it is not a number, its unit is unknown or measures something else, or a unit is missing where two are usual.
-    """
+    """Read a number with its unit, as in ``"3.2 deg"``."""
     number, name = split(text)
     fitting = ", ".join(k for k, u in UNITS.items() if u.quantity is quantity)
     if not name and quantity.ambiguous and float(number) != 0.0:
@@ -315,15 +296,7 @@ def parse(text: str, quantity: Quantity) -> float:
 
 
 def given(name: str, value: float | str | None, quantity: Quantity, *, positive: bool = False) -> float | None:
-    """What a caller gives for a quantity: a number in SI, or text with its unit, as in ``"0.08 g"``; None stays None.
-
-    Raises
-    ------
-    UnitError
-        As in `parse`.
-    ParameterError
-        If it is neither, or not above 0 where it must be `positive`.
-    """
+    """What a caller gives for a quantity: a number in SI, or text with its unit, as ``"0.08 g"``; None stays."""
     if value is None:
         return None
     if isinstance(value, str):

@@ -51,8 +51,7 @@ if TYPE_CHECKING:
 Note = Callable[[str], None]
 Progress = Callable[[int, int], None]
 
-_OFTEN = 0.05
-"""Share of samples behind a gap above which the declared unit of time is in doubt."""
+_OFTEN = 0.05  # share of samples behind a gap above which the declared unit of time is in doubt
 
 
 class Follower(Protocol):
@@ -71,29 +70,9 @@ class Follower(Protocol):
 class Estimated(Series):
     """An estimated attitude, and what belongs to it.
 
-    Attributes
-    ----------
-    attitude : AttitudeTrack or Path
-        The attitude at every sample, with its covariance where the filter claims one, or the file that has it; the last
-        one alone where it was not to be kept.
-    outline : Outline
-        How long it is, its end, and its flags.
-    imu : ImuData
-        The samples that the filter was given, calibrated where a card was.
-    filter : Filter or Smoother
-        What made it; a filter in its first state.
-    name : str
-        Of the recording.
-    notes : tuple of Finding
-        What was found in the samples or in the result.
-    reference : AttitudeTrack or None
-        The reference that came with the recording.
-    noise_card : str or None
-        Which noise card the filter took its parameters from.
-    inferred : tuple of Finding
-        What the reader had to infer, for the notes of a file.
-    applied : CalibrationCard or None
-        The card that was applied to the samples.
+    `attitude` is the file that has it where one was written, or the last one alone where it was not to be kept; `imu`
+    what the filter was given, after the card; `filter` is in its first state; `inferred` what the reader had to, for
+    the notes of a file.
     """
 
     attitude: AttitudeTrack | Path
@@ -170,13 +149,6 @@ class Estimated(Series):
         """Card of the unit with the bias, scale and misalignment of its gyroscope that were found in use.
 
         It is the card that was applied, with a new part for the gyroscope and its covariance, or a first one.
-
-        Raises
-        ------
-        ParameterError
-            If a filter ran, which finds no scale.
-        CalibrationError
-            If the samples had been calibrated before, by a card that is not here.
         """
         return _card_in_use(self)
 
@@ -226,19 +198,9 @@ class Estimated(Series):
 class EarthAcceleration(Series):
     """Acceleration of an accelerometer over the Earth, without gravity.
 
-    Attributes
-    ----------
-    t : ndarray (N,)
-        Times, s.
-    acc_n : ndarray (N, 3)
-        Along the axes of the navigation frame, m/s²: in ENU positive towards east, north and up. NaN where the attitude
-        or the specific force is not known.
-    sd_n : ndarray (N, 3) or None
-        Its standard deviations, m/s²; None where the filter claims no covariance.
-    frame : Frame
-        The navigation frame.
-    gravity : float
-        What was taken off, m/s².
+    `acc_n` (N, 3), m/s², along the axes of `frame`: in ENU positive towards east, north and up; NaN where the attitude
+    or the specific force is not known. `sd_n`: its standard deviations, None where the filter claims no covariance.
+    `gravity`: what was taken off, m/s².
     """
 
     t: Floats
@@ -266,8 +228,7 @@ class EarthAcceleration(Series):
         write_table(Path(path), self.columns(), overwrite=overwrite)
 
 
-_DIRECTIONS: Final = {"E": "east", "N": "north", "U": "up", "D": "down", "W": "west"}
-"""Letters of a frame's name."""
+_DIRECTIONS: Final = {"E": "east", "N": "north", "U": "up", "D": "down", "W": "west"}  # letters of a frame's name
 
 
 def earth_acceleration(
@@ -566,8 +527,7 @@ def _placed(imu: ImuData, place: str, date: str | None, stage: Stage, say: Calla
     return imu
 
 
-IN_USE: Final = "in use, by the smoother"
-"""Method of a calibration that a recording gave by the way."""
+IN_USE: Final = "in use, by the smoother"  # method of a calibration that a recording gave by the way
 
 
 def _card_in_use(result: Estimated) -> "CalibrationCard":

@@ -27,8 +27,7 @@ from plumbob.door.estimate import opened_samples
 from plumbob.files import write
 from plumbob.filters.channel import RateFilter
 
-DRIFTS: Final[Mapping[str, Callable[[], GyroDrift]]] = {"chen2013": chen2013}
-"""Drift models by name."""
+DRIFTS: Final[Mapping[str, Callable[[], GyroDrift]]] = {"chen2013": chen2013}  # drift models by name
 
 _OF_RATES = np.uint32(flags.GYR_HELD | flags.GYR_ABSENT | flags.GYR_CLIPPED | flags.GYR_INVALID | flags.GAP)
 _KEPT = np.uint32(flags.GYR_HELD | flags.TIME_FAULT)  # of the filter's flags; the others are the samples' own
@@ -36,19 +35,7 @@ _KEPT = np.uint32(flags.GYR_HELD | flags.TIME_FAULT)  # of the filter's flags; t
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FilteredRates(FactsText):
-    """A recording whose gyroscope has been compensated and filtered.
-
-    Attributes
-    ----------
-    recording : Recording
-        The samples with their new rates, their flags, the reference that came with them, and what was done to them.
-    filter : str
-        Name and parameters of the filter of rates.
-    drift : GyroDrift
-        What was taken off before; its bias is the constant of the stretch at rest.
-    notes : tuple of Finding
-        What was done, a line each.
-    """
+    """A recording whose gyroscope has been compensated for `drift` and filtered; `notes` say it, a line each."""
 
     recording: Recording
     filter: str

@@ -34,19 +34,10 @@ _PAUSE: Final = 0.05
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sent(FactsText):
-    """What was sent.
+    """What was sent: `attitudes` that were due, `messages` that the target took, and how long it took, s.
 
-    Attributes
-    ----------
-    name : str
-        Of what.
-    spec : SendSpec
-        In which form, and where to.
-    attitudes, messages, withheld, dropped : int
-        Attitudes that were due; writes that the target took; attitudes of which nothing was sent, because they are not
-        reliable and the form cannot say so; messages that slow clients lost.
-    seconds : float
-        How long it took.
+    `withheld`: attitudes of which nothing was sent, because they are not reliable and the form cannot say so;
+    `dropped`: messages that slow clients lost.
     """
 
     name: str

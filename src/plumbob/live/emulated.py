@@ -32,10 +32,8 @@ from plumbob.simulation import scenario as named_scenario
 from plumbob.simulation.signals import Signal
 from plumbob.simulation.simulation import WarmingUp
 
-LOOPBACK = "127.0.0.1"
-"""Where no host is named: to be heard by other machines is asked for, as 0.0.0.0."""
-_END: Final = 3.0
-"""Time that the process of a rig has to end, s."""
+LOOPBACK = "127.0.0.1"  # where no host is named: to be heard by other machines is asked for, as 0.0.0.0
+_END: Final = 3.0  # time that the process of a rig has to end, s
 
 
 def emulate(
@@ -368,13 +366,7 @@ def _write_truth(path: Path, rig: Rig, *, noise: bool, overwrite: bool) -> None:
 
 @contextmanager
 def running_rig(rig: str, *words: str) -> Iterator[str]:
-    """Emulate a rig in a process of its own, with more words of its command line; gives the name of its port.
-
-    Raises
-    ------
-    LineError
-        If it does not start.
-    """
+    """Emulate a rig in a process of its own, with more words of its command line; gives the name of its port."""
     with subprocess.Popen(
         [sys.executable, "-m", "plumbob", "emulate", rig, *words], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, text=True, start_new_session=True,

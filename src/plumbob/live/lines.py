@@ -48,15 +48,11 @@ from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Framing, Message
 from plumbob.protocols.scan import Reads
 
-CLOCK: Final = "t_ns"
-"""Field with the time of the device."""
+CLOCK: Final = "t_ns"  # field with the time of the device
 _LINE: Final = re.compile(rb"([^\r\n]+)[\r\n]+")
-_WORD: Final = (1 << 62) - 1
-"""Bits of a clock that are looked at."""
-_MOST_BYTES: Final = 1 << 16
-"""Bytes without a line end that are waited for; no logger writes such a row."""
-_REMEMBERED: Final = 20
-"""Rows that tell whether the last one was cut, as of a file."""
+_WORD: Final = (1 << 62) - 1  # bits of a clock that are looked at
+_MOST_BYTES: Final = 1 << 16  # bytes without a line end that are waited for; no logger writes such a row
+_REMEMBERED: Final = 20  # rows that tell whether the last one was cut, as of a file
 _MOST_NAMED: Final = 6
 _ALL_ODD: Final = 8
 _MEMORY: Final = 16
@@ -73,13 +69,7 @@ class LineFormat(Format):
 
 
 def line_format(profile: Profile, *, midway: bool) -> LineFormat:
-    """Format of the lines that a profile describes.
-
-    Raises
-    ------
-    ParameterError
-        If it needs a whole file, or has no sensor.
-    """
+    """Format of the lines that a profile describes; ParameterError where it needs a whole file, or has no sensor."""
     parts = [part for _, part in profile.streams] or [profile]
     triads = [name for name in TRIADS if any(name in part.triads for part in parts)]
     encodings = {part.layout.encoding for part in parts}
@@ -159,13 +149,7 @@ class _Rows:
         return not (where and isinstance(where[0], str) and not self._names) and belongs(row, self._names, self.layout)
 
     def take(self, row: str, number: int, start: int, host_ns: int) -> bool:
-        """Take a row of numbers, and tell whether it was one; a row of names is none.
-
-        Raises
-        ------
-        DecodeError
-            If it cannot be read.
-        """
+        """Take a row of numbers, and tell whether it was one; a row of names is none."""
         cells = self._cells(row, number)
         if self._wanted and self._wanted <= (names := {cell.strip() for cell in cells}) and len(names) == len(cells):
             self._names, self._widths = tuple(cell.strip() for cell in cells), Counter()
@@ -373,13 +357,7 @@ class _Join:
 
 
 class LineDecoder:
-    """Decodes lines in any cutting: what `Decoder` is for frames.
-
-    Parameters
-    ----------
-    form : LineFormat
-        What the lines mean.
-    """
+    """Decodes lines in any cutting: what `Decoder` is for frames."""
 
     def __init__(self, form: LineFormat) -> None:
         assert form.profile is not None

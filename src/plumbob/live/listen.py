@@ -12,8 +12,7 @@ from plumbob.core.files import as_list, existing_file
 from plumbob.core.units import Quantity, given
 from plumbob.files.draft import Draft, drafted
 
-STDIN: Final = "-"
-"""Word for standard input."""
+STDIN: Final = "-"  # word for standard input
 
 
 def profile(

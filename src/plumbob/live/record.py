@@ -25,13 +25,8 @@ from plumbob.protocols.format_toml import unassigned_told
 class RecordedStream(Ran):
     """A live stream that has ended.
 
-    Attributes
-    ----------
-    recording : mapping of str to Any or None
-        Its ``path``, the ``rows`` that were to be written, those ``acknowledged`` by the disk, and those ``dropped``;
-        None where nothing was recorded.
-    failed : bool
-        Whether an output beside the recording failed on the way.
+    `recording` has its ``path``, the ``rows`` that were to be written, those ``acknowledged`` by the disk and
+    ``dropped``, or is None; `failed`: an output beside the recording did on the way.
     """
 
     recording: Mapping[str, Any] | None

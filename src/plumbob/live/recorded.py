@@ -41,28 +41,10 @@ _META: Final = "recording"
 def read_recorded(
     path: str | Path, *, estimated: bool = False, unit: str | None = None, calibrated: bool = False
 ) -> Recording:
-    """Samples of a recording, and a reference in the same frames, or the estimated attitude where that is asked for.
+    """Samples of a recording, with a reference in the same frames, or what was `estimated`, as their track.
 
-    Where the session decodes several units, they are those of all, unless one is asked for.
-
-    Parameters
-    ----------
-    path : path
-        The recording.
-    estimated : bool
-        Whether `track` is to be what was estimated; without it, it is the reference, or None, for an estimate is none.
-    unit : str, optional
-        One of several units in the same frames, by name or number from 1; ``"all"``: all, also where the session
-        decodes one.
-    calibrated : bool
-        Whether the session's cards are to be applied.
-
-    Raises
-    ------
-    DecodeError
-        If it is not a recording of samples.
-    ParameterError
-        If there is no such unit.
+    Without `unit` they are those of all that the session decodes; ``"all"``: all in the frames. `calibrated`: by the
+    session's cards.
     """
     file = Path(path)
     log = open_log(file)
@@ -131,15 +113,7 @@ def logged_reference(replayed: Replayed) -> AttitudeTrack | None:
 
 
 def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> None:
-    """Write samples and attitude as a recording that viewers such as Foxglove and Lichtblick open.
-
-    Raises
-    ------
-    ParameterError
-        If the file exists and `overwrite` is false.
-    DecodeError
-        If the system refuses; then nothing is left there.
-    """
+    """Write samples and attitude as a recording that viewers such as Foxglove and Lichtblick open."""
     streams: dict[str, Iterable[tuple[int, str, bytes]]] = {}
     units = _units(recording)
     for name, imu in units.items():
@@ -337,13 +311,7 @@ def convert(
 
 
 def require_writer(file: Path, layout: str | None) -> None:
-    """Refuse a name or a layout that is not written.
-
-    Raises
-    ------
-    ParameterError
-        With what is written, and how.
-    """
+    """Refuse a name or a layout that is not written, and say what is."""
     if layout is not None:
         if layout not in LAYOUTS:
             raise ParameterError(f"there is no layout '{layout}'; there are {', '.join(LAYOUTS)}.")
@@ -421,13 +389,7 @@ def _lost(file: Path, recording: Recording, layout: str | None) -> Iterable[str]
 
 
 def only(recording: Recording, what: str) -> Recording:
-    """Return the recording's samples, its attitude, or both.
-
-    Raises
-    ------
-    ShapeError
-        If what is asked for is not there.
-    """
+    """Return the recording's samples, its attitude, or both."""
     if what == "all":
         return recording
     chosen = replace(recording, track=None) if what == "samples" and _units(recording) else None

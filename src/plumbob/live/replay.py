@@ -35,16 +35,7 @@ from plumbob.rotations import Frame
 class Replayed(Ran, Series):
     """What a recording gave when it went through the stream again.
 
-    Attributes
-    ----------
-    log : Log
-        The recording, read to its end: `log.damage` says what is wrong with it.
-    found : Collected
-        All parts and events; none where they were not kept.
-    track : AttitudeTrack or None
-        The attitude; None where nothing was estimated, or it was not kept.
-    comparison : ReplayComparison or None
-        Against what the recording holds, where that was asked for.
+    `log.damage` says what is wrong with the recording; `found` and `track` hold what was kept.
     """
 
     log: Log
@@ -74,13 +65,7 @@ class Replayed(Ran, Series):
         return 0 if first is None else first + (0 if info is None else info.epoch_offset_ns)
 
     def as_recording(self) -> Recording:
-        """The track, with where it comes from, for `plumbob.write` and `plumbob.convert`.
-
-        Raises
-        ------
-        ParameterError
-            If there is none.
-        """
+        """The track, with where it comes from, for `plumbob.write` and `plumbob.convert`."""
         source = info("source.replayed", file=self.log.paths[0].name, by=self._estimate.source)
         return Recording(track=self._estimate, notes=(source, *inferred(self.stream.time_report())))
 
@@ -96,13 +81,7 @@ class Replayed(Ran, Series):
 
 
 def open_recording(path: str | Path) -> tuple[Log, Session]:
-    """Open a recording of a line, and the session that it holds.
-
-    Raises
-    ------
-    DecodeError
-        If it is not a recording, or was not made by a line.
-    """
+    """Open a recording of a line, and the session that it holds."""
     log = open_log(Path(path))
     return log, recorded_session(log.metadata, Path(path).stem)
 
@@ -287,16 +266,6 @@ class Check:
 
     Both are read in their order, and of each no more than a chunk is held. Where two rows differ in time, the earlier
     one is left over.
-
-    Parameters
-    ----------
-    log : Log
-        The recording.
-
-    Raises
-    ------
-    DecodeError
-        If it holds no attitudes.
     """
 
     def __init__(self, log: Log) -> None:

@@ -138,13 +138,7 @@ def parsed_event(row: bytes) -> Event:
 
 
 def parsed(topic: str, row: bytes) -> dict[str, Any]:
-    """Row of a topic as its schema says it; what stands under the keys is judged by `table` and `whole`.
-
-    Raises
-    ------
-    DecodeError
-        If it is cut, is not a JSON object, or has not the keys of the schema.
-    """
+    """Row of a topic with the keys of its schema; what stands under them is judged by `table` and `whole`."""
     where = f"a row of '{topic}'"
     content = parsed_object(where, row)
     keys = _KEYS[topic.partition("/")[0]]
@@ -181,13 +175,7 @@ def parsed_object(where: str, text: str | bytes) -> dict[str, Any]:
 
 
 def table(key: str, records: Sequence[Mapping[str, Any]], width: int | None = None) -> Floats:
-    """Numbers of a column, (N,) or (N, width); null is NaN.
-
-    Raises
-    ------
-    DecodeError
-        If something else stands there.
-    """
+    """Numbers of a column, (N,) or (N, width); null is NaN."""
     values = [row[key] for row in records]
     if width is not None:
         absent = [None] * width

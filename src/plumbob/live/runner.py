@@ -10,8 +10,7 @@ from plumbob.live.sinks import Sink
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Received, Source, Stopping
 
-_WAIT: Final = 0.02
-"""Longest wait for the source, s; the recording's chunks close on time also where nothing comes."""
+_WAIT: Final = 0.02  # longest wait for the source, s; the recording's chunks close on time also where nothing comes
 
 
 class Keeper(Protocol):
@@ -54,29 +53,10 @@ def run_stream(
 ) -> None:
     """Run until the source is finished, the time is over or `stop` is set; then end recording, sinks and source.
 
-    Bytes are handed to the recording before anything else is done with them. A sink that the system refuses, as
-    on a full disk, does not end a recording: it gets no more, and the recording and the other sinks are informed.
-
-    Parameters
-    ----------
-    stream : Stream
-        The stream.
-    source : Source
-        Where its bytes come from, open.
-    sinks : sequence of Sink
-        What else takes its parts.
-    recording : Keeper, optional
-        Recording, as a `RecordingSink`, started here.
-    duration : float, optional
-        Longest time to run, s.
-    until_lost : bool
-        Whether to end when the line is lost, instead of waiting for it to come back.
-    stop : Stopping, optional
-        Set from elsewhere to end.
-    each : callable, optional
-        Called after each read, also where nothing came.
-    clock : callable
-        Monotonic clock, ns.
+    Bytes are handed to the recording before anything else is done with them. A sink that the system refuses, as on a
+    full disk, does not end a recording: it gets no more, and the recording and the other sinks are informed.
+    `until_lost` ends with the line, instead of waiting for it; `each` is called after each read, also where nothing
+    came.
     """
     end = None if duration is None else clock() + round(duration * 1e9)
     if recording:

@@ -24,8 +24,7 @@ from plumbob.live.watch import Note
 from plumbob.protocols.attitude import AttitudeSample, BodyAxes, attitudes, default_body
 from plumbob.rotations import North
 
-_CARRIED: Final = GAP | TIME_FAULT | GYR_HELD
-"""Flags of attitudes that are left out which the next one carries."""
+_CARRIED: Final = GAP | TIME_FAULT | GYR_HELD  # flags of attitudes that are left out which the next one carries
 _PATIENCE: Final = 10.0
 _BURST: Final = 0.5
 _OVERTURNED: Final = 0.5 * math.pi
@@ -57,15 +56,7 @@ class _Each:
 
 
 def make_encoder(spec: SendSpec, north: North, declination: float | None) -> Encoder:
-    """Encoder of what is asked for; heavy ones are imported here.
-
-    Raises
-    ------
-    FrameError
-        If a heading is asked for that the attitude does not have.
-    MissingExtraError
-        If it needs a package that is not installed.
-    """
+    """Encoder of what is asked for; heavy ones are imported here."""
     if spec.kind == "nmea":
         from plumbob.protocols.attitude.lines import SENTENCES, sentences_for
 
@@ -116,13 +107,7 @@ class Due:
 
 
 class Direct:
-    """Writes messages to a target at once, and waits for it: nothing is dropped, and a target that broke is an error.
-
-    Raises
-    ------
-    LineError
-        If it cannot be opened, or written.
-    """
+    """Writes messages to a target at once, and waits: nothing is dropped, and a target that broke is an error."""
 
     def __init__(self, target: Target, name: str) -> None:
         self._target, self._name = target, name
@@ -165,20 +150,8 @@ class Direct:
 class SendSink:
     """Sends attitudes of a stream as they come; it never waits, and a target that is away costs the recording nothing.
 
-    Parameters
-    ----------
-    spec : SendSpec
-        What and where to.
-    declination : float or None
-        rad, east positive.
-    offset_ns : int
-        UTC minus the clock of the stream, ns.
-    note : callable, optional
-        Called with each remark.
-    keep : callable, optional
-        Called with each event, such as the recording.
-    direct : bool
-        Whether to write at once and wait, as a replay may.
+    `offset_ns` is UTC minus the clock of the stream; `keep` gets each event; `direct` writes at once and waits, as a
+    replay may.
     """
 
     def __init__(
@@ -281,15 +254,7 @@ class SendSink:
 
 
 def with_sent(session: Session, send: Sequence[str]) -> Session:
-    """Session that sends there, too.
-
-    Raises
-    ------
-    ParameterError
-        If nothing estimates an attitude, or a text is not as `parse_send` takes it.
-    FrameError
-        If a heading is asked for that no attitude of the session can have.
-    """
+    """Session that sends there, too."""
     if send and session.stage is None:
         raise ParameterError("--send sends an attitude, but nothing estimates one. Name a filter with --filter.")
     chosen = replace(session, send=(*session.send, *map(parse_send, send)))

@@ -63,8 +63,7 @@ class OutputSpec:
     text: str | None = None
 
 
-SENT_AS: Final = ("nmea", "tss1", "mavlink", "json", "ros2")
-"""Forms in which an attitude is sent."""
+SENT_AS: Final = ("nmea", "tss1", "mavlink", "json", "ros2")  # forms in which an attitude is sent
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,13 +153,7 @@ def send_spec(
     sentences: str | Sequence[str] = (),
     body: BodyAxes | str | None = None,
 ) -> SendSpec:
-    """What to send, checked.
-
-    Raises
-    ------
-    ParameterError
-        If the form or the target is unknown, or one does not fit the other.
-    """
+    """What to send, checked."""
     if kind not in SENT_AS:
         raise ParameterError(f"{check.said(kind)} is not a form of an attitude; known: {', '.join(SENT_AS)}.")
     names = tuple(sentences.split(",") if isinstance(sentences, str) else sentences)
@@ -178,15 +171,7 @@ def send_spec(
 
 
 def parse_send(text: str) -> SendSpec:
-    """What to send of one text: form, target, and optionally rate, sentences and body axes, with spaces between.
-
-    As in ``"nmea udp:127.0.0.1:10110 10Hz HDT,PASHR"``.
-
-    Raises
-    ------
-    ParameterError
-        If it is not that.
-    """
+    """What to send of one text, as ``"nmea udp:127.0.0.1:10110 10Hz HDT,PASHR"``; the first two words must be."""
     words = text.split()
     if len(words) < 2:
         raise ParameterError(f"'{text}' needs a form and a target, as 'nmea udp:127.0.0.1:10110 10Hz'.")

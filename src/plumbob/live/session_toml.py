@@ -48,21 +48,15 @@ from plumbob.rotations import Frame, body_axes, in_body_axes
 GUIDE: Final = guide("sessions.md")
 KIND: Final = "plumbob session"
 VERSION: Final = 1
-SESSION: Final = "session.toml"
-"""Under this name a recording keeps the session itself."""
-IIO: Final = "iio.json"
-"""Under this name it keeps what the kernel said of a device, so that a replay needs none."""
+SESSION: Final = "session.toml"  # under this name a recording keeps the session itself
+IIO: Final = "iio.json"  # under this name it keeps what the kernel said of a device, so that a replay needs none
 PLACE: Final = "earth_field.json"
 """And under this one the field at the session's place, so that a replay needs neither model nor date."""
-ALL: Final = "all"
-"""Word for all units of a frame."""
+ALL: Final = "all"  # word for all units of a frame
 
-Fetch = Callable[[str], str]
-"""Gives the text of a file that the session names."""
-Describe = Callable[[SourceSpec], str]
-"""Gives what the kernel says of a source, in JSON."""
-Locate = Callable[[str, str], str]
-"""Gives the Earth's field at a place on a day, in JSON."""
+Fetch = Callable[[str], str]  # gives the text of a file that the session names
+Describe = Callable[[SourceSpec], str]  # gives what the kernel says of a source, in JSON
+Locate = Callable[[str, str], str]  # gives the Earth's field at a place on a day, in JSON
 
 
 def load_session(path: str | Path, *, date: str | None = None) -> Session:
@@ -120,13 +114,7 @@ def json_schema(kind: str) -> dict[str, Any]:
 
 
 def recorded_session(texts: Mapping[str, str], name: str) -> Session:
-    """Session that a recording holds.
-
-    Raises
-    ------
-    DecodeError
-        If it holds none.
-    """
+    """Session that a recording holds."""
 
     def fetch(wanted: str) -> str:
         if wanted not in texts:
@@ -151,22 +139,10 @@ def parse_session(
     locate: Locate = _field_at,
     date: str | None = None,
 ) -> Session:
-    """Session from TOML text; errors as in `load_session`.
+    """Session from TOML text, as `load_session`; `fetch` gives the text of each file that it names.
 
-    Parameters
-    ----------
-    text : str
-        The session.
-    fetch : callable
-        Gives the text of each file that it names.
-    name : str
-        Short name.
-    describe : callable
-        Gives what the kernel says of a source; asked only where it is an IIO device.
-    locate : callable
-        Gives the field at a place; asked only where the session names one.
-    date : str, optional
-        As in `load_session`.
+    `describe` gives what the kernel says of an IIO device, `locate` the field at a place; asked only where they are
+    needed.
     """
     texts = {SESSION: text}
 
@@ -274,13 +250,7 @@ def _place_and_day(imu: Mapping[str, Any], source: SourceSpec | None, date: str 
 
 
 def of_unit(session: Session, asked: str) -> Session:
-    """Session of another unit in the same frames, by its name or its number from 1; ``"all"``: of all, as it is else.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such unit, or it is not one of those that the session decodes.
-    """
+    """Session of another unit in the same frames, by its name or number from 1; ``"all"``: of all, as it is else."""
     message = session.form.message(session.message)
     if asked == ALL and session.units:
         return session

@@ -49,15 +49,7 @@ class Sink(Protocol):
 
 
 class Collected:
-    """Keeps everything, for a replay or a conversion.
-
-    Attributes
-    ----------
-    parts : list of ItemResult
-        All parts.
-    events : list of Event
-        All events.
-    """
+    """Keeps everything, for a replay or a conversion."""
 
     def __init__(self) -> None:
         self.parts: list[ItemResult] = []
@@ -156,22 +148,7 @@ def track_lines(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, 
 
 
 class TextSink:
-    """Writes a line of text for an attitude now and then, as the hosts of the papers kept their TXT files.
-
-    Parameters
-    ----------
-    path : path
-        Text file; it must not exist yet, and is made with its first line.
-    every : float
-        Least time between two lines, s.
-
-    Raises
-    ------
-    ParameterError
-        If the file exists.
-    DecodeError
-        If its folder does not.
-    """
+    """Writes a new text file with a line for an attitude every so many s, as the hosts of the papers kept theirs."""
 
     def __init__(self, path: str | Path, every: float) -> None:
         self._path = Path(path)
@@ -217,8 +194,7 @@ def text_sinks(session: Session) -> list[TextSink]:
     return [TextSink(path, session.output.every)] if path else []
 
 
-_EVERY: Final = 0.09
-"""Time after which a chunk is closed, s: with the write itself, a crash costs at most 100 ms."""
+_EVERY: Final = 0.09  # time after which a chunk is closed, s: with the write itself, a crash costs at most 100 ms
 
 _LOOK_NS: Final = 1_000_000_000
 _STEP_NS: Final = 1_000_000_000
@@ -231,17 +207,10 @@ def epoch_offset_ns() -> int:
 
 
 def named_at(session: Session, utc_ns: int) -> Session:
-    """Session whose outputs have the names that they get at a start.
+    """Session whose outputs have the names that they get at a start: ``{utc}`` becomes the time, ns since 1970.
 
-    ``{utc}`` becomes the time; a name with it goes on with the next part where it exists, as one whose session asks for
-    that, since two starts may fall into one second. The text goes on as the recording does.
-
-    Parameters
-    ----------
-    session : Session
-        The line.
-    utc_ns : int
-        UTC of the start, ns since 1970.
+    A name with it goes on with the next part where it exists, as one whose session asks for that, since two starts may
+    fall into one second. The text goes on as the recording does.
     """
     record, text = session.record, session.output.text
     next_part = record is not None and record.next_part
@@ -255,21 +224,9 @@ def named_at(session: Session, utc_ns: int) -> Session:
 
 
 class RecordingSink:
-    """Writes a line into a recording.
+    """Writes a line into a recording, with the session's texts, so that it can be replayed anywhere.
 
-    Parameters
-    ----------
-    session : Session
-        The line; its texts go into the recording, so that it can be replayed anywhere.
-    spec : RecordSpec
-        Where to.
-    offset : callable
-        Gives the difference between UTC and the monotonic clock, ns.
-
-    Attributes
-    ----------
-    failures : list of Event
-        Outputs beside the recording that have failed, by whoever writes them; the recording keeps that too.
+    `offset` gives UTC minus the monotonic clock, ns. `failures`: outputs beside it that failed, which it keeps too.
     """
 
     def __init__(self, session: Session, spec: RecordSpec, offset: Callable[[], int] = epoch_offset_ns) -> None:

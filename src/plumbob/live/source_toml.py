@@ -15,8 +15,7 @@ from plumbob.protocols.format import HEX, Format, Framing, Message
 if TYPE_CHECKING:
     from plumbob.live.transports.iio_layout import IioChannel, IioLayout
 
-CLOCK: Final = "t_ns"
-"""Field with the kernel's time stamp."""
+CLOCK: Final = "t_ns"  # field with the kernel's time stamp
 
 _ABI: Final = "IIO-ABI"
 
@@ -33,17 +32,7 @@ _AXES: Final = ("x", "y", "z")
 def iio_format(layout: "IioLayout", *, mounted: bool = True) -> Format:
     """Format of a device's scans: ``gyr.x`` and so on in the axes of the board, ``temp_c``, and the kernel's time.
 
-    Parameters
-    ----------
-    layout : IioLayout
-        What the kernel says.
-    mounted : bool
-        Whether mount matrices are applied; each must then take every axis to an axis.
-
-    Raises
-    ------
-    ParameterError
-        If a mount matrix does more than that, or an element of a scan holds several numbers.
+    Mount matrices, where they are applied (`mounted`), must take every axis to an axis.
     """
     fields = tuple(
         _field(channel, CLOCK, at, "ns", 1.0, role="clock")
@@ -112,15 +101,7 @@ def _field(channel: "IioChannel", name: str, at: int, unit: str, lsb: float, rol
 
 
 def parse_source(where: str, value: Any) -> SourceSpec:
-    """Source from its table.
-
-    Raises
-    ------
-    DecodeError
-        If its kind or a key is unknown, missing or of the wrong type.
-    UnitError
-        If a unit is missing or wrong.
-    """
+    """Source from its table."""
     kind = _KIND(f"{where}.kind", _TABLE(where, value).get("kind"))
     settings: dict[str, Any] = _SOURCES[kind](where, value)
     return SourceSpec(settings.pop("kind"), settings)

@@ -28,27 +28,15 @@ if TYPE_CHECKING:
     from plumbob.live.transports.spi_bus import SpiBus, SpiSource
 
 _PIECE: Final = 1 << 16
-_TOGETHER = 64
-"""Frames that are handed on at a time."""
+_TOGETHER = 64  # frames that are handed on at a time
 
 
 class CaptureSource:
     """A file of raw bytes as a line that is read as fast as it goes.
 
     No host was there, so each read is given the time that the frames themselves tell: the device's clock, else the
-    frame counter and the rate, else their place and the rate. What only a host could tell is not known: how long the
-    device was silent, where its counter went round more than half.
-
-    Parameters
-    ----------
-    path : str
-        The file.
-    form : Format
-        What its bytes mean, bound.
-    message : str
-        Which message has the samples.
-    rate : float or None
-        Frames per second, Hz, where the format does not say it.
+    frame counter and the rate (Hz), else their place and the rate. What only a host could tell is not known: how long
+    the device was silent, where its counter went round more than half.
     """
 
     def __init__(self, path: str, form: Format, message: str, rate: float | None = None) -> None:
@@ -66,13 +54,7 @@ class CaptureSource:
         return self._items == []
 
     def open(self) -> "CaptureSource":
-        """Read the file.
-
-        Raises
-        ------
-        DecodeError
-            If it is not a regular file, cannot be read, or holds no frame of the message.
-        """
+        """Read the file."""
         try:
             data = existing_file(self._path).read_bytes()
         except OSError as error:
@@ -108,13 +90,7 @@ class CaptureSource:
 
 
 class PipeSource:
-    """What another program writes, until it ends: standard input, or a file as if it came so.
-
-    Parameters
-    ----------
-    path : str or None
-        The file; None is standard input.
-    """
+    """What another program writes, until it ends: standard input (None), or a file as if it came so."""
 
     def __init__(self, path: str | None = None) -> None:
         self._path, self._fd = path, -1
@@ -144,8 +120,7 @@ class PipeSource:
         self.finished = True
 
 
-KERNEL: Final = ("iio", "iio-poll")
-"""Sources of which the kernel says what the bytes mean."""
+KERNEL: Final = ("iio", "iio-poll")  # sources of which the kernel says what the bytes mean
 GATHER: Final = 0.007
 """Time in which bytes are gathered before they go through the line, s: latency for fewer, fuller parts."""
 _AT_ONCE: Final = 256
@@ -160,15 +135,7 @@ class Openable(Source, Protocol):
 
 
 def open_source(spec: SourceSpec | None) -> Source:
-    """Open the source of a session.
-
-    Raises
-    ------
-    ParameterError
-        If the session names none.
-    PlumbobError
-        If it cannot be opened; the message says why.
-    """
+    """Open the source of a session."""
     if spec is None:
         raise ParameterError("the session names no [source]; add one, or give --port.")
     made = make_source(spec).open()
@@ -218,15 +185,9 @@ def spi_source(
     clock: Callable[[], int] = time.monotonic_ns,
     sleep: Callable[[float], None] = time.sleep,
 ) -> "SpiSource":
-    """Source of a chip on SPI, not yet open.
+    """Source of a chip on SPI, not yet open, of a session's settings.
 
-    Parameters
-    ----------
-    settings : mapping
-        As a session has them: ``start`` is commands and times to wait, s; of the replies to a poll the first ``skip``
-        bytes are left out.
-    open_bus, clock, sleep
-        As in `plumbob.live.transports.spi_bus.SpiSource`.
+    ``start`` is commands and times to wait, s; of the replies to a poll the first ``skip`` bytes are left out.
     """
     from plumbob.live.transports.spi_bus import SpiSource
 
@@ -256,14 +217,9 @@ def spi_source(
 
 
 class Stretched:
-    """A source that runs faster than time, as an emulated rig may: its host times are stretched to what they stand for.
+    """A source that runs `speed` times faster than time, as an emulated rig may.
 
-    Parameters
-    ----------
-    source : Source
-        The source, open.
-    speed : float
-        How many times faster than real time it runs.
+    Its host times are stretched to what they stand for.
     """
 
     def __init__(self, source: Source, speed: float) -> None:
@@ -291,17 +247,10 @@ class Stretched:
 
 
 class ReplaySource:
-    """The raw reads and the events of a recording, as they came.
+    """The raw reads and the events of a recording, `speed` times as fast as they came; None: as fast as it goes.
 
     Rows that are missing from a damaged recording become an event, so that the line does not take bytes for neighbours
     that are none.
-
-    Parameters
-    ----------
-    log : Log
-        The recording.
-    speed : float or None
-        How many times faster than it was; None is as fast as it goes.
     """
 
     def __init__(self, log: Log, speed: float | None = None) -> None:

@@ -36,10 +36,8 @@ from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.rotations import Frame, in_body_axes, quat_from_euler_zyx
 
-BROKEN: Final = ("lost", "dropped")
-"""Events after which what is pending belongs to nothing that will come."""
-BACK: Final = "reopened"
-"""Event after which time starts anew behind a gap."""
+BROKEN: Final = ("lost", "dropped")  # events after which what is pending belongs to nothing that will come
+BACK: Final = "reopened"  # event after which time starts anew behind a gap
 STARTED_AGAIN: Final = "restarted"
 """Event after which everything starts anew: the recorder itself was away, and nobody knows what came meanwhile."""
 _APART_NS: Final = 1_000_000
@@ -56,25 +54,12 @@ class UnitPart(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ItemResult:
-    """What one item gave.
+    """What one item gave; every sample has its decoded frame in `frames`.
 
-    Attributes
-    ----------
-    t_ns : ndarray (N,) of int64
-        Times of the samples on the host's monotonic clock, ns.
-    frames : Frames
-        Decoded frames, one for each sample.
-    sensed : ImuData
-        What the sensors said, in body axes, uncalibrated; its time starts with the first sample of the line.
-    imu : ImuData
-        The same, calibrated where there is a card.
-    track : AttitudeTrack or None
-        Attitude, where something estimates one: of these samples, or with a lag of earlier ones. At the end of the
-        stream it may come without samples.
-    track_ns : ndarray (M,) of int64
-        Times of the attitudes, as those of the samples.
-    units : mapping of str to UnitPart
-        Every unit, where the session decodes several; `sensed` and `imu` are of the estimated one.
+    Times are on the host's monotonic clock, ns: `t_ns` (N,) of samples, `track_ns` (M,) of attitudes. `sensed` is
+    uncalibrated, in body axes, from the first sample of the line on; `imu` is calibrated where there is a card. With a
+    lag, `track` is of earlier samples, and at the end may come without any. `units` has all where the session decodes
+    several.
     """
 
     t_ns: NDArray[np.int64]

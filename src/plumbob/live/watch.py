@@ -24,41 +24,19 @@ from plumbob.rotations.frames import counted_from
 
 Note = Callable[[str], None]
 
-LONG: Final = 60.0
-"""Duration above which the drift of a device clock is told, s."""
+LONG: Final = 60.0  # duration above which the drift of a device clock is told, s
 
-SETTLED: Final = 30.0
-"""Time after which the estimated bias of a start in motion says something, s."""
+SETTLED: Final = 30.0  # time after which the estimated bias of a start in motion says something, s
 
-_DOUBT_BYTES: Final = 256
-_DOUBT_FRAMES: Final = 8
-"""Bytes, and frames of the greatest length, within which one frame must have been found."""
+_DOUBT_BYTES: Final = 256  # within which one frame must have been found
+_DOUBT_FRAMES: Final = 8  # the same, in frames of the greatest length
 
 
 class Watch:
     """Sink that counts what a stream gives, and says what somebody should look at while there is time.
 
-    Parameters
-    ----------
-    stream : Stream
-        The stream.
-    note : callable, optional
-        Called with each remark.
-    events : bool
-        Whether events are remarks, too; those of a replay are old.
-    progress : callable, optional
-        Called with this object after every part.
-
-    Attributes
-    ----------
-    samples : int
-        Samples so far.
-    last : ItemResult or None
-        The newest part that has samples.
-    track : AttitudeTrack or None
-        The newest attitudes.
-    beyond : tuple of Finding
-        By how much the samples leave the card's temperatures, and the estimated bias its prior.
+    `events` are remarks, too; those of a replay are old. `last` is the newest part that has samples, `track` the newest
+    attitudes, `beyond` by how much samples leave the card's temperatures, and the bias its prior.
     """
 
     def __init__(

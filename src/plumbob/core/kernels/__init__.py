@@ -23,8 +23,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 PACKAGE = Path(__file__).parents[2]
-STAMP = PACKAGE / "_kernels.json"
-"""Which sources the extension beside it was made of, and a hash of their content."""
+STAMP = PACKAGE / "_kernels.json"  # which sources the extension beside it was made of, and a hash of their content
 CHECKOUT = PACKAGE.parents[1]
 
 
@@ -100,21 +99,10 @@ bare = Kernel(_itself)
 
 
 def specialise(loop: Kernel[..., R], name: str, *, inline: bool = False, **kernels: Kernel[..., Any]) -> Kernel[..., R]:
-    """Return a copy of `loop` in which the given global names mean the given kernels.
+    """Return a copy of `loop`, called `name` as C has it, in which the given global names mean the given kernels.
 
     This is how one batch loop serves every filter without a function pointer: each filter's loop has that filter's step
-    inlined.
-
-    Parameters
-    ----------
-    loop : Kernel
-        The pattern; it names its callee as a module global.
-    name : str
-        Name of the copy. C is made of those that `plumbob.core.kernels.emit` meets.
-    inline : bool
-        Inline all that it calls, which is worth the time of a compiler for a loop that runs often.
-    **kernels : Kernel
-        What the globals mean.
+    inlined. `inline` all that it calls: worth the time of a compiler for a loop that runs often.
     """
     pattern = cast(FunctionType, loop.py_func)
     copy = FunctionType(pattern.__code__, {**pattern.__globals__, **kernels}, name, pattern.__defaults__)

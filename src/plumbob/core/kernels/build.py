@@ -90,26 +90,10 @@ def alone(folder: Path) -> Iterator[None]:
 
 
 def build(folder: Path | None = None, target: str = "") -> tuple[Path, Path]:
-    """Make the extension, and only what has changed of it.
+    """Make the extension, and only what has changed of it; gives it, and the file that says of which sources it is.
 
-    Parameters
-    ----------
-    folder : Path, optional
-        For C and objects; by default ``build/kernels`` of a checkout, or a temporary one.
-    target : str
-        One of TARGETS: for that machine, by zig, into the folder. Otherwise for this one, beside the package.
-
-    Returns
-    -------
-    tuple
-        The extension, and the file that says of which sources it is.
-
-    Raises
-    ------
-    BuildError
-        Without a compiler, or if it fails.
-    UnsupportedError
-        If a kernel is not in the subset.
+    `folder` is for C and objects, by default ``build/kernels`` of a checkout, or a temporary one. A target is built for
+    that machine, by zig, into the folder; without one for this machine, beside the package.
     """
     if folder is None and (target or is_checkout()):
         folder = CHECKOUT / "build" / "kernels" / target

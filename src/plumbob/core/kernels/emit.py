@@ -245,21 +245,9 @@ int64_t {name}_update({name}_filter *filter, int64_t t_ns, double sample[9]) {{
 
 
 def export(name: str, folder: Path, frame: str = "ENU") -> list[Path]:
-    """Write a filter in C: NAME.c, NAME.h, kernels.h.
+    """Write a filter in C99: NAME.c, NAME.h, kernels.h, which need libm and no memory but the state; gives their paths.
 
-    Parameters
-    ----------
-    name : str
-        The filter, as in `plumbob.filter_names`; the smoother has no step of its own.
-    folder : Path
-        Where to.
-    frame : str
-        Navigation frame, ENU or NED.
-
-    Returns
-    -------
-    list of Path
-        The files, C99, which need libm and no memory but the state.
+    The frame is ENU or NED; the smoother has no step of its own.
     """
     base, layout = import_module("plumbob.filters.base"), import_module("plumbob.filters.layout")
     made = base.Filter(name, frame=frame)

@@ -35,15 +35,6 @@ class Board:
     """Draws progress on standard error, over itself where that is a terminal.
 
     Elsewhere each event gets a line, and every 5 s what to do next.
-
-    Parameters
-    ----------
-    title : str
-        First line.
-    guide : Guide
-        Whose timeline is shown.
-    out : file
-        Where to draw.
     """
 
     def __init__(self, title: str, guide: Guide, out: TextIO | None = None) -> None:
@@ -177,13 +168,7 @@ def guided_capture(
     stop: Stop,
     note: Callable[[str], object],
 ) -> tuple[Capture, dict[str, Any]]:
-    """Capture from a line, until the guide or somebody says stop, and what the guide says of it.
-
-    Raises
-    ------
-    CalibrationError
-        If the line lacks one of the triads, or no sample arrives.
-    """
+    """Capture from a line, until the guide or somebody says stop, and what the guide says of it."""
     parts = [field.triad.rpartition(".") for field in session.form.message(session.message).fields if field.triad]
     present = {triad for unit, _, triad in parts if unit == session.unit}
     if missing := [name for name in triads if name not in present]:

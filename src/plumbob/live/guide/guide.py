@@ -171,8 +171,7 @@ def _angle(axis: int, direction: Floats, goal: Floats) -> float:
     return -math.remainder(turned, math.tau)
 
 
-ENOUGH: Final = 15
-"""Fewest directions of the 18 with which a good prediction ends the capture."""
+ENOUGH: Final = 15  # fewest directions of the 18 with which a good prediction ends the capture
 
 _LASTS: Final = 2.0
 
@@ -215,15 +214,7 @@ class Progress:
 
 
 class Guide(ABC):
-    """Guide of a capture.
-
-    Attributes
-    ----------
-    timeline : list of Moment
-        What has happened so far: directions that were seen, warnings, and the end.
-    triad : str
-        What is calibrated.
-    """
+    """Guide of a capture: of `triad`, with what has happened so far in `timeline`, warnings and the end too."""
 
     triad: str
 
@@ -304,8 +295,7 @@ class Seen:
         return f"{region_names(new.tolist())} seen, {int(filled.sum())} of {len(NAMES)}"
 
 
-LONG_ENOUGH: Final = 20.0
-"""Rest in one piece that is asked for, s."""
+LONG_ENOUGH: Final = 20.0  # rest in one piece that is asked for, s
 
 _FIRST: Final = 2.0
 

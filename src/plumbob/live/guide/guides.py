@@ -132,8 +132,7 @@ def _unit(vector: Floats) -> Floats:
 TOO_FAST: Final = float(dps(180.0))
 """Rate above which a compass part, which averages for 10 ms or so, smears the field by degrees, rad/s."""
 
-MOST: Final = 200
-"""Samples that are kept of each direction, evenly in time: where there are more, every other one goes."""
+MOST: Final = 200  # samples that are kept of each direction, evenly in time: where there are more, every other one goes
 
 _OF_BLOCK: Final = 10
 _EVERY: Final = 4  # blocks
@@ -325,17 +324,7 @@ _CHUNK: Final = 4096
 
 
 class GuideSink:
-    """Hands the samples of a line to a guide, shows its progress, and stops the line when it is enough.
-
-    Parameters
-    ----------
-    guide : Guide
-        The guide.
-    stop : Stop
-        Set when the capture is good.
-    show : callable
-        Gets the progress after each part.
-    """
+    """Hands the samples of a line to a guide, shows its progress, and stops the line when it is enough."""
 
     def __init__(self, guide: Guide, stop: Stop, show: Callable[[Progress], None]) -> None:
         self._guide, self._stop, self._show = guide, stop, show

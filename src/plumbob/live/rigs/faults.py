@@ -71,23 +71,9 @@ class LineDamage:
 
 
 def draw(form: Format, rates: Mapping[str, float], due_ns: NDArray[np.int64], seed: int) -> Drawn:
-    """Draw which frames have a fault; the first frame has none.
+    """Draw which frames have a fault, from the share of each kind and a random stream of its own; the first has none.
 
-    Parameters
-    ----------
-    form : Format
-        Format of the frames.
-    rates : mapping of str to float
-        Share of the frames, by kind.
-    due_ns : ndarray (N,) of int64
-        When each is ready, ns from the start.
-    seed : int
-        Each kind has its own random stream.
-
-    Raises
-    ------
-    ParameterError
-        If a kind is unknown, a rate is not a share, or the frame has no length to be wrong.
+    `due_ns` (N,): when each frame is ready, ns from the start.
     """
     for kind, rate in rates.items():
         if kind not in KINDS:

@@ -31,8 +31,7 @@ from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_from_euler
 
 Ints = NDArray[np.int64]
 
-TICK_NS: Final = 1_000_000
-"""Period of the timer, ns [Yu2018]."""
+TICK_NS: Final = 1_000_000  # period of the timer, ns [Yu2018]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,19 +67,7 @@ def poll(tasks: Sequence[FirmwareTask], end_ns: int) -> dict[str, Calls]:
     """Let the loop run: it looks at the flags in the order of the tasks, serves the first that is set, and looks again.
 
     Nothing interrupts a task but the timer, which only sets flags and takes no time. A flag is cleared when its task
-    begins.
-
-    Parameters
-    ----------
-    tasks : sequence of FirmwareTask
-        In the order in which flags are looked at.
-    end_ns : int
-        No task begins at or after that time, ns.
-
-    Returns
-    -------
-    dict of str to Calls
-        By the task's name.
+    begins; none begins at or after `end_ns`.
     """
     periods = [task.every * TICK_NS for task in tasks]
     following = periods.copy()
@@ -208,34 +195,10 @@ def run_firmware(
     params: Mapping[str, Any] | None = None,
     log: FlashLog | None = None,
 ) -> Firmware:
-    """Run the program over what the chips measure.
+    """Run the program over what the chips have in their registers, in body axes of NED; a read gets the newest value.
 
-    Parameters
-    ----------
-    imu : ImuData
-        What the chips have in their registers, best at 1 kHz, the most that the MPU-6000 gives; a read gets the newest
-        value. Body axes of NED.
-    calibration : CalibrationCard, optional
-        What the program corrects its samples with.
-    processor : Processor, optional
-        How long its tasks take.
-    take : {"mean", "newest"}
-        What of the three or four samples since the last fusion the filter gets; the paper does not say.
-    params : mapping, optional
-        Of the filter; the paper's by default.
-    log : FlashLog, optional
-        Where frames are stored; an empty one by default.
-
-    Returns
-    -------
-    Firmware
-
-    Raises
-    ------
-    ParameterError
-        If `take` is neither, or the recording is too short for a frame.
-    CalibrationError
-        If the card is that of another unit.
+    Best at 1 kHz, the most that the MPU-6000 gives. `take`: "mean" or "newest" of the three or four samples since the
+    last fusion; the paper does not say. Parameters of the filter are the paper's by default.
     """
     if take not in TAKES:
         raise ParameterError(f"take must be one of {', '.join(TAKES)}, but it is '{take}'.")
@@ -256,13 +219,7 @@ def run_firmware(
 
 
 def decoded(data: bytes) -> AttitudeTrack:
-    """Attitude that frames of format ``buoy_attitude`` say, by their own clock, from the first sample of the buoy.
-
-    Raises
-    ------
-    DecodeError
-        If the bytes hold no frame.
-    """
+    """Attitude that frames of format ``buoy_attitude`` say, by their own clock, from the first sample of the buoy."""
     frames = decode(data, find_format(FORMAT)).frames
     if FORMAT not in frames:
         raise DecodeError(f"there is no frame of {FORMAT} in {len(data)} bytes.")

@@ -15,39 +15,12 @@ YEAR_S: Final = 365.25 * 86400.0
 
 
 class FlashLog(FactsText):
-    """Ring of records in a NOR Flash chip, emulated to the byte.
+    """Ring of records in a NOR Flash chip, emulated to the byte; by default of 1 MiB, as Winbond's W25Q80.
 
     Records are gathered in memory until they fill a page, which is then programmed. With the last page of a sector the
     next sector is erased, so that a blank page is always ready and no call waits for an erasure; of a full ring that
-    costs its oldest sector. No record lies across two pages: where one is torn, the others are sound.
-
-    Parameters
-    ----------
-    size, sector, page : int
-        Bytes of the chip, of what is erased at a time, and of what is programmed at a time. By default those of a chip
-        of 1 MiB, as Winbond's W25Q80.
-    record : int
-        Bytes of a record.
-
-    Attributes
-    ----------
-    erases : ndarray (sectors,) of int64
-        How often each sector was erased: the wear.
-    written, lost : int
-        Records that were programmed, and those of them that were erased again.
-
-    Raises
-    ------
-    ParameterError
-        If the sizes do not go into each other.
-
-    Examples
-    --------
-    >>> from plumbob.live.rigs.flash import FlashLog
-    >>> log = FlashLog(size=3 * 4096)
-    >>> log.write(bytes(32 * 400))
-    >>> log.written, log.lost, log.erases.tolist()
-    (400, 128, [1, 1, 1])
+    costs its oldest sector. No record lies across two pages: where one is torn, the others are sound. `erases` counts
+    the wear of each sector; `lost` are `written` records that were erased again.
     """
 
     def __init__(self, *, size: int = 1 << 20, sector: int = 4096, page: int = 256, record: int = 32) -> None:
@@ -86,13 +59,7 @@ class FlashLog(FactsText):
         return cycles * self.capacity / rate / YEAR_S
 
     def write(self, records: bytes | Bytes) -> None:
-        """Take records: bytes one behind the other, or rows (N, record).
-
-        Raises
-        ------
-        ShapeError
-            If they are not whole records.
-        """
+        """Take records: bytes one behind the other, or rows (N, record)."""
         data = records if isinstance(records, bytes) else np.asarray(records, dtype=np.uint8).tobytes()
         if len(data) % self.record:
             raise ShapeError(f"a log takes records of {self.record} bytes, but {len(data)} bytes are not a multiple.")
@@ -108,14 +75,9 @@ class FlashLog(FactsText):
         self._buffer = self._buffer[len(self._buffer) // used * used :]
 
     def cut(self, programmed: int) -> None:
-        """Lose power while what waits in memory is programmed: that many bytes of it are there, and the rest is gone.
+        """Lose power when `programmed` bytes of what waits in memory are there; the rest is gone.
 
         The next start finds that the page is not blank, and goes on behind it.
-
-        Parameters
-        ----------
-        programmed : int
-            Bytes.
         """
         torn = np.frombuffer(bytes(self._buffer[:programmed]), dtype=np.uint8)
         self._cells[self._next, : torn.size] = torn

@@ -25,17 +25,7 @@ ALIGNED: Final[Quat] = (1.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class MountedMotion:
-    """Motion of a unit that is fixed to a body.
-
-    Parameters
-    ----------
-    motion : Motion
-        Of the body.
-    frame : Frame
-        Navigation frame; the body's axes are those that go with it.
-    q_bs : tuple of 4 float
-        From the unit's axes to the body's.
-    """
+    """Motion of a unit on a moving body, whose axes go with `frame`; `q_bs` leads from the unit's to them."""
 
     motion: Motion
     frame: Frame
@@ -102,8 +92,7 @@ class Chained:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
 
-CHIP_RATE: Final = 1000.0
-"""Hz; how often the MPU-6000 renews its registers at most."""
+CHIP_RATE: Final = 1000.0  # Hz; how often the MPU-6000 renews its registers at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,13 +124,7 @@ class RigPlan:
         return self._with(sensors, reference=False)
 
     def with_reference(self, sensors: str) -> Self:
-        """Return the plan with other parts in its reference: ``"ideal"`` says exactly what is true.
-
-        Raises
-        ------
-        ParameterError
-            If it has none.
-        """
+        """Return the plan with other parts in its reference: ``"ideal"`` says exactly what is true."""
         if len(self.measuring) == len(self.units):
             raise ParameterError(f"{self.name} has no reference beside its units; leave the reference out.")
         return self._with(sensors, reference=True)
@@ -152,26 +135,7 @@ class RigPlan:
 
 
 def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate: float | None) -> RigPlan:
-    """Plan for a format of your own: every unit in it has the same sensors, aligned with the body.
-
-    Parameters
-    ----------
-    form : Format
-        What it says on the wire.
-    motion : Scenario
-        What the body does.
-    sensors : str
-        Parts of each unit, joined by ``+``.
-    frame : Frame
-        Navigation frame.
-    rate : float or None
-        Frames per second, Hz; the format's where it is None.
-
-    Raises
-    ------
-    ParameterError
-        If neither says a rate.
-    """
+    """Plan for a format of your own: every unit in it has the same sensors, aligned with the body."""
     pace = form.framing.rate if rate is None else rate
     if pace is None:
         raise ParameterError(f"{form.name} does not say how many frames it sends per second; give a rate, as 100Hz.")

@@ -42,18 +42,9 @@ _JUST_BELOW = 1.0 - 1e-9  # a value at the end of its range stays there whatever
 def columns_for(
     message: Message, units: Mapping[str, Simulation], device_ns: NDArray[np.int64], counter: NDArray[np.int64]
 ) -> dict[str, Column]:
-    """Columns for `plumbob.protocols.encode.encode`.
+    """Columns for `plumbob.protocols.encode.encode`, of simulations by prefix.
 
-    Parameters
-    ----------
-    message : Message
-        What is sent; bound.
-    units : mapping of str to Simulation
-        By prefix.
-    device_ns : ndarray (N,) of int64
-        The device's own clock at each frame, ns.
-    counter : ndarray (N,) of int64
-        Number of each frame.
+    `device_ns` (N,): the device's own clock at each frame, ns; `counter` (N,): its number.
     """
     fields = {field.name: field for field in message.fields}
     measured: dict[str, Floats] = {}
@@ -159,40 +150,9 @@ def make_rig(
     high_pass: float | None = None,
     mount_error: float = 0.0,
 ) -> Rig:
-    """Build a rig.
+    """Build a rig of a plan, which sends the first message of a format; arguments as of `plumbob.emulate`.
 
-    Parameters
-    ----------
-    plan : RigPlan
-        What it is made of.
-    form : Format
-        What it says; its first message is what it sends.
-    seed : int
-        Of everything left to chance: the sea, the units' errors, their noise, faults.
-    duration : float, optional
-        s, default: the plan's.
-    unit : {"random", "calibrated"}
-        Units as they left the line, or after an ideal calibration.
-    clock_error : float
-        By how much the device's own clock is fast: 4e-5 are 40 µs a second.
-    faults : mapping of str to float, optional
-        Share of the frames that a fault of `plumbob.live.rigs.faults.KINDS` befalls.
-    calibration : CalibrationCard, optional
-        What the rig's own processor corrects its samples with.
-    noise : NoiseCard, str, path, or mapping, optional
-        N, B and K of the measuring units instead of their own: one card for all, or cards by prefix.
-    temp_c, warm_up : optional
-        Temperature, °C, and by how much the rig warms up, as of `plumbob.simulation.simulate`.
-    high_pass : float, optional
-        Corner of a first-order high-pass behind each measuring unit's gyroscope, Hz.
-    mount_error : float
-        Standard deviation about each axis, rad, of how the references sit against what the plan says; of all units
-        where there is no reference.
-
-    Raises
-    ------
-    ParameterError
-        If a name is unknown or a value outside its domain.
+    `clock_error` 4e-5 is 40 µs a second fast; `faults` are shares by kind of `plumbob.live.rigs.faults.KINDS`.
     """
     bound = form.bind()
     message = bound.messages[0]

@@ -37,12 +37,7 @@ _BARELY, _SURELY = 0.02, 0.2
 class PtyPort:
     """Pseudo-terminal: looks like a serial line to whoever opens it.
 
-    Parameters
-    ----------
-    link : Path, optional
-        Symbolic link that always leads to the present terminal.
-    stop : Stopping, optional
-        Ends the wait for a reader at the end early.
+    A symbolic `link` always leads to the present one; `stop` ends the wait for a reader at the end early.
     """
 
     def __init__(self, link: Path | None = None, stop: Stopping | None = None) -> None:
@@ -162,15 +157,7 @@ def _lead(link: Path, target: str) -> None:
 
 
 class TcpPort:
-    """TCP server for one reader at a time.
-
-    Parameters
-    ----------
-    host : str
-        Address to listen at.
-    number : int
-        Port; 0 takes a free one.
-    """
+    """TCP server for one reader at a time; port 0 takes a free one."""
 
     def __init__(self, host: str, number: int) -> None:
         self._host, self._number = host, number
@@ -238,15 +225,7 @@ class TcpPort:
 
 
 class UdpPort:
-    """UDP: one payload in one datagram, to whoever may listen.
-
-    Parameters
-    ----------
-    host : str
-        Address to send to.
-    number : int
-        Its port.
-    """
+    """UDP: one payload in one datagram, to whoever may listen."""
 
     def __init__(self, host: str, number: int) -> None:
         self._to = (host, number)
@@ -313,15 +292,7 @@ class Port(Protocol):
 
 
 class FilePort:
-    """File or pipe: the bytes, and nothing else.
-
-    Parameters
-    ----------
-    file : binary file
-        Where to write; it is not closed.
-    name : str
-        What to call it.
-    """
+    """File or pipe: the bytes, and nothing else; it is not closed."""
 
     def __init__(self, file: BinaryIO, name: str) -> None:
         self._file, self._name = file, name
@@ -351,8 +322,7 @@ class FilePort:
         """Leave the file to its owner."""
 
 
-_BATCH: Final = 256
-"""Frames that are handed to the port at a time."""
+_BATCH: Final = 256  # frames that are handed to the port at a time
 _LONGEST_WAIT: Final = 0.2
 _GONE: Final = 0.05
 """s; how long a port stays away where nobody waits for the time of day."""
@@ -360,21 +330,7 @@ _GONE: Final = 0.05
 
 @dataclass(repr=False)
 class Served(FactsText):
-    """What became of the frames.
-
-    Attributes
-    ----------
-    frames : int
-        Frames that there were to send.
-    sent : int
-        Frames handed to the port, damaged ones included.
-    lost : int
-        Frames that a fault took away.
-    unheard : int
-        Frames that were due while nobody listened.
-    latest_ns : int
-        Longest delay of a frame behind its time, ns; 0 as fast as wanted.
-    """
+    """What became of the frames."""
 
     frames: int = 0
     sent: int = 0
@@ -393,18 +349,7 @@ def serve(
 ) -> Served:
     """Send every frame, from the moment that somebody listens; late frames are sent, not skipped.
 
-    Parameters
-    ----------
-    rig : Rig
-        What to send.
-    port : Port
-        Where to; it is left open.
-    speed : float or None
-        Times real time; None sends as fast as the reader takes them.
-    stop : Stopping
-        Ends it early.
-    on_fault : callable
-        Called with each fault once it has happened.
+    `speed` is times real time, None as fast as the reader takes them; `on_fault` gets each fault once it has happened.
     """
     served = Served(len(rig))
     if not _await_reader(port, stop):

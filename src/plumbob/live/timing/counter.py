@@ -47,8 +47,7 @@ from plumbob.live.timing.spec import (
     TimeSpec,
 )
 
-ANOTHER_HOST: Final = 2
-"""Value of REOPENED where host times before and after do not belong together."""
+ANOTHER_HOST: Final = 2  # value of REOPENED where host times before and after do not belong together
 
 _RISING: Final = 4
 _CLOSE: Final = 0.3  # frames: by so much may steps differ where none is missing
@@ -177,16 +176,6 @@ class CountedTime:
     Valid where nothing can be lost, or where what is lost shows in a count: a step is taken for the shorter way round a
     turn, one that goes back for none, and how long the device was silent is not known. The result does not depend on
     how frames are handed over.
-
-    Parameters
-    ----------
-    spec : TimeSpec
-        What the frames bring to count.
-
-    Raises
-    ------
-    ParameterError
-        If that is neither a clock nor a rate.
     """
 
     def __init__(self, spec: TimeSpec) -> None:

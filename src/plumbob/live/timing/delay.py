@@ -216,8 +216,7 @@ _REVIEW: Final = 256  # frames from one look at the usual delay to the next
 _ENOUGH: Final = 4
 _STOPPED: Final = 1e9  # ns: a device that is so late, for so long, has stood still
 _LEAST: Final = 1e6  # ns: a busy host delays all frames by as much for a while
-LEARNING: Final = 2e9
-"""Time in which a new line may still be far off, ns."""
+LEARNING: Final = 2e9  # time in which a new line may still be far off, ns
 
 _FORMING: Final = 12e9  # ns of the host's time, in which a new line may have to tilt
 

@@ -29,13 +29,7 @@ class Counter:
     down: bool = False  # whether it counts down
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be counted.
-
-        Raises
-        ------
-        ParameterError
-            If the width is not 1 to 64, or a tick is no plain fraction of up to an hour.
-        """
+        """Refuse what cannot be counted."""
         if not 1 <= self.bits <= 64:
             raise ParameterError(f"a counter has 1 to 64 bits, but bits is {self.bits}.")
         tick = self.tick
@@ -79,13 +73,7 @@ class TimeSpec:
     speed: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse counters in each other's place, and impossible rates.
-
-        Raises
-        ------
-        ParameterError
-            If a clock has no tick, a frame counter has one, or the rate, the length or the speed is out of range.
-        """
+        """Refuse counters in each other's place, and impossible rates."""
         if self.clock is not None and self.clock.tick is None:
             raise ParameterError("clock needs tick_ns, the time of one count; a counter of frames belongs in frames.")
         if self.frames is not None and self.frames.tick is not None:

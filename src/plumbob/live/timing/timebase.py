@@ -308,22 +308,14 @@ def _learn(n: Ints, r: Floats, host: int, place: int, count: int) -> int:
     return 0 if newer else UNSURE
 
 
-REMEMBERED: Final = 1000
-"""Gaps that a report lists."""
+REMEMBERED: Final = 1000  # gaps that a report lists
 
 
 class TimeBase:
-    """Gives frames their times, in order, once each.
+    """Gives frames their times, in order, once each; memory is bounded.
 
-    Parameters
-    ----------
-    spec : TimeSpec
-        What the frames bring to tell the time by.
-
-    Notes
-    -----
     The result does not depend on how frames are handed over: one call with all of them gives the same bits as many
-    calls. Memory is bounded.
+    calls.
     """
 
     def __init__(self, spec: TimeSpec) -> None:
@@ -342,22 +334,10 @@ class TimeBase:
         clock: ArrayLike | None = None,
         frames: ArrayLike | None = None,
     ) -> Stamps:
-        """Stamp the next frames.
+        """Stamp the next frames, of which `clock` and `frames` say what the device clock and the frame counter count.
 
-        Parameters
-        ----------
-        t_ns : int64 (N,)
-            Host time of the read that brought each frame's first byte, ns.
-        place : int64 (N,)
-            Offset of each frame's first byte in the stream.
-        clock, frames : integers (N,), optional
-            What the device clock and the frame counter say; required where `spec` names them. Only the bits that it
-            names count.
-
-        Raises
-        ------
-        ShapeError
-            If the arrays do not fit each other, hold no integers, or a counter is missing.
+        `t_ns` (N,): host time, ns, of the read that brought each frame's first byte; `place` (N,): its offset in the
+        stream.
         """
         host = _integers("t_ns", t_ns, None)
         size = host.shape[0]

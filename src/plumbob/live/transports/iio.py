@@ -18,8 +18,7 @@ from plumbob.live.transports.transport import TAKE_LIMIT, BackOff, NoLine, Recei
 
 IDENTITY: Final[Matrix] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
-CLOCK: Final = "current_timestamp_clock"
-"""Attribute with the clock of the time stamps, from Linux 4.5."""
+CLOCK: Final = "current_timestamp_clock"  # attribute with the clock of the time stamps, from Linux 4.5
 
 _RAW = IioType("<", signed=True, bits=32, storage=32)  # what a polled value is packed into
 _TRIADS = {"gyr": "anglvel", "acc": "accel", "mag": "magn"}
@@ -60,13 +59,7 @@ def _float(device: IioDevice, what: str, text: str) -> float:
 
 
 def find_device(which: str | int, sys_root: Path, dev_root: Path) -> IioDevice:
-    """Device of that number, or of that name.
-
-    Raises
-    ------
-    NoLine
-        ``absent`` where there is none, with a list of those that are; ``ambiguous`` where there are several.
-    """
+    """Device of that number, or of that name."""
     there = list_devices(sys_root, dev_root)
     folder = f"iio:device{which}" if isinstance(which, int) else which
     named = [device for device in there if folder in {device.path.name, device.name}]
@@ -87,13 +80,7 @@ def list_devices(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -
 
 
 def scan_layout(device: IioDevice, chosen: tuple[str, ...] | None) -> IioLayout:
-    """What a scan holds with these channels enabled, all of known units by default.
-
-    Raises
-    ------
-    NoLine
-        ``refused`` where the device has no buffer, no such channel, or does not say what its numbers mean.
-    """
+    """What a scan holds with these channels enabled, all of known units by default."""
     names = _elements(device)
     channels = []
     for name in _choose(device, names, chosen):
@@ -169,26 +156,14 @@ def _matrix(device: IioDevice, text: str) -> Matrix:
 
 
 class BufferAttributes:
-    """Attributes written for as long as a buffer runs, and put back afterwards.
-
-    Parameters
-    ----------
-    device : IioDevice
-        Whose.
-    """
+    """Attributes written for as long as a buffer runs, and put back afterwards."""
 
     def __init__(self, device: IioDevice) -> None:
         self._device = device
         self._before: list[tuple[str, str]] = []
 
     def write(self, attribute: str, value: str) -> None:
-        """Write a value, and remember what was there.
-
-        Raises
-        ------
-        NoLine
-            Where the kernel refuses.
-        """
+        """Write a value, and remember what was there."""
         before = self._device.read(attribute)
         if before is None:
             raise NoLine("refused", f"{self._device} has no {attribute}, so it cannot be set to {value}.")
@@ -238,42 +213,15 @@ Linux drivers/iio/gyro/adxrs290.c before commit fde272e78e, "fix data signedness
 
 
 class IioSource(Replug):
-    """Whole scans of an IIO buffer, as bytes; `layout` says what they mean.
+    """Whole scans of an IIO buffer, as bytes; a device whose scans are not as a `layout` says is refused.
 
     The device is set up at opening, and put back as it was at closing. Scans carry the kernel's time stamps on the
-    monotonic clock, taken at the interrupt where the driver has one; `Received.t_ns` is when they were read.
+    monotonic clock, taken at the interrupt where the driver has one; `Received.t_ns` is when they were read. Rate (Hz)
+    and trigger stay as they are where not named; `length` are scans that the kernel keeps while nobody reads,
+    `watermark` those that wake the reader. Without a scan for `stall_periods` (at least 1 s where the rate is unknown)
+    the device is ``stalled``.
 
-    Parameters
-    ----------
-    device : str or int
-        Name that the driver gives, such as ``"adxrs290"``, or number.
-    channels : sequence of str, optional
-        Such as ``("anglvel_x", "timestamp")``; all whose units are known by default.
-    rate : float, optional
-        Written to ``sampling_frequency``, Hz; left as it is by default.
-    trigger : str, optional
-        Name of the trigger that starts a scan; left as it is by default.
-    length, watermark : int
-        Scans that the kernel keeps while nobody reads, and scans that wake the reader.
-    stall_periods : float
-        Without a scan for so many periods (and at least 1 s where the rate is unknown), the device is ``stalled``.
-    layout : IioLayout, optional
-        What the bytes must mean, as read before; a device that says otherwise by now is refused.
-    sys_root, dev_root : path
-        Where the kernel shows devices.
-    wait, back_off, clock, sleep
-        As in `Replug`.
-
-    Notes
-    -----
-    Events: ``opened``, ``stalled``, ``resumed``, ``lost``, ``reopened``, and while it cannot be opened ``absent``,
-    ``ambiguous``, ``busy``, ``denied`` or ``refused``. The kernel does not count the scans that a full buffer loses:
-    they show as gaps in the time stamps.
-
-    Raises
-    ------
-    ParameterError
-        If an argument can never be right.
+    The kernel does not count the scans that a full buffer loses: they show as gaps in the time stamps.
     """
 
     def __init__(
@@ -424,25 +372,6 @@ class IioPollSource(Polled):
 
     Each poll is one `Received`: a 32-bit little-endian number for each channel, in the order of `layout`. The time is
     the host's, right after the last channel was read; the channels are not of the same instant.
-
-    Parameters
-    ----------
-    device : str or int
-        Name that the driver gives, such as ``"adxrs453"``, or number.
-    rate : float
-        Polls per second, Hz.
-    channels : sequence of str, optional
-        Such as ``("anglvel_z",)``; all whose units are known by default.
-    layout : IioLayout, optional
-        What the bytes must mean, as in `IioSource`.
-    sys_root : path
-        Where the kernel shows devices.
-    back_off, clock, sleep
-        As in `Polled`.
-
-    Notes
-    -----
-    Events: ``opened``, ``late``, ``lost``, ``reopened``.
     """
 
     def __init__(

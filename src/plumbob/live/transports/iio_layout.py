@@ -44,13 +44,7 @@ class IioType:
 
 
 def parse_type(text: str) -> IioType:
-    """Read a type as the kernel writes it, such as ``le:s12/16>>4`` or ``be:s32/32X4>>0``.
-
-    Raises
-    ------
-    ParameterError
-        If it is none, or its bits have no room.
-    """
+    """Read a type as the kernel writes it, such as ``le:s12/16>>4`` or ``be:s32/32X4>>0``."""
     match = _TYPE.fullmatch(text.strip())
     if match is None:
         raise ParameterError(f"{text!r} is not the type of a scan element. Write it as le:s12/16>>4.")
@@ -101,13 +95,7 @@ class IioChannel:
 
 
 def iio_unit(name: str) -> str:
-    """Name of the unit in which IIO gives a channel: rad/s, m/s², gauss, or thousandths of °C.
-
-    Raises
-    ------
-    UnitError
-        If it measures something that Plumbob has no use for.
-    """
+    """Name of the unit in which IIO gives a channel: rad/s, m/s², gauss, or thousandths of °C."""
     kind, _ = _split(name)
     if kind not in _KINDS:
         raise UnitError(
@@ -149,31 +137,12 @@ def _number(value: Any) -> float:
 
 @dataclass(frozen=True)
 class IioLayout:
-    """What the bytes of a device's scans mean.
+    """What the bytes of a device's scans mean, in `size` bytes each.
 
-    Each element lies at a multiple of its own size, in the order of its index, and the whole is padded to a multiple
-    of the largest. (Kernels before 5.5 do not pad, which only shows where no time stamp is enabled.)
-
-    Attributes
-    ----------
-    device : str
-        Name of the device.
-    channels : tuple of IioChannel
-        In the order of the scan.
-    mounts : mapping of str to 3×3 matrix
-        For ``gyr``, ``acc`` and ``mag``: from the chip's axes to those of the board, as the device tree says.
-    clock : str
-        Clock of the time stamps as `IioSource` sets it: ``"monotonic"``, or ``"realtime"`` where the kernel knows no
-        other (before 4.5); empty where there are none.
-    size : int
-        Bytes in a scan.
-
-    Raises
-    ------
-    ParameterError
-        If there are no channels, or a mount matrix needs an axis that is not there.
-    UnitError
-        If the unit of a channel is not known.
+    Each element lies at a multiple of its own size, in the order of its index, and the whole is padded to a multiple of
+    the largest. (Kernels before 5.5 do not pad, which only shows where no time stamp is enabled.) `mounts` (3, 3) lead
+    from the chip's axes to those of the board, as the device tree says. `clock`: ``"monotonic"``, or ``"realtime"``
+    where the kernel knows no other (before 4.5); empty where there are no time stamps.
     """
 
     device: str

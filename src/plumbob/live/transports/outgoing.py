@@ -25,10 +25,8 @@ from plumbob.core.text import counted
 from plumbob.live.transports.transport import BackOff
 
 LOOPBACK: Final = "127.0.0.1"
-CLIENT_QUEUE: Final = 256
-"""Messages that wait for a client of a server at most; a slower one loses the oldest."""
-QUEUE: Final = 1024
-"""Messages that wait for a target at most."""
+CLIENT_QUEUE: Final = 256  # messages that wait for a client of a server at most; a slower one loses the oldest
+QUEUE: Final = 1024  # messages that wait for a target at most
 KINDS: Final = (
     "udp:HOST:PORT, udp-broadcast:HOST:PORT, tcp:HOST:PORT, tcp-listen:[HOST:]PORT, serial:DEVICE@BAUD, file:PATH or -"
 )
@@ -159,13 +157,7 @@ class _Client:
 
 
 class TcpServer:
-    """A server that any number of clients can join; each has a queue of its own, and none waits for another.
-
-    Parameters
-    ----------
-    host, port : str, int
-        Where to listen; port 0 takes a free one.
-    """
+    """A server that any number of clients can join; each has a queue of its own, and none waits for another."""
 
     def __init__(self, host: str, port: int) -> None:
         self.host, self.port = host, port
@@ -338,15 +330,7 @@ def _is_writable(fd: int, patience: float) -> bool:
 
 
 def parse_target(text: str, *, overwrite: bool = False) -> Target:
-    """Target of its text, as ``udp:127.0.0.1:10110``.
-
-    Raises
-    ------
-    ParameterError
-        If it is not one of `KINDS`, or a file that lies there and is not to be replaced.
-    DecodeError
-        If no file can be written there, as `plumbob.core.files.require_place` has it.
-    """
+    """Target of its text, as ``udp:127.0.0.1:10110``."""
     kind, _, rest = text.partition(":")
     if text == "-":
         return FileTarget(None)
@@ -377,19 +361,7 @@ def _address(text: str, rest: str, *, listens: bool) -> tuple[str, int]:
 class Sender:
     """Writes messages to a target from a thread of its own, and opens the target again where it breaks.
 
-    Parameters
-    ----------
-    target : Target
-        Where to.
-    name : str
-        What events call it.
-    backoff : BackOff
-        How long to wait before the next attempt.
-
-    Attributes
-    ----------
-    sent, dropped : int
-        Messages that the target took, and those that it did not: it was away, or too slow.
+    It counts those `sent`, and those `dropped`, because the target was away, or too slow.
     """
 
     def __init__(

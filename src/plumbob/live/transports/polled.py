@@ -20,27 +20,10 @@ class Task:
 
 
 class Schedule:
-    """Which tasks are due at a time.
+    """Which tasks are due at a time, on one clock; those that coincide in their order.
 
     Deadlines are ``start_ns + k * period_ns`` for whole k from 0, so nothing drifts, however late it is asked. A task
-    that is asked too late for several deadlines is due once: the rest are counted as missed and never made up for.
-
-    Parameters
-    ----------
-    tasks : sequence of Task
-        In the order in which they are due where deadlines coincide.
-    start_ns : int
-        First deadline of all tasks, ns, on the clock of the times given to `due`.
-
-    Attributes
-    ----------
-    missed : dict of str to int
-        Deadlines missed so far, by task.
-
-    Raises
-    ------
-    ParameterError
-        If there is no task, two share a name, or a period is not positive.
+    that is asked too late for several deadlines is due once: the rest are counted as `missed` and never made up for.
     """
 
     def __init__(self, tasks: Sequence[Task], *, start_ns: int = 0) -> None:
@@ -77,19 +60,6 @@ class Polled(Opened):
 
     Deadlines are the start plus whole periods. A missed one is reported as ``late`` and not made up for, so answers are
     never bunched. A device that fails is reported as ``lost``, opened again, then reported as ``reopened``.
-
-    Parameters
-    ----------
-    name : str
-        For messages and recordings.
-    rate : float
-        Questions per second, Hz.
-    back_off : BackOff
-        Patience with a device that is not there.
-    clock : callable
-        Monotonic time, ns.
-    sleep : callable
-        Waits so many s.
     """
 
     def __init__(
@@ -118,13 +88,7 @@ class Polled(Opened):
         """One answer; OSError where the device fails."""
 
     def open(self) -> Self:
-        """Open the device now; `read` does where this was not called.
-
-        Raises
-        ------
-        LineError
-            If that is not possible. Afterwards nothing raises any more.
-        """
+        """Open the device now; `read` does where this was not called."""
         if self._schedule is None:
             try:
                 where = self._try()

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     import serial
 
 TIOCGICOUNT: Final = 0x545D  # Linux, asm-generic/ioctls.h
-EVERY_NS: Final = 1_000_000_000
-"""How often the driver is asked, ns."""
+EVERY_NS: Final = 1_000_000_000  # how often the driver is asked, ns
 
 _COUNTS = struct.Struct("=11i")  # struct serial_icounter_struct, linux/serial.h: the first eleven, of twenty
 _FRAME, _OVERRUN, _PARITY, _BUFFER_OVERRUN = 6, 7, 8, 10
@@ -109,13 +108,7 @@ def list_ports() -> Sequence[PortInfo]:
 
 
 def check_port(port: str) -> str:
-    """Refuse a name that can be no port.
-
-    Raises
-    ------
-    ParameterError
-        If it is empty, or begins like a USB identity and is none.
-    """
+    """Refuse a name that can be no port."""
     if not port or (port.startswith("auto:") and not _USB.fullmatch(port)):
         raise ParameterError(
             f"{port!r} is not a serial port. Give a path, a pattern such as /dev/ttyUSB*, or auto:VID:PID[:SERIAL] "
@@ -125,13 +118,7 @@ def check_port(port: str) -> str:
 
 
 def find_port(port: str, ports: ListPorts = list_ports) -> str:
-    """Path of the port that a name, pattern or USB identity stands for now.
-
-    Raises
-    ------
-    NoLine
-        ``absent`` where there is none, with a list of those that are; ``ambiguous`` where there are several.
-    """
+    """Path of the port that a name, pattern or USB identity stands for now."""
     if usb := _USB.fullmatch(port):
         return _single(port, [p.device for p in ports() if _is_usb(p, *usb.groups())], ports)
     if Path(port).exists():
@@ -154,8 +141,7 @@ def _single(port: str, matching: list[str], ports: ListPorts) -> str:
     return matching[0]
 
 
-GATHER: Final = 2e-3
-"""Least time from one read to the next, s."""
+GATHER: Final = 2e-3  # least time from one read to the next, s
 
 _PARITIES: Final = ("N", "E", "O", "M", "S")
 _CHUNK: Final = 1 << 16
@@ -168,36 +154,10 @@ class SerialSource(Replug):
     """Bytes of a serial line, whatever happens to its plug.
 
     Each `Received` holds all that was there, stamped right after it was read. While nobody reads, the kernel keeps 4 kB
-    at least; where the driver counts the bytes that it could not keep, they are reported as ``dropped``.
-
-    Parameters
-    ----------
-    port : str
-        Path, link as in ``/dev/serial/by-id/``, pattern as ``/dev/ttyUSB*``, or ``auto:VID:PID[:SERIAL]``; resolved
-        again at each opening, so a port that comes back with another number is found.
-    baud : int
-        Symbols per second. A wrong one gives wrong bytes, not an error; where the driver counts framing errors, they
-        are reported as ``damaged``.
-    bytesize, parity, stopbits : int, str, float
-        Form of a character: 5 to 8 bits; ``N``, ``E``, ``O``, ``M`` or ``S``; 1, 1.5 or 2.
-    rtscts, xonxoff : bool
-        Flow control by lines or by characters.
-    exclusive : bool
-        Lock the port, so that no second reader takes bytes away.
-    wait, gather, back_off, clock, sleep
-        As in `Replug`.
-    ports : callable
-        Lists the ports of the machine.
-
-    Notes
-    -----
-    Events: ``opened``, ``lost``, ``reopened``, ``dropped``, ``damaged``, and, while a line cannot be opened,
-    ``absent``, ``ambiguous``, ``busy``, ``denied`` or ``refused``, once for each reason.
-
-    Raises
-    ------
-    ParameterError
-        If an argument can never be right.
+    at least; where the driver counts the bytes that it could not keep, they are reported as ``dropped``, and framing
+    errors, as of a wrong baud, as ``damaged``. `port` is a path, a link as in ``/dev/serial/by-id/``, a pattern as
+    ``/dev/ttyUSB*``, or ``auto:VID:PID[:SERIAL]``; resolved again at each opening, so a port that comes back with
+    another number is found. `exclusive` locks it, so that no second reader takes bytes away.
     """
 
     def __init__(

@@ -27,29 +27,10 @@ _NOTHING = {errno.EAGAIN, errno.EWOULDBLOCK}
 
 
 class UdpSource(Replug):
-    """Datagrams, each a `Received` of its own, in the order in which they came.
+    """Datagrams, each a `Received` of its own, in the order in which they came; from loopback alone by default.
 
-    Parameters
-    ----------
-    port : int
-        Where to listen; 0 takes a free one (see `port`).
-    host : str
-        Local address. Loopback, unless another is named: ``0.0.0.0`` listens to every network.
-    buffer : int
-        Bytes that the kernel is asked to keep while nobody reads; it grants no more than ``net.core.rmem_max``.
-    wait, gather, back_off, clock, sleep
-        As in `Replug`.
-
-    Notes
-    -----
-    Events: ``opened``, ``lost``, ``reopened``; ``dropped`` with the number of datagrams for which the buffer had no
-    room, reported before the next one that came through (Linux); ``busy``, ``denied`` or ``absent`` while the address
-    cannot be had.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such port number, or the address is empty.
+    The kernel keeps `buffer` bytes while nobody reads, but no more than ``net.core.rmem_max``; datagrams for which it
+    had no room are reported as ``dropped`` before the next one that came through (Linux). Port 0 takes a free one.
     """
 
     def __init__(
@@ -139,26 +120,9 @@ def _count_drops(sock: socket.socket) -> None:
 class TcpSource(Replug):
     """Bytes of a TCP server, connected again when it goes away.
 
-    Parameters
-    ----------
-    host, port : str, int
-        The server.
-    silence : float, optional
-        Without a byte for this time, s, the connection counts as half open, and is lost. Without it only the kernel's
-        probes find that: they see a machine that has gone (in about `KEEPALIVE` s), not a program that hangs.
-    connect_timeout : float
-        How long a server may take to answer, s. Its name is looked up first, which may take the system longer.
-    wait, gather, back_off, clock, sleep
-        As in `Replug`.
-
-    Notes
-    -----
-    Events: ``opened``, ``lost``, ``reopened``, and while there is no connection ``absent``, ``refused`` or ``denied``.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such port number, or the address is empty.
+    Without a byte for `silence`, s, the connection counts as half open, and is lost. Without it only the kernel's
+    probes find that: they see a machine that has gone (in about `KEEPALIVE` s), not a program that hangs. A name is
+    looked up before `connect_timeout` begins, which may take the system longer.
     """
 
     def __init__(

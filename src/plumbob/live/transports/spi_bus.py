@@ -26,24 +26,7 @@ Exchange = Sequence[bytes] | Callable[[SpiBus], bytes]
 
 
 class SpiDev:
-    """``/dev/spidev<bus>.<device>``.
-
-    Parameters
-    ----------
-    bus, device : int
-        Number of the bus and of its chip select.
-    mode : int
-        Clock polarity and phase, 0 to 3.
-    hz : int
-        Clock, Hz; the driver takes the next lower one that it has.
-
-    Raises
-    ------
-    MissingExtraError
-        If spidev is not installed.
-    OSError
-        If there is no such device, or no permission.
-    """
+    """``/dev/spidev<bus>.<device>``; the driver takes the next lower clock to `hz` that it has."""
 
     def __init__(self, bus: int, device: int, *, mode: int, hz: int) -> None:
         try:
@@ -68,35 +51,13 @@ class SpiDev:
 class SpiSource(Polled):
     """Replies of a chip, one `Received` for each poll.
 
-    Parameters
-    ----------
-    bus, device : int
-        ``/dev/spidev<bus>.<device>``.
-    exchange : sequence of bytes, or callable
-        One poll. Each command is a transfer of its own, with chip select released after it; the replies are joined,
-        none is left out. A chip that answers one transfer late, as the ADXRS453 does, answers command k with reply
-        k + 1: the first reply after opening belongs to no command, and what the last one asked for comes with the next
-        poll, a period old. For fresh values, give the command twice.
-    rate : float
-        Polls per second, Hz.
-    mode, hz : int
-        Clock polarity and phase, and clock, as the chip's data sheet says.
-    start : callable, optional
-        Wakes the chip up, at each opening, before the first poll. What it returns is reported with the opening.
-    open_bus : callable, optional
-        Opens the bus in place of spidev, to put an emulated chip there.
-    back_off, clock, sleep
-        As in `Polled`.
+    Each command of `exchange` is a transfer of its own, with chip select released after it; the replies are joined,
+    none is left out. A chip that answers one transfer late, as the ADXRS453 does, answers command k with reply k + 1:
+    the first reply after opening belongs to no command, and what the last one asked for comes with the next poll, a
+    period old. For fresh values, give the command twice. `start` wakes the chip up at each opening; what it returns is
+    reported with it. `open_bus` puts an emulated chip in place of spidev.
 
-    Notes
-    -----
-    Events: ``opened``, ``late``, ``lost``, ``reopened``. A wire that is pulled off the bus is none of these: the bus
-    then reads zeros or ones, which is for the decoder to see.
-
-    Raises
-    ------
-    ParameterError
-        If mode, clock or commands can never be right.
+    A wire that is pulled off the bus shows as zeros or ones, which is for the decoder to see.
     """
 
     def __init__(

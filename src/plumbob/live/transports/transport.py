@@ -97,19 +97,7 @@ class BackOff:
 
 
 class Opened(ABC):
-    """A `Source` that is made, opened and read, as a context or without.
-
-    Parameters
-    ----------
-    name : str
-        For messages and recordings.
-    back_off : BackOff
-        Patience with what is not there.
-    clock : callable
-        Monotonic time, ns.
-    sleep : callable
-        Waits so many s.
-    """
+    """A `Source` that is made, opened and read, as a context or without."""
 
     def __init__(
         self, name: str, back_off: BackOff | None, clock: Callable[[], int], sleep: Callable[[float], None]
@@ -199,25 +187,10 @@ class Wire(Protocol):
 class Replug(Opened):
     """A `Source` over a line that may break and come back.
 
-    Parameters
-    ----------
-    name : str
-        For messages and recordings.
-    wait : bool
-        At start, wait for a line that cannot be opened yet, instead of raising.
-    gather : float
-        Least time from one read to the next, s. What comes meanwhile is read in one go, so a fast stream wakes the
-        process 1 / gather times a second at most; it is up to `gather` late for that. Bytes after a silence are not.
-    back_off : BackOff
-        Patience with a line that is not there.
-    silence : float, optional
-        Without a byte for this time, s, an open line is lost (`breaks_on_silence`) or reported as stalled.
-    breaks_on_silence : bool
-        Which of the two.
-    clock : callable
-        Monotonic time, ns.
-    sleep : callable
-        Waits so many s.
+    `wait`: at start, wait for a line that cannot be opened yet, instead of raising. `gather`: least time from one read
+    to the next, s: what comes meanwhile is read in one go, so a fast stream wakes the process 1 / gather times a second
+    at most, and is up to `gather` late for that; bytes after a silence are not. Without a byte for `silence`, s, an
+    open line is lost (`breaks_on_silence`) or reported as stalled.
     """
 
     def __init__(
@@ -252,13 +225,7 @@ class Replug(Opened):
         """Open the line; None where that needs more than `patience` s and is to be asked again; else NoLine."""
 
     def open(self) -> Self:
-        """Open the line now; `read` does where this was not called.
-
-        Raises
-        ------
-        LineError
-            If that is not possible and `wait` was not asked for. Afterwards nothing raises any more.
-        """
+        """Open the line now; `read` does where this was not called."""
         if self._begun:
             return self
         wire = None
