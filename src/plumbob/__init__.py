@@ -53,8 +53,7 @@ Every sample carries a `flags` integer; `plumbob.core.flags` names the bits. A f
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from plumbob.core import __version__
-from plumbob.core.lazy import lazily
+from plumbob.core import __version__, lazily
 
 if TYPE_CHECKING:
     from plumbob import arm, noise, rotations, simulation

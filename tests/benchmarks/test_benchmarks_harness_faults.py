@@ -98,7 +98,7 @@ def test_a_peer_that_is_not_installed_is_left_out_with_its_reason_and_no_peer_re
     assert result.summary()["absent"] == absent == {"vqf": absent["vqf"]}
     assert result.score("integrate").passed is None
     assert peers("none") == ([], {})
-    with pytest.raises(ParameterError, match="there is no peer 'px4'; known: vqf, imufusion, ahrs, all and none"):
+    with pytest.raises(ParameterError, match="there is no peer 'px4'; known: vqf, imufusion, ahrs, all, none"):
         peers("px4")
     with pytest.raises(ParameterError, match="there is no construction 'rate 7'"):
         child("ahrs.Mahony", "rate 7")

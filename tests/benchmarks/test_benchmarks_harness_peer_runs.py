@@ -99,7 +99,7 @@ def test_without_a_magnetometer_each_peer_keeps_the_tilt_and_a_heading_of_its_ow
 
 def test_one_peer_of_a_library_is_asked_for_by_its_name_and_others_are_refused():
     assert peer_runs("none") == ([], {})
-    with pytest.raises(ParameterError, match="there is no peer 'px4'; known: vqf, imufusion, ahrs, all and none"):
+    with pytest.raises(ParameterError, match="there is no peer 'px4'; known: vqf, imufusion, ahrs, all, none"):
         peer_runs("px4")
     pytest.importorskip("vqf")
     assert [peer.name for peer in peer_runs("vqf.offlineVQF,vqf.VQF")[0]] == ["vqf.offlineVQF", "vqf.VQF"]

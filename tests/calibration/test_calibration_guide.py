@@ -9,8 +9,17 @@ import pytest
 
 from plumbob.calibration.predicted import REGIONS, region_index
 from plumbob.data import ImuData, ImuMeta
-from plumbob.live.guide.guide import ENOUGH, LONG_ENOUGH, AxisTurn, RestGuide, nearest, pose_words, turn_to
-from plumbob.live.guide.guides import AccelGuide, MagGuide
+from plumbob.live.guide.guide import (
+    ENOUGH,
+    LONG_ENOUGH,
+    AccelGuide,
+    AxisTurn,
+    MagGuide,
+    RestGuide,
+    nearest,
+    pose_words,
+    turn_to,
+)
 from plumbob.quality.static_periods import stills
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_rotate
 from tests.helpers.hand_capture import Hand, joined

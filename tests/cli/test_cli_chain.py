@@ -7,8 +7,7 @@ import pyarrow.parquet as pq
 
 from plumbob import CalibrationCard, find_format, load_chain
 from plumbob.files import read
-from plumbob.live.rigs.plan import PLANS
-from plumbob.live.rigs.rig import make_rig
+from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.rotations import quat_angle
 from plumbob.simulation import CHAINS, simulate_chain
 from tests.helpers.commandline import typed

@@ -11,8 +11,7 @@ from plumbob.core.errors import DecodeError
 from plumbob.core.event import Event
 from plumbob.live import emulated
 from plumbob.live.recorded import read_recorded
-from plumbob.live.rigs.plan import PLANS
-from plumbob.live.rigs.rig import make_rig
+from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected
 from plumbob.live.transports.transport import Received

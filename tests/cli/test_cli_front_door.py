@@ -91,7 +91,7 @@ def test_what_a_function_does_not_take_is_refused(poses, wire, recorded):
         (plumbob.estimate, (3, "mahony"), {}, "must be the path of a file"),
         (plumbob.record, (recorded.stream.session,), {"format": "buoy"}, "leave the other options out"),
         (plumbob.record, (), {"capture": wire, "port": "/dev/ttyUSB0", "format": "buoy"}, "give either a session file"),
-        (plumbob.docs, (3,), {}, "There is no page 3"),
+        (plumbob.docs, (3,), {}, "there is no page 3"),
     ]
     for use, given, options, why in cases:
         with pytest.raises(plumbob.PlumbobError, match=why) as refusal:

@@ -10,7 +10,7 @@ import pytest
 from plumbob import files
 from plumbob.cli.main import main
 from plumbob.live import sources
-from plumbob.live.watch import live_attitude, report_lines
+from plumbob.live.runner import live_attitude, report_lines
 from plumbob.protocols.page import UNCHECKED
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx
 from tests.helpers.live_samples import FORMAT, SESSION, reads, record, stream

@@ -14,8 +14,7 @@ import pytest
 from plumbob import decode, read, read_array
 from plumbob.core.units import deg
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadNoise
-from plumbob.live.rigs.plan import PLANS
-from plumbob.live.rigs.rig import make_rig
+from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import device_names, find_format
 from tests.helpers.commandline import PLUMBOB, answer, call, typed

@@ -8,7 +8,9 @@ import pytest
 from plumbob.core import errors
 
 NO_VALUES = {errors.PlumbobError: Exception, errors.MissingExtraError: ImportError, errors.LineError: OSError}
-TREE = [c for _, c in inspect.getmembers(errors, inspect.isclass) if not issubclass(c, Warning)]
+TREE = [
+    c for _, c in inspect.getmembers(errors, inspect.isclass) if issubclass(c, Exception) and not issubclass(c, Warning)
+]
 
 
 @pytest.mark.parametrize("error", TREE)

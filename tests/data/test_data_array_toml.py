@@ -86,7 +86,7 @@ def test_the_preset_measures_each_axis_both_ways_and_the_rig_is_mounted_so():
     for axis, opposite in enumerate(("u4", "u5", "u6")):
         np.testing.assert_array_equal(turned[f"u{axis + 1}"], np.eye(3))
         assert turned[opposite][axis, axis] == -1.0
-    from plumbob.live.rigs.plan import PLANS
+    from plumbob.live.rigs.rig import PLANS
 
     assert {unit.prefix: unit.q_bs for unit in PLANS["arm"].units} == {
         name: mount.q_bs for name, mount in PRESETS["arm"].items()

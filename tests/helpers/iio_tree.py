@@ -6,8 +6,7 @@ import struct
 import numpy as np
 
 from plumbob.core.units import unit
-from plumbob.live.source_toml import iio_format
-from plumbob.live.transports.iio_layout import TIMESTAMP
+from plumbob.live.transports.iio_layout import TIMESTAMP, iio_format
 from plumbob.protocols.decode import decode
 
 GYRO = 0.5 * 2.0**-11 / np.pi  # rad/s a count, no round number

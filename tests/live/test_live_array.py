@@ -15,8 +15,7 @@ from plumbob.data.array import PRESETS, ImuArray, UnitMount
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.files.mcap import open_log, repair, verify
 from plumbob.live.recorded import read_recorded
-from plumbob.live.rigs.plan import PLANS
-from plumbob.live.rigs.rig import make_rig
+from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.live.session_toml import of_unit, parse_session
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import decode, triads_of

@@ -10,8 +10,8 @@ from plumbob import AttitudeTrack, Filter, Frame, North, Recording, Stream, file
 from plumbob.core.units import dps
 from plumbob.filters.offline import Stage, bias_beyond
 from plumbob.fleet.experiments.scenario import measure_scenario
+from plumbob.live.runner import SETTLED, Watch
 from plumbob.live.transports.transport import Received
-from plumbob.live.watch import SETTLED, Watch
 from plumbob.simulation.presets import draw_module
 from tests.helpers.commandline import ok
 from tests.helpers.live_samples import SESSION, session, stream

@@ -17,9 +17,8 @@ from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
 from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected, RecordingSink
-from plumbob.live.source_toml import iio_format
 from plumbob.live.sources import open_source
-from plumbob.live.transports.iio_layout import IioChannel, IioLayout, IioType
+from plumbob.live.transports.iio_layout import IioChannel, IioLayout, IioType, iio_format
 from plumbob.live.transports.transport import Received
 from tests.helpers.iio_tree import ACCEL, GYRO, Tree, motion, scans
 from tests.helpers.live_samples import joined

@@ -9,10 +9,9 @@ import pytest
 from plumbob import Stream, read
 from plumbob.data.recording import inferred
 from plumbob.live.recorded import convert, read_recorded
-from plumbob.live.runner import run_stream
+from plumbob.live.runner import Watch, report_lines, run_report, run_stream
 from plumbob.live.session import RecordSpec
 from plumbob.live.sinks import RecordingSink
-from plumbob.live.watch import Watch, report_lines, run_report
 from tests.helpers.commandline import ok
 from tests.helpers.live_samples import Handed, reads, session, stream
 

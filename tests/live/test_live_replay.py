@@ -15,8 +15,7 @@ from plumbob.filters.offline import Stage
 from plumbob.live import rows
 from plumbob.live.recorded import convert, only, read_recorded
 from plumbob.live.replay import open_recording, replay
-from plumbob.live.rigs.plan import PLANS
-from plumbob.live.rigs.rig import make_rig
+from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.live.sinks import TextSink
 from plumbob.live.sources import open_source
 from plumbob.live.transports.transport import Received

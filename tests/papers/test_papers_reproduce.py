@@ -89,7 +89,7 @@ def test_a_text_in_both_languages_is_read_in_each():
 def test_what_cannot_be_run_is_refused_before_any_work(tmp_path, monkeypatch):
     (tmp_path / "own.txt").write_text("mine")
     for name, how, says in (
-        ("fish", {}, "'fish' is not a paper; known: fin, buoy, trackball, arm, rod, or all"),
+        ("fish", {}, "there is no paper 'fish'; known: fin, buoy, trackball, arm, rod, all"),
         ("fin", {"jobs": 0}, "jobs must be a whole number of at least 1"),
         ("fin", {"seed": -1}, "seed must be a whole number"),
         ("fin", {"seed": 1.5}, r"seed must be a whole number of at least 0, but it is 1\.5"),

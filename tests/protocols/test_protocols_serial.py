@@ -97,7 +97,7 @@ def test_a_request_is_one_frame_without_columns():
     for columns, message, error, match in (
         ({}, "angles", ShapeError, "columns of rion"),
         (pair, "angles", ShapeError, "columns of rion"),
-        ({"yaw": [0.1]}, "angles", ParameterError, "message angles has no field 'yaw' to encode"),
+        ({"yaw": [0.1]}, "angles", ParameterError, "message angles has no field to encode 'yaw'"),
         ({}, "angle", ParameterError, "rion has no message 'angle'; known:"),
     ):
         with pytest.raises(error, match=match):

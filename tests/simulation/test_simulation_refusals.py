@@ -96,8 +96,8 @@ CASES = [
     *((without, {"left_out": name}, TypeError, name) for name in ("frame", "unit") if name in WHOLE),
     (another_card, {"unit": "random"}, CalibrationError, "device"),
     # a chain
-    (chained, {"chain": "leg"}, ParameterError, "not a chain"),
-    (chained, {"program": "dance"}, ParameterError, "not a program"),
+    (chained, {"chain": "leg"}, ParameterError, "no chain"),
+    (chained, {"program": "dance"}, ParameterError, "no program of a chain"),
     (chained, {"frame": "XYZ"}, FrameError, "XYZ"),
     (chained, {"jitter": 1e-4}, ParameterError, "one time line"),
     (chained, {"disturbances": [Dipole((0, 0, 0), (0, 0, 1), on="nose")]}, ParameterError, "'nose' is not a segment"),
@@ -136,8 +136,8 @@ CASES = [
     (field, {"declination": 4.0}, ParameterError, "field"),
     # sensors
     (draw_module, {"sensors": "mpu9999", "seed": 1}, ParameterError, "known: .*adxrs290.*mpu6000"),
-    (draw_module, {"sensors": "adis16355:other", "seed": 1}, ParameterError, "not a sensor"),
-    (draw_module, {"sensors": "", "seed": 1}, ParameterError, "not a sensor"),
+    (draw_module, {"sensors": "adis16355:other", "seed": 1}, ParameterError, "no sensor"),
+    (draw_module, {"sensors": "", "seed": 1}, ParameterError, "no sensor"),
     (draw_module, {"sensors": "adxrs290", "seed": 1}, ParameterError, "add a part with z"),
     (draw_module, {"sensors": "adxrs453", "seed": 1}, ParameterError, "add a part with xy"),
     (draw_module, {"sensors": "mpu6000+mpu3050", "seed": 1}, ParameterError, "both have gyr axis"),

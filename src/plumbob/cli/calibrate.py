@@ -102,7 +102,7 @@ def _recorded(
     require_card_place(out, captured.device, made, base, force=args.force)
     if option("guide"):
         from plumbob.live.guide.board import guide_summary, guide_text
-        from plumbob.live.guide.guides import GUIDES, guided
+        from plumbob.live.guide.guide import GUIDES, guided
 
         guide = GUIDES[args.kind]()
         progress = guided(guide, captured.imu)

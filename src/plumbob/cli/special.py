@@ -64,8 +64,8 @@ def report(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 def record(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Show how it goes, and end whole by a signal."""
+    from plumbob.live.runner import StatusLine
     from plumbob.live.transports.transport import Stop
-    from plumbob.live.watch import StatusLine
 
     status, stop = StatusLine(quiet=args.json), Stop()
     with closing(status), ExitStack() as stack:
@@ -271,8 +271,8 @@ def _rates(args: argparse.Namespace, call: Call) -> Any:
 
 def view(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Print the address, and serve until somebody says stop."""
+    from plumbob.live.runner import StatusLine
     from plumbob.live.transports.transport import Stop
-    from plumbob.live.watch import StatusLine
 
     stop, status = Stop(), StatusLine(quiet=args.json)
     with closing(status), common.stopped_by_signals(stop):

@@ -6,16 +6,14 @@ G0: Final = 9.80665  # standard acceleration of free fall, m/s² (3rd CGPM 1901;
 
 ABSOLUTE_ZERO_C: Final = -273.15  # nothing is colder, °C (9th SI Brochure, 2.3.1)
 
-NOMINAL_FIELD: Final = 50.0
-"""Size of the Earth's field that stands for an unknown one, µT: it is 22 to 67 (World Magnetic Model 2025)."""
+NOMINAL_FIELD: Final = 50.0  # µT, for the Earth's field where it is unknown: 22 to 67 (World Magnetic Model 2025)
 
 EARTH_RATE: Final = 7.292115e-5  # rotation rate of the Earth, rad/s (WGS 84, NGA.STND.0036)
 
 IMPOSSIBLE_RATE: Final = 100.0
 """No MEMS gyroscope measures beyond this, rad/s (5730 °/s; the widest on sale end at 4000 to 5000 °/s)."""
 
-IMPOSSIBLE_ACCELERATION: Final = 2e4
-"""No MEMS accelerometer for attitude measures beyond this, m/s² (about 2000 g; shock sensors excepted)."""
+IMPOSSIBLE_ACCELERATION: Final = 2e4  # m/s² (about 2000 g): beyond, there are shock sensors alone
 
 IMPOSSIBLE_FIELD: Final = 1e5  # no magnetometer of a compass measures beyond this, µT (0.1 T)
 

@@ -1,5 +1,9 @@
 """One tree of errors. Each message says the rule, what was expected, what came, where, and what to do."""
 
+from collections.abc import Iterable
+
+from plumbob.core.text import closest
+
 
 class PlumbobError(Exception):
     """Base of every error that Plumbob raises on purpose; the command line prints it as one line and exits 1."""
@@ -57,3 +61,18 @@ def one_line(error: BaseException) -> str:
 def excerpt(text: str, size: int = 60) -> str:
     """Text found in a file, quoted, without control characters and cut to `size` characters."""
     return repr(text if len(text) <= size else text[:size] + "…")
+
+
+def unknown_name(
+    what: str,
+    name: object,
+    there: Iterable[str],
+    *,
+    of: str = "",
+    hint: str = "",
+    error: type[PlumbobError] = ParameterError,
+) -> PlumbobError:
+    """Error for a name that is not among those that there are, of something; with the nearest, or another hint."""
+    names, quoted = list(there), excerpt(name) if isinstance(name, str) else repr(name)
+    lacking = f"{of} has no {what}" if of else f"there is no {what}"
+    return error(f"{lacking} {quoted}; known: {', '.join(names) or 'none'}.{hint or closest(name, names)}")

@@ -25,8 +25,7 @@ _T = TypeVar("_T")
 if sys.platform != "win32":
     import fcntl
 
-MAX_TEXT: Final = 16 * 1024 * 1024
-"""Bytes of a file that a person writes, or that is kept as text in memory: cards, sessions, formats, profiles."""
+MAX_TEXT: Final = 16 * 1024 * 1024  # bytes of what a person writes, or what is kept as text in memory
 
 _FREE_BYTES: Final = 64 << 20
 _MAX_RATIO: Final = 128
@@ -54,7 +53,7 @@ def require_room(unpacked: int, stored: int) -> None:
 
 
 def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path:
-    """Path of a regular file of `most` bytes; DecodeError where there is none."""
+    """Path of a regular file, of `most` bytes at most; DecodeError where there is none."""
     if not isinstance(path, str | os.PathLike):
         from plumbob.core import check  # which imports NumPy
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from types import NoneType
 from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
-from plumbob.core.errors import ParameterError, UnitError
-from plumbob.core.text import closest
+from plumbob.core.errors import ParameterError, UnitError, unknown_name
 from plumbob.core.units import Quantity, from_si, parse
 
 Built = TypeVar("Built")
@@ -104,8 +103,7 @@ def build(cls: type[Built], values: Mapping[str, Any], *, of: str) -> Built:
     parameters = {p.name: p for p in describe(cls)}
     for name in values:
         if name not in parameters:
-            near = closest(name, parameters)
-            raise ParameterError(f"{of} has no parameter '{name}'; known: {', '.join(parameters)}.{near}")
+            raise unknown_name("parameter", name, parameters, of=of)
     return cls(**{name: checked(of, parameters[name], value) for name, value in values.items()})
 
 

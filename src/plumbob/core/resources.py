@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from plumbob.core.errors import MissingExtraError, ParameterError, PlumbobError
-from plumbob.core.text import closest
+from plumbob.core.errors import MissingExtraError, PlumbobError, unknown_name
 
 _PACKAGE = Path(__file__).parents[1]
 WEB: Final = _PACKAGE / "web"  # what Vite makes of ``web/`` in the source
@@ -60,7 +59,7 @@ def page_path(page: str) -> Path:
     name = Path(page).name.removesuffix(".md") if isinstance(page, str) else ""
     name = name if name in pages else _page_of_verb(name, pages)
     if name not in pages:
-        raise ParameterError(f"There is no page {page!r}; known: {', '.join(pages)}.{closest(page, pages)}")
+        raise unknown_name("page", page, pages)
     return pages[name]
 
 

@@ -19,8 +19,7 @@ from types import NoneType, UnionType
 from typing import Any, Union, cast, get_args, get_origin
 
 from plumbob.core import units
-from plumbob.core.errors import DecodeError, PlumbobError, UnitError, excerpt, one_line
-from plumbob.core.text import closest
+from plumbob.core.errors import DecodeError, PlumbobError, UnitError, excerpt, one_line, unknown_name
 from plumbob.core.units import Quantity
 
 Parse = Callable[[str, Any], Any]
@@ -138,9 +137,7 @@ def form(
             for key in raw:
                 if key not in keys:
                     place = start + key
-                    raise DecodeError(
-                        f"{name or where} has no key {excerpt(key)}; known: {', '.join(keys)}.{closest(key, keys)}"
-                    )
+                    raise unknown_name("key", key, keys, of=name or where, error=DecodeError)
             for key in required:
                 if key not in raw:
                     raise missing(place, key)

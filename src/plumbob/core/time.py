@@ -14,8 +14,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError
 from plumbob.core.kernels import kernel
 
-LONGEST: Final = float(2**23)
-"""Seconds of a recording at most, 97 days: beyond, neighbouring float64 are more than a nanosecond apart."""
+LONGEST: Final = float(2**23)  # s, 97 days: beyond, neighbouring float64 are more than a nanosecond apart
 
 
 def to_ns(t: Floats) -> NDArray[np.int64]:

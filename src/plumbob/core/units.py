@@ -341,3 +341,16 @@ def to_deg(value: Number) -> Number:
 def to_dps(value: Number) -> Number:
     """Convert rad/s to degrees per second."""
     return from_si(value, "deg/s")
+
+
+def given_pace(speed: float | str) -> float:
+    """How many times as fast as real time; infinite for "max"."""
+    if speed == "max":
+        return math.inf
+    try:
+        factor = float(speed)
+    except (TypeError, ValueError):
+        factor = math.nan
+    if not factor > 0.0:
+        raise ParameterError(f"speed must be a number above 0, or 'max', but it is {speed!r}.")
+    return factor

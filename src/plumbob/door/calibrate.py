@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from plumbob.calibration.calibration import Calibrated, Capture, capture, card_of
 from plumbob.core import check
 from plumbob.core.constants import G0
-from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError
+from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, unknown_name
 from plumbob.core.findings import warnings
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack, ImuData
@@ -125,7 +125,7 @@ def calibrate(
     how = KINDS[check.one_of("kind", kind, tuple(KINDS))]
     names = kind_options(kind)
     if unknown := [name for name in options if name not in names]:
-        raise ParameterError(f"{kind} has no option '{unknown[0]}'; it has {', '.join(names) or 'none'}.")
+        raise unknown_name("option", unknown[0], names, of=kind)
     base = None if calibration is None else CalibrationCard.of(calibration)
     if isinstance(recording, Capture):
         opened = recording

@@ -417,10 +417,7 @@ def estimate(
         for finding in of if note is not None else ():
             note(f"{name}{finding}")  # type: ignore[misc]
 
-    if place is not None:
-        imu = _placed(imu, place, date, stage, say)
-    elif date is not None:
-        raise ParameterError("date needs place. Give both.")
+    imu = imu if place is None and date is None else _placed(imu, place, date, stage, say)
     card = None if calibration is None else _card(calibration)
     imu, beyond = (imu, ()) if card is None else _calibrated(imu, card)
     doubt = warnings(lasting(source.notes))
@@ -516,8 +513,10 @@ def _calibrated(imu: ImuData, card: "CalibrationCard") -> tuple[ImuData, tuple[F
     return imu, temperature_beyond(card, imu)
 
 
-def _placed(imu: ImuData, place: str, date: str | None, stage: Stage, say: Callable[..., None]) -> ImuData:
+def _placed(imu: ImuData, place: str | None, date: str | None, stage: Stage, say: Callable[..., None]) -> ImuData:
     """Samples with the declination of their place, and a note of the field there."""
+    if place is None:
+        raise ParameterError("date needs place. Give both.")
     if "declination" in stage.params:
         raise ParameterError("place and the parameter declination both give the declination. Give one of them.")
     imu, field = located(imu, place, date=date)

@@ -9,23 +9,23 @@ from shlex import quote
 from typing import Any, Final
 
 from plumbob.core import check
-from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.errors import ShapeError
 from plumbob.core.files import require_other
 from plumbob.core.text import FactsText
 from plumbob.core.time import to_ns
-from plumbob.core.units import Quantity, given
+from plumbob.core.units import Quantity, given, given_pace
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.recording import Recording
 from plumbob.door.reading import read
 from plumbob.files.formats import is_own
 from plumbob.files.mcap import open_log
 from plumbob.live.replay import replay
+from plumbob.live.runner import Note
 from plumbob.live.sending import Direct, Due, asked_body, make_encoder, overturned, remarks
 from plumbob.live.session import SendSpec, send_spec
 from plumbob.live.session_toml import SESSION
 from plumbob.live.transports.outgoing import Target, TcpServer, parse_target
 from plumbob.live.transports.transport import Stopping
-from plumbob.live.watch import Note
 from plumbob.protocols.attitude import BodyAxes, attitudes
 
 _BEHIND: Final = 0.5
@@ -129,7 +129,7 @@ def send(
         If the target cannot be opened, or breaks.
     """
     spec = send_spec(form, to, rate=rate, sentences=sentences, body=body)
-    pace = _pace(speed)
+    pace = given_pace(speed)
     name, track, imu, t0_ns = _opened(source)
     if to.startswith("file:") and isinstance(source, str | Path):
         require_other(Path(to.removeprefix("file:")), [Path(source)])
@@ -162,18 +162,6 @@ def send(
     finally:
         direct.close()
     return Sent(name, spec, len(rows), direct.sent, withheld, direct.dropped, time.monotonic() - began)
-
-
-def _pace(speed: float | str) -> float:
-    if speed == "max":
-        return math.inf
-    try:
-        factor = float(speed)
-    except (TypeError, ValueError):
-        factor = math.nan
-    if not factor > 0.0:
-        raise ParameterError(f"speed must be a number above 0, or 'max', but it is {speed!r}.")
-    return factor
 
 
 def _opened(source: str | Path | Recording | AttitudeTrack) -> tuple[str, AttitudeTrack, ImuData | None, int]:

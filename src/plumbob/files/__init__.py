@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from plumbob.core.lazy import lazily
+from plumbob.core import lazily
 
 if TYPE_CHECKING:
     from plumbob.files.foreign.opensim import write_orientations

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import DecodeError, unknown_name
 from plumbob.core.files import profile_beside, replacing, replacing_all, require_room, write_text
 from plumbob.core.findings import info
 from plumbob.core.schema import toml_text
@@ -118,7 +118,7 @@ def profile_text(form: "Format", message: "Message", unit: str | None, time: str
         return ""
     unit = units[0] if unit is None else unit
     if unit not in units:
-        raise ParameterError(f"{message.name} has no unit '{unit}'; known: {', '.join(units)}.")
+        raise unknown_name("unit", unit, units, of=message.name)
     titles = {field.name: format_title(field) for field in message.fields}
     titles |= {name: name for name in (f"{u}.flags".lstrip(".") for u in units)}
     prefix, what = (f"{unit}.", f"{message.name}, unit {unit}") if unit else ("", message.name)

@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
-from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
+from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError, unknown_name
 from plumbob.core.kernels import Kernel, bare, kernel, specialise
 from plumbob.core.params import Spec, build, describe, shown
-from plumbob.core.text import FactsText, closest
+from plumbob.core.text import FactsText
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
@@ -228,9 +228,7 @@ class AttitudeEstimator(FactsText):
         for name in given:
             if name not in own | shared:
                 names = [p.name for p in (*describe(kind), *describe(CommonParams)) if p.name not in self._idle]
-                raise ParameterError(
-                    f"{self.name} has no parameter '{name}'; known: {', '.join(names)}.{closest(name, names)}"
-                )
+                raise unknown_name("parameter", name, names, of=self.name)
         self.params = build(kind, {k: v for k, v in given.items() if k in own}, of=self.name)
         self.common = build(CommonParams, {k: v for k, v in given.items() if k in shared}, of=self.name)
         self._decided = "declination" in given

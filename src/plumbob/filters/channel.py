@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import IMPOSSIBLE_RATE
-from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.errors import ParameterError, ShapeError, unknown_name
 from plumbob.core.kernels import Kernel, kernel, specialise
 from plumbob.core.params import build, describe, shown
 from plumbob.core.time import to_ns
@@ -197,7 +197,7 @@ def load(name: str) -> ChannelModule:
     Raises ParameterError if there is no channel filter of that name.
     """
     if name not in RATE_FILTERS:
-        raise ParameterError(f"there is no channel filter '{name}'; known: {', '.join(RATE_FILTERS)}.")
+        raise unknown_name("channel filter", name, RATE_FILTERS)
     return cast(ChannelModule, EXTENSIBLE.find(name))
 
 

@@ -6,12 +6,10 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Any, Final, Protocol, cast
 
-from plumbob.core.check import said
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.extensions import ExtensibleTable
 from plumbob.core.kernels import Kernel
 from plumbob.core.resources import docs_folder
-from plumbob.core.text import closest
 
 BUILT_IN: Final = (
     "complementary", "ekf7", "ekf_quaternion", "fuzzy_pi", "integrate", "integrate_first_order", "madgwick", "mahony",
@@ -88,8 +86,7 @@ def load(name: str) -> FilterModule:
         )
     module = EXTENSIBLE.find(name) if isinstance(name, str) else None
     if module is None:
-        names = estimator_names()
-        raise ParameterError(f"there is no filter {said(name)}; known: {', '.join(names)}.{closest(name, names)}")
+        raise unknown_name("filter", name, estimator_names())
     return module
 
 

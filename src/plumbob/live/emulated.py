@@ -1,6 +1,7 @@
 """Hardware that is not there: `plumbob emulate`, and `plumbob.emulate`."""
 
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -12,17 +13,16 @@ from typing import Any, BinaryIO, Final
 from plumbob import files
 from plumbob.core.errors import LineError, ParameterError
 from plumbob.core.files import profile_beside, replacing, require_place, write_text
-from plumbob.core.units import Quantity, given
+from plumbob.core.units import Quantity, given, given_pace
 from plumbob.data import TRIADS
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.chain import chain_text
 from plumbob.data.recording import Recording
 from plumbob.files.arrow import TABLES, write_table
 from plumbob.live.rigs.faults import Fault
-from plumbob.live.rigs.plan import PLANS, Chained, RigPlan, plan_for
-from plumbob.live.rigs.rig import Cards, Rig, make_rig
+from plumbob.live.rigs.rig import PLANS, Cards, Chained, Rig, RigPlan, make_rig, plan_for
 from plumbob.live.rigs.serving import FilePort, Port, Served, TcpPort, UdpPort, serve
-from plumbob.live.transports.transport import Stop, Stopping
+from plumbob.live.transports.transport import LOOPBACK, Stop, Stopping
 from plumbob.protocols.format import Format
 from plumbob.protocols.format_toml import find_format
 from plumbob.protocols.unpack import unit_prefixes
@@ -32,7 +32,6 @@ from plumbob.simulation import scenario as named_scenario
 from plumbob.simulation.signals import Signal
 from plumbob.simulation.simulation import WarmingUp
 
-LOOPBACK = "127.0.0.1"  # where no host is named: to be heard by other machines is asked for, as 0.0.0.0
 _END: Final = 3.0  # time that the process of a rig has to end, s
 
 
@@ -142,39 +141,30 @@ def emulate(
     ParameterError
         If something is not known, out of range, or does not go together.
     """
-    pace = _speed(speed, fastest=write is not None)
+    pace = given_pace(speed or ("max" if write is not None else 1.0))
     form, plan = _plan(what, options, scenario, set, sensors, frame, given("rate", rate, Quantity.FREQUENCY))
-    plan = plan if reference is None else plan.with_reference(reference)
     for path in outputs(what, truth, write, fault_log, flash_log):
         require_place(path, overwrite=overwrite)
     rig = make_rig(
-        plan,
-        form,
-        seed=seed,
+        plan if reference is None else plan.with_reference(reference), form, seed=seed, unit=unit, noise=noise,
         duration=given("duration", duration, Quantity.TIME),
-        unit=unit,
         clock_error=given("clock_error", clock_error, Quantity.RATIO) or 0.0,
         faults={kind: given(kind, share, Quantity.RATIO) or 0.0 for kind, share in (faults or {}).items()},
         calibration=None if calibration is None else CalibrationCard.of(calibration),
-        noise=noise,
-        temp_c=temp_c,
-        warm_up=warm_up,
         high_pass=given("high_pass", high_pass, Quantity.FREQUENCY),
-        mount_error=given("mount_error", mount_error, Quantity.ANGLE) or 0.0,
-    )
-    if flash_log:
-        _write_flash(Path(flash_log), rig, overwrite=overwrite)
-    if rig.firmware is not None and note is not None:
-        note("; ".join(f"{name} {fact}" for name, fact in rig.firmware.facts().items()))
-    if truth:  # before the port is named, so that who waits for it finds the truth and the card
-        _write_truth(Path(truth), rig, noise=noise is not None, overwrite=overwrite)
-    stop = stop or Stop()
+        mount_error=given("mount_error", mount_error, Quantity.ANGLE) or 0.0, temp_c=temp_c, warm_up=warm_up,
+    )  # fmt: skip
+    # before the port is named, so that who waits for it finds the truth and the card
+    _write_beside(rig, truth, flash_log, noise=noise is not None, overwrite=overwrite)
+    stop, say = stop or Stop(), note or (lambda text: None)
+    if rig.firmware is not None:
+        say("; ".join(f"{name} {fact}" for name, fact in rig.firmware.facts().items()))
     with _port(link, tcp, udp, write, stop, overwrite=overwrite) as port, _fault_log(fault_log) as log:
         if opened is not None:
             opened(port.name)
-        if note is not None and pace != 1.0 and not (write or udp):
-            note('this line does not keep real time: record it with --time count, or time = "count" in [source]')
-        return serve(rig, port, speed=pace, stop=stop, on_fault=log)
+        if pace != 1.0 and not (write or udp):
+            say('this line does not keep real time: record it with --time count, or time = "count" in [source]')
+        return serve(rig, port, speed=None if pace == math.inf else pace, stop=stop, on_fault=log)
 
 
 def outputs(
@@ -283,19 +273,6 @@ def _moved(plan: RigPlan, scenario: str | None, parameters: Mapping[str, Any] | 
     return plan if motion is None else replace(plan, scenario=motion, duration=motion.duration)
 
 
-def _speed(factor: float | str | None, *, fastest: bool) -> float | None:
-    text = factor or ("max" if fastest else 1.0)
-    if text == "max":
-        return None
-    try:
-        speed = float(text)
-    except ValueError:
-        speed = 0.0
-    if not 0.0 < speed < float("inf"):
-        raise ParameterError(f"--speed must be a number above 0, or max, but it is '{text}'.")
-    return speed
-
-
 @contextmanager
 def _port(
     link: str | Path | None,
@@ -346,14 +323,20 @@ def unit_file(path: Path, prefix: str) -> Path:
     return path.with_stem(f"{path.stem}-{prefix}") if prefix else path
 
 
-def _write_flash(path: Path, rig: Rig, *, overwrite: bool) -> None:
-    if rig.firmware is None:
-        raise ParameterError(f"rig {rig.plan.name} has no Flash log; emulate buoy_attitude, or leave --flash-log out.")
-    with replacing(path, overwrite=overwrite) as temporary:
-        temporary.write_bytes(rig.firmware.flash.image)
-
-
-def _write_truth(path: Path, rig: Rig, *, noise: bool, overwrite: bool) -> None:
+def _write_beside(
+    rig: Rig, truth: str | Path | None, flash_log: str | Path | None, *, noise: bool, overwrite: bool
+) -> None:
+    """Write the image of its Flash log, and what is true of it."""
+    if flash_log:
+        if rig.firmware is None:
+            raise ParameterError(
+                f"rig {rig.plan.name} has no Flash log; emulate buoy_attitude, or leave --flash-log out."
+            )
+        with replacing(Path(flash_log), overwrite=overwrite) as temporary:
+            temporary.write_bytes(rig.firmware.flash.image)
+    if not truth:
+        return
+    path = Path(truth)
     for prefix, unit in rig.units.items():
         file = unit_file(path, prefix)
         notes = (unit.truth.source, *((f"noise {unit.noise.source}",) if noise else ()))

@@ -9,7 +9,7 @@ from typing import Any
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import Quantity, given
-from plumbob.live.runner import run_stream
+from plumbob.live.runner import Note, Ran, Watch, run_stream, silence_words
 from plumbob.live.sending import send_sinks, with_sent
 from plumbob.live.session import RecordSpec, Session
 from plumbob.live.session_toml import capture_session
@@ -17,7 +17,6 @@ from plumbob.live.sinks import RecordingSink, Sink, named_at, text_sinks
 from plumbob.live.sources import open_source
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stopping
-from plumbob.live.watch import Note, Ran, Watch, silence_words
 from plumbob.protocols.format_toml import unassigned_told
 
 

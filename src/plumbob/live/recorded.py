@@ -13,7 +13,7 @@ import numpy as np
 
 from plumbob import files
 from plumbob.core import flags, schema
-from plumbob.core.errors import DecodeError, ParameterError, ShapeError
+from plumbob.core.errors import DecodeError, ParameterError, ShapeError, unknown_name
 from plumbob.core.files import reading, replacing
 from plumbob.core.findings import Finding, as_json, info, lasting, warning
 from plumbob.core.findings import note as parsed_note
@@ -314,7 +314,7 @@ def require_writer(file: Path, layout: str | None) -> None:
     """Refuse a name or a layout that is not written, and say what is."""
     if layout is not None:
         if layout not in LAYOUTS:
-            raise ParameterError(f"there is no layout '{layout}'; there are {', '.join(LAYOUTS)}.")
+            raise unknown_name("layout", layout, LAYOUTS)
         suffixes = LAYOUTS[layout].suffixes
         if file.suffix not in suffixes and (suffixes or file.suffix in SUFFIXES):
             form = f"a file whose name ends in {' or '.join(suffixes)}" if suffixes else "a folder"
@@ -450,8 +450,7 @@ def _write_euroc(file: Path, recording: Recording, overwrite: bool) -> None:
 
 
 _BARE: Final = ImuMeta()
-_ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSENT)
-"""Flags that the values themselves say."""
+_ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSENT)  # what the values themselves say
 _TRACK: Final = frozenset({"bias", "covariance", "flags", "scores", "notes"})
 _SENSE: Final = _TRACK | {
     "full scales", "calibration", "what headings count from", "declination", "mounting of the axes", "source",

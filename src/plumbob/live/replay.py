@@ -8,7 +8,6 @@ from typing import Any, Literal
 from numpy.typing import NDArray
 
 from plumbob.core.errors import DecodeError, FrameError, ParameterError
-from plumbob.core.event import Event
 from plumbob.core.findings import info
 from plumbob.core.series import Series
 from plumbob.core.text import counted
@@ -21,13 +20,12 @@ from plumbob.filters import SMOOTHER
 from plumbob.filters.offline import Stage, lagged
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.live import rows
-from plumbob.live.runner import run_stream
+from plumbob.live.runner import Note, Ran, Watch, run_stream
 from plumbob.live.session import Session
 from plumbob.live.session_toml import load_session, of_unit, recorded_session
 from plumbob.live.sinks import Collected, Sink, Tracks
 from plumbob.live.sources import ReplaySource
 from plumbob.live.stream import ItemResult, Stream
-from plumbob.live.watch import Note, Ran, Watch
 from plumbob.rotations import Frame
 
 
@@ -261,7 +259,7 @@ class ReplayComparison:
         )
 
 
-class Check:
+class Check(Sink):
     """Sink that compares attitudes, as they come, with those that a recording holds: row by row, bit for bit.
 
     Both are read in their order, and of each no more than a chunk is held. Where two rows differ in time, the earlier
@@ -283,9 +281,6 @@ class Check:
         if part.track is not None:
             for row in rows.attitude_rows(part.track_ns.tolist(), part.track):
                 self._take(row)
-
-    def on_event(self, event: Event) -> None:
-        """No attitude comes with it."""
 
     def close(self) -> None:
         """Count what the recording holds beyond the last attitude."""

@@ -16,11 +16,11 @@ from plumbob.core.flags import GAP, GYR_HELD, TIME_FAULT
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack
+from plumbob.live.runner import Note
 from plumbob.live.session import SendSpec, Session, parse_send
-from plumbob.live.sinks import epoch_offset_ns
+from plumbob.live.sinks import Sink, epoch_offset_ns
 from plumbob.live.stream import ItemResult
 from plumbob.live.transports.outgoing import FileTarget, Sender, Target, TcpServer, parse_target, refused
-from plumbob.live.watch import Note
 from plumbob.protocols.attitude import AttitudeSample, BodyAxes, attitudes, default_body
 from plumbob.rotations import North
 
@@ -147,7 +147,7 @@ class Direct:
         self._target.close()
 
 
-class SendSink:
+class SendSink(Sink):
     """Sends attitudes of a stream as they come; it never waits, and a target that is away costs the recording nothing.
 
     `offset_ns` is UTC minus the clock of the stream; `keep` gets each event; `direct` writes at once and waits, as a

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Final
 
-from plumbob.core import check, schema
-from plumbob.core.errors import ParameterError
+from plumbob.core import schema
+from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.units import Quantity, given
 from plumbob.data import ImuMeta
 from plumbob.data.array import UnitMount
@@ -155,7 +155,7 @@ def send_spec(
 ) -> SendSpec:
     """What to send, checked."""
     if kind not in SENT_AS:
-        raise ParameterError(f"{check.said(kind)} is not a form of an attitude; known: {', '.join(SENT_AS)}.")
+        raise unknown_name("form of an attitude", kind, SENT_AS)
     names = tuple(sentences.split(",") if isinstance(sentences, str) else sentences)
     if kind == "nmea":
         from plumbob.protocols.attitude.lines import sentences_for

@@ -1,7 +1,7 @@
 """Read a session from TOML, strictly, with the format, the card and the noise that it names."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,12 +9,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from plumbob.core import check, schema
-from plumbob.core.errors import DecodeError, FrameError, ParameterError
+from plumbob.core import check, schema, units
+from plumbob.core.errors import DecodeError, FrameError, ParameterError, UnitError
 from plumbob.core.files import reading, text_of
 from plumbob.core.params import describe
 from plumbob.core.resources import guide
-from plumbob.core.schema import toml_text
+from plumbob.core.schema import Parse, toml_text
 from plumbob.core.units import Quantity
 from plumbob.data import ImuMeta
 from plumbob.data.array_toml import ARRAY, UNIT, MountedUnit, listed_units
@@ -38,10 +38,9 @@ from plumbob.live.session import (
     UnitSpec,
     reference_names,
 )
-from plumbob.live.source_toml import iio_format, parse_source
 from plumbob.live.sources import KERNEL, described
 from plumbob.protocols.decode import full_scales, prefix_by_unit, unit_prefix
-from plumbob.protocols.format import Format, Message
+from plumbob.protocols.format import HEX, Format, Message
 from plumbob.protocols.format_toml import FORMAT, find_format, parse_format
 from plumbob.rotations import Frame, body_axes, in_body_axes
 
@@ -50,8 +49,7 @@ KIND: Final = "plumbob session"
 VERSION: Final = 1
 SESSION: Final = "session.toml"  # under this name a recording keeps the session itself
 IIO: Final = "iio.json"  # under this name it keeps what the kernel said of a device, so that a replay needs none
-PLACE: Final = "earth_field.json"
-"""And under this one the field at the session's place, so that a replay needs neither model nor date."""
+PLACE: Final = "earth_field.json"  # the same for the field at the session's place: neither model nor date is needed
 ALL: Final = "all"  # word for all units of a frame
 
 Fetch = Callable[[str], str]  # gives the text of a file that the session names
@@ -271,7 +269,7 @@ def _ranges(message: Message, unit: str, axes: str) -> dict[str, Any]:
 
 def _kernel(source: SourceSpec, tables: Mapping[str, Any], text: str) -> tuple[SourceSpec, Format, str]:
     """Source that insists on what the kernel said, its format, and what tells its time."""
-    from plumbob.live.transports.iio_layout import IioLayout
+    from plumbob.live.transports.iio_layout import IioLayout, iio_format
 
     if "format" in tables:
         raise DecodeError(f"[format] does not go with source.kind = '{source.kind}': the kernel sets it; leave it out.")
@@ -557,6 +555,67 @@ _IMU: Final = {
     "frame": schema.converted(Frame.parse),
     "declination": schema.quantity(Quantity.ANGLE),
 }
+
+
+def parse_source(where: str, value: Any) -> SourceSpec:
+    """Source from its table."""
+    kind = _KIND(f"{where}.kind", _TABLE(where, value).get("kind"))
+    settings: dict[str, Any] = _SOURCES[kind](where, value)
+    return SourceSpec(settings.pop("kind"), settings)
+
+
+def _step(where: str, value: Any) -> bytes | float:
+    """Command, or time to wait, s."""
+    words = schema.text(where, value)
+    try:
+        return units.parse(words, Quantity.TIME) if units.split(words)[1] else HEX(where, words)
+    except UnitError:
+        return HEX(where, words)  # type: ignore[no-any-return]
+
+
+_PORT: Final = schema.whole(1, 65535)
+_RATE: Final = schema.size(Quantity.FREQUENCY)
+_COUNT: Final = schema.whole(1)
+_LINES: Final = {"lines": schema.text}
+_STREAM: Final = {"gather": schema.size(Quantity.TIME), "speed": schema.positive, "rate": _RATE, **_LINES}
+_PATIENT: Final = {**_STREAM, "time": schema.one_of("host", "count")}
+"""Of streams whose sender waits for a reader that is late; datagrams are lost instead."""
+_IIO: Final = {
+    "device": schema.either(int, schema.whole(0), schema.text),
+    "channels": schema.texts,
+    "rate": _RATE,
+    "mount": schema.truth,
+    "sys_root": schema.text,
+}
+_BUFFER: Final = {"trigger": schema.text, "length": _COUNT, "watermark": _COUNT, "dev_root": schema.text}
+_SPI: Final = {
+    "bus": schema.whole(0),
+    "device": schema.whole(0),
+    "mode": schema.whole(0, 3),
+    "hz": _COUNT,
+    "rate": _RATE,
+    "exchange": schema.listed(HEX, of="commands"),
+}
+_START: Final = schema.listed(schema.described(_step, type="string"), of="commands and times")
+_KEYS: Final[Mapping[str, tuple[dict[str, Parse], Collection[str]]]] = {
+    "serial": ({"port": schema.text, "baud": _COUNT, "wait": schema.truth, **_PATIENT}, ("port", "baud")),
+    "udp": ({"host": schema.text, "port": _PORT, **_STREAM}, ("port",)),
+    "file": ({"path": schema.text, "rate": _RATE, **_LINES}, ("path",)),
+    "stdin": ({key: parse for key, parse in _PATIENT.items() if key != "gather"}, ()),
+    "tcp": ({"host": schema.text, "port": _PORT, **_PATIENT}, ("host", "port")),
+    "iio": (_IIO | _BUFFER, ("device",)),
+    "iio-poll": (_IIO, ("device", "rate")),
+    "spi": (_SPI | {"skip": schema.whole(0), "start": _START}, _SPI),
+}
+_SOURCES: Final = {
+    kind: schema.form({"kind": schema.one_of(kind), **keys}, ("kind", *required))
+    for kind, (keys, required) in _KEYS.items()
+}
+_TABLE: Final = schema.mapping(schema.anything)
+_KIND: Final = schema.one_of(*_SOURCES)
+schema.described(parse_source, anyOf=[schema.json_schema(parse) for parse in _SOURCES.values()])
+
+
 SESSION_FORM: Final = schema.form(
     {
         "kind": schema.one_of(KIND),

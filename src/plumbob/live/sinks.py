@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, Protocol, TextIO
+from typing import Final, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,23 +32,20 @@ from plumbob.rotations import North, euler_zyx_from_quat
 _LOOSE: Final = 1024
 
 
-class Sink(Protocol):
-    """Takes what a line gives, as it comes."""
+class Sink:
+    """Takes what a line gives, as it comes; by default only its parts, and holds nothing open."""
 
     def on_part(self, part: ItemResult) -> None:
         """Take samples and attitudes."""
-        ...
 
     def on_event(self, event: Event) -> None:
         """Take something that happened to the line or to the recording."""
-        ...
 
     def close(self) -> None:
         """End; more than once does no harm."""
-        ...
 
 
-class Collected:
+class Collected(Sink):
     """Keeps everything, for a replay or a conversion."""
 
     def __init__(self) -> None:
@@ -62,9 +59,6 @@ class Collected:
     def on_event(self, event: Event) -> None:
         """Keep it."""
         self.events.append(event)
-
-    def close(self) -> None:
-        """Nothing is held open."""
 
     @property
     def t_ns(self) -> NDArray[np.int64]:
@@ -102,7 +96,7 @@ def _joined_imu(parts: Sequence[ImuData], triads: Sequence[str]) -> ImuData:
     return ImuData(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names}, meta=parts[0].meta)
 
 
-class Tracks:
+class Tracks(Sink):
     """Keeps attitudes alone, packed: a few parts of a few rows each take more memory than all their numbers."""
 
     def __init__(self) -> None:
@@ -118,12 +112,6 @@ class Tracks:
         if self._loose == _LOOSE:
             self._tracks[-_LOOSE:] = [_joined(self._tracks[-_LOOSE:])]
             self._loose = 0
-
-    def on_event(self, event: Event) -> None:
-        """No attitude comes with it."""
-
-    def close(self) -> None:
-        """Nothing is held open."""
 
     def track(self) -> AttitudeTrack | None:
         """Attitude of the whole; None where nothing was estimated."""
@@ -147,7 +135,7 @@ def track_lines(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, 
         yield line_of(t, roll, pitch, yaw, word) + "\n"
 
 
-class TextSink:
+class TextSink(Sink):
     """Writes a new text file with a line for an attitude every so many s, as the hosts of the papers kept theirs."""
 
     def __init__(self, path: str | Path, every: float) -> None:
@@ -176,9 +164,6 @@ class TextSink:
             self._file = self._path.open("x", encoding="utf-8")
         self._file.writelines(track_lines(track, due, head=first))
         self._file.flush()
-
-    def on_event(self, event: Event) -> None:
-        """Leave it to the recording."""
 
     def close(self) -> None:
         """End the file."""

@@ -121,8 +121,7 @@ class PipeSource:
 
 
 KERNEL: Final = ("iio", "iio-poll")  # sources of which the kernel says what the bytes mean
-GATHER: Final = 0.007
-"""Time in which bytes are gathered before they go through the line, s: latency for fewer, fuller parts."""
+GATHER: Final = 0.007  # s in which bytes are gathered before they go through the line, for fewer, fuller parts
 _AT_ONCE: Final = 256
 
 

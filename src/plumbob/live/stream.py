@@ -17,6 +17,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
+from plumbob.core.result import plain
 from plumbob.core.time import REMEMBERED, Repeats, to_ns
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray, UnitMount
@@ -40,8 +41,7 @@ BROKEN: Final = ("lost", "dropped")  # events after which what is pending belong
 BACK: Final = "reopened"  # event after which time starts anew behind a gap
 STARTED_AGAIN: Final = "restarted"
 """Event after which everything starts anew: the recorder itself was away, and nobody knows what came meanwhile."""
-_APART_NS: Final = 1_000_000
-"""Least step between samples of two starts, ns; less only where a line ran ahead of the host's time."""
+_APART_NS: Final = 1_000_000  # least step between samples of two starts; less only where a line ran ahead of the host
 
 
 class UnitPart(NamedTuple):
@@ -197,7 +197,7 @@ class Stream:
         timing = asdict(self.time_report())
         if self.session.timed_by != "frames":  # the host's clock beside itself
             timing |= {"mode": self.session.timed_by, "drift_ppm": None, "offset": None, "delays": None}
-        return {"bytes": self.decoder.counts.summary(), "time": _without_nan(timing), "not_usable": self.faults}
+        return {"bytes": self.decoder.counts.summary(), "time": plain(timing), "not_usable": self.faults}
 
     def time_report(self) -> TimeReport:
         """What the stamps have shown, of all starts; each after the first is a gap."""
@@ -337,15 +337,6 @@ def _time_spec(session: Session, message: Message) -> TimeSpec:
         speed = 1.0 if session.source is None else float(session.source.settings.get("speed", 1.0))
         return replace(time_spec(session.form, message), rate=session.meta.rate_nominal, speed=speed)
     return TimeSpec(clock=Counter(64, 1), rate=session.meta.rate_nominal if session.timed_by == "poll" else None)
-
-
-def _without_nan(report: dict[str, Any]) -> dict[str, Any]:
-    """Report with None for what is not known, as JSON has it."""
-    cleaned: dict[str, Any] = {}
-    for name, value in report.items():
-        inner = _without_nan(value) if isinstance(value, dict) else value
-        cleaned[name] = None if isinstance(value, float) and not math.isfinite(value) else inner
-    return cleaned
 
 
 def _tick_ns(device: Field) -> Fraction:

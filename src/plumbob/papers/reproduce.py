@@ -15,7 +15,7 @@ from threading import Event, Lock
 from typing import Any, Final
 
 from plumbob.core import __version__, check
-from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, unknown_name
 from plumbob.core.files import write_text
 from plumbob.core.series import needed
 from plumbob.core.text import counted
@@ -172,7 +172,7 @@ def reproduce(
 
 def _chosen(papers: Sequence[str]) -> list[str]:
     if unknown := [name for name in papers if name not in (*NAMES, "all")]:
-        raise ParameterError(f"'{unknown[0]}' is not a paper; known: {', '.join(NAMES)}, or all.")
+        raise unknown_name("paper", unknown[0], (*NAMES, "all"))
     return list(NAMES) if not papers or "all" in papers else [name for name in NAMES if name in papers]
 
 

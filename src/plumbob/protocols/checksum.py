@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.errors import DecodeError
+from plumbob.core.errors import DecodeError, unknown_name
 from plumbob.core.kernels import kernel
 
 Bytes = NDArray[np.uint8]
@@ -65,7 +65,7 @@ KINDS: Final = {
 def algorithm(kind: str) -> Algorithm:
     """Look a check up by its name."""
     if kind not in KINDS:
-        raise DecodeError(f"checksum.kind '{kind}' is unknown; known: {', '.join(KINDS)}.")
+        raise unknown_name("checksum.kind", kind, KINDS, error=DecodeError)
     return KINDS[kind]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check
-from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.errors import ShapeError, unknown_name
 from plumbob.protocols.checksum import algorithm, of_rows
 from plumbob.protocols.field import Checksum, Field
 from plumbob.protocols.format import Format, Message
@@ -48,8 +48,8 @@ def encode(form: Format, columns: Mapping[str, ArrayLike], *, message: str = "")
 def _is_value(kind: Message, name: str) -> bool:
     matching = [f for f in kind.fields if f.name == name and not (f.fixed or f.derived)]
     if not matching:
-        names = ", ".join(f.name for f in kind.fields if not (f.fixed or f.derived))
-        raise ParameterError(f"message {kind.name} has no field '{name}' to encode; known: {names}.")
+        names = (f.name for f in kind.fields if not (f.fixed or f.derived))
+        raise unknown_name("field to encode", name, names, of=f"message {kind.name}")
     return matching[0].physical
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final
 
 from plumbob.core import schema
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.units import Quantity
 from plumbob.protocols.field import ORDER, UNSAID, Checksum, Field, Provenance
 
@@ -177,7 +177,7 @@ class Format:
         """
         matching = [m for m in self.messages if name in ("", m.name)]
         if not matching:
-            raise ParameterError(f"{self.name} has no message '{name}'; known: {', '.join(self._names())}.")
+            raise unknown_name("message", name, self._names(), of=self.name)
         return matching[0]
 
     def bind(self, chosen: Mapping[str, str] | None = None) -> "Format":
@@ -200,8 +200,7 @@ class Format:
                 f"'{given[other[0]]}'; bind the format as it was loaded."
             )
         if unknown := set(given) - set(self.options):
-            listed = ", ".join(self.options) or "none"
-            raise ParameterError(f"{self.name} has no option '{min(unknown)}'; known: {listed}.")
+            raise unknown_name("option", min(unknown), self.options, of=self.name)
         values = {
             name: option.resolve(f"{self.name} option '{name}'", given.get(name))
             for name, option in self.options.items()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from plumbob.core import check, schema, units
-from plumbob.core.errors import DecodeError, ParameterError, UnitError
+from plumbob.core.errors import DecodeError, ParameterError, UnitError, unknown_name
 from plumbob.core.extensions import ExtensibleTable
 from plumbob.core.files import reading, text_of
 from plumbob.core.resources import guide
@@ -85,7 +85,7 @@ def _message(raw: Mapping[str, Any], framing: Framing, order: str, parts: Mappin
         raise DecodeError(f"message {raw['name']} has a part twice; give each a name of its own.")
     for name in wanted:
         if name not in parts:
-            raise DecodeError(f"message {raw['name']} has no part '{name}'; known: {', '.join(parts) or 'none'}.")
+            raise unknown_name("part", name, parts, of=f"message {raw['name']}", error=DecodeError)
         begin = at
         for table in parts[name]:
             fields += _fields(table | {"at": begin + table["at"]} if "at" in table else table, at, order)

@@ -172,7 +172,7 @@ def _all_devices() -> Listed:
 def rigs() -> Listed:
     """List the rigs that `plumbob.emulate` knows, and the kinds of faults of a line."""
     from plumbob.live.rigs.faults import KINDS
-    from plumbob.live.rigs.plan import PLANS
+    from plumbob.live.rigs.rig import PLANS
 
     plans = {name: f"{plan.title}; {plan.rate:g} Hz" for name, plan in PLANS.items()}
     groups = {"rigs": plans, "faults, each a share of the frames": KINDS}

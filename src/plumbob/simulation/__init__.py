@@ -11,7 +11,7 @@ Not modelled: the Earth's rotation, filters and bandwidths of sensors, nonlinear
 
 from typing import TYPE_CHECKING
 
-from plumbob.core.lazy import lazily
+from plumbob.core import lazily
 from plumbob.simulation.errors import TriadErrors
 from plumbob.simulation.motion import ConingMotion, EulerMotion, GimbalMotion, Motion, PoseMotion, Scenario, Truth
 from plumbob.simulation.presets import DataSheetFigure, Module, Preset, draw_module, preset, preset_names

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.series import Series
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
@@ -383,7 +383,7 @@ def _require_known(world: Mapping[str, Any]) -> None:
         if name in {"jitter", "lost"}:
             raise ParameterError(f"the units of a chain share one time line; leave {name} out.")
         if name not in SETTINGS and name not in {"noise", "warm_up"}:
-            raise ParameterError(f"a chain has no setting '{name}'; known: {', '.join(SETTINGS)}.")
+            raise unknown_name("setting", name, SETTINGS, of="a chain")
 
 
 def _bends(

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.units import deg
 from plumbob.data.array import Quat, UnitMount, Vec
 from plumbob.data.chain import Chain, Joint, Limits, Segment
@@ -129,7 +129,7 @@ def named_chain(name: str) -> Chain:
         If there is none.
     """
     if name not in CHAINS:
-        raise ParameterError(f"'{name}' is not a chain; known: {', '.join(CHAINS)}.")
+        raise unknown_name("chain", name, CHAINS)
     return CHAINS[name]
 
 
@@ -164,7 +164,7 @@ def chain_mounts(chain: Chain, given: Mapping[str, UnitMount]) -> dict[str, Unit
     nominal = {segment.unit: segment.mount for segment in chain.segments if segment.unit}
     unknown = [name for name in given if name not in nominal]
     if unknown:
-        raise ParameterError(f"{chain.name} has no unit '{unknown[0]}'; its units are {', '.join(nominal)}.")
+        raise unknown_name("unit", unknown[0], nominal, of=chain.name)
     return nominal | dict(given)
 
 

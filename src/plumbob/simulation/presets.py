@@ -29,7 +29,7 @@ from typing import Any, Self
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.units import unit
 from plumbob.data import TRIADS
 from plumbob.data.cards import NoiseCard
@@ -220,7 +220,7 @@ def preset(name: str) -> Preset:
         If there is none.
     """
     if name not in _index():
-        raise ParameterError(f"'{name}' is not a sensor; known: {', '.join(preset_names())}. Join parts with '+'.")
+        raise unknown_name("sensor", name, preset_names(), hint=" Join parts with '+'.")
     full, file = _index()[name]
     raw = _load(file)
     variant = raw.get("variants", {}).get(full.partition(":")[2], {})

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from plumbob.core import check
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.units import deg, dps
 from plumbob.data.chain import Chain, Limits
 from plumbob.rotations import Frame
@@ -239,7 +239,7 @@ def named_program(name: str, chain: Chain, *, rng: np.random.Generator, duration
         If the name is unknown, or the duration is not positive.
     """
     if name not in PROGRAMS:
-        raise ParameterError(f"'{name}' is not a program of a chain; known: {', '.join(PROGRAMS)}.")
+        raise unknown_name("program of a chain", name, PROGRAMS)
     if not 0.0 < duration < math.inf:
         raise ParameterError(f"duration must be positive, but it is {duration:g} s.")
     made = (PROGRAMS[name] if chain.angles else _still)(chain, rng, duration)

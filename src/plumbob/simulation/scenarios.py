@@ -12,9 +12,8 @@ from typing import Annotated, ClassVar, Final
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.params import Spec, build
-from plumbob.core.text import closest
 from plumbob.core.units import Quantity, deg, dps, g
 from plumbob.rotations import Frame
 from plumbob.simulation.captures import Bands, Cone, Faces, LevelRing, Poses, Raise, Sway, Table36, Tumble
@@ -393,6 +392,5 @@ def scenario(name: str, **parameters: float | str) -> Scenario:
         from plumbob.simulation.programs import PROGRAMS
 
         hint = f" It is what a chain does: --chain arm, or plumbob.simulate_chain('arm', '{name}')."
-        more = hint if name in PROGRAMS else closest(name, SCENARIOS)
-        raise ParameterError(f"'{name}' is not a scenario; known: {', '.join(SCENARIOS)}.{more}")
+        raise unknown_name("scenario", name, SCENARIOS, hint=hint if name in PROGRAMS else "")
     return build(SCENARIOS[name], parameters, of=name)

@@ -145,7 +145,7 @@ class Guided:
 
     @cached_property
     def _guide(self) -> "Guide":
-        from plumbob.live.guide.guides import GUIDES
+        from plumbob.live.guide.guide import GUIDES
 
         return GUIDES[self.kind]()
 

@@ -18,11 +18,11 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.chain import Chain
 from plumbob.filters import Start
 from plumbob.live.lines import LineFormat, blank_frames
+from plumbob.live.runner import LONG
 from plumbob.live.session import Session, reference_names
-from plumbob.live.sinks import epoch_offset_ns
+from plumbob.live.sinks import Sink, epoch_offset_ns
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Received
-from plumbob.live.watch import LONG
 from plumbob.protocols.encode import encode
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.viewer.commands import Outlet
@@ -136,7 +136,7 @@ class FlagWatch:
                 yield self._seen.pop(bit), f"{name} has ended"
 
 
-class Feed:
+class Feed(Sink):
     """Sink that shows a stream, which keeps covariances. A fault in it ends the view, not the stream.
 
     `truth` is on the time line of the stream; `beside` gives further fields of a batch: ``recording``, ``text``; `note`

@@ -9,7 +9,7 @@ from plumbob.calibration.predicted import NAMES, REGIONS
 from plumbob.core import __version__, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.time import to_ns
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.chain import Chain, Posture
@@ -37,7 +37,7 @@ def addable(triads: Sequence[str]) -> list[str]:
 def require_addable(name: str, triads: Sequence[str], *, beside: int) -> None:
     """Refuse an estimator that does not work on samples with these triads, or one more than `MOST`."""
     if name not in (names := addable(triads)):
-        raise ParameterError(f"there is no estimator '{name}' for these samples; there are {', '.join(names)}.")
+        raise unknown_name("estimator for these samples", name, names)
     if beside >= MOST:
         raise ParameterError(f"{MOST} estimators at most are shown beside the first; remove one.")
 

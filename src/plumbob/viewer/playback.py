@@ -23,8 +23,8 @@ from plumbob.files.formats import is_own
 from plumbob.files.mcap import open_log
 from plumbob.live.recorded import logged_reference, read_recorded
 from plumbob.live.replay import Replayed, replay
+from plumbob.live.runner import Note
 from plumbob.live.session_toml import SESSION, of_unit, recorded_session
-from plumbob.live.watch import Note
 from plumbob.protocols.format import Message
 from plumbob.rotations import Frame
 from plumbob.viewer.commands import Outlet

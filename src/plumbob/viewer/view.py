@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from plumbob.core import check
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.event import Event
 from plumbob.core.files import text_of
 from plumbob.core.text import FactsText, counted
@@ -22,15 +22,14 @@ from plumbob.data.cards import CalibrationCard
 from plumbob.data.chain import Chain, load_chain
 from plumbob.door.reading import read
 from plumbob.live.record import announce
-from plumbob.live.runner import run_stream
+from plumbob.live.runner import Note, Ran, Watch, run_stream, silence_words
 from plumbob.live.sending import send_sinks, with_sent
 from plumbob.live.session import Session
 from plumbob.live.session_toml import ALL, SESSION, capture_session, of_unit, parse_session
 from plumbob.live.sinks import RecordingSink, Sink, named_at, text_sinks
 from plumbob.live.sources import open_source
-from plumbob.live.stream import ItemResult, Stream
+from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stopping
-from plumbob.live.watch import Note, Ran, Watch, silence_words
 from plumbob.viewer.child import ServerOutlet, Serving, require_view
 from plumbob.viewer.commands import CommandHandler, Outlet
 from plumbob.viewer.feed import Feed
@@ -422,21 +421,15 @@ def _of_recording(line: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in words.items() if value not in (False, {})}
 
 
-class _RemarkSink:
+class _RemarkSink(Sink):
     """Sink that says what happened, as remarks."""
 
     def __init__(self, note: Note) -> None:
         self._note = note
 
-    def on_part(self, part: ItemResult) -> None:
-        """Samples are no event."""
-
     def on_event(self, event: Event) -> None:
         """Say it."""
         self._note(f"{event.kind}: {event.text}")
-
-    def close(self) -> None:
-        """Nothing is held open."""
 
 
 _FILTER: Final = "mekf"
@@ -449,10 +442,10 @@ def emulated(
 ) -> Iterator[tuple[Session, AttitudeTrack | None, Chain | None]]:
     """Session of a rig that runs meanwhile, the truth of its first unit, and its chain, where it is on one."""
     from plumbob.live.emulated import chain_files, running_rig, unit_file
-    from plumbob.live.rigs.plan import PLANS, Chained
+    from plumbob.live.rigs.rig import PLANS, Chained
 
     if rig not in PLANS:
-        raise ParameterError(f"there is no rig '{rig}'; there are {', '.join(PLANS)}.")
+        raise unknown_name("rig", rig, PLANS)
     plan = PLANS[rig]
     first, several = plan.units[0].prefix, sum(unit.prefix != "ref" for unit in plan.units) > 1
     with tempfile.TemporaryDirectory(prefix="plumbob-view-") as folder:

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from plumbob import Filter, Frame, ImuData, decode, find_format, read
-from plumbob.live.rigs.firmware import FirmwareTask, Processor, decoded, poll, run_firmware
-from plumbob.live.rigs.flash import YEAR_S, FlashLog
-from plumbob.live.rigs.plan import PLANS
-from plumbob.live.rigs.rig import make_rig
+from plumbob.live.rigs.firmware import YEAR_S, FirmwareTask, FlashLog, Processor, decoded, poll, run_firmware
+from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.protocols.encode import encode
 from plumbob.protocols.ring import read_ring
 from plumbob.rotations import North, quat_angle

@@ -11,8 +11,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
 from plumbob.data.cards import NoiseCard, TriadNoise
 from plumbob.live.emulated import unit_file
-from plumbob.live.rigs.plan import PLANS
-from plumbob.live.rigs.rig import make_rig
+from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.protocols.checksum import of_rows
 from plumbob.protocols.decode import decode, triads_of, unit_temperature
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_angle, quat_conjugate, quat_multiply

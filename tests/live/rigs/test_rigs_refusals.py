@@ -6,10 +6,8 @@ import pytest
 
 from plumbob.core.errors import CalibrationError, DecodeError, ParameterError, ShapeError
 from plumbob.data.cards import NoiseCard, TriadNoise
-from plumbob.live.rigs.firmware import Processor, run_firmware
-from plumbob.live.rigs.flash import FlashLog
-from plumbob.live.rigs.plan import PLANS, plan_for
-from plumbob.live.rigs.rig import make_rig
+from plumbob.live.rigs.firmware import FlashLog, Processor, run_firmware
+from plumbob.live.rigs.rig import PLANS, make_rig, plan_for
 from plumbob.protocols.format_toml import find_format, parse_format
 from plumbob.protocols.ring import read_ring
 from plumbob.rotations import Frame
@@ -52,7 +50,7 @@ CASES = [
     (lambda: own(50.0), ParameterError, "no field that a simulation can fill"),
     (lambda: find_format("mpu9999"), ParameterError, r"'mpu9999' is not a known device.* Rigs are arm, buoy"),
     (lambda: rig(faults={"length": 0.1}), ParameterError, "fault length needs a length"),
-    (lambda: rig(faults={"fip": 0.1}), ParameterError, "'fip' is not a fault; known: unplug"),
+    (lambda: rig(faults={"fip": 0.1}), ParameterError, "there is no fault 'fip'; known: unplug"),
     (lambda: rig(faults={"flip": 2.0}), ParameterError, "0 to 1, but it is 2"),
     (lambda: rig("teach", mount_error=0.02), ParameterError, "--set mount_angle"),
     (lambda: rig("ring", mount_error=-1.0), ParameterError, "mount_error must be 0 to 180°"),

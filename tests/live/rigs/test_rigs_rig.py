@@ -8,8 +8,7 @@ import pytest
 
 from plumbob.core import flags
 from plumbob.live.rigs.faults import KINDS
-from plumbob.live.rigs.plan import PLANS, RigUnit, plan_for
-from plumbob.live.rigs.rig import make_rig
+from plumbob.live.rigs.rig import PLANS, RigUnit, make_rig, plan_for
 from plumbob.protocols.checksum import of_rows
 from plumbob.protocols.decode import decode, triads_of, unit_temperature
 from plumbob.protocols.format_toml import find_format, parse_format, rig_names

@@ -13,8 +13,7 @@ import pytest
 
 from plumbob import decode, find_format
 from plumbob.core.errors import ParameterError
-from plumbob.live.rigs.plan import PLANS
-from plumbob.live.rigs.rig import make_rig
+from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.live.rigs.serving import FilePort, PtyPort, TcpPort, UdpPort, serve
 
 LONG = 30.0

@@ -23,7 +23,7 @@ from plumbob.arm.array.monitoring import Monitored, MonitoringSettings, common_f
 from plumbob.arm.array.solve import combine_rows, force_rows
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.errors import ParameterError, ShapeError, unknown_name
 from plumbob.core.result import Described, plain
 from plumbob.core.series import Series
 from plumbob.core.text import FactsText
@@ -221,9 +221,7 @@ def estimate(
         noises = noise_params(watched.noise, start)
         unknown = [name for name in params or {} if name not in noises._fields]
         if unknown:
-            raise ParameterError(
-                f"directions has no parameter '{unknown[0]}'; known: {', '.join(noises._fields)}, as numbers in SI."
-            )
+            raise unknown_name("parameter", unknown[0], noises._fields, of="directions")
         return ArrayEstimated(track_directions(watched.imu, frame, noises._replace(**(params or {}))), watched)
     noise = watched.noise if takes_noise(filter or SMOOTHER) else None
     made = estimate_one(watched.imu, filter, causal=causal, lag=lag, params=params, frame=frame, init=init, noise=noise)

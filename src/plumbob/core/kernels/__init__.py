@@ -94,8 +94,7 @@ def _itself(array: Any) -> Any:
     return array
 
 
-bare = Kernel(_itself)
-"""Numbers of an array in a row, whatever its axes: what a kernel hands to one that counts them itself."""
+bare = Kernel(_itself)  # numbers of an array in a row, which a kernel hands to one that counts them itself
 
 
 def specialise(loop: Kernel[..., R], name: str, *, inline: bool = False, **kernels: Kernel[..., Any]) -> Kernel[..., R]:

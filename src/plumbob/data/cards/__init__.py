@@ -7,9 +7,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plumbob.core import lazily
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import text_of
-from plumbob.core.lazy import lazily
 from plumbob.data.sample import UNITS
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ looks at the past now and then, and ``causal`` filters on between two looks; ``p
 
 from typing import TYPE_CHECKING
 
-from plumbob.core.lazy import lazily
+from plumbob.core import lazily
 
 if TYPE_CHECKING:
     from plumbob.filters.smoother.model import Params

@@ -16,7 +16,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.errors import ParameterError, ShapeError, unknown_name
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.rotations import Frame, North, change_frame, quat_from_euler_zyx, quat_multiply
@@ -31,7 +31,7 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Any]]]) -> tup
     for name in dict.fromkeys(wanted):
         of = re.split(r"[.(]", name)[0]
         if of not in kinds:
-            raise ParameterError(f"there is no peer '{name}'; known: {', '.join(kinds)}, all and none.")
+            raise unknown_name("peer", name, (*kinds, "all", "none"))
         try:
             library = import_module(of)
         except ImportError as error:

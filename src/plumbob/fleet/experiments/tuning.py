@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import __version__, check
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError, unknown_name
 from plumbob.core.files import file_sha256, write_text
 from plumbob.core.params import Parameter, allowed, checked, describe, shown
 from plumbob.core.result import Reported, plain
@@ -613,7 +613,7 @@ def _fixed(filter: str, fixed: Mapping[str, Any]) -> dict[str, Any]:
     declared = _parameters(filter)
     for name in fixed:
         if name not in declared:
-            raise ParameterError(f"{filter} has no parameter '{name}'; known: {', '.join(declared)}.")
+            raise unknown_name("parameter", name, declared, of=filter)
     return {name: checked(filter, declared[name], value) for name, value in fixed.items()}
 
 

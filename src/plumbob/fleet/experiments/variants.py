@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError, ShapeError, UnitError
+from plumbob.core.errors import ParameterError, ShapeError, UnitError, unknown_name
 from plumbob.core.units import Quantity, dps, parse, split, to_dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.reading import read_at
@@ -179,7 +179,7 @@ def changed(imu: ImuData, reference: AttitudeTrack, changes: Mapping[str, str], 
     A wrong field is constant in the frame of the `reference`; what is drawn comes from the seed.
     """
     if unknown := changes.keys() - _CHANGES.keys():
-        raise ParameterError(f"there is no change '{min(unknown)}'; known: {', '.join(CHANGES)}.")
+        raise unknown_name("change", min(unknown), CHANGES)
     for name, make in _CHANGES.items():
         if name in changes:
             imu = make(imu, _Change(reference, changes[name], seed))

@@ -13,8 +13,7 @@ from plumbob.calibration.calibration import Capture, capture
 from plumbob.calibration.predicted import NAMES, REGIONS, region_names
 from plumbob.core.errors import CalibrationError
 from plumbob.data import ImuMeta
-from plumbob.live.guide.guide import Guide, Progress
-from plumbob.live.guide.guides import GUIDES, GuideSink
+from plumbob.live.guide.guide import GUIDES, Guide, GuideSink, Progress
 from plumbob.live.record import record
 from plumbob.live.session import OutputSpec, RecordSpec, Session
 from plumbob.live.session_toml import capture_session

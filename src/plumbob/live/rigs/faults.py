@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.protocols.format import Format
 from plumbob.simulation.errors import stream
 
@@ -77,7 +77,7 @@ def draw(form: Format, rates: Mapping[str, float], due_ns: NDArray[np.int64], se
     """
     for kind, rate in rates.items():
         if kind not in KINDS:
-            raise ParameterError(f"'{kind}' is not a fault; known: {', '.join(KINDS)}.")
+            raise unknown_name("fault", kind, KINDS)
         if not 0.0 <= rate <= 1.0:
             raise ParameterError(f"fault {kind} must be a share of the frames, from 0 to 1, but it is {rate:g}.")
     if "length" in rates and form.framing.length_field is None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fcntl import ioctl
 from pathlib import Path
 from time import monotonic, monotonic_ns, sleep
-from typing import BinaryIO, Final, Protocol
+from typing import BinaryIO, Final
 
 import numpy as np
 
@@ -22,19 +22,65 @@ from plumbob.live.rigs.faults import Fault
 from plumbob.live.rigs.rig import Rig
 from plumbob.live.transports.transport import Stopping
 
-_OPENING: Final = 0.5
-"""s; how long opening a line may take: programs set it up and then empty it, and what came before is gone."""
+_OPENING: Final = 0.5  # s; opening a line may take it: programs set it up and empty it, and what came before is gone
 
-_SETTING_UP: Final = 3.0
-"""s; the same for a program that has begun to set it up, however busy the host is."""
+_SETTING_UP: Final = 3.0  # s; the same for a program that has begun to set it up, however busy the host is
 
-_SHORTLY: Final = 1.0
-"""s; how long a terminal's reader may take for the rest, when the port vanishes or is stopped."""
-_BARELY, _SURELY = 0.02, 0.2
-"""s; how long a terminal must be empty when it vanishes, and at the end: a busy kernel brings the rest late."""
+_SHORTLY: Final = 1.0  # s; how long a terminal's reader may take for the rest, when the port vanishes or is stopped
+_BARELY, _SURELY = 0.02, 0.2  # s; a terminal is empty so long when it vanishes, and at the end: a busy kernel is late
 
 
-class PtyPort:
+TURN: Final = 0.05  # s; how long one wait lasts, so that a stop is noticed soon
+
+
+class Port:
+    """One end of a line, which by default hears everything and cannot vanish."""
+
+    name: str  # what a reader opens; a pseudo-terminal that comes back has another one
+
+    def heard(self) -> bool:
+        """Whether somebody has the other end open, and is through with opening it."""
+        return True
+
+    def send(self, payloads: Sequence[bytes]) -> int:
+        """Send what fits within a short time, and return how many payloads are gone; all of them if nobody hears."""
+        raise NotImplementedError
+
+    def unplug(self) -> None:
+        """Let the port vanish."""
+
+    def replug(self) -> None:
+        """Let it come back."""
+
+    def close(self) -> None:
+        """End the line, once what was sent has been read or nobody reads it."""
+
+
+class _StreamPort(Port):
+    """A port of bytes without limits between them."""
+
+    _rest = b""
+
+    def _write(self, data: bytes) -> int | None:
+        """Bytes of it that are gone, maybe none; None where no more is taken within a short time."""
+        raise NotImplementedError
+
+    def send(self, payloads: Sequence[bytes]) -> int:
+        """Send; a payload that fits only in part is finished by the next call, which begins with it."""
+        for done, payload in enumerate(payloads):
+            data, self._rest = self._rest or payload, b""
+            while data:
+                if not self.heard():
+                    return len(payloads)
+                count = self._write(data)
+                if count is None:
+                    self._rest = data
+                    return done
+                data = data[count:]
+        return len(payloads)
+
+
+class PtyPort(_StreamPort):
     """Pseudo-terminal: looks like a serial line to whoever opens it.
 
     A symbolic `link` always leads to the present one; `stop` ends the wait for a reader at the end early.
@@ -42,25 +88,20 @@ class PtyPort:
 
     def __init__(self, link: Path | None = None, stop: Stopping | None = None) -> None:
         self._link, self._stop = link, stop
-        self._rest = b""
-        self._open()
+        self.replug()
 
-    @property
-    def name(self) -> str:
-        """Path of the terminal."""
-        return self._name
-
-    def _open(self) -> None:
+    def replug(self) -> None:
+        """Open a terminal, another one each time, behind the link."""
         self._master, slave = os.openpty()
         tty.setraw(slave)
         ioctl(self._master, termios.TIOCPKT, (1).to_bytes(4, "little"))  # tells when a reader empties the line
         self._since: float | None = None
         self._ready = False
-        self._name, self._plain = os.ttyname(slave), termios.tcgetattr(slave)
+        self.name, self._plain = os.ttyname(slave), termios.tcgetattr(slave)
         os.close(slave)
         os.set_blocking(self._master, False)
         if self._link:
-            _lead(self._link, self._name)
+            _lead(self._link, self.name)
 
     def heard(self) -> bool:
         """Whether somebody has it open and emptied it, or had the time to; what they write is read and forgotten."""
@@ -80,22 +121,11 @@ class PtyPort:
         self._ready = monotonic() - (self._since or 0.0) > (_SETTING_UP if begun else _OPENING)
         return self._ready
 
-    def send(self, payloads: Sequence[bytes]) -> int:
-        """Send; a payload that fits only in part is finished by the next call, which begins with it."""
-        for done, payload in enumerate(payloads):
-            data = self._rest or payload
-            while data:
-                if not self.heard():
-                    self._rest = b""
-                    return len(payloads)
-                try:
-                    data = data[os.write(self._master, data) :]
-                except BlockingIOError:
-                    if not self._poll(select.POLLOUT, TURN) & select.POLLOUT:
-                        self._rest = data
-                        return done
-            self._rest = b""
-        return len(payloads)
+    def _write(self, data: bytes) -> int | None:
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0 if self._poll(select.POLLOUT, TURN) & select.POLLOUT else None
 
     def _poll(self, what: int, timeout: float) -> int:
         poller = select.poll()
@@ -109,10 +139,6 @@ class PtyPort:
         self._shut()
         self._rest = b""
 
-    def replug(self) -> None:
-        """Open another one behind the same link."""
-        self._open()
-
     def close(self) -> None:
         """Close it, once everything has been read or nobody has it open: a reader may be stalled for any time."""
         self._settle(math.inf, _SURELY)
@@ -120,7 +146,7 @@ class PtyPort:
 
     def _shut(self) -> None:
         """Close it; a link that stayed could lead to a stranger's terminal, for names are used again."""
-        if self._link and self._link.is_symlink() and str(self._link.readlink()) == self._name:
+        if self._link and self._link.is_symlink() and str(self._link.readlink()) == self.name:
             self._link.unlink()
         os.close(self._master)
 
@@ -137,7 +163,7 @@ class PtyPort:
 
     def _unread(self) -> bool:
         """Whether bytes wait in the terminal; it is not kept open, so that its reader's leaving shows."""
-        slave = os.open(self._name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        slave = os.open(self.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
             poller = select.poll()
             poller.register(slave, select.POLLIN)  # which also brings on what is on its way there
@@ -156,24 +182,20 @@ def _lead(link: Path, target: str) -> None:
     new.replace(link)
 
 
-class TcpPort:
+class TcpPort(_StreamPort):
     """TCP server for one reader at a time; port 0 takes a free one."""
 
     def __init__(self, host: str, number: int) -> None:
         self._host, self._number = host, number
         self._reader: socket.socket | None = None
-        self._rest = b""
-        self._listen()
+        self.replug()
 
-    @property
-    def name(self) -> str:
-        """As in ``tcp://127.0.0.1:4000``."""
-        return f"tcp://{self._host}:{self._number}"
-
-    def _listen(self) -> None:
+    def replug(self) -> None:
+        """Listen, each time at the same number."""
         self._server = socket.create_server((self._host, self._number))
         self._server.setblocking(False)
         self._number = self._server.getsockname()[1]
+        self.name = f"tcp://{self._host}:{self._number}"
 
     def heard(self) -> bool:
         """Whether somebody is connected; takes the first who calls."""
@@ -186,59 +208,37 @@ class TcpPort:
             self._reader.settimeout(TURN)
         return True
 
-    def send(self, payloads: Sequence[bytes]) -> int:
-        """Send; a payload that fits only in part is finished by the next call, which begins with it."""
-        for done, payload in enumerate(payloads):
-            data = self._rest or payload
-            while data:
-                if not self.heard() or self._reader is None:
-                    self._rest = b""
-                    return len(payloads)
-                try:
-                    data = data[self._reader.send(data) :]
-                except TimeoutError:
-                    self._rest = data
-                    return done
-                except OSError:
-                    self._hang_up()
-            self._rest = b""
-        return len(payloads)
+    def _write(self, data: bytes) -> int | None:
+        assert self._reader is not None
+        try:
+            return self._reader.send(data)
+        except TimeoutError:
+            return None
+        except OSError:
+            self._hang_up()
+            return 0
 
     def _hang_up(self) -> None:
         if self._reader:
             self._reader.close()
-        self._reader = None
-        self._rest = b""
+        self._reader, self._rest = None, b""
 
     def unplug(self) -> None:
         """Hang up, and stop to listen."""
         self._hang_up()
         self._server.close()
 
-    def replug(self) -> None:
-        """Listen again, at the same number."""
-        self._listen()
-
     def close(self) -> None:
         """Hang up; what was sent arrives."""
         self.unplug()
 
 
-class UdpPort:
+class UdpPort(Port):
     """UDP: one payload in one datagram, to whoever may listen."""
 
     def __init__(self, host: str, number: int) -> None:
-        self._to = (host, number)
+        self._to, self.name = (host, number), f"udp://{host}:{number}"
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-
-    @property
-    def name(self) -> str:
-        """As in ``udp://127.0.0.1:4000``."""
-        return f"udp://{self._to[0]}:{self._to[1]}"
-
-    def heard(self) -> bool:
-        """Nobody can know; so always."""
-        return True
 
     def send(self, payloads: Sequence[bytes]) -> int:
         """Send each in one datagram, longer ones in several."""
@@ -247,64 +247,16 @@ class UdpPort:
                 self._socket.sendto(payload[at : at + 1400], self._to)
         return len(payloads)
 
-    def unplug(self) -> None:
-        """Nothing to do: silence is all that a reader of datagrams would notice."""
-
-    def replug(self) -> None:
-        """Nothing to do."""
-
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
 
 
-TURN: Final = 0.05
-"""s; how long one wait lasts, so that a stop is noticed soon."""
-
-
-class Port(Protocol):
-    """One end of a line."""
-
-    @property
-    def name(self) -> str:
-        """What a reader opens."""
-        ...
-
-    def heard(self) -> bool:
-        """Whether somebody has the other end open, and is through with opening it."""
-        ...
-
-    def send(self, payloads: Sequence[bytes]) -> int:
-        """Send what fits within a short time, and return how many payloads are gone; all of them if nobody hears."""
-        ...
-
-    def unplug(self) -> None:
-        """Let the port vanish."""
-        ...
-
-    def replug(self) -> None:
-        """Let it come back; a pseudo-terminal has another name then."""
-        ...
-
-    def close(self) -> None:
-        """End the line, once what was sent has been read or nobody reads it."""
-        ...
-
-
-class FilePort:
+class FilePort(Port):
     """File or pipe: the bytes, and nothing else; it is not closed."""
 
     def __init__(self, file: BinaryIO, name: str) -> None:
-        self._file, self._name = file, name
-
-    @property
-    def name(self) -> str:
-        """As given."""
-        return self._name
-
-    def heard(self) -> bool:
-        """Say yes: a file always listens."""
-        return True
+        self._file, self.name = file, name
 
     def send(self, payloads: Sequence[bytes]) -> int:
         """Write them."""
@@ -312,20 +264,10 @@ class FilePort:
         self._file.flush()
         return len(payloads)
 
-    def unplug(self) -> None:
-        """Nothing to do: a file only misses what is lost."""
-
-    def replug(self) -> None:
-        """Nothing to do."""
-
-    def close(self) -> None:
-        """Leave the file to its owner."""
-
 
 _BATCH: Final = 256  # frames that are handed to the port at a time
 _LONGEST_WAIT: Final = 0.2
-_GONE: Final = 0.05
-"""s; how long a port stays away where nobody waits for the time of day."""
+_GONE: Final = 0.05  # s; how long a port stays away where nobody waits for the time of day
 
 
 @dataclass(repr=False)

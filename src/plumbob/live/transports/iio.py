@@ -4,17 +4,16 @@ import contextlib
 import errno
 import os
 import struct
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Unpack
 
 from plumbob.core.errors import LineError, ParameterError, PlumbobError
 from plumbob.core.event import Event
 from plumbob.live.transports.iio_layout import TIMESTAMP, IioChannel, IioLayout, IioType, Matrix, is_known, parse_type
 from plumbob.live.transports.polled import Polled
-from plumbob.live.transports.transport import TAKE_LIMIT, BackOff, NoLine, Received, Replug
+from plumbob.live.transports.transport import TAKE_LIMIT, NoLine, Pace, Patience, Received, Replug
 
 IDENTITY: Final[Matrix] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -237,12 +236,9 @@ class IioSource(Replug):
         layout: IioLayout | None = None,
         sys_root: str | Path = SYS,
         dev_root: str | Path = DEV,
-        wait: bool = False,
-        back_off: BackOff | None = None,
-        clock: Callable[[], int] = time.monotonic_ns,
-        sleep: Callable[[float], None] = time.sleep,
+        **patience: Unpack[Patience],
     ) -> None:
-        super().__init__(f"iio {device}", wait=wait, back_off=back_off, silence=1.0, clock=clock, sleep=sleep)
+        super().__init__(f"iio {device}", silence=1.0, **patience)
         if not 1 <= watermark <= length or not stall_periods > 0.0 or (rate is not None and not rate > 0.0):
             raise ParameterError(
                 "An IIO buffer needs 1 <= watermark <= length, and a rate and stall_periods above 0, "
@@ -382,11 +378,9 @@ class IioPollSource(Polled):
         channels: Sequence[str] | None = None,
         layout: IioLayout | None = None,
         sys_root: str | Path = SYS,
-        back_off: BackOff | None = None,
-        clock: Callable[[], int] = time.monotonic_ns,
-        sleep: Callable[[float], None] = time.sleep,
+        **pace: Unpack[Pace],
     ) -> None:
-        super().__init__(f"iio {device}", rate, back_off=back_off, clock=clock, sleep=sleep)
+        super().__init__(f"iio {device}", rate, **pace)
         self._device, self._channels = device, None if channels is None else tuple(channels)
         self._sys_root = Path(sys_root)
         self._layout: IioLayout | None = None

@@ -1,11 +1,7 @@
-"""What one scan of a Linux IIO buffer holds, and in which units.
+"""What one scan of a Linux IIO buffer holds, in which units, and the format of such scans.
 
 Sources: Linux, Documentation/ABI/testing/sysfs-bus-iio (types, units, mount matrix); drivers/iio/industrialio-buffer.c
 (order, alignment and padding of a scan).
-
-How one number lies in a scan of a Linux IIO buffer.
-
-Source: Linux, Documentation/ABI/testing/sysfs-bus-iio.
 """
 
 import json
@@ -16,6 +12,9 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Self
 
 from plumbob.core.errors import DecodeError, ParameterError, UnitError
+from plumbob.data import TRIADS
+from plumbob.protocols.field import Field, Provenance
+from plumbob.protocols.format import Format, Framing, Message
 
 _TYPE: Final = re.compile(r"(le|be):([su])(\d+)/(\d+)(?:X(\d+))?(?:>>(\d+))?")
 
@@ -215,3 +214,85 @@ def _check_mount(device: str, triad: str, matrix: Matrix, axes: list[int]) -> No
             f"{device}: the mount matrix of {triad} mixes axes that are not all enabled "
             f"({', '.join(_AXES[j] for j in axes)} are); choose all of them."
         )
+
+
+CLOCK: Final = "t_ns"  # field with the kernel's time stamp
+_ABI: Final = "IIO-ABI"
+_DOCUMENTED: Final = {_ABI: "Linux, Documentation/ABI/testing/sysfs-bus-iio, and the device as the kernel showed it"}
+
+_STAMPS: Final = {
+    "": "the scans carry no time stamps",
+    "monotonic": "time stamps are on the host's monotonic clock",
+    "realtime": "time stamps are on the host's wall clock, which may step: this kernel knows no other",
+}
+
+
+def iio_format(layout: IioLayout, *, mounted: bool = True) -> Format:
+    """Format of a device's scans: ``gyr.x`` and so on in the axes of the board, ``temp_c``, and the kernel's time.
+
+    Mount matrices, where they are applied (`mounted`), must take every axis to an axis.
+    """
+    fields = tuple(
+        _field(channel, CLOCK, at, "ns", 1.0, role="clock")
+        if channel.name == TIMESTAMP
+        else _measured(layout, channel, at, mounted)
+        for channel, at in zip(layout.channels, layout.places, strict=True)
+    )
+    return Format(
+        name=layout.device,
+        title=f"{layout.device} behind the kernel's IIO driver",
+        framing=Framing(length=layout.size),
+        messages=(Message(layout.device, layout.size, fields),),
+        sources=_DOCUMENTED,
+        facts={"clock": (_STAMPS[layout.clock], Provenance(_ABI))},
+    )
+
+
+def _measured(layout: IioLayout, channel: IioChannel, at: int, mounted: bool) -> Field:
+    head, _, axis = channel.column.rpartition("_")
+    if head not in TRIADS or axis not in _AXES:
+        return _field(channel, _plain_name(layout, channel), at, channel.unit_name, channel.scale)
+    sign = 1
+    if mounted and head in layout.mounts:
+        axis, sign = _board_axis(layout, head, axis)
+    return _field(channel, f"{head}.{axis}", at, channel.unit_name, sign * channel.scale)
+
+
+def _plain_name(layout: IioLayout, channel: IioChannel) -> str:
+    """Name of what belongs to no triad; the only temperature is that of the unit, whatever the driver numbers it."""
+    thermometers = [c for c in layout.channels if c.name.startswith("temp")]
+    return "temp_c" if thermometers == [channel] else channel.column
+
+
+def _board_axis(layout: IioLayout, triad: str, axis: str) -> tuple[str, int]:
+    """Axis of the board that an axis of the chip is, and its sign."""
+    matrix = layout.mounts[triad]
+    lines = [*matrix, *zip(*matrix, strict=True)]
+    if any(sorted(map(abs, line)) != [0.0, 0.0, 1.0] for line in lines):
+        raise ParameterError(
+            f"{layout.device}: the mount matrix of {triad} is {matrix}, which does not map axes to axes. "
+            "Set mount = false to leave it out, and put it into the calibration card."
+        )
+    column = [row[_AXES.index(axis)] for row in matrix]
+    board = next(i for i, value in enumerate(column) if value)
+    return _AXES[board], round(column[board])
+
+
+def _field(channel: IioChannel, name: str, at: int, unit: str, lsb: float, role: str = "value") -> Field:
+    kind = channel.type
+    if kind.repeat > 1:
+        raise ParameterError(f"{channel.name} holds {kind.repeat} numbers ({kind}); leave it out of the channels.")
+    is_full = kind.bits == kind.storage
+    return Field(
+        name=name,
+        at=at,
+        type=f"{'s' if kind.signed else 'u'}{kind.storage}",
+        size=kind.size,
+        order="little" if kind.order == "<" else "big",
+        bits=None if is_full else (kind.shift + kind.bits - 1, kind.shift),
+        unit=unit,
+        lsb=lsb,
+        raw_offset=channel.offset,
+        role=role,
+        origin=Provenance(_ABI),
+    )

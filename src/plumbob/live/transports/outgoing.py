@@ -16,15 +16,14 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from plumbob.core.errors import LineError, ParameterError
 from plumbob.core.event import Event
 from plumbob.core.files import require_place
 from plumbob.core.text import counted
-from plumbob.live.transports.transport import BackOff
+from plumbob.live.transports.transport import LOOPBACK, BackOff
 
-LOOPBACK: Final = "127.0.0.1"
 CLIENT_QUEUE: Final = 256  # messages that wait for a client of a server at most; a slower one loses the oldest
 QUEUE: Final = 1024  # messages that wait for a target at most
 KINDS: Final = (
@@ -34,36 +33,30 @@ _PIPE: Final = 4096  # what `select` calls writable takes so many bytes at once 
 _CONNECT: Final = 2.0
 
 
-class Target(Protocol):
+class Target:
     """Where whole messages are written."""
 
     def open(self) -> None:
         """Open it; OSError where that is not possible now."""
-        ...
 
     def write(self, data: bytes, patience: float) -> int:
         """Write a message, wait at most `patience` s, and return how many messages were dropped; OSError: it broke."""
-        ...
+        raise NotImplementedError
 
     def tend(self) -> None:
         """Do what is due without a message."""
-        ...
 
     def close(self) -> None:
         """Let go of it; more than once does no harm."""
-        ...
 
 
 @dataclass(slots=True)
-class _Addressed:
+class _Addressed(Target):
     """What has a socket to one address."""
 
     host: str
     port: int
     _socket: socket.socket | None = field(default=None, init=False)
-
-    def tend(self) -> None:
-        """Nothing is due."""
 
     def close(self) -> None:
         """Close the socket."""
@@ -156,7 +149,7 @@ class _Client:
             self.is_late = self.is_late and 2 * len(self.waiting) > CLIENT_QUEUE
 
 
-class TcpServer:
+class TcpServer(Target):
     """A server that any number of clients can join; each has a queue of its own, and none waits for another."""
 
     def __init__(self, host: str, port: int) -> None:
@@ -219,7 +212,7 @@ class TcpServer:
 
 
 @dataclass(slots=True)
-class SerialPort:
+class SerialPort(Target):
     """A serial port or a pseudo-terminal."""
 
     device: str
@@ -254,9 +247,6 @@ class SerialPort:
             raise OSError(f"{self.device}: {error}") from error
         return 0
 
-    def tend(self) -> None:
-        """Nothing is due."""
-
     def close(self) -> None:
         """Close the port."""
         if self._port is not None:
@@ -266,7 +256,7 @@ class SerialPort:
 
 
 @dataclass(slots=True)
-class FileTarget:
+class FileTarget(Target):
     """A file, a named pipe, or standard output where there is no path; each message is written at once."""
 
     path: Path | None
@@ -302,9 +292,6 @@ class FileTarget:
                         return 1
                     _is_writable(self._fd, patience)
         return 0
-
-    def tend(self) -> None:
-        """Nothing is due."""
 
     def discard(self) -> None:
         """Close it, and remove the file that it made: half of it is worth nothing."""

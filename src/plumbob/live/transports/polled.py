@@ -1,14 +1,13 @@
 """Sources that ask a device at a rate, on deadlines that do not drift."""
 
-import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, Unpack
 
 from plumbob.core.errors import LineError, ParameterError
 from plumbob.core.event import Event
-from plumbob.live.transports.transport import BackOff, NoLine, Opened, Received
+from plumbob.live.transports.transport import NoLine, Opened, Pace, Received
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,18 +61,10 @@ class Polled(Opened):
     never bunched. A device that fails is reported as ``lost``, opened again, then reported as ``reopened``.
     """
 
-    def __init__(
-        self,
-        name: str,
-        rate: float,
-        *,
-        back_off: BackOff | None = None,
-        clock: Callable[[], int] = time.monotonic_ns,
-        sleep: Callable[[float], None] = time.sleep,
-    ) -> None:
+    def __init__(self, name: str, rate: float, **pace: Unpack[Pace]) -> None:
         if not 0.0 < rate <= 1e5:
             raise ParameterError(f"A device is polled at a rate above 0 and up to 100000 Hz, but got {rate}.")
-        super().__init__(name, back_off, clock, sleep)
+        super().__init__(name, **pace)
         self._period_ns = round(1e9 / rate)
         self._schedule: Schedule | None = None
         self._up = False

@@ -6,15 +6,14 @@ import os
 import re
 import struct
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol, Unpack
 
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
 from plumbob.core.text import counted
-from plumbob.live.transports.transport import TAKE_LIMIT, BackOff, NoLine, Received, Replug
+from plumbob.live.transports.transport import TAKE_LIMIT, NoLine, Patience, Received, Replug
 
 if TYPE_CHECKING:
     import serial
@@ -71,30 +70,12 @@ _USB = re.compile(r"auto:([0-9a-fA-F]{4}):([0-9a-fA-F]{4})(?::(.+))?")
 class PortInfo(Protocol):
     """What is known of a serial port; pyserial's ``ListPortInfo`` is one."""
 
-    @property
-    def device(self) -> str:
-        """Path."""
-        ...
-
-    @property
-    def description(self) -> str:
-        """For people."""
-        ...
-
-    @property
-    def vid(self) -> Any:
-        """USB vendor, or None."""
-        ...
-
-    @property
-    def pid(self) -> Any:
-        """USB product, or None."""
-        ...
-
-    @property
-    def serial_number(self) -> Any:
-        """USB serial number, or None."""
-        ...
+    device: str  # path
+    description: str  # for people
+    # numbers of its USB, where it has such
+    vid: Any
+    pid: Any
+    serial_number: Any
 
 
 ListPorts = Callable[[], Sequence[PortInfo]]
@@ -171,14 +152,11 @@ class SerialSource(Replug):
         rtscts: bool = False,
         xonxoff: bool = False,
         exclusive: bool = True,
-        wait: bool = False,
-        gather: float = GATHER,
-        back_off: BackOff | None = None,
         ports: ListPorts = list_ports,
-        clock: Callable[[], int] = time.monotonic_ns,
-        sleep: Callable[[float], None] = time.sleep,
+        **patience: Unpack[Patience],
     ) -> None:
-        super().__init__(port, wait=wait, gather=gather, back_off=back_off, clock=clock, sleep=sleep)
+        patience.setdefault("gather", GATHER)
+        super().__init__(port, **patience)
         if baud <= 0 or bytesize not in {5, 6, 7, 8} or parity not in _PARITIES or stopbits not in {1, 1.5, 2}:
             raise ParameterError(
                 f"A serial line needs baud > 0, 5 to 8 bits, parity {', '.join(_PARITIES)} and 1, 1.5 or 2 stop bits, "

@@ -6,19 +6,16 @@ import select
 import socket
 import struct
 import sys
-import time
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, Unpack
 
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
 from plumbob.core.text import counted
 from plumbob.live.transports.serial_line import GATHER
-from plumbob.live.transports.transport import TAKE_LIMIT, BackOff, NoLine, Received, Replug
+from plumbob.live.transports.transport import LOOPBACK, TAKE_LIMIT, NoLine, Patience, Received, Replug
 
-LOOPBACK: Final = "127.0.0.1"
-KEEPALIVE: Final = 8.0
-"""How long the kernel takes to find a machine gone: 5 s without a byte, then 3 probes, one each second."""
+KEEPALIVE: Final = 8.0  # s in which a machine that has gone is found: 5 without a byte, then 3 probes, one each second
 
 _LARGEST: Final = 1 << 16  # no datagram is larger
 _MANY: Final = 4096  # datagrams that one `take` is content with
@@ -39,14 +36,10 @@ class UdpSource(Replug):
         *,
         host: str = LOOPBACK,
         buffer: int = 1 << 22,
-        wait: bool = False,
-        gather: float = GATHER,
-        back_off: BackOff | None = None,
-        clock: Callable[[], int] = time.monotonic_ns,
-        sleep: Callable[[float], None] = time.sleep,
+        **patience: Unpack[Patience],
     ) -> None:
-        name = _name("udp", host, port, lowest=0)
-        super().__init__(name, wait=wait, gather=gather, back_off=back_off, clock=clock, sleep=sleep)
+        patience.setdefault("gather", GATHER)
+        super().__init__(_name("udp", host, port, lowest=0), **patience)
         self._host, self._asked, self._buffer = host, port, buffer
         self._port = port
 
@@ -70,7 +63,21 @@ class UdpSource(Replug):
         return UdpWire(sock, self._clock)
 
 
-class UdpWire:
+class _SocketWire:
+    """What the two kinds of sockets have in common."""
+
+    _sock: socket.socket
+
+    def fileno(self) -> int:
+        """Descriptor of the socket."""
+        return self._sock.fileno()
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._sock.close()
+
+
+class UdpWire(_SocketWire):
     """A bound socket."""
 
     def __init__(self, sock: socket.socket, clock: Callable[[], int]) -> None:
@@ -78,10 +85,6 @@ class UdpWire:
         host, port = sock.getsockname()[:2]
         self.where = f"udp {host}:{port} (buffer of {granted} bytes)"
         self._sock, self._clock, self._dropped = sock, clock, 0
-
-    def fileno(self) -> int:
-        """Descriptor of the socket."""
-        return self._sock.fileno()
 
     def take(self) -> list[Received | Event]:
         """All datagrams that are there, and how many were dropped before which."""
@@ -107,10 +110,6 @@ class UdpWire:
                     return [Event(now, "dropped", f"{self.where}: no room for {counted(count, 'datagram')}.", count)]
         return []
 
-    def close(self) -> None:
-        """Close the socket."""
-        self._sock.close()
-
 
 def _count_drops(sock: socket.socket) -> None:
     if sys.platform == "linux":  # elsewhere drops show in the data only
@@ -132,16 +131,11 @@ class TcpSource(Replug):
         *,
         silence: float | None = None,
         connect_timeout: float = 5.0,
-        wait: bool = False,
-        gather: float = GATHER,
-        back_off: BackOff | None = None,
-        clock: Callable[[], int] = time.monotonic_ns,
-        sleep: Callable[[float], None] = time.sleep,
+        **patience: Unpack[Patience],
     ) -> None:
-        super().__init__(
-            _name("tcp", host, port, lowest=1), wait=wait, gather=gather, back_off=back_off, silence=silence,
-            breaks_on_silence=True, clock=clock, sleep=sleep,
-        )  # fmt: skip
+        patience.setdefault("gather", GATHER)
+        name = _name("tcp", host, port, lowest=1)
+        super().__init__(name, silence=silence, breaks_on_silence=True, **patience)
         self._host, self._port = host, port
         self._connect_ns = round(connect_timeout * 1e9)
         self._half: tuple[socket.socket, int] | None = None  # still connecting, until when
@@ -182,15 +176,11 @@ class TcpSource(Replug):
         super().close()
 
 
-class TcpWire:
+class TcpWire(_SocketWire):
     """A connection."""
 
     def __init__(self, sock: socket.socket, where: str, clock: Callable[[], int]) -> None:
         self.where, self._sock, self._clock = where, sock, clock
-
-    def fileno(self) -> int:
-        """Descriptor of the socket."""
-        return self._sock.fileno()
 
     def take(self) -> list[Received | Event]:
         """All bytes that are there."""
@@ -201,10 +191,6 @@ class TcpWire:
         if not data:
             raise ConnectionResetError(errno.ECONNRESET, "the other end has closed the connection")
         return [Received(self._clock(), data)]
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._sock.close()
 
 
 def _writable(sock: socket.socket, patience: float) -> bool:

@@ -1,12 +1,11 @@
 """Chips on an SPI bus, polled through spidev."""
 
-import time
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Protocol, Unpack
 
 from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.live.transports.polled import Polled
-from plumbob.live.transports.transport import BackOff, NoLine
+from plumbob.live.transports.transport import NoLine, Pace
 
 
 class SpiBus(Protocol):
@@ -71,11 +70,9 @@ class SpiSource(Polled):
         hz: int,
         start: Callable[[SpiBus], str | None] | None = None,
         open_bus: Callable[[], SpiBus] | None = None,
-        back_off: BackOff | None = None,
-        clock: Callable[[], int] = time.monotonic_ns,
-        sleep: Callable[[float], None] = time.sleep,
+        **pace: Unpack[Pace],
     ) -> None:
-        super().__init__(f"spi {bus}.{device}", rate, back_off=back_off, clock=clock, sleep=sleep)
+        super().__init__(f"spi {bus}.{device}", rate, **pace)
         if mode not in {0, 1, 2, 3} or hz <= 0:
             raise ParameterError(f"SPI has modes 0 to 3 and a clock above 0 Hz, but got mode={mode}, hz={hz}.")
         if not callable(exchange) and not (exchange and all(exchange)):

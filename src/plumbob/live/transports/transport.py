@@ -6,10 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Final, Protocol, Self
+from typing import Final, Protocol, Self, TypedDict, Unpack
 
 from plumbob.core.errors import LineError, ParameterError
 from plumbob.core.event import Event
+
+LOOPBACK: Final = "127.0.0.1"  # where no host is named: to be heard by other machines is asked for, as 0.0.0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,11 +98,30 @@ class BackOff:
         return round(min(self.longest, self.first * self.factor**steps) * 1e9)
 
 
+class Pace(TypedDict, total=False):
+    """What every source can be given: its patience with what is not there, its monotonic clock, ns, and its sleep."""
+
+    back_off: BackOff | None
+    clock: Callable[[], int]
+    sleep: Callable[[float], None]
+
+
+class Patience(Pace, total=False):
+    """What every line can be given, too, as of `Replug`."""
+
+    wait: bool
+    gather: float
+
+
 class Opened(ABC):
     """A `Source` that is made, opened and read, as a context or without."""
 
     def __init__(
-        self, name: str, back_off: BackOff | None, clock: Callable[[], int], sleep: Callable[[float], None]
+        self,
+        name: str,
+        back_off: BackOff | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._name = name
         self._back_off = back_off or BackOff()
@@ -159,17 +180,13 @@ class Opened(ABC):
         self._next_try_ns = now_ns + self._back_off.wait_ns(self._failures)
 
 
-TAKE_LIMIT: Final = 1 << 20
-"""Bytes that one `Wire.take` is content with, so that a flood does not keep `read` from returning."""
+TAKE_LIMIT: Final = 1 << 20  # bytes that a `Wire.take` is content with, so that in a flood `read` returns
 
 
 class Wire(Protocol):
     """An open line."""
 
-    @property
-    def where(self) -> str:
-        """What was opened, for people."""
-        ...
+    where: str  # what was opened, for people
 
     def fileno(self) -> int:
         """Descriptor that becomes readable when something has come."""
@@ -199,17 +216,15 @@ class Replug(Opened):
         *,
         wait: bool = False,
         gather: float = 0.0,
-        back_off: BackOff | None = None,
         silence: float | None = None,
         breaks_on_silence: bool = False,
-        clock: Callable[[], int] = time.monotonic_ns,
-        sleep: Callable[[float], None] = time.sleep,
+        **pace: Unpack[Pace],
     ) -> None:
         if not 0.0 <= gather <= 1.0:
             raise ParameterError(f"gather must be from 0 to 1 s, but is {gather}.")
         if silence is not None and not silence > 0.0:
             raise ParameterError(f"The longest silence of a line must be above 0 s, but is {silence}.")
-        super().__init__(name, back_off, clock, sleep)
+        super().__init__(name, **pace)
         self._wait, self._gather_ns = wait, round(gather * 1e9)
         self._silence_ns = None if silence is None else round(silence * 1e9)
         self._breaks_on_silence = breaks_on_silence

@@ -30,7 +30,7 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from plumbob.core import flags
-from plumbob.core.errors import FrameError, ParameterError
+from plumbob.core.errors import FrameError, unknown_name
 from plumbob.core.text import sentence_checksum
 from plumbob.core.units import to_deg, to_dps
 from plumbob.protocols.attitude import AttitudeSample, sent_by
@@ -121,7 +121,7 @@ def sentences_for(requested: Sequence[str], north: North, declination: float | N
     names = tuple(dict.fromkeys(name.strip().upper() for name in requested))
     for name in names:
         if name not in SENTENCES:
-            raise ParameterError(f"{name} is not a sentence that can be sent; known: {', '.join(SENTENCES)}.")
+            raise unknown_name("sentence to send", name, SENTENCES)
         if _allowed(name, north, declination):
             continue
         if north is North.FREE:
