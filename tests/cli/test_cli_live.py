@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from plumbob import files
-from plumbob.cli import common
+from plumbob.core.signals import stopped_by_signals
 from plumbob.files.mcap import open_log
 from plumbob.live.transports.transport import Stop
 from tests.helpers import until
@@ -118,7 +118,7 @@ record = {{ path = "a.mcap", reserve = 1_000_000_000_000_000_000 }}
 def test_signals_say_stop_and_are_given_back():
     before = signal.getsignal(signal.SIGTERM)
     stop = Stop()
-    with common.stopped_by_signals(stop):
+    with stopped_by_signals(stop):
         assert not stop.is_set()
         signal.raise_signal(signal.SIGTERM)
         signal.raise_signal(signal.SIGINT)  # the second of two in a hurry, too
@@ -129,12 +129,12 @@ def test_signals_say_stop_and_are_given_back():
 @pytest.mark.usefixtures("hang_up_ends")
 def test_a_lost_terminal_says_stop_unless_it_is_to_be_survived():
     stop = Stop()
-    with common.stopped_by_signals(stop):
+    with stopped_by_signals(stop):
         signal.raise_signal(signal.SIGHUP)
         assert stop.is_set()
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
     stop = Stop()
-    with common.stopped_by_signals(stop):
+    with stopped_by_signals(stop):
         signal.raise_signal(signal.SIGHUP)
         assert not stop.is_set()
     signal.signal(signal.SIGHUP, before)

@@ -11,7 +11,7 @@ from plumbob.cli.engine import Call, Verb, show
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import write_text
-from plumbob.core.units import Quantity, parse, to_deg
+from plumbob.core.units import Quantity, numbers, parse, to_deg
 from plumbob.reporting.catalogue import Listed
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def align(args: argparse.Namespace, verb: Verb, call: Call) -> int:
         if not comma or not end:
             raise ParameterError(f"--pose takes FROM,TO and angles, as 0s,2s, but got {text!r}.")
         zero = angles in ([], ["zero"])
-        held = [0.0] * len(chain.angles) if zero else common.numbers("--pose", ",".join(angles), "ANGLE")
+        held = [0.0] * len(chain.angles) if zero else numbers("--pose", ",".join(angles), Quantity.ANGLE)
         poses.append((parse(start, Quantity.TIME), parse(end, Quantity.TIME), held))
     card = call(chain=chain, array=_read(args, call), poses=poses)
     return show(args, verb, card, shown=Listed(card.table(), {"file": args.out, **card.summary()}))

@@ -10,6 +10,7 @@ from plumbob.cli.engine import Call, Verb, show
 from plumbob.cli.verbs import OF_LINES
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import is_same_file
+from plumbob.core.signals import stopped_by_signals
 from plumbob.core.text import visible
 from plumbob.reporting.catalogue import Listed
 
@@ -128,7 +129,7 @@ def _live(
     card = base or session.card
     require_card_place(out, unit_of(session.meta.device, device, card), how.triads, card, force=args.force)
     stop = Stop()
-    with common.stopped_by_signals(stop):
+    with stopped_by_signals(stop):
         captured, summary = guided_capture(
             session, args.kind, how.triads, device=device, base=base, stop=stop, note=common.note
         )

@@ -4,7 +4,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,7 +13,6 @@ from plumbob.core.text import visible
 
 if TYPE_CHECKING:
     from plumbob.filters.offline import Stage
-    from plumbob.live.transports.transport import Stop
     from plumbob.reporting.report import Report
 
 
@@ -49,28 +48,6 @@ def named_values(items: Sequence[str]) -> dict[str, str]:
             raise ParameterError(f"--option {name} is given twice.")
         options[name] = value
     return options
-
-
-def span(option: str, text: str) -> tuple[float, float]:
-    """Begin and end of a stretch of time, s, of ``0s..5s``."""
-    from plumbob.core.units import Quantity, given
-
-    first, dots, last = text.partition("..")
-    if not dots or ".." in last:
-        raise ParameterError(f"{option} needs a span as 0s..5s, but got '{text.strip()}'.")
-    return given(option, first, Quantity.TIME) or 0.0, given(option, last, Quantity.TIME) or 0.0
-
-
-def numbers(option: str, text: str, quantity: str) -> list[float]:
-    """Numbers of a list in SI, where the unit of the last stands for those that have none, as in ``1,2,5 min``."""
-    from plumbob.core.units import Quantity, given, split
-
-    words = [word.strip() for word in text.split(",") if word.strip()]
-    if not words:
-        raise ParameterError(f"{option} needs numbers, separated by commas, but got '{text}'.")
-    unit = split(words[-1])[1]
-    texts = [word if split(word)[1] else f"{word} {unit}".strip() for word in words]
-    return [given(option, text, Quantity[quantity]) or 0.0 for text in texts]
 
 
 PAGE: Final[Mapping[str, Mapping[str, Any]]] = {  # options of what has a page
@@ -219,27 +196,6 @@ def pairs(params: str | None) -> Iterator[tuple[str, Any]]:
         inner = {f"{key}.{name}": each for name, each in value.items()} if isinstance(value, dict) else {key: value}
         for name, each in inner.items():  # numbers follow the rule for text: one of two usual units must be written
             yield name, repr(each) if isinstance(each, int | float) and not isinstance(each, bool) else each
-
-
-@contextmanager
-def on_signals(handler: Callable[..., object], *names: str) -> Iterator[None]:
-    """Handle signals of a system or a terminal that ends, as far as there are and none that is ignored, as by nohup."""
-    import signal
-    import threading
-
-    ours = threading.current_thread() is threading.main_thread()
-    numbers = [getattr(signal, name) for name in names if ours and hasattr(signal, name)]
-    before = {each: signal.signal(each, handler) for each in numbers if signal.getsignal(each) != signal.SIG_IGN}
-    try:
-        yield
-    finally:
-        for each, handler_before in before.items():
-            signal.signal(each, handler_before)
-
-
-def stopped_by_signals(stop: "Stop") -> AbstractContextManager[None]:
-    """Let SIGTERM, Ctrl-C and the loss of the terminal set it: ending is how a live line is used, no mishap."""
-    return on_signals(lambda *_: stop.set(), "SIGTERM", "SIGINT", "SIGHUP")
 
 
 @contextmanager

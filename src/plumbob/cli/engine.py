@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import plumbob
 from plumbob.cli import common
+from plumbob.core import units
 from plumbob.core.errors import ParameterError
 from plumbob.core.resources import guide
 
@@ -108,9 +109,9 @@ class Option(NamedTuple):
         if "Mapping[" in self.type and not self.is_path:
             return dict(common.pairs(text))
         if self.name in QUANTITIES and not text.isalpha():
-            return common.numbers(_flag(self.name), text, QUANTITIES[self.name])
+            return units.numbers(_flag(self.name), text, units.Quantity[QUANTITIES[self.name]])
         if re.match(r"([\w.]*Sequence\[)?tuple\[float", self.type):
-            spans = [common.span(_flag(self.name), word) for word in text.split(",")]
+            spans = [units.span(_flag(self.name), word) for word in text.split(",")]
             return spans if "Sequence[" in self.type else spans[0]
         return text
 

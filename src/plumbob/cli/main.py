@@ -20,6 +20,7 @@ from plumbob.cli.engine import VERB_BY_FUNCTION, add_verb
 from plumbob.cli.verbs import GROUPS, VERBS
 from plumbob.core import __version__
 from plumbob.core.errors import PlumbobError
+from plumbob.core.signals import on_signals
 from plumbob.core.text import closest, visible
 
 _LAYOUT: Final = "\n\t"
@@ -125,7 +126,7 @@ def main(
     words = sys.argv[1:] if argv is None else list(argv)
     args = argparse.Namespace(verb=" ".join(words[:1]))  # until they are parsed
     try:
-        with common.on_signals(_raise, "SIGTERM", "SIGHUP"):
+        with on_signals(_raise, "SIGTERM", "SIGHUP"):
             parsing = parser(words)
             args, unknown = parsing.parse_known_args(_joined(words))
             if unknown:

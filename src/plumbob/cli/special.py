@@ -1,7 +1,6 @@
 """What single verbs do besides calling their function: what they refuse first, and how they print."""
 
 import argparse
-import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing, nullcontext
@@ -15,8 +14,9 @@ from plumbob.cli import common
 from plumbob.cli.engine import Call, Verb, show
 from plumbob.core import __version__
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
+from plumbob.core.signals import stopped_by_signals
 from plumbob.core.text import counted
-from plumbob.core.units import Quantity, given, parse
+from plumbob.core.units import Quantity, given, parse, span
 from plumbob.reporting.catalogue import Listed
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def record(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     with closing(status), ExitStack() as stack:
         result = call(
             stop=stop, note=status.note, progress=status.show,
-            opened=lambda: stack.enter_context(common.stopped_by_signals(stop)),  # so that the recording ends whole
+            opened=lambda: stack.enter_context(stopped_by_signals(stop)),  # so that the recording ends whole
         )  # fmt: skip
     return recorded(args, verb, result)
 
@@ -100,12 +100,12 @@ def batch(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 def emulate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Print the port's name first; a line may end at any time, but a file that is cut is removed."""
-    from plumbob.live.emulated import outputs
+    from plumbob.live.emulated import noise_cards, outputs
     from plumbob.live.transports.transport import Stop
 
     given = {name: getattr(args, name, None) for name in ("truth", "write", "fault_log", "flash_log", "calibration")}
     write = sys.stdout.buffer if given["write"] == "-" else given["write"]
-    noise = _noise(getattr(args, "noise", []))
+    noise = noise_cards(getattr(args, "noise", []))
     cards = noise.values() if isinstance(noise, dict) else (noise,)
     files = outputs(args.what, given["truth"], write, given["fault_log"], given["flash_log"])
     calibration = None if given["calibration"] is None else Path(given["calibration"])
@@ -115,7 +115,7 @@ def emulate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
         def opened(name: str) -> None:
             if write is None:
-                stack.enter_context(common.stopped_by_signals(stop))
+                stack.enter_context(stopped_by_signals(stop))
                 print(name, flush=True)
 
         served = call(noise=noise, write=write, stop=stop, opened=opened)
@@ -123,17 +123,6 @@ def emulate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     late = f"; latest by {served.latest_ns / 1e6:.1f} ms" if served.latest_ns else ""
     common.note(f"{counted(served.frames, 'frame')}: {counts}{late}")
     return 0
-
-
-def _noise(words: list[str]) -> "Path | dict[str, Path] | None":
-    """Noise cards that the options name: one for all units, or by prefix; a path may hold an equals sign, too."""
-    pairs = [word.partition("=") for word in words]
-    named = {prefix: Path(card) for prefix, equals, card in pairs if equals and prefix.isidentifier()}
-    if len(named) == len(words):
-        return named or None
-    if len(words) > 1:
-        raise ParameterError("give --noise one card for all units, or UNIT=CARD once for each unit that has one.")
-    return Path(words[0])
 
 
 def replay(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -146,7 +135,7 @@ def send(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.live.transports.transport import Stop
 
     stop = Stop()
-    with common.stopped_by_signals(stop):
+    with stopped_by_signals(stop):
         result = call(stop=stop)
     if args.to != "-":
         return show(args, verb, result)
@@ -265,7 +254,7 @@ def _rates(args: argparse.Namespace, call: Call) -> Any:
 
     if beside := [f"--{name}" for name in _OF_ATTITUDES if getattr(args, name, None) is not None]:
         raise ParameterError(f"{', '.join(beside)}: {args.filter} gives no attitude. Leave it out.")
-    rest = None if args.rest is None else common.span("--rest", args.rest)
+    rest = None if args.rest is None else span("--rest", args.rest)
     return call(filter_rates, drift=args.drift, rest=rest, note=None)
 
 
@@ -273,9 +262,10 @@ def view(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Print the address, and serve until somebody says stop."""
     from plumbob.live.runner import StatusLine
     from plumbob.live.transports.transport import Stop
+    from plumbob.viewer.view import has_display
 
     stop, status = Stop(), StatusLine(quiet=args.json)
-    with closing(status), common.stopped_by_signals(stop):
+    with closing(status), stopped_by_signals(stop):
 
         def opened(url: str) -> None:
             print(url, file=sys.stderr if args.json else sys.stdout, flush=True)
@@ -286,13 +276,6 @@ def view(args: argparse.Namespace, verb: Verb, call: Call) -> int:
         shown = not args.no_open and has_display()
         result = call(stop=stop, note=status.note, opened=opened, open_browser=shown)
     return recorded(args, verb, result)
-
-
-def has_display() -> bool:
-    """Whether there is a screen that a browser could open on."""
-    if sys.platform in ("win32", "darwin"):
-        return True
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def demo(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -314,6 +297,8 @@ def demo(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     values = {"report": str(made.page), "certificate": str(made.certificate), "filters": numbers}
     show(args, verb, made, shown=Listed(f"\n{table}\n\n{places}", values))
     if args.view and not args.json:
+        from plumbob.viewer.view import has_display
+
         wait = "600s" if has_display() else "20s"
         print(f"live page    for {wait}, or until Ctrl-C; 'plumbob view --emulate buoy' shows it again", flush=True)
         words = ["view", "--emulate", "buoy", "--also", "mahony", "--control", "--http-port", "0", "--duration"]

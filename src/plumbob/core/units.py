@@ -313,6 +313,24 @@ def given(name: str, value: float | str | None, quantity: Quantity, *, positive:
     return number
 
 
+def span(option: str, text: str) -> tuple[float, float]:
+    """Begin and end of a stretch of time, s, of ``0s..5s``."""
+    first, dots, last = text.partition("..")
+    if not dots or ".." in last:
+        raise ParameterError(f"{option} needs a span as 0s..5s, but got '{text.strip()}'.")
+    return given(option, first, Quantity.TIME) or 0.0, given(option, last, Quantity.TIME) or 0.0
+
+
+def numbers(option: str, text: str, quantity: Quantity) -> list[float]:
+    """Numbers of a list in SI, where the unit of the last stands for those that have none, as in ``1,2,5 min``."""
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    if not words:
+        raise ParameterError(f"{option} needs numbers, separated by commas, but got '{text}'.")
+    unit = split(words[-1])[1]
+    texts = [word if split(word)[1] else f"{word} {unit}".strip() for word in words]
+    return [given(option, text, quantity) or 0.0 for text in texts]
+
+
 def dps(value: Number) -> Number:
     """Degrees per second to rad/s."""
     return to_si(value, "deg/s")

@@ -4,7 +4,7 @@ import json
 import math
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -165,6 +165,17 @@ def emulate(
         if pace != 1.0 and not (write or udp):
             say('this line does not keep real time: record it with --time count, or time = "count" in [source]')
         return serve(rig, port, speed=None if pace == math.inf else pace, stop=stop, on_fault=log)
+
+
+def noise_cards(words: Sequence[str]) -> Path | dict[str, Path] | None:
+    """Noise cards that words name: one for all units, or by prefix; a path may hold an equals sign, too."""
+    pairs = [word.partition("=") for word in words]
+    named = {prefix: Path(card) for prefix, equals, card in pairs if equals and prefix.isidentifier()}
+    if len(named) == len(words):
+        return named or None
+    if len(words) > 1:
+        raise ParameterError("give --noise one card for all units, or UNIT=CARD once for each unit that has one.")
+    return Path(words[0])
 
 
 def outputs(

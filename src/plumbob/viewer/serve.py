@@ -12,11 +12,10 @@ import asyncio
 import contextlib
 import mimetypes
 import os
-import signal
 import socket
 import sys
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import asdict
 from itertools import count
 from pathlib import Path
@@ -24,6 +23,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core.errors import LineError, MissingExtraError, ParameterError, PlumbobError, one_line
 from plumbob.core.resources import asset
+from plumbob.core.signals import on_signals
 from plumbob.viewer.commands import RefusedError, parse_command
 from plumbob.viewer.derived import Derived
 from plumbob.viewer.foxglove import Foxglove
@@ -296,7 +296,7 @@ async def _run(options: argparse.Namespace, token: str) -> None:
     control.here.update(derived.commands)
     server = http_server(application(hub, control, rules, places))
     await pipe.open(socket.socket(fileno=options.fd), server)
-    with _stopped_by_signals(server):
+    with on_signals(lambda *_: setattr(server, "should_exit", True), "SIGTERM", "SIGINT"):
         serving = asyncio.create_task(server.serve(sockets))
         while not server.started and not serving.done():
             await asyncio.sleep(0.001)
@@ -337,19 +337,6 @@ def _bound(kind: int, address: Any) -> socket.socket:
         listener.close()
         raise
     return listener
-
-
-@contextlib.contextmanager
-def _stopped_by_signals(server: "uvicorn.Server") -> Iterator[None]:
-    def stop(*_: object) -> None:
-        server.should_exit = True
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 class Pipe(asyncio.Protocol):

@@ -1,6 +1,7 @@
 """The live view: a line, a recording or an emulated rig, shown by a server of its own, and what pages may ask of it."""
 
 import json
+import os
 import sys
 import tempfile
 import time
@@ -81,6 +82,13 @@ class Viewed(FactsText):
         if self.restarts:
             lines.append(f"server       started again {counted(self.restarts, 'time')}")
         return "\n".join([*lines, *([f"view         {self.fault}"] if self.fault else [])])
+
+
+def has_display() -> bool:
+    """Whether there is a screen that a browser could open on."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def view(

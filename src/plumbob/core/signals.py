@@ -1,0 +1,33 @@
+"""Signals of the system or a terminal that end a program whole."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Protocol
+
+
+class Stoppable(Protocol):
+    """What ends when it is told to."""
+
+    def set(self) -> None:
+        """Tell it."""
+        ...
+
+
+@contextmanager
+def on_signals(handler: Callable[..., object], *names: str) -> Iterator[None]:
+    """Handle signals of a system or a terminal that ends, as far as there are and none that is ignored, as by nohup."""
+    ours = threading.current_thread() is threading.main_thread()
+    numbers = [getattr(signal, name) for name in names if ours and hasattr(signal, name)]
+    before = {each: signal.signal(each, handler) for each in numbers if signal.getsignal(each) != signal.SIG_IGN}
+    try:
+        yield
+    finally:
+        for each, handler_before in before.items():
+            signal.signal(each, handler_before)
+
+
+def stopped_by_signals(stop: Stoppable) -> AbstractContextManager[None]:
+    """Let SIGTERM, Ctrl-C and the loss of the terminal set it: ending is how a live line is used, no mishap."""
+    return on_signals(lambda *_: stop.set(), "SIGTERM", "SIGINT", "SIGHUP")
