@@ -126,8 +126,9 @@ def twins(package: Mapping[str, Nodes]) -> Figure:
 
 
 def sentences(nodes: Nodes) -> Iterator[str]:
-    """Strings of three words or more that are no docstring; the constant parts of an f-string are one string."""
+    """Strings of three words or more, no docstrings nor types; the constant parts of an f-string are one string."""
     said = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+    said |= {id(getattr(node, name, None)) for node in nodes for name in ("annotation", "returns")}
     inner = {
         id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in ast.walk(node) if part is not node
     }
