@@ -148,7 +148,7 @@ def test_every_page_that_a_message_names_is_there_and_in_the_wheel():
 def test_an_installed_package_names_its_own_pages(tmp_path):
     """The package copied as the wheel has it, with its docs inside, and nothing of the checkout in reach."""
     package = tmp_path / "lib" / "plumbob"
-    for part in ("__init__.py", *(f"core/{name}.py" for name in ("__init__", "errors", "lazy", "resources", "text"))):
+    for part in ("__init__.py", *(f"core/{name}.py" for name in ("__init__", "errors", "resources", "text"))):
         (package / part).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / "src" / "plumbob" / part, package / part)
     shutil.copytree(ROOT / "docs", package / "docs")

@@ -18,13 +18,13 @@ from plumbob.arm.angles import RECORDED, TIME, write_table
 from plumbob.arm.program import Program
 from plumbob.core import check
 from plumbob.core.check import Floats
+from plumbob.core.constants import ROS_LINE, ROS_STAMPED
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import write_text
 from plumbob.core.time import to_ns
 from plumbob.core.units import from_si
 from plumbob.files.mcap import Schema
 from plumbob.files.mcap.verdict import write_rows
-from plumbob.protocols.attitude.ros2 import LINE, STAMPED
 
 SUFFIXES: Final = (".csv", ".parquet", ".mcap", ".yaml", ".yml", ".json")
 TRAJECTORY: Final = "joint_trajectory"
@@ -36,25 +36,25 @@ _TRAJECTORY_TEXT: Final = f"""\
 std_msgs/Header header
 string[] joint_names
 trajectory_msgs/JointTrajectoryPoint[] points
-{LINE}
+{ROS_LINE}
 MSG: trajectory_msgs/JointTrajectoryPoint
 float64[] positions
 float64[] velocities
 float64[] accelerations
 float64[] effort
 builtin_interfaces/Duration time_from_start
-{LINE}
+{ROS_LINE}
 MSG: builtin_interfaces/Duration
 int32 sec
 uint32 nanosec
-{STAMPED}"""
+{ROS_STAMPED}"""
 _STATE_TEXT: Final = f"""\
 std_msgs/Header header
 string[] name
 float64[] position
 float64[] velocity
 float64[] effort
-{STAMPED}"""
+{ROS_STAMPED}"""
 
 
 def export(program: Program, path: str | Path, *, unit: str = "rad", overwrite: bool = False) -> Path:

@@ -113,8 +113,16 @@ class ImuMeta:
         if not isinstance(self.t0_ns, Integral) or isinstance(self.t0_ns, bool):
             raise ShapeError(f"t0_ns must be an int, UTC in ns since 1970, but it is {self.t0_ns!r}.")
         object.__setattr__(self, "t0_ns", int(self.t0_ns))
-        if self.declination is not None:
-            object.__setattr__(self, "declination", _checked_declination(self.declination))
+        if (angle := self.declination) is not None:
+            if not isinstance(angle, Real) or isinstance(angle, bool):
+                raise ShapeError(
+                    f"declination must be a number in rad, or None, but it is {angle!r}; use units.deg(...)."
+                )
+            if not abs(float(angle)) <= np.pi:
+                raise UnitError(
+                    f"declination must be an angle in rad from −π to π, but it is {angle}; use units.deg(...)."
+                )
+            object.__setattr__(self, "declination", float(angle))
         body_axes(self.axes)
 
     @property
@@ -671,15 +679,6 @@ def _checked_half(name: str, value: Any) -> Half:
     if not np.isfinite(half).all():
         raise ShapeError(f"{name} must hold finite numbers, but it does not.")
     return tuple(half.tolist())
-
-
-def _checked_declination(angle: Any) -> float:
-    if not isinstance(angle, Real) or isinstance(angle, bool):
-        raise ShapeError(f"declination must be a number in rad, or None, but it is {angle!r}; use units.deg(...).")
-    declination = float(angle)
-    if not abs(declination) <= np.pi:
-        raise UnitError(f"declination must be an angle in rad from −π to π, but it is {angle}; use units.deg(...).")
-    return declination
 
 
 def _checked_range(name: str, given: Any) -> Range:

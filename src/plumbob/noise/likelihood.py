@@ -464,16 +464,12 @@ def _monotone(x: Floats, y: Floats, at: Floats) -> Floats:
     slope = np.zeros(y.size)
     same = before * after > 0.0
     slope[1:-1][same] = 2.0 / (1.0 / before[same] + 1.0 / after[same])
-    slope[0], slope[-1] = (_end_slope(outer, next_) for outer, next_ in (rise[[0, 1]], rise[[-1, -2]]))
+    for end, (outer, following) in ((0, rise[[0, 1]]), (-1, rise[[-1, -2]])):
+        bent = 1.5 * outer - 0.5 * following  # of a parabola through three points,
+        if outer * following < 0.0 and abs(bent) > 3.0 * abs(outer):
+            bent = 3.0 * outer  # held to three times the rise, and to its sign
+        slope[end] = 0.0 if bent * outer <= 0.0 else bent
     i = np.minimum(((at - x[0]) / step).astype(np.int64), rise.size - 1)
     u = at - x[i]
     bend = (slope[i] + slope[i + 1] - 2.0 * rise[i]) / step
     return np.asarray(y[i] + u * (slope[i] + u * ((rise[i] - slope[i]) / step - bend + u * bend / step)))
-
-
-def _end_slope(rise: float, following: float) -> float:
-    """By a parabola through three points, held to the sign and to three times the rise."""
-    slope = 1.5 * rise - 0.5 * following
-    if slope * rise <= 0.0:
-        return 0.0
-    return 3.0 * rise if rise * following < 0.0 and abs(slope) > 3.0 * abs(rise) else slope

@@ -473,8 +473,9 @@ def _sizes(imu: ImuData, still: _Still | None) -> Iterator[tuple[float, Finding]
         typical, (low, high) = statistics(imu, "mag").norm, EARTH_FIELD
         off = max(low / typical if typical > 0.0 else math.inf, typical / high)
         yield 0.5 * _share(off, OFF_FIELD), info("criterion.field", field=typical)
-    if imu.temp_c is not None and np.isfinite(imu.temp_c).any():
-        low, high = float(np.nanmin(imu.temp_c)), float(np.nanmax(imu.temp_c))
+    temp = imu.temp_c  # asked for once: it may lie in a file
+    if temp is not None and np.isfinite(temp).any():
+        low, high = float(np.nanmin(temp)), float(np.nanmax(temp))
         beyond = low < quality.CELSIUS[0] or high > quality.CELSIUS[1]
         yield 0.25 * beyond, info("criterion.temperature", low=low, high=high)
 

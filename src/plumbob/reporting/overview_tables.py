@@ -236,13 +236,13 @@ def definitions(subjects: Sequence[Subject]) -> tuple[Finding, ...]:
     """What the words of the page mean."""
     first = subjects[0].gathered
     spectra = next((subject.gathered.spectra for subject in subjects if subject.gathered.spectra is not None), None)
-    welch: dict[str, float] = {}
+    length, rate, resolution = None, None, None
     if spectra is not None:
-        welch = {"length": spectra.length * spectra.step, "rate": 1.0 / spectra.step, "resolution": spectra.resolution}
+        length, rate, resolution = spectra.length * spectra.step, 1.0 / spectra.step, spectra.resolution
     return (
         info("page.angles"),
         info("page.waves", dead=DEAD, burst=first.burst),
-        info("page.spectra", **welch),
+        info("page.spectra", length=length, rate=rate, resolution=resolution),
         info("page.headings"),
         info("page.quality"),
     )

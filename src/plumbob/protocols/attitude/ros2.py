@@ -12,21 +12,11 @@ from typing import IO, Any, Final, cast
 
 import numpy as np
 
+from plumbob.core.constants import ROS_LINE, ROS_STAMPED
 from plumbob.protocols.attitude import AttitudeSample
 from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_from_rotvec, quat_multiply
 
 TYPE: Final = "sensor_msgs/msg/Imu"
-LINE: Final = "=" * 80
-STAMPED: Final = f"""\
-{LINE}
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-{LINE}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
 DEFINITION: Final = f"""\
 std_msgs/Header header
 geometry_msgs/Quaternion orientation
@@ -35,13 +25,13 @@ geometry_msgs/Vector3 angular_velocity
 float64[9] angular_velocity_covariance
 geometry_msgs/Vector3 linear_acceleration
 float64[9] linear_acceleration_covariance
-{STAMPED}{LINE}
+{ROS_STAMPED}{ROS_LINE}
 MSG: geometry_msgs/Quaternion
 float64 x
 float64 y
 float64 z
 float64 w
-{LINE}
+{ROS_LINE}
 MSG: geometry_msgs/Vector3
 float64 x
 float64 y
