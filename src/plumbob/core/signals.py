@@ -8,10 +8,10 @@ from typing import Protocol
 
 
 class Stoppable(Protocol):
-    """What ends when it is told to."""
+    """What can be asked to end."""
 
     def set(self) -> None:
-        """Tell it."""
+        """Ask it."""
         ...
 
 

@@ -224,7 +224,8 @@ def remarks(subject: Subject) -> list[Note]:
         lines.append(info("page.envelope", samples=g.traces.each))
     lines += [finding for finding in subject.remarks if finding.code != "samples.uncalibrated"]
     if g.tilt is not None:
-        lines += [info(f"page.{name}_wrapped") for name in ("roll", "pitch") if getattr(g.tilt, name).wrapped]
+        wrapped = (g.tilt.roll, "page.roll_wrapped"), (g.tilt.pitch, "page.pitch_wrapped")
+        lines += [info(code) for motion, code in wrapped if motion.wrapped]
     if subject.north is North.FREE:
         lines.append(info("page.free_north"))
     if g.spectra is not None and g.spectra.interpolated:
