@@ -35,10 +35,8 @@ TEXTS = {
 }
 TEXT_METHODS = {"startswith", "endswith", "search", "match", "fullmatch", "issubset"}
 PUBLIC_UNDERSCORED = {"_replace", "_fields", "_asdict", "_field_defaults", "_make", "_repr_html_", "_repr_mimebundle_"}
-Nodes = Sequence[ast.AST]
-"""All nodes of a file."""
-Figure = dict[str, int]
-"""How much of a figure each file has."""
+Nodes = Sequence[ast.AST]  # all of a file
+Figure = dict[str, int]  # how much of a figure each file has
 
 
 def figures(root: Path) -> dict[str, Figure]:
@@ -127,8 +125,8 @@ def twins(package: Mapping[str, Nodes]) -> Figure:
 
 def sentences(nodes: Nodes) -> Iterator[str]:
     """Strings of three words or more, no docstrings nor types; the constant parts of an f-string are one string."""
-    said = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
-    said |= {id(getattr(node, name, None)) for node in nodes for name in ("annotation", "returns")}
+    said = {id(getattr(node, of, None)) for node in nodes for of in ("annotation", "returns")}
+    said |= {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
     inner = {
         id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in ast.walk(node) if part is not node
     }
