@@ -25,8 +25,8 @@ from plumbob import read, simulate
 from plumbob.core.units import Quantity, to_si
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.recording import Recording
-from plumbob.quality.arrangement import ARRANGEMENTS, BIN, means
-from plumbob.quality.derotated import FLOOR, changes
+from plumbob.quality.arrangement import ARRANGEMENTS, BIN, Samples
+from plumbob.quality.derotated import FLOOR, _changed, _products
 from plumbob.quality.diagnosis import Declared, Examination, Trust
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_conjugate, quat_multiply, quat_slerp, rotvec_from_quat
 from tests.helpers.file_kinds import Motion
@@ -120,15 +120,15 @@ def evidence(recording: Recording, name: str, arranged: np.ndarray) -> float:
     turned, back = (dcm_from_quat(quat_chained(sign * turns)) for sign in (1.0, -1.0))
     best = 0.0
     for size in (25, 50):
-        signal = means(imu.t, np.where(known[:, None], true / length, np.nan), edges)
-        noise = means(imu.t, np.where(known[:, None], (measured - true) / length, np.nan), edges)
-        seen, counts = changes(turned, signal, size, 0)
-        pushed, also = changes(turned, noise, size, 0)
+        signal = Samples(imu.t, np.where(known[:, None], true / length, np.nan)).means(edges)
+        noise = Samples(imu.t, np.where(known[:, None], (measured - true) / length, np.nan)).means(edges)
+        seen, counts = _changed(*_products(turned, signal, size, 0))
+        pushed, also = _changed(*_products(turned, noise, size, 0))
         if not (counts & also).any():
             continue
         m = ARRANGEMENTS[:24].transpose(0, 2, 1).reshape(24, 9)
         other = np.sum((seen @ m.T) ** 2, axis=1)  # (n, 24)
-        mirrored = np.sum((changes(back, signal, size, 0)[0] @ m.T) ** 2, axis=1)
+        mirrored = np.sum((_changed(*_products(back, signal, size, 0))[0] @ m.T) ** 2, axis=1)
         var = np.sum((pushed @ np.eye(3).ravel()) ** 2, axis=1) / 2.0
         sd2 = np.median(var[counts & also]) / 0.693 + FLOOR**2
         total = np.concatenate((other.sum(axis=0)[1:], mirrored.sum(axis=0))) / (2.0 * sd2)

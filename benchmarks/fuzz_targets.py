@@ -3,6 +3,7 @@
 import json
 import shutil
 import struct
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -102,17 +103,16 @@ def _parquet(folder: Path) -> Target:
             values = columns[rng.choice(list(columns))].view(np.uint8)
             for _ in range(rng.choice((1, 8, 64))):
                 values[rng.randrange(values.size)] = rng.randrange(256)
-        if not isinstance(content, dict):
-            content = {"imu": content}
+        content = content if isinstance(content, dict) else {"imu": content}
         table = pa.table(columns)
         known = {name: {b"unit": files.columns.COLUMNS[name].unit.encode()} for name in columns}
         schema = pa.schema([table.field(name).with_metadata(known[name]).with_nullable(False) for name in columns])
         try:
-            sealed = header.dump(content | {"crc32": parquet._checksum(content, columns)})
+            crc = zlib.crc32(b"".join((header.dump(content), *(columns[name].tobytes() for name in sorted(columns)))))
+            sealed = header.dump(content | {"crc32": f"{crc:08x}"})
         except (PlumbobError, ValueError):  # not a header that can be written
             sealed = json.dumps(content).encode()
-        meta = {b"plumbob": sealed}
-        pq.write_table(pa.table(list(columns.values()), schema=schema.with_metadata(meta)), path)
+        pq.write_table(pa.table(list(columns.values()), schema=schema.with_metadata({b"plumbob": sealed})), path)
 
     return Target([folder / f"{name}.parquet" for name in parts], _info, remade=remade)
 
