@@ -156,8 +156,8 @@ def test_what_is_not_recorded_whole_is_refused(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_item_is_done_or_has_its_reason_and_all_of_a_description_is_used(name):
-    """The files that an item names exist, the outcomes are on the page of the papers, the texts in the paper's code."""
+def test_every_item_is_done_or_has_its_reason(name):
+    """The files that an item names exist, the outcomes are on the page of the papers."""
     page, content = PAGE.read_text(encoding="utf-8"), PAPERS[name].content
     for item in PAPERS[name].items:
         assert item.where

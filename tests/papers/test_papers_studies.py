@@ -1,4 +1,4 @@
-"""What every study must be, run with few seeds: whole, in both languages, and moved by its seed alone."""
+"""What every study must be, run with few seeds: whole, in both languages, moved by its seed, and the same from one."""
 
 import re
 from importlib import import_module
@@ -11,6 +11,7 @@ import scipy.stats  # noqa: F401  (it draws without a seed as it is imported)
 from plumbob import simulate_chain
 from plumbob.arm import JointTrack, replay, taught
 from plumbob.core.errors import ParameterError
+from plumbob.papers.description import Description
 from plumbob.papers.studies import Study, errors_deg, largest, rms
 from plumbob.rotations import quat_from_euler_zyx
 from tests.helpers import slow_as_python
@@ -75,8 +76,21 @@ def true_teach_in(study, _):
     joints = JointTrack(sim.t, sim.chain.angles, sim.angles, hand=sim.hand_n)
     program = taught(joints, sim.chain, rate="100 Hz")
     study.values |= {"mounts_deg": 3.0, "done_mounts_deg": 0.4, "files": "program.csv"}
-    return {"chain": sim.chain, "joints": joints, "true": joints, "program": program,
-            "model": replay(program, sim.chain), "residual": 0.0}  # fmt: skip
+    return sim.chain, joints, joints, program, replay(program, sim.chain), 0.0
+
+
+KINDS = ("text", "texts", "table", "figure")
+
+
+def watched(kind, used):
+    """What a description has of a kind, noted by its key."""
+    original = getattr(Description, kind)
+
+    def noted(self, key, *args, **how):
+        used.add((kind, key))
+        return original(self, key, *args, **how)
+
+    return noted
 
 
 def run(name, folder, seed):
@@ -96,12 +110,20 @@ def test_a_study_is_whole_in_both_languages_and_moved_by_its_seed_alone(name, tm
         return draws(seed)
 
     monkeypatch.setattr(np.random, "default_rng", seeded)
-    paper, other = (run(name, tmp_path / f"{seed}", seed) for seed in (1, 2))
+    used = set()
+    for kind in KINDS:
+        monkeypatch.setattr(Description, kind, watched(kind, used))
+    paper, same, other = (run(name, tmp_path / folder, int(folder[0])) for folder in ("1", "1 again", "2"))
+    assert [one.summary() for one in same.outcomes] == [one.summary() for one in paper.outcomes]
+    content = Study(name, tmp_path).description.content
+    assert {(kind, key) for kind in KINDS for key in content.get(kind, ())} <= used
     outcomes = by_key(paper.outcomes)
     assert unmet(outcomes.values()) <= SHORT[name].unmet
     assert named(Study(name, tmp_path).description.items) <= outcomes.keys()
     assert english_alone(paper.report, SHORT[name].names) == set()
-    assert paper.report.write_html(tmp_path / "page.html").read_text(encoding="utf-8").count("<figure>") >= 2
+    page = paper.report.write_html(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert page.count("<figure>") >= 2
+    assert name != "arm" or [n for n in range(1, 10) if f"Figure {n}: " not in page] == []
     pairs = zip(paper.outcomes, other.outcomes, strict=True)
     stay = {
         a.key for a, b in pairs if (a.faithful, a.best) == (b.faithful, b.best) and not a.by.startswith("arithmetic")

@@ -54,13 +54,13 @@ SHARP: Final = 30.0  # an arm that is wrong by 1 m makes forces wrong by this, m
 SETTLED: Final = (5e-4, deg(0.1))  # or until arms, m, and axes, rad, change by less
 LONGEST: Final = 600.0  # of a longer recording the first part is used, s
 SHORTEST: Final = 5.0  # less motion than this, s, is refused
-MOUNT_ANGLE: Final = deg(5.0)
-MOUNT_SHIFT: Final = 0.02  # a unit sits as the chain says to these standard deviations, rad and m
-LENGTH_SD: Final = 0.002
-AXIS_SD: Final = deg(0.2)  # the chain's own lengths, m, and axes, rad, are right to these
+MOUNT_ANGLE, MOUNT_SHIFT = deg(5.0), 0.02  # a unit sits as the chain says to these standard deviations, rad and m
+LENGTH_SD, AXIS_SD = 0.002, deg(0.2)  # the chain's own lengths, m, and axes, rad, are right to these
 
-POOR_ARM: Final = 0.015
-POOR_AXIS: Final = deg(3.0)  # a joint is poorly known whose arms, m, or axis, rad, are more uncertain than this
+POOR_ARM, POOR_AXIS = (
+    0.015,
+    deg(3.0),
+)  # a joint is poorly known whose arms, m, or axis, rad, are more uncertain than this
 CALIBRATED_BIAS: Final = dps(0.1)
 CALIBRATED_SCALE: Final = 0.0005
 """What is left of a calibrated gyroscope's bias, rad/s, and scale: it was some other day, at another temperature."""

@@ -27,8 +27,7 @@ from plumbob.files.mcap import Schema
 from plumbob.files.mcap.verdict import write_rows
 
 SUFFIXES: Final = (".csv", ".parquet", ".mcap", ".yaml", ".yml", ".json")
-TRAJECTORY: Final = "joint_trajectory"
-STATE: Final = "joint_states"  # topics in an MCAP file
+TRAJECTORY, STATE = "joint_trajectory", "joint_states"  # topics in an MCAP file
 _NS: Final = 1_000_000_000
 _HEAD: Final = b"\x00\x01\x00\x00"  # plain CDR, little-endian
 

@@ -17,8 +17,7 @@ PLAY: Final = deg(1.5)
 """A joint's axis strays from that of a perfect hinge by so much, rad, where nothing better is known."""
 FORCE_SD: Final = 0.3
 """Forces at a joint, as both sides have it, differ by so much, m/s², where nothing better is known."""
-PLAY_TIME: Final = 1.0
-FORCE_TIME: Final = 0.15  # and for so long, s
+PLAY_TIME, FORCE_TIME = 1.0, 0.15  # for how long each lasts, s
 
 
 @dataclass(frozen=True, eq=False)

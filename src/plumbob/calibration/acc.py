@@ -163,6 +163,11 @@ def fit_accel(
     return Fitted(calibration, poses, fit.residuals, fit.used, _remarks(fit, why, gravity, noise))
 
 
+def _across(fit: NormFit) -> float:
+    """Standard deviation of the sensitivity across the axes."""
+    return float(np.sqrt(np.diag(fit.covariance)[6:].max())) * mean_radius(fit.ellipsoid.shape)
+
+
 def _by_shape(poses: Floats, shape: str, noise: float) -> tuple[NormFit, str]:
     """Fit of the shape that is asked for, or that the poses can tell and ask for, and why it is that."""
     if shape == "six":
@@ -173,14 +178,12 @@ def _by_shape(poses: Floats, shape: str, noise: float) -> tuple[NormFit, str]:
         choice = choose(poses)
         full = _fit(poses, Shape.ELLIPSOID, noise) if choice is None else choice.full
         # whether the poses say more of the sensitivity across the axes than a data sheet does
-        if full is not None and full.condition < _SINGULAR:
-            across = float(np.sqrt(np.diag(full.covariance)[6:].max())) * mean_radius(full.ellipsoid.shape)
-            if across < CROSS_AXIS:
-                if choice is None:
-                    return full, "too few poses to try less"
-                covariance = choice.fit.covariance.copy()  # what the smaller one has not is known as in the full one
-                covariance[6:, 6:] = full.covariance[6:, 6:]
-                return choice.fit._replace(covariance=covariance), choice.why
+        if full is not None and full.condition < _SINGULAR and _across(full) < CROSS_AXIS:
+            if choice is None:
+                return full, "too few poses to try less"
+            covariance = choice.fit.covariance.copy()  # what the smaller one has not is known as in the full one
+            covariance[6:, 6:] = full.covariance[6:, 6:]
+            return choice.fit._replace(covariance=covariance), choice.why
         fit, why = _fit(poses, Shape.AXES, noise), "the poses do not determine the misalignment"
     if fit is not None:
         return _doubted(fit, poses), why
@@ -289,8 +292,7 @@ def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[Note
     if gravity == G0:
         notes.append(info("calibration.standard_gravity"))
     if fit.shape is not Shape.ELLIPSOID:
-        sd = to_deg(float(np.sqrt(np.diag(fit.covariance)[6:].max())) * mean_radius(fit.ellipsoid.shape))
-        notes.append(info("calibration.no_misalignment", sd=sd))
+        notes.append(info("calibration.no_misalignment", sd=to_deg(_across(fit))))
     if np.count_nonzero(fit.used) < fit.shape.value + SPARE:
         notes.append(warning("calibration.few_poses", count=len(fit.used), needed=fit.shape.value + SPARE))
     if noise > 0.0 and fit.sd > _RESTLESS * noise:
@@ -485,7 +487,8 @@ def poses_at_rest(imu: ImuData) -> RestPeriods:
     # of the length of a pose's mean, by that of its parts: with slow noise, without tremor of hands
     parts = [acc[span][: (span.stop - span.start) // _PARTS * _PARTS].reshape(_PARTS, -1, 3) for span in spans]
     variances = [float(np.linalg.norm(each.mean(axis=1), axis=1).var(ddof=1)) / _PARTS for each in parts]
-    temp_c = np.zeros(0) if imu.temp_c is None else np.concatenate([imu.temp_c[rows][span] for span in spans])
+    temps = None if imu.temp_c is None else imu.temp_c[rows]
+    temp_c = np.zeros(0) if temps is None else np.concatenate([temps[span] for span in spans])
     times = tuple((float(t[span.start]), float(t[span.stop - 1])) for span in spans)
     return RestPeriods(means, float(np.sqrt(np.mean(variances))), times, temp_c[np.isfinite(temp_c)])
 

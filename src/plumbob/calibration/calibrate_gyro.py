@@ -296,11 +296,10 @@ def calibrate_table(
     temps = np.empty(0) if imu.temp_c is None else np.concatenate([imu.temp_c[part] for part in rows])
     warm = float(np.nanmean(temps)) if np.isfinite(temps).any() else _ROOM_C  # what the bias belongs to
     triad = replace(fitted.calibration, temp_ref_c=warm)
-    remarks = (*fitted.remarks, *_lost_terms(capture))
+    remarks = [*fitted.remarks]
     if triad.g_sensitivity.any() and not capture.acc_calibrated:
-        text = "the accelerometer is not calibrated: g-sensitivity is wrong by as many per cent as its scale."
-        remarks = (*fitted.remarks, text, *_lost_terms(capture))
-    return replace(fitted, calibration=triad, remarks=remarks)
+        remarks.append("the accelerometer is not calibrated: g-sensitivity is wrong by as many per cent as its scale.")
+    return replace(fitted, calibration=triad, remarks=(*remarks, *_lost_terms(capture)))
 
 
 def _lost_terms(capture: Capture) -> tuple[Note, ...]:

@@ -185,7 +185,7 @@ def mount_by_poses(
     else:
         second = _rest_in(imu, raised, "raised") if raised is not None else _farthest(imu.acc, rests)
         done = mount_from_poses(imu.acc[first], imu.acc[second], frame=frame, turn=_turn(imu, first, second))
-    if capture.base is None or capture.base.acc is None:
+    if not capture.acc_calibrated:
         text = "the accelerometer is not calibrated: each 10 mg of its bias are 0.6° of roll and pitch"
         done = Mounted(done.mount, (*done.remarks, f"{text}; calibrate it first, and give the card."))
     return done

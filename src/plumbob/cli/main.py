@@ -126,7 +126,7 @@ def main(
     words = sys.argv[1:] if argv is None else list(argv)
     args = argparse.Namespace(verb=" ".join(words[:1]))  # until they are parsed
     try:
-        with on_signals(_raise, "SIGTERM", "SIGHUP"):
+        with on_signals(_raise, "SIGTERM", "SIGHUP", only_default=True):
             parsing = parser(words)
             args, unknown = parsing.parse_known_args(_joined(words))
             if unknown:

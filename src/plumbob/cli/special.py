@@ -344,22 +344,23 @@ def _curves(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.noise.allan import comparisons, deviations
     from plumbob.reporting.noise import before_and_after, curves_report
 
-    taus, page, curves = args.given.get("taus"), None, list[Any]()
+    taus = args.given.get("taus")
     if args.after is None:
         kind = check.one_of("--deviation", args.deviation, KINDS)
         record, static, card = call(open_static)
-        curves += deviations(record, static, kind, taus=taus)
+        curves: list[Any] = deviations(record, static, kind, taus=taus)
         report, about = curves_report(curves), {"file": str(record.path), "calibration": card, "deviation": kind}
     else:
         record, static, _ = call(open_static, calibration=None)
         after, judged, card = call(open_static, record=args.after)
-        curves += comparisons((record, static), (after, judged), taus=taus)
+        curves = comparisons((record, static), (after, judged), taus=taus)
         name = after.path.name if card is None else f"{after.path.name}, calibrated with {card}"
         facts = [("before", record.path.name), ("after", name), ("made by", f"plumbob {__version__}")]
-        report = page = before_and_after(curves, facts=facts)
+        report = before_and_after(curves, facts=facts)
         about = {"before": str(record.path), "after": str(after.path), "calibration": card}
     shown = Listed(report.text(), about | {curve.name: curve.summary() for curve in curves})
-    return show(args, verb._replace(pages=None if page is None else lambda *_: page), None, shown=shown)
+    pages = None if args.after is None else lambda *_: report
+    return show(args, verb._replace(pages=pages), None, shown=shown)
 
 
 _READ: Final = 1 << 20

@@ -16,11 +16,16 @@ class Stoppable(Protocol):
 
 
 @contextmanager
-def on_signals(handler: Callable[..., object], *names: str) -> Iterator[None]:
-    """Handle signals of a system or a terminal that ends, as far as there are and none that is ignored, as by nohup."""
+def on_signals(handler: Callable[..., object], *names: str, only_default: bool = False) -> Iterator[None]:
+    """Handle signals of a system or a terminal that ends, as far as there are and none that is ignored, as by nohup.
+
+    With `only_default` none either that somebody else handles already, as a program that calls this one.
+    """
     ours = threading.current_thread() is threading.main_thread()
     numbers = [getattr(signal, name) for name in names if ours and hasattr(signal, name)]
-    before = {each: signal.signal(each, handler) for each in numbers if signal.getsignal(each) != signal.SIG_IGN}
+    free = [each for each in numbers if signal.getsignal(each) not in (signal.SIG_IGN, None)]
+    free = [each for each in free if not only_default or signal.getsignal(each) == signal.SIG_DFL]
+    before = {each: signal.signal(each, handler) for each in free}
     try:
         yield
     finally:

@@ -436,8 +436,8 @@ class _DraftWriter:
         for i, part in enumerate(self._parts[:-3]):
             four = [other.axis for other in self._parts[i : i + 4] if other.base == part.base]
             more = any(other.base == part.base and other.axis == "5" for other in self._parts)
-            others = any(rises(self._numbers[k]) for k in range(i + 1, i + 4))
-            if four == list("1234") and not more and rises(self._numbers[i]) and not others:
+            is_time = four == list("1234") and not more and rises(self._numbers[i])
+            if is_time and not any(rises(self._numbers[k]) for k in range(i + 1, i + 4)):
                 firsts.append(i)
         return tuple(firsts)
 

@@ -605,6 +605,8 @@ def toml_value(value: Any) -> str:
         parts = ", ".join(f"{name} = {toml_value(v)}" for name, v in value.values.items() if v is not None)
         head = f"code = {toml_text(value.code)}, severity = {toml_text(value.severity)}"
         return f"{{ {head}, values = {{ {parts} }}, text = {toml_text(str(value))} }}"
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{toml_text(key)} = {toml_value(item)}" for key, item in value.items()) + " }"
     if isinstance(value, tuple | list):
         return f"[{', '.join(map(toml_value, value))}]"
     return (

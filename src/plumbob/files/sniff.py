@@ -325,7 +325,7 @@ def _decoded(raw: bytes) -> tuple[str, str]:
 
     def understood(name: str) -> int:
         """Words of the lines with other letters than English ones that name a sensor, time or a unit."""
-        lines = [line for line in texts[name][: 1 << 14].split("\n") if not line.isascii()]
+        lines = [line for line in texts[name][:_NAMES_WITHIN].split("\n") if not line.isascii()]
         parts = [taken_apart(w) for line in lines for w in re.split("[,;\t]", line) if re.search(r"[^\W\d]", w)]
         return sum(bool(part.sensor) + part.is_time + is_unit(part.unit) for part in parts)
 
@@ -595,8 +595,9 @@ def _missing(rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
         if cell in MISSING or (1 < n < numbers and len(cell) <= len("undefined") and not re.search(r"\d", cell))
     }
     for column in counts:  # nines alone that are more than twice as large as all others stand for none
-        values = {other: abs(_value(other, "," if "," in other else ".")) for other in column}
-        for cell in filter(_NINES.fullmatch, column):
+        nines = [*filter(_NINES.fullmatch, column)]
+        values = {other: abs(_value(other, "," if "," in other else ".")) for other in column} if nines else {}
+        for cell in nines:
             others = [value for other, value in values.items() if other != cell and np.isfinite(value)]
             markers |= {cell} if len(others) >= FEWEST and values[cell] > 2.0 * max(others) else set()
     return tuple(dict.fromkeys((*TextLayout(separator=",").missing, *sorted(markers))))

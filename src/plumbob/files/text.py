@@ -462,16 +462,15 @@ def table_profile(recording: Recording, columns: Columns, *, arrays: bool = Fals
             full_scale = _sized(getattr(meta, f"{name}_range"), UNITS[name])
             tables[name] = {"columns": listed[name], "unit": UNITS[name], "range": full_scale}
             tables[name] |= {"sign": "specific-force"} if name == "acc" else {}
-        if imu.temp_c is not None:
+        if "temp_c" in columns:
             tables["temperature"] = {"column": names["temp_c"], "unit": "degC"}
         tables["flags"] = {"column": "flags"}
     top["notes"] = stored_notes(recording)
     if track is not None:
         reference = {"columns": listed["q"], "order": "wxyz", "frame": track.frame, "north": track.north}
-        beside: dict[str, tuple[Any, str]] = {"flags": (track.flags, "track_flags")}
-        beside |= {"score": (track.score, "score"), "mag_weight": (track.mag_weight, "mag_weight")}
+        beside = {"flags": "track_flags", "score": "score", "mag_weight": "mag_weight"}
         tables["reference"] = reference | {"source": track.source}
-        tables["reference"] |= {key: name for key, (values, name) in beside.items() if values is not None}
+        tables["reference"] |= {key: name for key, name in beside.items() if name in columns}
         if track.bias_b is not None:
             tables["reference.bias"] = {"columns": listed["bias"], "unit": UNITS["gyr"]}
         if track.cov_b is not None:

@@ -458,8 +458,8 @@ class Reading:
         block = block if separator == ";" else block.replace(";\n", "\n")
         if mark and (block.startswith(mark) or f"\n{mark}" in block):
             block = "".join(row for row in block.splitlines(keepends=True) if not row.startswith(mark))
-        packed = (single_blanks(block) if separator == " " else block).encode()
         try:
+            packed = (single_blanks(block) if separator == " " else block).encode()
             source: Any = pa.BufferReader(pa.py_buffer(packed))
             table = csv.read_csv(
                 source,
@@ -524,7 +524,7 @@ class Reading:
             if ref != self.exact:
                 return float(_plain(cell, self.layout))
             stamp = Decimal(_plain(cell, self.layout))
-            if not abs(stamp) < Decimal(10) ** 20:
+            if not abs(stamp) < 10**20:
                 raise ValueError(cell)
         except (ValueError, InvalidOperation):
             raise _no_number(cell, line, ref, self.layout) from None

@@ -221,6 +221,7 @@ class AttitudeEstimator(FactsText):
     _init: Start | None
     _decided: bool  # whether the declination was given, so that no recording changes it
     _idle: frozenset[str] = frozenset()  # common parameters that do nothing here
+    _shown: tuple[str, ...] = ("params", "common")  # whose values the facts name
 
     def _set(self, kind: type[Any], given: Mapping[str, Any]) -> None:
         """Take parameters: those of its own kind, and the common ones."""
@@ -254,7 +255,7 @@ class AttitudeEstimator(FactsText):
         """Name, frame, and the parameters that differ from their defaults."""
         changed = [
             f"{p.name}={shown(p, value)}"
-            for holder in (self.params, self.common)
+            for holder in (getattr(self, name) for name in self._shown)
             for p in describe(type(holder))
             if p.name not in self._idle and (value := getattr(holder, p.name)) != getattr(type(holder)(), p.name)
         ]

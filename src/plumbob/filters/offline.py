@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 
@@ -116,10 +116,11 @@ def make_estimator(
     return FixedLag(**given) if live else Smoother(**given)
 
 
-def make_follower(stage: Stage, frame: Frame, meta: ImuMeta | None = None, **more: Any) -> "Filter | FixedLag":
+def make_follower(
+    stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None
+) -> "Filter | FixedLag":
     """What estimates a stream: a filter, or the smoother with a lag; arguments of `make_estimator`."""
-    made: Any = make_estimator(stage, frame, meta, live=True, **more)
-    return made  # type: ignore[no-any-return]
+    return cast("Filter | FixedLag", make_estimator(stage, frame, meta, start=start, live=True))
 
 
 def lagged(

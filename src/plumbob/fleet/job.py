@@ -120,7 +120,7 @@ class JobOutcome(NamedTuple):
     skipped: bool  # whether it was so already
 
 
-_JobResult = tuple[Estimated, dict[str, Any], Mapping[str, Any], str | None]  # its row, statistics and page
+_JobResult = tuple[Estimated, Mapping[str, Any], str | None]  # with its statistics and page
 
 
 def part_path(key: str) -> str:
@@ -143,8 +143,8 @@ def run_job(settings: BatchSettings, item: Item, out: str) -> JobOutcome:
             row["input_sha256"] = input_digest(given)
             if (before := _before(place, item.key, row)) is not None:
                 return JobOutcome(item.name, before["verdict"], before["reason"] or "", True)
-            made = _worked(settings, item, given)
-        row |= made[1] | {"verdict": DONE}
+            judged, made = _worked(settings, item, given)
+        row |= judged | {"verdict": DONE}
     except Exception as error:
         verdict, reason = _judged(error)
         row |= {"verdict": verdict, "reason": reason.replace(copy, "")}
@@ -166,8 +166,8 @@ def _judged(error: Exception) -> tuple[str, str]:
     """Verdict and reason."""
     if isinstance(error, PlumbobError):
         damaged = isinstance(error, DecodeError) and not isinstance(error, errors.UnknownFormatError)
-        failed = isinstance(error, errors.MissingExtraError | errors.LineError)
-        return DAMAGED if damaged else FAILED if failed else REFUSED, one_line(error)
+        absent = isinstance(error, errors.MissingExtraError | errors.LineError)
+        return DAMAGED if damaged else FAILED if absent else REFUSED, one_line(error)
     if isinstance(error, OSError):
         gone = isinstance(error, FileNotFoundError | PermissionError)
         return DAMAGED if gone else FAILED, f"it cannot be read: {error.strerror or one_line(error)}."
@@ -187,8 +187,8 @@ def _before(place: Place, key: str, row: Mapping[str, Any]) -> Mapping[str, Any]
         return None
 
 
-def _worked(settings: BatchSettings, item: Item, given: Path | Recording) -> _JobResult:
-    """Estimate and judge."""
+def _worked(settings: BatchSettings, item: Item, given: Path | Recording) -> tuple[dict[str, Any], _JobResult]:
+    """Estimate and judge: numbers of the row, and what is written."""
     gatherer = make_gatherer(burst=settings.burst, tilt_limit=settings.tilt_limit)
     with opened(given, settings.how, whole=True) as (recording, paths, session):
         if recording.imu is None:
@@ -202,7 +202,8 @@ def _worked(settings: BatchSettings, item: Item, given: Path | Recording) -> _Jo
         page = Overview((subject,)).page() if settings.pages else None
     numbers = replace(subject, gathered=replace(subject.gathered, spectra=None)).summary()
     statistics = {name: value for name, value in numbers.items() if name not in _LEFT_OUT}
-    return result, _row(statistics, subject, result.imu.meta.device) | _errors(settings, result), statistics, page
+    row = _row(statistics, subject, result.imu.meta.device) | _errors(settings, result)
+    return row, (result, statistics, page)
 
 
 def _errors(settings: BatchSettings, result: Estimated) -> dict[str, Any]:
@@ -210,11 +211,11 @@ def _errors(settings: BatchSettings, result: Estimated) -> dict[str, Any]:
     if result.reference is None:
         return {}
     try:
-        errors = evaluate(result.track, result.reference, align=settings.align, settle=settings.settle).summary()
+        scores = evaluate(result.track, result.reference, align=settings.align, settle=settings.settle).summary()
     except PlumbobError as error:
         return {"not_scored": one_line(error)}
-    missing = "; ".join(f"{name}: {why}" for name, why in errors["not_scored"].items())
-    return {key: errors[key] for key in _ERRORS} | {"not_scored": missing or None}
+    missing = "; ".join(f"{name}: {why}" for name, why in scores["not_scored"].items())
+    return {key: scores[key] for key in _ERRORS} | {"not_scored": missing or None}
 
 
 def _row(statistics: Mapping[str, Any], subject: Subject, device: str) -> dict[str, Any]:
@@ -237,11 +238,7 @@ def _row(statistics: Mapping[str, Any], subject: Subject, device: str) -> dict[s
 def _written(place: Place, item: Item, row: dict[str, Any], made: _JobResult | None, began: float) -> JobOutcome:
     """Write the attitudes and the page, or remove old ones; then the record."""
     part, page = part_path(item.key), f"pages/{item.key}.html"
-    result, _, statistics, text = made or (None, None, None, None)
-    if text is None:
-        place.remove(page)
-    else:
-        place.write(page, lambda path: write_text(path, text, overwrite=True))
+    result, statistics, text = made or (None, None, None)
     if result is None:
         place.remove(part)
     else:
@@ -251,6 +248,10 @@ def _written(place: Place, item: Item, row: dict[str, Any], made: _JobResult | N
             row["part_sha256"] = file_sha256(path)[0]
 
         place.write(part, save)
+    if text is None:  # behind the part: where a batch ends in between, the record of before no longer fits it
+        place.remove(page)
+    else:
+        place.write(page, lambda path: write_text(path, text, overwrite=True))
     row["seconds"] = round(time.perf_counter() - began, 6)
     record = json.dumps(plain({"row": row, "statistics": statistics}), allow_nan=False)
     place.write(f"{JOBS}/{item.key}.json", lambda path: write_text(path, record, overwrite=True))

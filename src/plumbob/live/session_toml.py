@@ -21,7 +21,7 @@ from plumbob.data.array_toml import ARRAY, UNIT, MountedUnit, listed_units
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.cards.file import Card
 from plumbob.data.earth_field import earth_field_at, parse_place
-from plumbob.files.profile import parse_profile
+from plumbob.files.profile import parse_profile, toml_value
 from plumbob.filters import SMOOTHER, CommonParams, load
 from plumbob.filters.offline import Stage, lagged, make_follower
 from plumbob.filters.start import TRUTH_WORD
@@ -526,14 +526,8 @@ def plain_session(*, form: str | None, source: Mapping[str, Any], **tables: Mapp
         content["format"] = {**named, **tables.get("format", {})}
     lines = [f'kind = "{KIND}"', f"version = {VERSION}"]
     for name, table in content.items():
-        lines += ["", f"[{name}]", *(f"{toml_text(key)} = {_toml(value)}" for key, value in table.items())]
+        lines += ["", f"[{name}]", *(f"{toml_text(key)} = {toml_value(value)}" for key, value in table.items())]
     return "\n".join(lines) + "\n"
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{toml_text(key)} = {_toml(item)}" for key, item in value.items()) + " }"
-    return toml_text(value) if isinstance(value, str) else json.dumps(value)
 
 
 def _axes(words: str) -> str:

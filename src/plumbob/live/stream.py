@@ -6,7 +6,7 @@ gives the same bits as they gave live.
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, Final, NamedTuple
 
@@ -194,10 +194,10 @@ class Stream:
 
     def report(self) -> dict[str, Any]:
         """What became of every byte and of time, for JSON."""
-        timing = asdict(self.time_report())
+        timing = plain(self.time_report())
         if self.session.timed_by != "frames":  # the host's clock beside itself
             timing |= {"mode": self.session.timed_by, "drift_ppm": None, "offset": None, "delays": None}
-        return {"bytes": self.decoder.counts.summary(), "time": plain(timing), "not_usable": self.faults}
+        return {"bytes": self.decoder.counts.summary(), "time": timing, "not_usable": self.faults}
 
     def time_report(self) -> TimeReport:
         """What the stamps have shown, of all starts; each after the first is a gap."""

@@ -274,12 +274,11 @@ class StaticCheck:
         if not len(means) or len(self._sound) < len(self.names):
             return []
         middle, off = np.median(means, axis=0), np.zeros(len(means), dtype=np.bool_)
-        length, usual = np.linalg.norm(means, axis=1), float(np.linalg.norm(middle))
         if self.quantity is Quantity.RATE:
             off |= (np.abs(means - middle) > TURNING).any(axis=1)
-        elif self.quantity is Quantity.ACCELERATION and self.triad and _about_g(usual):
+        elif self.quantity is Quantity.ACCELERATION and self.triad and _about_g(usual := float(np.linalg.norm(middle))):
             angle = np.arctan2(np.linalg.norm(np.cross(means, middle), axis=1), means @ middle)
-            off |= (angle > TILTING) | (np.abs(length / usual - 1.0) > LENGTHENING)
+            off |= (angle > TILTING) | (np.abs(np.linalg.norm(means, axis=1) / usual - 1.0) > LENGTHENING)
         return [(i * size, (i + 1) * size) for i in (begin + np.flatnonzero(off)).tolist()]
 
     def excerpt(self) -> Floats:
@@ -351,7 +350,7 @@ class StaticCheck:
         if step > 0.0 and (levels < FEWEST_LEVELS or sd < 0.5 * step):
             scatter = self._text(sd)
             yield _remark("rest.coarse", name, refuses=False, levels=levels, step=self._text(step, 6), scatter=scatter)
-        if piles := [] if self._coarse(column) else clipped(values):
+        if piles := [] if sd < step else clipped(values):
             (times, value), *other = [(pile.size, self._text(pile.value, 6)) for pile in piles]
             more = dict(zip(("other_times", "other"), *other, strict=True)) if other else {}
             yield _remark("rest.clipped", name, times=times, value=value, count=values.size, **more)

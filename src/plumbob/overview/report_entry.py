@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -289,10 +289,10 @@ def _samples(stream: "Stream", log: "Log") -> Iterator[Recording]:
     from plumbob.live.sources import ReplaySource
 
     def parts() -> "Iterator[ItemResult | None]":
-        with closing(ReplaySource(log, None)) as source:
-            while not source.finished:
-                yield from map(stream.feed, source.read(_WAIT))
-            yield stream.finish()
+        source = ReplaySource(log, None)  # which holds nothing open
+        while not source.finished:
+            yield from map(stream.feed, source.read(_WAIT))
+        yield stream.finish()
 
     t0_ns = None
     for part in parts():

@@ -173,7 +173,7 @@ def turn_errors(q_nb: Any, truth: Any) -> Any:
 
 def statistics(e: Any) -> Any:
     """Standard deviation, range and rms (rows) of each column of errors (N, 3)."""
-    return np.array([e.std(axis=0), np.ptp(e, axis=0), np.sqrt(np.mean(e**2, axis=0))])
+    return np.array([e.std(axis=0), np.ptp(e, axis=0), rms(e, 0)])
 
 
 class Over(NamedTuple):
@@ -221,7 +221,7 @@ def measured(
     for name, runs in stats.items():
         std, span, root = np.array(runs).transpose(1, 0, 2)
         error = std.std(axis=0) / np.sqrt(seeds)
-        over[name] = Over(std.mean(axis=0), span.mean(axis=0), np.sqrt(np.mean(root**2, axis=0)), error)
+        over[name] = Over(std.mean(axis=0), span.mean(axis=0), rms(root, 0), error)
     return over
 
 
@@ -442,7 +442,8 @@ def misprints_part(study: Study, seeds: int, rest: Mapping[str, Over], turn: Map
     study.values["forms"] = forms = printed_forms(seeds, rest, turn)
     for key, (wrong, right) in forms.items():
         study.rows({f"misprint.{key}": right}, wrong=wrong)
-    over, rows = measured(False, seeds, noise=STATED), []
+    schemes = {name: SCHEMES[name] for name in CONTENDERS}
+    over, rows = measured(False, seeds, noise=STATED, schemes=schemes), []
     for name in CONTENDERS:
         key, value = f"stated.{name}", mean(over[name])
         best = mean(over["six"]) if name == "fuzzy" else None
@@ -455,9 +456,9 @@ def misprints_part(study: Study, seeds: int, rest: Mapping[str, Over], turn: Map
     gains = {"gain.corner": corner, "gain.needed": needed, "gain.nyquist": 0.5 * RATE}
     study.rows(gains, step=1.0 / (1.0 + needed / RATE))
     study.rows({f"once.{axis}": rest["ekf"].std[i] for i, axis in enumerate(AXES)})  # before PI uses them again
-    schemes = {name: SCHEMES[name] for name in ("pi", "control", "fuzzy")}
+    schemes = {name: SCHEMES[name] for name in ("pi", "control")}
     iron = measured(True, seeds, noise=TURN._replace(iron=1.5), ours=False, schemes=schemes)
-    study.rows({f"iron.{name}": iron[name].std[2] for name in ("pi", "control")})
+    study.rows({f"iron.{name}": iron[name].std[2] for name in schemes})
     combination_part(study)
 
 
@@ -635,7 +636,7 @@ def mounts_rms(chain: Any, other: Any) -> float:
     return float(pb.units.to_deg(np.sqrt(np.mean(np.sum(np.square(turns), axis=1)))))
 
 
-def teach(study: Study, duration: float | None) -> dict[str, Any]:
+def teach(study: Study, duration: float | None) -> tuple[Any, ...]:
     """Align the units on one recording of `duration`, s, estimate another one, export its program, and replay it."""
     how: dict[str, Any] = {"session": ALL, "set": WORLD, "unit": "calibrated", "duration": duration}
     held, params = pb.units.deg(0.5), {"mean_rate": False}  # a frame of the rig has the rate at its time
@@ -662,13 +663,13 @@ def teach(study: Study, duration: float | None) -> dict[str, Any]:
         "files": ", ".join(path.name for path in files),
     }
     residual = np.abs(model.hand - ours.hand).max()
-    return {"chain": chain, "joints": joints, "true": true, "program": program, "model": model, "residual": residual}
+    return chain, joints, true, program, model, residual
 
 
 def teaching_part(study: Study, duration: float | None) -> None:
     """A machine is taught by hand: bytes of six units on its links become a program, and a model that moves."""
     study.step()
-    chain, joints, true, program, model, residual = teach(study, duration).values()
+    chain, joints, true, program, model, residual = teach(study, duration)
     error = pb.units.to_deg(pb.rotations.wrap(joints.angles - true.angles))
     hand = 1e3 * np.linalg.norm(joints.hand - true.hand, axis=1)
     values = {

@@ -36,7 +36,7 @@ class Frames:
     message: Message
     start: Ints  # byte of the stream with which each begins (N,)
     t_ns: Ints  # host's time at which that byte was read, ns (N,)
-    columns: Mapping[str, Column]  # values (N,) by field, SI; whole numbers for what is not a measured value
+    columns: Mapping[str, Column]  # values (N,) by field, in units inside; whole numbers for what is not measured
     flags: Mapping[str, NDArray[np.uint32]]  # (N,) by unit: the prefix of its fields, empty where it is the only one
 
     def __len__(self) -> int:

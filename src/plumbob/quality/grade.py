@@ -88,12 +88,15 @@ class Criterion:
     @property
     def advice(self) -> str:
         """What to do, in words; empty where nothing is lost."""
-        return str(Finding(f"criterion.advice_{self.name}", "info", self.limits)) if self.lost else ""
+        return "".join(map(str, self._advised))
+
+    @property
+    def _advised(self) -> tuple[Finding, ...]:
+        return (Finding(f"criterion.advice_{self.name}", "info", self.limits),) if self.lost else ()
 
     def reason(self, mark: str, lang: str = "en") -> str:
         """What was measured and what to do, in words of a language with a mark between."""
-        advice = [Finding(f"criterion.advice_{self.name}", "info", self.limits)] if self.lost else []
-        return mark.join(finding.sentence(lang) for finding in (*self.findings, *advice))
+        return mark.join(finding.sentence(lang) for finding in (*self.findings, *self._advised))
 
     def to_dict(self) -> dict[str, Any]:
         """All of it, as JSON can hold it."""

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple, Protocol, cast
 from urllib.parse import parse_qs, urlsplit
 
-from plumbob.core.errors import DecodeError, LineError, ParameterError, PlumbobError, one_line
+from plumbob.core.errors import DecodeError, LineError, ParameterError, PlumbobError, one_line, unknown_name
 from plumbob.viewer.messages import Batch, Command, Hello, Verb
 
 LONGEST_NAME: Final = 64  # Letters of a name at most
@@ -210,7 +210,7 @@ def control(url: str, what: str, argument: str | float | None = None) -> str:
 def verb_value(verb: str, argument: str | float | None) -> dict[str, Any]:
     """What a verb's argument is to the view, by name."""
     if verb not in VERBS:
-        raise ParameterError(f"the view has no command '{verb}'; there are {', '.join(VERBS)}.")
+        raise unknown_name("command", verb, VERBS, of="the view")
     if argument is None:
         return {}
     needed, allowed = VERBS[verb]

@@ -25,6 +25,7 @@ from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.encode import encode
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
+from plumbob.viewer.charts import Rows
 from plumbob.viewer.commands import Outlet
 from plumbob.viewer.messages import Batch, Hello, Link, numbers
 from plumbob.viewer.overlays import (
@@ -304,14 +305,8 @@ class Feed(Sink):
             return
         self._due_ns, self._still_ns = now_ns + EVERY_NS, now_ns + _STILL_NS
         self._attach_prepared()
-        none = np.zeros((0, len(self._layout.columns)))
-        rows: Any = {
-            "t": none[:, :0].ravel(),
-            "flags": np.zeros(0, np.uint32),
-            "values": none,
-            "sensed": np.zeros((0, 10)),
-        }
-        rows = rows if ready is None else self._rows(ready)
+        nothing: Any = Rows.none(len(self._layout.columns))._asdict() | {"sensed": np.zeros((0, 10))}
+        rows = nothing if ready is None else self._rows(ready)
         fields = {**self._known, "link": self._link(now_ns), "playback": None, "recording": None, "text": None}
         self._outlet.batch(Batch(rows, fields | dict(self._beside())))
 

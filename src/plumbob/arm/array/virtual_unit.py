@@ -221,7 +221,9 @@ def estimate(
         noises = noise_params(watched.noise, start)
         unknown = [name for name in params or {} if name not in noises._fields]
         if unknown:
-            raise unknown_name("parameter", unknown[0], noises._fields, of="directions")
+            raise unknown_name(
+                "parameter", unknown[0], noises._fields, of="directions", hint=" They are numbers in SI."
+            )
         return ArrayEstimated(track_directions(watched.imu, frame, noises._replace(**(params or {}))), watched)
     noise = watched.noise if takes_noise(filter or SMOOTHER) else None
     made = estimate_one(watched.imu, filter, causal=causal, lag=lag, params=params, frame=frame, init=init, noise=noise)

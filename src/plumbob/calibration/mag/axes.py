@@ -21,6 +21,7 @@ a tenth of a second, which no noise has to be differentiated for, and the change
 """
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -172,7 +173,7 @@ def arrangements(t: Floats, mag: Floats, *, acc: Floats, gyr: Floats) -> Arrange
     for _ in range(_ROUNDS):
         turned = [_turned_by(t, gyr - bias, rows, sense) for sense in (1.0, -1.0)]
         field = [fit for back in turned for fit in _way_fits(back, mag, _TURNS, offset=True)]
-        bias = bias + field[int(np.argmin([fit.misfit for fit in field]))].bias if field else bias
+        bias = bias + min(field, key=attrgetter("misfit")).bias if field else bias
     ways = _ways(field)
     senses = {float(np.linalg.det(way)) for way in ways} or {1.0, -1.0}
     force = [fit for back in turned if back.sense in senses for fit in _way_fits(back, acc, _TURNS, offset=False)]

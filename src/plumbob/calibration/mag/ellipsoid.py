@@ -214,12 +214,14 @@ def fit_mag(
     covariance = field.counted(independent, memory=shared.memory, residuals=residuals, matrix=matrix, radius=radius)
     covariance = covariance * widening(mag, full, field, shared.memory, place)
     sd, even = (heading_sd(matrix, c, **place._asdict()) for c in (covariance, independent * shared.memory))
-    doubt = Doubt(sd, even, field, shared.memory, shown=shared.unevenness > shared.memory)
+    doubt = Doubt(sd, even, field, shared.memory, shared.shown)
     estimate = FieldEstimate(
         matrix, fit.ellipsoid.centre, covariance, fit.residuals, fit.used, radius, fit.condition, strength
     )
-    leaves = f"the capture leaves {checks.heading_told(sd)}"
-    regions = "" if sd <= HEADING.poor else _regions_told((mag - fit.ellipsoid.centre)[fit.used])
+    narrow = None
+    if not sd <= HEADING.poor:
+        regions = _regions_told((mag - fit.ellipsoid.centre)[fit.used])
+        narrow = Reason("too-few-regions", f"the capture leaves {checks.heading_told(sd)}; {regions}.", _ADVICE)
     return estimate.finished(
         mag,
         sd,
@@ -228,8 +230,7 @@ def fit_mag(
         reasons=(
             moved(mag, fit),
             checks.outliers(fit.used, _MOVED),
-            checks.uneven(doubt)
-            or reason_if(not sd <= HEADING.poor, "too-few-regions", f"{leaves}; {regions}.", _ADVICE),
+            checks.uneven(doubt) or narrow,
             *estimate.unlikely(sd),
         ),
         remarks=(*_remarks(fit, why), *estimate.remarks(), *checks.uneven_told(doubt)),
@@ -328,7 +329,7 @@ def fit_mag_level(
         )
         for c in (shared.factor, shared.memory)
     )
-    doubt = Doubt(sd, even, Unevenness(), shared.memory, shown=shared.unevenness > shared.memory)
+    doubt = Doubt(sd, even, Unevenness(), shared.memory, shared.shown)
     back = np.argsort(order)
     rows = np.concatenate((back, 3 + (3 * back[:, np.newaxis] + back).ravel()))
     estimate = FieldEstimate(

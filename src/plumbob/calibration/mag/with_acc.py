@@ -87,8 +87,8 @@ def _start(points: Floats, down: Floats, matrix: Floats) -> Floats:
     best, least = np.zeros(PARAMETERS), np.inf
     # the rotation R that best makes ``down · R u`` one number, from the smallest singular vector of its linear form
     rows = np.column_stack((np.einsum("ni,nj->nij", down, points @ matrix.T).reshape(-1, 9), -np.ones(len(points))))
-    u, _, vt = np.linalg.svd(np.linalg.eigh(rows.T @ rows)[1][:9, 0].reshape(3, 3))
-    for turn in (np.eye(3), u @ vt * np.sign(np.linalg.det(u @ vt))):
+    rotation = rotation_in(np.linalg.eigh(rows.T @ rows)[1][:9, 0].reshape(3, 3))
+    for turn in (np.eye(3), rotation * np.sign(np.linalg.det(rotation))):
         turned = turn @ matrix
         along = np.einsum("ni,ni->n", down, points @ turned.T)
         sine = float(np.median(along))
@@ -293,7 +293,7 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
         heading_sd(matrix, c, size=size, dip=fit.dip, tilt_range=tilt_range)
         for c in (covariance, independent * shared.memory)
     )
-    doubt = Doubt(sd, even, field, shared.memory, shown=shared.unevenness > shared.memory)
+    doubt = Doubt(sd, even, field, shared.memory, shared.shown)
     estimate = FieldEstimate(
         matrix, fit.centre, covariance, fit.residuals[:, 0], fit.used, radius, fit.condition, strength
     )

@@ -355,7 +355,7 @@ def fit_mag_gyr(
         dip = float(-np.arcsin(np.clip(up @ fit.field_s / np.linalg.norm(up), -1.0, 1.0)))
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
     # the field is shown to be uneven where most of it is seen, and counts
-    shown = 2.0 * fit.field.seen**2 > fit.field.sd**2 and fit.alike.unevenness > fit.alike.memory
+    shown = 2.0 * fit.field.seen**2 > fit.field.sd**2 and fit.alike.shown
     even = sd * math.sqrt(fit.alike.memory / fit.alike.factor)
     doubt = Doubt(sd, even, fit.field, fit.alike.memory, shown)
     walks = f"field and rates only agree if the attitude walks by {to_dps(fit.walk):.2g}°/√s, which no gyroscope does."

@@ -212,10 +212,11 @@ def _sensor_logger(parts: Parts) -> Recording:
     tables = {name: names_in(parts.start(name)) for name in _tables(parts)}
     headers = {name: names for name, names in tables.items() if names[:2] == ("time", "seconds_elapsed")}
     _require_one_place(headers)
+    stems = {name: PurePosixPath(name).stem for name in tables}
     sheets = {
-        PurePosixPath(name).stem: sheet(name, parts.read(name))
+        stems[name]: sheet(name, parts.read(name))
         for name, names in headers.items()
-        if {"x", "y", "z"} <= set(names) and PurePosixPath(name).stem in _WANTED
+        if {"x", "y", "z"} <= set(names) and stems[name] in _WANTED
     }
     texts = (parts.text(name) for name in parts.names if PurePosixPath(name).name == "Metadata.csv")
     meta = next(iter(records(small_table(next(texts, "")))), {})
@@ -231,9 +232,7 @@ def _sensor_logger(parts: Parts) -> Recording:
     if force := _logger_force(data, meta, notes):
         log.streams["acc"] = force
     notes.append(info("source.clock_of_phone"))
-    if others := sorted(
-        PurePosixPath(name).stem for name in tables if PurePosixPath(name).stem not in (*_WANTED, "Metadata")
-    ):
+    if others := sorted(stem for stem in stems.values() if stem not in (*_WANTED, "Metadata")):
         notes.append(info("source.left_out", names=tuple(others)))
     return _recording(parts, log, meta.get("device name", ""))
 

@@ -136,13 +136,14 @@ def _require_short(formats: Mapping[str, Any], name: str) -> None:
 
 def _recording(topics: _Topics, name: str, unit: str | None) -> Recording:
     declination = topics.parameters.get("EKF2_MAG_DECL")
-    boot_ns = None  # UTC of boot, ns since 1970, by the first GPS that knew it and had a fix
     needed = ("timestamp", "time_utc_usec", "fix_type")
-    for topic in ("vehicle_gps_position", "sensor_gps"):
-        for _, gps in sorted(topics.instances(topic, *needed).items()):
-            fixes = (gps["time_utc_usec"] > 0) & (gps["fix_type"] >= 3)
-            if boot_ns is None and fixes.any():
-                boot_ns = int(np.median(micro(gps["time_utc_usec"][fixes]) - micro(gps["timestamp"][fixes])))
+    boots = (
+        int(np.median(micro(gps["time_utc_usec"][fixes]) - micro(gps["timestamp"][fixes])))
+        for topic in ("vehicle_gps_position", "sensor_gps")
+        for _, gps in sorted(topics.instances(topic, *needed).items())
+        if (fixes := (gps["time_utc_usec"] > 0) & (gps["fix_type"] >= 3)).any()
+    )
+    boot_ns = next(boots, None)  # UTC of boot, ns since 1970, by the first GPS that knew it and had a fix
     log = SensorLog(
         [
             "PX4 ULog: body axes forward, right, down; frame NED; rad/s, m/s², gauss as µT; clock in µs since boot "

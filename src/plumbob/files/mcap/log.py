@@ -277,9 +277,8 @@ class Log:
         """Rows that are newly known to be missing belong to the last damage that may have held rows."""
         new = {topic: count - before.get(topic, 0) for topic, count in self.missing.items()}
         new = {topic: count for topic, count in new.items() if count > 0}
-        may_have_held = [i for i in range(self._run.damages, len(self.damage)) if not self.damage[i].certain]
-        if new and may_have_held:
-            place = may_have_held[-1]
+        may_have_held = (i for i in reversed(range(self._run.damages, len(self.damage))) if not self.damage[i].certain)
+        if new and (place := next(may_have_held, None)) is not None:
             damage = self.damage[place]
             lost = {topic: damage.lost.get(topic, 0) + new.get(topic, 0) for topic in {**damage.lost, **new}}
             self.damage[place] = replace(damage, lost=lost)

@@ -87,8 +87,6 @@ class RecordParser:
             raise BrokenRecordError(f"the schemas and channels before it have more than {_KEPT_BYTES >> 20} MiB")
 
     def _channel(self, body: bytes, schemas: dict[int, bytes]) -> Channel:
-        from mcap.exceptions import McapError
-
         schema = schemas.get(int.from_bytes(body[2:4], "little"), b"")
         channel = self._known.get((schema, body))
         if channel is None:
@@ -528,15 +526,15 @@ def identify(path: Path) -> Identity:
         magic = source.read(0, len(layout.MAGIC))
         if len(magic) < len(layout.MAGIC) and layout.MAGIC.startswith(magic):
             return Identity(path, "")
-        info = Scan(source, "").info_at(_header(source)[1])
+        scan, (library, end) = Scan(source, ""), _header(source)
+        info = scan.info_at(end)
         if info is not None:
             return Identity(path, info.recording, info)
-        library, _ = _header(source)  # ours with a damaged letter or two is still ours
+        # ours with a damaged letter or two is still ours
         is_complete = len(library) == len(_OWN) or source.size > len(layout.MAGIC) + 64
         is_other = sum(a == b for a, b in zip(library, _OWN, strict=False)) < len(_OWN) - 2
         if magic == layout.MAGIC and library and is_complete and is_other:
             return Identity(path, None)
-        scan = Scan(source, "")
         at, summary = next_landmark(source, 0, scan.is_chunk, checked=True)
         recording = None
         if at < source.size and summary is None:  # that of the first whole chunk

@@ -108,7 +108,7 @@ def find_reference(
         points = np.concatenate(([[prior.level, prior.vertical]], points))
         weight = np.concatenate(([seen], weight))
     sharpness = 1.0 / (1.5 * p.mag_spread) ** 2  # of the modes of the field, µT⁻²
-    best: Floats = points[mode(points, weight, max(1, len(points) // MODES), sharpness)]
+    best = _field_mode(points, weight, sharpness)
     for _ in range(10):
         w = weight / (1.0 + ((points - best) ** 2).sum(axis=1) / (2.0 * p.mag_spread) ** 2) ** 2
         best = w @ points / w.sum()
@@ -159,13 +159,18 @@ def _rival(
     far = np.linalg.norm(points - best, axis=1) > APART * p.mag_spread
     if not far.any():
         return None, 0.0
-    other = points[far][mode(points[far], weight[far], max(1, int(far.sum()) // MODES), sharpness)]
+    other = _field_mode(points[far], weight[far], sharpness)
 
     def strength(centre: Floats) -> float:
         return float(np.sum(weight / (1.0 + sharpness * ((points - centre) ** 2).sum(axis=1)) ** 2))
 
     share = strength(other) / (strength(other) + strength(best))
     return ((float(other[0]), float(other[1])), share) if share > RIVAL else (None, 0.0)
+
+
+def _field_mode(points: Floats, weight: Floats, sharpness: float) -> Floats:
+    """Point (2,) near which most of the weight lies."""
+    return np.asarray(points[mode(points, weight, max(1, len(points) // MODES), sharpness)])
 
 
 @kernel

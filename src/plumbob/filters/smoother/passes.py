@@ -47,8 +47,10 @@ from plumbob.filters.smoother.sweeps import Sweep, sweep
 from plumbob.rotations import Frame, dcm_from_quat
 from plumbob.rotations.frames import turn_heading
 
-AGAIN_TILT: Final = deg(3.0)
-AGAIN_HEADING: Final = deg(30.0)  # standard deviations of a smoothed attitude that is taken for a start, rad
+AGAIN_TILT, AGAIN_HEADING = (
+    deg(3.0),
+    deg(30.0),
+)  # standard deviations of a smoothed attitude that is taken for a start, rad
 PASSES: Final = 2
 CLEARER: Final = 0.5  # a recording has shown a parameter if its standard deviation is at most this share of what it was
 UNEVEN: Final = 1.0  # a field of the unit is known to this, µT: an uneven field of the place looks like one

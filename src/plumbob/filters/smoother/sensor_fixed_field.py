@@ -16,8 +16,7 @@ from plumbob.core.check import Floats
 from plumbob.filters.smoother.keyframes import BLOCK, Bools, Keyframes, sum_between
 from plumbob.rotations import dcm_from_quat
 
-WINDOW: Final = 5.0
-STRIDE: Final = 2.5  # windows, s, and how far they are apart
+WINDOW, STRIDE = 5.0, 2.5  # length of a window, s, and how far they are apart
 INDEPENDENT: Final = 10.0  # errors of the field in a window are worth so many independent ones
 LEAST_NOISE: Final = 0.3  # noise of the field, µT, at least
 CLEAR: Final = 1.5  # a window says something if each axis of its field is known to this, µT; two alike are this near

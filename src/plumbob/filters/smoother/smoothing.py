@@ -92,6 +92,7 @@ class Smoother(AttitudeEstimator):
 
     name = SMOOTHER
     _idle = frozenset({"max_gap"})
+    _shown = ("params",)
     params: Params
 
     def __init__(

@@ -532,9 +532,8 @@ class Sweep:
     q: Floats  # (K + 1, 4), smoothed attitude at the keyframes, body to ENU
     x: Floats  # (K + 1, 8), smoothed error (zero), bias, level velocity
     cov: Floats  # (K + 1, 6, 6), covariance of attitude (navigation axes) and bias; empty where it was not asked for
-    # matrix, acc_bias: (9,), scale and misalignment of the gyroscope and bias of the accelerometer
-    matrix: Floats
-    acc_bias: Floats
+    matrix: Floats  # (9,), scale and misalignment of the gyroscope
+    acc_bias: Floats  # (3,), bias of the accelerometer
     unit_cov: Floats  # (12, 12), covariance of the last bias of the gyroscope and `matrix`
     # force, field: (K, 3), mean specific force and field of each step in smoothed navigation axes, m/s² and µT
     force: Floats

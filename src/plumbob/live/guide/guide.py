@@ -404,7 +404,7 @@ class AccelGuide(Guide):
         if len(poses) != len(self._poses):
             self._fit(poses)
         self._poses = poses
-        if (news := self._seen.update(_filled(poses - self._centre))) is not None:
+        if (news := self._seen.update(filled(poses - self._centre) > 0)) is not None:
             self._say(news)
 
     def _fit(self, poses: Floats) -> None:
@@ -423,13 +423,6 @@ class AccelGuide(Guide):
 def _predicted(fit: NormFit, poses: Floats) -> float:
     shared = alike(fit.residuals, fit.ellipsoid.to_sphere(poses), fit.used)
     return tilt_sd(*scaled(fit, G0, alike=shared.factor), size=G0)
-
-
-def _filled(vectors: Floats) -> NDArray[np.bool_]:
-    mask = np.zeros(len(NAMES), dtype=np.bool_)
-    if len(vectors):
-        mask[region_index(vectors)] = True
-    return mask
 
 
 def _unit(vector: Floats) -> Floats:
@@ -540,8 +533,7 @@ class MagGuide(Guide):
     def _direction(self) -> Floats | None:
         if self._fit is None or self._field is None:
             return None
-        arm = self._field - self._fit.ellipsoid.centre
-        return np.asarray(arm / np.linalg.norm(arm))
+        return _unit(self._field - self._fit.ellipsoid.centre)
 
     def _next(self, direction: Floats | None) -> tuple[int | None, AxisTurn | None]:
         """Direction to go to, and the turn towards it; a turn about another axis as long as no direction is known."""

@@ -3,8 +3,9 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,9 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
+from plumbob.data.array import PRESETS
 from plumbob.data.cards import CalibrationCard, NoiseCard
+from plumbob.data.chain import Chain
 from plumbob.live.rigs import faults as line_faults
 from plumbob.live.rigs.faults import Fault, LineDamage
 from plumbob.protocols.decode import values_by_field
@@ -22,25 +25,28 @@ from plumbob.protocols.encode import encode, hold_last
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.format_toml import find_format
-from plumbob.rotations import Frame, euler_zyx_from_quat
-from plumbob.simulation import ChainSimulation, Module, Simulation, TriadErrors, draw_module, simulate, simulate_chain
+from plumbob.protocols.unpack import unit_prefixes
+from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_rotvec, quat_multiply
+from plumbob.simulation import (
+    ChainSimulation,
+    Module,
+    Motion,
+    Scenario,
+    Simulation,
+    TriadErrors,
+    Truth,
+    draw_module,
+    scenario,
+    simulate,
+    simulate_chain,
+)
+from plumbob.simulation.chains import CHAINS
 from plumbob.simulation.errors import stream, unit_seed
 from plumbob.simulation.signals import Signal
 from plumbob.simulation.simulation import WarmingUp
 
 if TYPE_CHECKING:
     from plumbob.live.rigs.firmware import Firmware
-
-
-from math import sqrt
-from typing import ClassVar, Final, Self
-
-from plumbob.data.array import PRESETS
-from plumbob.data.chain import Chain
-from plumbob.protocols.unpack import unit_prefixes
-from plumbob.rotations import quat_from_rotvec, quat_multiply
-from plumbob.simulation import Motion, Scenario, Truth, scenario
-from plumbob.simulation.chains import CHAINS
 
 Quat = tuple[float, float, float, float]
 ALIGNED: Final[Quat] = (1.0, 0.0, 0.0, 0.0)

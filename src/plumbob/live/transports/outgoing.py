@@ -36,8 +36,11 @@ _CONNECT: Final = 2.0
 class Target:
     """Where whole messages are written."""
 
+    __slots__ = ()
+
     def open(self) -> None:
         """Open it; OSError where that is not possible now."""
+        raise NotImplementedError
 
     def write(self, data: bytes, patience: float) -> int:
         """Write a message, wait at most `patience` s, and return how many messages were dropped; OSError: it broke."""

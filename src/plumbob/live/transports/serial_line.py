@@ -153,10 +153,10 @@ class SerialSource(Replug):
         xonxoff: bool = False,
         exclusive: bool = True,
         ports: ListPorts = list_ports,
+        gather: float = GATHER,
         **patience: Unpack[Patience],
     ) -> None:
-        patience.setdefault("gather", GATHER)
-        super().__init__(port, **patience)
+        super().__init__(port, gather=gather, **patience)
         if baud <= 0 or bytesize not in {5, 6, 7, 8} or parity not in _PARITIES or stopbits not in {1, 1.5, 2}:
             raise ParameterError(
                 f"A serial line needs baud > 0, 5 to 8 bits, parity {', '.join(_PARITIES)} and 1, 1.5 or 2 stop bits, "

@@ -36,10 +36,10 @@ class UdpSource(Replug):
         *,
         host: str = LOOPBACK,
         buffer: int = 1 << 22,
+        gather: float = GATHER,
         **patience: Unpack[Patience],
     ) -> None:
-        patience.setdefault("gather", GATHER)
-        super().__init__(_name("udp", host, port, lowest=0), **patience)
+        super().__init__(_name("udp", host, port, lowest=0), gather=gather, **patience)
         self._host, self._asked, self._buffer = host, port, buffer
         self._port = port
 
@@ -131,11 +131,11 @@ class TcpSource(Replug):
         *,
         silence: float | None = None,
         connect_timeout: float = 5.0,
+        gather: float = GATHER,
         **patience: Unpack[Patience],
     ) -> None:
-        patience.setdefault("gather", GATHER)
         name = _name("tcp", host, port, lowest=1)
-        super().__init__(name, silence=silence, breaks_on_silence=True, **patience)
+        super().__init__(name, silence=silence, breaks_on_silence=True, gather=gather, **patience)
         self._host, self._port = host, port
         self._connect_ns = round(connect_timeout * 1e9)
         self._half: tuple[socket.socket, int] | None = None  # still connecting, until when

@@ -110,7 +110,6 @@ class Patience(Pace, total=False):
     """What every line can be given, too, as of `Replug`."""
 
     wait: bool
-    gather: float
 
 
 class Opened(ABC):
