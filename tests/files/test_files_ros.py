@@ -92,7 +92,7 @@ def test_a_frame_of_ned_and_an_orientation_that_was_never_set(tmp_path):
     assert (found.track.frame, found.imu.meta.frame) == (Frame.NED, Frame.NED)
     given = made.samples() | {"xyzw": np.tile([0.0, 0.0, 0.0, 1.0], (made.ROWS, 1))}  # the default in ROS 2
     found = plumbob.read(made.write_2(tmp_path / "a", made.imu_rows(given, covs=(0.0, 0.0, 0.0))))
-    assert found.track is None and any("always the default" in str(note) for note in found.notes)
+    assert found.track is None and any("every message has the default" in str(note) for note in found.notes)
 
 
 def test_covariance_of_the_orientation_turns_into_body_axes(tmp_path):

@@ -11,7 +11,7 @@ import io
 import lzma
 import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final
@@ -127,11 +127,16 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 _WORKBOOK: Final = "xl/workbook.xml"
 _PACKINGS: Final = {b"\x1f\x8b": "gzip", b"BZh": "bz2", b"(\xb5/\xfd": "zstd", b"\xfd7zXZ": "xz", b"PK\3\4": "zip"}
 _TABLES: Final = {b"PAR1": "parquet", b"ARROW1": "feather", b"ORC": "orc"}
-_AT_ONCE: Final = 1 << 20
+_AT_ONCE: Final = 1 << 23
 
 
 def text_bytes(path: Path, most: int | None = None) -> bytes:
-    """Bytes of a text file, or the first `most` of them.
+    """Bytes of a text file as of `text_pieces`, or the first `most` of them."""
+    return b"".join(text_pieces(path, most))[:most]
+
+
+def text_pieces(path: Path, most: int | None = None) -> Iterator[bytes]:
+    """Bytes of a text file, some at a time, or at least the first `most` of them.
 
     What is packed (gzip, bzip2, xz, Zstandard, a ZIP of one file) is unpacked, within `require_room`, and a table of
     other programs in Parquet, Feather or ORC is one with tabs: a vector in one column becomes columns ``name_x`` and so
@@ -142,17 +147,22 @@ def text_bytes(path: Path, most: int | None = None) -> bytes:
         file.seek(0)
         packing = next((how for mark, how in _PACKINGS.items() if start.startswith(mark)), "")
         kind = next((kind for mark, kind in _TABLES.items() if start.startswith(mark)), "")
-        if not packing and not kind:
-            return file.read(-1 if most is None else most)
         try:
-            return _table_text(path, kind, most) if kind else _unpacked(path, file, packing, most)
+            if kind:
+                yield _table_text(path, kind, most)
+            elif packing:
+                yield from _unpacked(path, file, packing, most)
         except PlumbobError:
             raise
         except Exception as error:  # zlib, lzma, zipfile and Arrow have errors of their own
             raise DecodeError(f"it is cut or damaged ({one_line(error)[:160]}); use an intact copy.") from error
+        size = 0
+        while not (packing or kind) and (most is None or size < most) and (piece := file.read(most or _AT_ONCE)):
+            yield piece
+            size += len(piece)
 
 
-def _unpacked(path: Path, file: IO[bytes], packing: str, most: int | None) -> bytes:
+def _unpacked(path: Path, file: IO[bytes], packing: str, most: int | None) -> Iterator[bytes]:
     import pyarrow as pa
 
     with ExitStack() as stack:
@@ -161,7 +171,8 @@ def _unpacked(path: Path, file: IO[bytes], packing: str, most: int | None) -> by
             names = [name for name in archive.namelist() if not name.endswith("/")]
             if _WORKBOOK in names:
                 require_room(sum(info.file_size for info in archive.infolist()), path.stat().st_size)
-                return _sheets(path)[:most]
+                yield _sheets(path)
+                return
             if len(names) != 1:
                 raise DecodeError(
                     f"it holds {len(names)} files ({first_words(names, 3)}); unpack it, and name one of them."
@@ -170,12 +181,11 @@ def _unpacked(path: Path, file: IO[bytes], packing: str, most: int | None) -> by
         else:
             unpacker: Any = lzma.LZMAFile if packing == "xz" else pa.CompressedInputStream
             stream = stack.enter_context(unpacker(file, *([] if packing == "xz" else [packing])))
-        parts, size = list[bytes](), 0
-        while (part := stream.read(_AT_ONCE)) and (most is None or size < most):
-            parts.append(part)
-            size += len(part)
+        size = 0
+        while (most is None or size < most) and (piece := stream.read(_AT_ONCE)):
+            size += len(piece)
             require_room(size, path.stat().st_size)
-    return b"".join(parts)[:most]
+            yield piece
 
 
 def _sheets(path: Path) -> bytes:

@@ -164,7 +164,7 @@ def read_triples(path: str | Path, sensor: str) -> Floats:
                 "leave three."
             )
         refs = [i + 1 for i in columns]
-        table = read_table(text_bytes(file), sample.layout, refs)
+        table = read_table(file, sample.layout, refs)
         return np.stack([table.columns[ref] for ref in refs], axis=1)
 
 

@@ -88,12 +88,9 @@ def _read_one(file: Path, declared: Profile, note: Note) -> Recording:
     with reading(file):
         time = declared.time
         exact = time.exact if isinstance(time, TimeColumn) else None
-        # no name and no *arguments: a large file is in memory only while it is needed
+        # no name: the columns of a large file are in memory only while they are needed
         return table_recording(
-            declared,
-            read_table(text_bytes(file), declared.layout, declared.used, exact, declared.texts),
-            file.stem,
-            note,
+            declared, read_table(file, declared.layout, declared.used, exact, declared.texts), file.stem, note
         )
 
 
@@ -101,8 +98,6 @@ def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -
     """Recording of a table, whose columns are used up, by its profile; `note` says which. Errors as in `read_text`."""
     table = _oldest_first(profile, table)
     t, t0_ns, clock = _time(profile, table)
-    if not profile.flag_words:
-        table = replace(table, line_of=int)  # no error names a line any more, and the text can go
     track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
     imu, clock = _in_turns(*_imu(profile, table, t, t0_ns, clock)) if profile.triads else (None, clock)
     notes = (*lasting(as_findings("notes", profile.notes)), note, *table.notes, *clock, *_changes(profile, t0_ns))
@@ -351,7 +346,7 @@ def read_labels(path: str | Path, column: ColumnRef, profile: Profile | str | Pa
     declared = text_profile(file, profile)[0]
     with reading(file):
         texts = (*declared.texts, column)
-        table = read_table(text_bytes(file), declared.layout, (*declared.used, column), None, texts)
+        table = read_table(file, declared.layout, (*declared.used, column), None, texts)
         return [cell.strip() for cell in table.texts[column]]
 
 

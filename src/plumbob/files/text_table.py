@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from decimal import Decimal, InvalidOperation
 from functools import cache
 from itertools import islice, pairwise
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -24,7 +25,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.core.findings import Finding, warning
 from plumbob.core.text import sentence_checksum
-from plumbob.files.arrow import column_numbers
+from plumbob.files.arrow import column_numbers, text_bytes, text_pieces
 from plumbob.files.column_names import is_unit
 from plumbob.files.columns import FORM, is_clocklike
 from plumbob.files.profile import BLANK, JSON, QUOTED, ColumnRef, TextLayout
@@ -206,14 +207,53 @@ def decode(raw: bytes, encoding: str) -> str:
     return normal(text)
 
 
-_SIGNS: Final = {"\r\n": "\n", "\r": "\n", "\u00a0": " ", "\u202f": " ", "\u2009": " ", "\u2019": "'", "\u2212": "-"}
+_SIGNS: Final = {"\u00a0": " ", "\u202f": " ", "\u2009": " ", "\u2019": "'", "\u2212": "-"}
 
 
 def normal(text: str) -> str:
     """Text without a byte order mark, with signs of one kind only."""
-    for sign, plain in list(_SIGNS.items())[: 2 if text.isascii() else None]:
-        text = text.replace(sign, plain) if sign in text else text
-    return re.sub(r"\x1b\[[\d;]*m", "", text.removeprefix("\ufeff")) if "\x1b" in text else text.removeprefix("\ufeff")
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    for sign, plain in () if text.isascii() else _SIGNS.items():
+        text = text.replace(sign, plain)
+    text = text.removeprefix("\ufeff")
+    return re.sub(r"\x1b\[[\d;]*m", "", text) if "\x1b" in text else text
+
+
+def text_blocks(source: bytes | Path, encoding: str) -> Iterator[str]:
+    """Text in blocks of whole lines, of a file as of `text_pieces`; errors and signs as of `decode`.
+
+    Only the last block may end without a line end, and it holds the lines before as far as there are some.
+    """
+    is_byte = "\n".encode(encoding) == b"\n"  # else a line cannot be told before it is decoded
+    pieces = (
+        text_pieces(source)
+        if isinstance(source, Path)
+        else (source[place : place + _BLOCK] for place in range(0, len(source), _BLOCK))
+    )
+    before, parts = "", list[bytes]()
+    try:
+        for piece in pieces:
+            lines, end, rest = piece.rpartition(b"\n") if is_byte else (b"", b"", piece)
+            if end:
+                if before:
+                    yield before
+                before = decode(b"".join((*parts, lines, end)), encoding)
+                parts.clear()
+            parts.append(rest)
+        yield before + decode(b"".join(parts), encoding)
+    except DecodeError:
+        decode(source if isinstance(source, bytes) else text_bytes(source), encoding)  # it names the place in the file
+        raise
+
+
+def in_blocks(text: str) -> Iterator[str]:
+    """The same text in blocks of whole lines."""
+    start = 0
+    while start < len(text):
+        end = text.find("\n", start + _BLOCK) + 1 or len(text)
+        yield text[start:end]
+        start = end
 
 
 def channel(words: Sequence[str]) -> str:
@@ -455,8 +495,8 @@ class Reading:
         if self.exact is not None:
             types[str(self.places[self.exact])] = pa.decimal128(*_EXACT)
         mark = self.layout.comment
-        block = block if separator == ";" else block.replace(";\n", "\n")
-        if mark and (block.startswith(mark) or f"\n{mark}" in block):
+        block = block if separator == ";" or ";" not in block else block.replace(";\n", "\n")
+        if mark and mark in block and (block.startswith(mark) or f"\n{mark}" in block):
             block = "".join(row for row in block.splitlines(keepends=True) if not row.startswith(mark))
         try:
             packed = (single_blanks(block) if separator == " " else block).encode()
@@ -486,8 +526,8 @@ class Reading:
             if ref in self.texts:
                 self.texts[ref] += column.to_pylist()
             else:
-                values = np.asarray(column_numbers(column), dtype=np.float64)
-                self.numbers.setdefault(ref, array("d")).frombytes(values.tobytes())
+                values = np.ascontiguousarray(column_numbers(column), dtype=np.float64)
+                self.numbers.setdefault(ref, array("d")).frombytes(values.data.cast("B"))
         self.rows += table.num_rows
         return True
 
@@ -549,7 +589,7 @@ class Reading:
 
 
 def read_table(
-    raw: bytes,
+    source: bytes | Path,
     layout: TextLayout,
     refs: Sequence[ColumnRef],
     exact: ColumnRef | None = None,
@@ -559,34 +599,24 @@ def read_table(
 
     Of the `exact` one its first value is subtracted before it is rounded to float64, as Unix time in ns needs.
     """
-    text = decode(raw, layout.encoding)
-    del raw  # which is as large
-    if layout.separator == JSON:
-        text, layout = objects_as_rows(text), replace(layout, separator="\t")
-    text, cut = ended(text, layout)
-    if layout.channels:
-        text, layout = channels_as_columns(text, layout)
-    head = find_head(text, layout)
-    text = _before_end(text, head.start, layout.end) if layout.end else text
-    if layout.cells:
-        text, head = with_cells_apart(text, head, layout)
-    if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in head.names:
+    body = _body(source, layout)
+    layout = body.layout
+    if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in body.head.names:
         raise DecodeError(f"the column {excerpt(layout.where[0])} of header.where is nowhere in the row of names.")
-    body = _Body(text, head, layout)
     first = [_size(row, layout)[0] for _, row in islice(body.rows(), _LOOKED_AT)]
     if not first:
         raise DecodeError("there is no row of numbers; check the profile's [header].")
     width = Counter(first).most_common(1)[0][0]
-    places = {ref: column_index(ref, head.names, width, layout) for ref in refs}
+    places = {ref: column_index(ref, body.head.names, width, layout) for ref in refs}
     firsts = {ref: next(r for r, p in places.items() if p == place) for ref, place in places.items()}
     if twice := next((ref for ref, first in firsts.items() if ref != first), None):
         raise DecodeError(f"{firsts[twice]!r} and {twice!r} are the same column; declare it once.")
     reading = Reading(layout, width, places, exact, {ref: [] for ref in texts})
     plain = not (layout.words or layout.where or layout.checksum)
-    for start, end, line in body.blocks():
-        if not (plain and reading.add_fast(text[start:end])):
-            reading.add_slow(body.rows(start, end, line))
-    notes, count = reading.notes(), reading.rows - len(reading.left_out)
+    for block, line in body.blocks():
+        if not (plain and reading.add_fast(block)):
+            reading.add_slow(body.rows_of(block, line))
+    notes, count = (*body.cut, *reading.notes()), reading.rows - len(reading.left_out)
     if layout.rows not in (None, count):
         raise DecodeError(
             f"there are {count} complete rows of numbers, but the profile says rows = {layout.rows}; the file is cut, "
@@ -602,11 +632,11 @@ def read_table(
         return next(islice((line for line, _ in body.rows() if line not in lines), row, None))
 
     zero = reading.zero if reading.zero is not None else Decimal(0)
-    return TextTable(columns, zero, count, (*cut, *notes), reading.texts, line_number, places_read)
+    return TextTable(columns, zero, count, notes, reading.texts, line_number, places_read)
 
 
-def ended(text: str, layout: TextLayout) -> tuple[str, tuple[Finding, ...]]:
-    """Text that ends with a line end, and a note where its last line was cut and is left out.
+def ended(text: str, layout: TextLayout, line: int = 1) -> tuple[str, tuple[Finding, ...]]:
+    """Text from a line on that ends with a line end, and a note where its last line was cut and is left out.
 
     It is cut where the number of rows is declared, or a cell or a digit is missing that all rows before it have.
     """
@@ -621,7 +651,7 @@ def ended(text: str, layout: TextLayout) -> tuple[str, tuple[Finding, ...]]:
     shortest = min((digits for cells, digits in sizes[:-1] if cells == width and digits != _WORD), default=-1)
     if layout.rows is None and sizes[-1][0] == width and sizes[-1][1] >= shortest:
         return f"{text}\n", ()
-    return f"{before}\n", (warning("reading.last_line_cut", line=1 + text.count("\n")),)
+    return f"{before}\n", (warning("reading.last_line_cut", line=line + text.count("\n")),)
 
 
 def _size(row: str, layout: TextLayout) -> tuple[int, int]:
@@ -636,33 +666,58 @@ def _size(row: str, layout: TextLayout) -> tuple[int, int]:
     return len(cells), len(last.partition(layout.decimal)[2]) if last[-1].isdigit() else _WORD
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Body:
-    """Lines behind the head of a text, which ends with a line end."""
+    """Lines behind the head of a text, read as often as they are asked for."""
 
-    text: str
+    again: Callable[[], Iterator[str]]  # blocks of the text from its beginning
     head: Head
     layout: TextLayout
+    cut: tuple[Finding, ...] = ()  # a note where the last line was cut and is left out
 
-    def blocks(self) -> Iterator[tuple[int, int, int]]:
-        """Parts of whole lines: where they begin and end, and the number of their first line."""
-        start, line = self.head.start, self.head.line
-        while start < len(self.text):
-            end = self.text.find("\n", start + _BLOCK) + 1 or len(self.text)
-            yield start, end, line
-            start, line = end, line + self.text.count("\n", start, end)
+    def blocks(self) -> Iterator[tuple[str, int]]:
+        """Blocks of whole lines, with the number of their first line."""
+        line, skipped = self.head.line, self.head.start
+        for text in self.again():
+            block, cut = ended(text[skipped:], self.layout, line)
+            self.cut += () if self.cut else cut
+            yield block, line
+            line, skipped = line + block.count("\n"), 0
 
-    def rows(self, start: int = -1, end: int = -1, line: int = 0) -> Iterator[tuple[int, str]]:
-        """Rows of numbers with the numbers of their lines: all, or those of a block."""
-        place, line = (self.head.start, self.head.line) if start < 0 else (start, line)
-        end = len(self.text) if end < 0 else end
-        while place < end:
-            stop = self.text.find("\n", place)
-            if not is_idle(row := self.text[place:stop], self.layout.comment) and belongs(
-                row, self.head.names, self.layout
-            ):
-                yield line, row
-            place, line = stop + 1, line + 1
+    def rows(self) -> Iterator[tuple[int, str]]:
+        """Rows of numbers with the numbers of their lines."""
+        return (item for block, line in self.blocks() for item in self.rows_of(block, line))
+
+    def rows_of(self, block: str, line: int) -> Iterator[tuple[int, str]]:
+        """Rows of numbers of a block."""
+        for number, row in enumerate(block.split("\n"), line):
+            if not is_idle(row, self.layout.comment) and belongs(row, self.head.names, self.layout):
+                yield number, row
+
+
+def _body(source: bytes | Path, layout: TextLayout) -> _Body:
+    """Body of a text, which is in memory at once only where its form asks for it."""
+
+    def again() -> Iterator[str]:
+        return text_blocks(source, encoding)
+
+    encoding = layout.encoding
+    if not (layout.separator == JSON or layout.channels or layout.cells or layout.end):
+        try:
+            return _Body(again, find_head(next(again()), layout), layout)
+        except DecodeError:  # the head may be longer than a block
+            pass
+    text = "".join(again())
+    if layout.separator == JSON:
+        text, layout = objects_as_rows(text), replace(layout, separator="\t")
+    text, cut = ended(text, layout)
+    if layout.channels:
+        text, layout = channels_as_columns(text, layout)
+    head = find_head(text, layout)
+    text = _before_end(text, head.start, layout.end) if layout.end else text
+    if layout.cells:
+        text, head = with_cells_apart(text, head, layout)
+    return _Body(lambda: in_blocks(text), head, layout, cut)
 
 
 def belongs(row: str, names: Sequence[str], layout: TextLayout) -> bool:
