@@ -10,7 +10,7 @@ import plumbob
 from plumbob.core.errors import ShapeError
 from plumbob.data import AttitudeTrack
 from plumbob.overview import streaming_stats
-from plumbob.overview.streaming_stats import Gatherer, Tracing, attitude_channels
+from plumbob.overview.streaming_stats import TRACED, Gatherer, Tracing, channel_rows
 from plumbob.rotations import euler_zyx_from_quat, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
@@ -133,7 +133,8 @@ def test_claimed_angles_are_those_of_small_errors():
     errors = rng.normal(size=(n, 3)) @ half.T
     spread = np.std(euler_zyx_from_quat(quat_multiply(q, quat_from_rotvec(errors))), axis=0)
     cov_b = (half @ half.T)[np.newaxis]
-    found = attitude_channels(AttitudeTrack(t=[0.0], q_nb=q[np.newaxis], frame="NED", north="magnetic", cov_b=cov_b))
-    own = [float(found[name][0]) for name in ("heading_sd", "pitch_sd", "roll_sd")]
+    track = AttitudeTrack(t=[0.0], q_nb=q[np.newaxis], frame="NED", north="magnetic", cov_b=cov_b)
+    found = dict(zip(TRACED, channel_rows(None, track)["traced"][0], strict=True))
+    own = [found[name] for name in ("heading_sd", "pitch_sd", "roll_sd")]
     assert own == pytest.approx(spread, rel=4.0 / math.sqrt(2.0 * n))
-    assert np.degrees(found["roll"][0]) == pytest.approx(-25.0)
+    assert np.degrees(found["roll"]) == pytest.approx(-25.0)

@@ -20,11 +20,11 @@ def test_the_integral_is_the_variance():
     rng = np.random.default_rng(1)
     noise = rng.normal(0.0, 0.3, t.size)
     found = welch(t, np.stack((2.0 * np.sin(2.0 * np.pi * 0.2 * t), noise), axis=1), segment=100.0)
-    power = found.density.sum(axis=0) * found.resolution
+    power = found.density.sum(axis=0) * found.frequency[0]
     assert power[0] == pytest.approx(2.0, rel=1e-3)
     assert power[1] == pytest.approx(0.09, rel=0.02)
     assert np.mean(found.density[:, 1]) == pytest.approx(2.0 * 0.09 / RATE, rel=0.02)
-    assert found.resolution == pytest.approx(0.01)
+    assert found.frequency[0] == pytest.approx(0.01)
     assert found.segments.tolist() == [19, 19]
 
 
@@ -32,7 +32,7 @@ def test_the_integral_is_the_variance():
 def test_a_peak_is_found_between_the_steps_of_frequency(period):
     t = times()
     found = welch(t, np.sin(2.0 * np.pi * t / period)[:, None], segment=100.0)
-    assert 1.0 / peak_period(found, 0) == pytest.approx(1.0 / period, abs=0.1 * found.resolution)
+    assert 1.0 / peak_period(found, 0) == pytest.approx(1.0 / period, abs=0.1 * found.frequency[0])
 
 
 def test_no_segment_crosses_a_gap_or_an_unknown_value():
@@ -43,7 +43,7 @@ def test_no_segment_crosses_a_gap_or_an_unknown_value():
     jumps = np.where(np.arange(t.size) >= 23_000, x + 100.0, x)
     broken = welch(later, jumps[:, None], segment=100.0)
     assert broken.segments.tolist() == [8 + 9]
-    assert broken.density.sum() * broken.resolution == pytest.approx(0.5, rel=1e-3)
+    assert broken.density.sum() * broken.frequency[0] == pytest.approx(0.5, rel=1e-3)
     hole = x.copy()
     hole[23_000:23_010] = np.nan
     assert welch(t, hole[:, None], segment=100.0).segments.tolist() == [8 + 9]
@@ -55,12 +55,12 @@ def test_an_angle_goes_on_through_the_half_turn_and_uneven_samples_are_interpola
     angle = np.pi + 0.3 * np.sin(2.0 * np.pi * 0.2 * t)
     wrapped = (angle + np.pi) % (2.0 * np.pi) - np.pi
     found = welch(t, wrapped[:, None], segment=100.0, turns=(0,))
-    assert found.density.sum() * found.resolution == pytest.approx(0.045, rel=1e-3)
+    assert found.density.sum() * found.frequency[0] == pytest.approx(0.045, rel=1e-3)
     rng = np.random.default_rng(2)
     t = np.sort(times(400.0) + rng.uniform(-0.45, 0.45, times(400.0).size) / RATE)
     found = welch(t, np.sin(2.0 * np.pi * 0.2 * t)[:, None], segment=100.0)
     assert found.interpolated == found.segments.sum() == 7
-    assert found.density.sum() * found.resolution == pytest.approx(0.5, rel=0.01)
+    assert found.density.sum() * found.frequency[0] == pytest.approx(0.5, rel=0.01)
 
 
 def test_parts_join_by_their_numbers_of_segments():

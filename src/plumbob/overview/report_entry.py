@@ -27,7 +27,7 @@ from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.reading import read
 from plumbob.files.formats import is_own
 from plumbob.overview import streaming_stats as stats
-from plumbob.overview.streaming_stats import Burst, Gathered, Gatherer, shown_scale
+from plumbob.overview.streaming_stats import SHOWN_SCALE, Burst, Gathered, Gatherer
 from plumbob.quality import quality
 from plumbob.quality.grade import Grade, grade, grade_of
 from plumbob.quality.tilt import Headings, Inclination, TiltMotion, TiltStatistics
@@ -386,11 +386,11 @@ def _spectra(g: Gathered) -> dict[str, Any] | None:
     return {
         "method": "Welch, Hann window, half overlapping, one-sided",
         "rate_hz": 1.0 / g.spectra.step, "segment_s": g.spectra.length * g.spectra.step,
-        "resolution_hz": g.spectra.resolution, "interpolated_segments": g.spectra.interpolated,
+        "resolution_hz": g.spectra.frequency[0], "interpolated_segments": g.spectra.interpolated,
         "segments": dict(zip(stats.SPECTRAL, g.spectra.segments.tolist(), strict=True)),
         "frequency_hz": frequency,
         "density": {
-            f"{name} [{stats.SPECTRAL_UNITS[name]}]": density[:, i] * shown_scale(name) ** 2
+            f"{name} [{stats.SPECTRAL_UNITS[name]}]": density[:, i] * SHOWN_SCALE[name] ** 2
             for i, name in enumerate(stats.SPECTRAL)
         },
     }  # fmt: skip
@@ -401,7 +401,7 @@ def _sensor_numbers(g: Gathered) -> dict[str, Any]:
     for i, name in enumerate(stats.TRACED):
         stem = name.partition("_")[0]
         if stem in stats.UNITS and m.count[i] > 0:
-            values = (shown_scale(name) * column[i] for column in (m.mean, m.sd, m.least, m.greatest))
+            values = (SHOWN_SCALE[name] * column[i] for column in (m.mean, m.sd, m.least, m.greatest))
             numbers[f"{name} [{stats.UNITS[stem]}]"] = {
                 **dict(zip(keys, values, strict=True)),
                 "samples": int(m.count[i]),

@@ -5,7 +5,7 @@ plot are every sample of a short recording, smallest and largest values of a lon
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
@@ -143,30 +143,30 @@ MOTION_NAMES: Final = {name: name for name in ("mean", "std", "rms", "least", "g
 }
 # Names of angles in tables and numbers, and the attributes that have them.
 TILT_NAMES: Final = {name: MOTION_NAMES[name] for name in ("mean", "std", "rms", "greatest")}
+# What turns traced and spectral channels from SI to what is shown: rad to degrees; 1 for all others.
+SHOWN_SCALE: Final = {
+    name: float(to_deg(1.0)) if name.partition("_")[0] in ("roll", "pitch", "heading", "tilt", "gyr", "bias") else 1.0
+    for name in (*TRACED, *SPECTRAL)
+}
 _RUNS: Final = 4_000
+_ROW: Final = np.dtype(  # rate: of the heading; vertical: acceleration without gravity; SI and rad
+    [("t", float), ("traced", float, len(TRACED)), ("rate", float), ("vertical", float), ("words", np.uint32)],
+    align=True,
+)
+Rows = NDArray[np.void]  # of `_ROW`
 
-
-def shown_scale(channel: str) -> float:
-    """What turns a traced or spectral channel from SI to what is shown: rad to degrees; 1 for all others."""
-    stem = channel.partition("_")[0]
-    return float(to_deg(1.0)) if stem in ("roll", "pitch", "heading", "tilt", "gyr", "bias") else 1.0
+_zeros = partial(np.zeros, len(TRACED))
 
 
 @dataclass(slots=True)
 class Moments:
-    """Count, mean, sum of squares about it, and extremes of each of some columns."""
+    """Count, mean, sum of squares about it, and extremes of each of the traced channels."""
 
-    count: Floats
-    mean: Floats
-    square: Floats
-    least: Floats
-    greatest: Floats
-
-    @classmethod
-    def empty(cls, columns: int) -> "Moments":
-        """Of nothing."""
-        zero, inf = np.zeros(columns), np.full(columns, np.inf)
-        return cls(zero.copy(), zero.copy(), zero.copy(), inf, -inf)
+    count: Floats = field(default_factory=_zeros)
+    mean: Floats = field(default_factory=_zeros)
+    square: Floats = field(default_factory=_zeros)
+    least: Floats = field(default_factory=partial(np.full, len(TRACED), np.inf))
+    greatest: Floats = field(default_factory=partial(np.full, len(TRACED), -np.inf))
 
     def add(self, values: Floats) -> None:
         """Take rows (n, C)."""
@@ -196,14 +196,6 @@ class FlagRuns:
     samples: int = 0
     stretches: list[tuple[float, float]] = field(default_factory=list)
     coarse: bool = False
-
-    def add(self, begin: float, end: float, samples: int, near: float) -> None:
-        """Take a stretch that is not before the last one; one that begins where that ended goes on with it."""
-        self.samples += samples
-        if self.stretches and begin <= self.stretches[-1][1] + near:
-            self.stretches[-1] = (self.stretches[-1][0], end)
-        else:
-            self.stretches.append((begin, end))
 
     def thin(self, apart: float) -> None:
         """Join stretches that are nearer than this, s, where there are too many of them to be drawn."""
@@ -239,93 +231,87 @@ class Gathered:
     # begin, end: times of the first and the last sample, s
     begin: float
     end: float
+    duration: float  # from the one to the other, s
     step: float  # usual time between samples, s
     triads: tuple[str, ...]  # sensors
     burst: float  # length of a burst, s
     samples: int = 0  # how many
     gaps: list[tuple[float, float]] = field(default_factory=list)  # times of the samples before and behind each gap, s
     missing: int = 0  # samples that gaps lack, by the usual step
+    lost: float = 0  # time that gaps lack, s
     bursts: list[Burst] = field(default_factory=list)  # in order
     tilt: TiltStatistics | None = None  # of the whole; None without an attitude
     headings: Headings | None = None  # of the whole
     spectra: Spectra | None = None  # of `SPECTRAL`
     traces: Traces = NOTHING  # values over time
-    moments: Moments = field(default_factory=partial(Moments.empty, len(TRACED)))  # of the traced channels
+    moments: Moments = field(default_factory=Moments)  # of the traced channels
     flags: dict[str, FlagRuns] = field(default_factory=dict)  # those that occur
-
-    @property
-    def duration(self) -> float:
-        """From the first sample to the last, s."""
-        return self.end - self.begin
-
-    @property
-    def lost(self) -> float:
-        """Time that gaps lack, s."""
-        return sum(end - begin - self.step for begin, end in self.gaps)
 
     def has(self, name: str) -> bool:
         """Whether a channel has a value."""
         return bool(self.moments.count[TRACED.index(name)])
 
 
+@dataclass(kw_only=True, eq=False)
 class Gatherer:
-    """Gathers, as `plumbob.estimate` follows a recording: `begin` once, `take` with each part.
+    """Gathers, as `plumbob.estimate` follows a recording: `begin` once, `take` with each part."""
 
-    A burst lasts so many s; an inclination above the `limit` counts as large; samples in the `window`, s, count.
-    """
-
-    def __init__(
-        self,
-        *,
-        burst: float = BURST,
-        limit: float = LIMIT,
-        most: int = WHOLE,
-        window: tuple[float, float] = (-math.inf, math.inf),
-    ) -> None:
-        self._burst, self._limit, self._most, self._window = burst, limit, most, window
-        self._held: list[_RowGroup] = []
-        self._spectra: list[Spectra] = []
-        self._attitude = False
-        self._number = 0
-        self._before: float | None = None
-        self._last: tuple[float, float] | None = None  # time and heading of the last sample
+    burst: float = BURST  # length of a burst, s
+    limit: float = LIMIT  # an inclination above it counts as large, rad
+    most: int = WHOLE  # up to so many samples every one is kept
+    window: tuple[float, float] = (-math.inf, math.inf)  # samples in it count, s
+    _held: list[Rows] = field(default_factory=list, init=False)  # rows of the burst that is not over
+    _spectra: list[Spectra] = field(default_factory=list, init=False)
+    _attitude: bool = field(default=False, init=False)
+    _number: int = field(default=0, init=False)
+    _last: tuple[float, float] | None = field(default=None, init=False)  # time and heading of the last sample
 
     def begin(self, samples: ImuData | AttitudeTrack) -> None:
         """Be ready for this recording: its times are looked at."""
-        t = samples.t
-        low, high = np.searchsorted(t, self._window[0]), np.searchsorted(t, self._window[1], side="right")
+        t, (begin, end) = samples.t, self.window
+        low, high = np.searchsorted(t, begin), np.searchsorted(t, end, side="right")
         if high <= low:
             raise ShapeError(
-                f"no sample lies between {self._window[0]:g} and {self._window[1]:g} s; the recording has "
-                f"{t[0]:g} to {t[-1]:g} s."
+                f"no sample lies between {begin:g} and {end:g} s; the recording has {t[0]:g} to {t[-1]:g} s."
             )
         triads = samples.triads if isinstance(samples, ImuData) else ()
-        step = _usual_step(t[low:high])
-        self._gathered = g = Gathered(float(t[low]), float(t[high - 1]), step, triads, self._burst)
-        length = g.duration + step
-        self._count = max(1, round(length / self._burst))  # a rest of less than half a burst is the last one's
-        self._segment = segment_length(min(self._burst, length))
-        self._tracing = Tracing(TRACED, int(high - low), most=self._most, circular=("roll", "heading"))
+        inside, starts, size = t[low:high], [0], int(high - low)
+        if size > 64 * 4096:  # the median step is that of places all over a long recording
+            size, starts = 4096, np.linspace(0, size - 4096, 64).astype(np.int64).tolist()
+        steps = np.concatenate([np.diff(inside[start : start + size]) for start in starts])
+        step = float(np.median(steps)) if steps.size else 1.0
+        begin, end = float(inside[0]), float(inside[-1])
+        self._gathered = Gathered(begin, end, end - begin, step, triads, self.burst)
+        length = end - begin + step
+        self._count = max(1, round(length / self.burst))  # a rest of less than half a burst is the last one's
+        self._segment = segment_length(min(self.burst, length))
+        self._tracing = Tracing(TRACED, int(high - low), most=self.most, circular=("roll", "heading"))
 
     def take(self, imu: ImuData | None, track: AttitudeTrack | None) -> None:
         """Take samples and their attitudes, of the same times where there are both."""
-        part, g = _part(imu, track), self._gathered
-        inside = (part.t >= self._window[0]) & (part.t <= self._window[1])
-        if not inside.any():
+        part, g = channel_rows(imu, track), self._gathered
+        part = part[(part["t"] >= self.window[0]) & (part["t"] <= self.window[1])]
+        if not part.size:
             return
-        part = part if inside.all() else part.rows(np.flatnonzero(inside))
         self._attitude |= track is not None
-        self._rates(part)
-        self._events(part)
-        self._tracing.add(part.t, part.traced, (part.words & np.uint32(flags.GAP)) != 0)
-        g.moments.add(part.traced)
-        g.samples += part.t.size
-        place = np.minimum(np.floor((part.t - g.begin) / self._burst).astype(np.int64), self._count - 1)
+        t, traced, words = part["t"], part["traced"], part["words"]
+        heading = traced[:, TRACED.index("heading")]
+        since, before = (t[0] - g.step, heading[0]) if self._last is None else self._last
+        turn = (np.diff(heading, prepend=before) + np.pi) % (2.0 * np.pi) - np.pi
+        part["rate"] = turn / np.diff(t, prepend=since)
+        if self._last is None:
+            part["rate"][0] = np.nan  # the first sample has none before it
+        self._events(t, words)
+        self._last = (float(t[-1]), float(heading[-1]))
+        self._tracing.add(t, traced, (words & np.uint32(flags.GAP)) != 0)
+        g.moments.add(traced)
+        g.samples += t.size
+        place = np.minimum(np.floor((t - g.begin) / self.burst).astype(np.int64), self._count - 1)
         for number in np.unique(place).tolist():
             if self._held and number != self._number:
                 self._close()
             self._number = number
-            self._held.append(part.rows(np.flatnonzero(place == number)))
+            self._held.append(part[place == number])
 
     def done(self) -> Gathered:
         """What was gathered."""
@@ -342,96 +328,61 @@ class Gatherer:
             g.headings = Headings.joined([burst.headings for burst in g.bursts])
         return g
 
-    def _rates(self, part: "_RowGroup") -> None:
-        """Rate of the heading, from the sample before; the first has none."""
-        heading = part.column("heading")
-        before = heading[:1] if self._last is None else np.array([self._last[1]])
-        since = part.t[:1] - self._gathered.step if self._last is None else np.array([self._last[0]])
-        turn = (np.diff(heading, prepend=before) + np.pi) % (2.0 * np.pi) - np.pi
-        part.rate[:] = turn / np.diff(part.t, prepend=since)
-        if self._last is None:
-            part.rate[:1] = np.nan
-        self._before = None if self._last is None else self._last[0]
-        self._last = (float(part.t[-1]), float(heading[-1]))
-
-    def _events(self, part: "_RowGroup") -> None:
+    def _events(self, t: Floats, words: NDArray[np.uint32]) -> None:
         """Flags over time, and gaps."""
         g = self._gathered
-        late = np.flatnonzero(part.words & np.uint32(flags.GAP)).tolist()
-        for row in late:
-            before = self._before if row == 0 else float(part.t[row - 1])
+        for row in np.flatnonzero(words & np.uint32(flags.GAP)).tolist():
+            before = float(t[row - 1]) if row else None if self._last is None else self._last[0]
             if before is not None:
-                g.gaps.append((before, float(part.t[row])))
-                g.missing += max(0, round((float(part.t[row]) - before) / g.step) - 1)
-        raised = int(np.bitwise_or.reduce(part.words))
+                end = float(t[row])
+                g.gaps.append((before, end))
+                g.missing += max(0, round((end - before) / g.step) - 1)
+                g.lost += end - before - g.step
+        raised = int(np.bitwise_or.reduce(words))
         for bit, (name, _) in flags.MEANING.items():
             if not raised & bit:
                 continue
             runs = g.flags.setdefault(name, FlagRuns())
-            for start, stop in check.runs((part.words & np.uint32(bit)) != 0):
-                end = float(part.t[stop]) if stop < part.t.size else float(part.t[-1]) + g.step
-                runs.add(float(part.t[start]), end, stop - start, 0.5 * g.step)
+            for start, stop in check.runs((words & np.uint32(bit)) != 0):
+                begin, end = float(t[start]), float(t[stop]) if stop < t.size else float(t[-1]) + g.step
+                runs.samples += stop - start
+                if runs.stretches and begin <= runs.stretches[-1][1] + 0.5 * g.step:  # it goes on from the part before
+                    begin, _ = runs.stretches.pop()
+                runs.stretches.append((begin, end))
             if len(runs.stretches) > 4 * _RUNS:
                 runs.thin(g.duration / (_RUNS / 2))
 
     def _close(self) -> None:
         """Judge the burst that is over."""
-        part, self._held, g = _RowGroup.joined(self._held), [], self._gathered
-        begin = g.begin + self._number * self._burst
-        end = g.end + g.step if self._number == self._count - 1 else begin + self._burst
-        roll, pitch, heading, tilt = (part.column(name) for name in ("roll", "pitch", "heading", "tilt"))
-        spectral = np.stack((roll, pitch, part.rate, part.vertical), axis=1)
-        spectra = welch(part.t, spectral, step=g.step, segment=self._segment, turns=(0, 1))
+        part, self._held, g = np.concatenate(self._held), [], self._gathered
+        begin = g.begin + self._number * self.burst
+        end = g.end + g.step if self._number == self._count - 1 else begin + self.burst
+        t, traced, vertical = part["t"], part["traced"], part["vertical"]
+        roll, pitch, heading, tilt = traced[:, : TRACED.index("tilt") + 1].T
+        spectral = np.stack((roll, pitch, part["rate"], vertical), axis=1)
+        spectra = welch(t, spectral, step=g.step, segment=self._segment, turns=(0, 1))
         self._spectra.append(spectra)
-        motions = [TiltMotion.of(part.t, angle, peak_period(spectra, i)) for i, angle in enumerate((roll, pitch))]
-        stats = TiltStatistics(motions[0], motions[1], Inclination.of(part.t, tilt, self._limit))
+        motions = [TiltMotion.of(t, angle, peak_period(spectra, i)) for i, angle in enumerate((roll, pitch))]
+        stats = TiltStatistics(motions[0], motions[1], Inclination.of(t, tilt, self.limit))
         columns = {name: AXES[name] for name in g.triads}
         columns |= {"temp": ("temp",)} if g.has("temp") else {}
         columns |= {"attitude": ("roll", "pitch")} if self._attitude else {}
         verdicts = {
             name: quality.verdict(
-                name, part.t, part.traced[:, [TRACED.index(channel) for channel in names]], part.words, (begin, end),
-                part.vertical if name == "acc" else None,
+                name, t, traced[:, [TRACED.index(channel) for channel in names]], part["words"], (begin, end),
+                vertical if name == "acc" else None,
             )
             for name, names in columns.items()
         }  # fmt: skip
-        g.bursts.append(Burst(begin, end, part.t.size, stats, Headings.of(heading), verdicts))
+        g.bursts.append(Burst(begin, end, part.size, stats, Headings.of(heading), verdicts))
 
 
-_ROWS: Final = ("t", "traced", "rate", "vertical", "words")
-
-
-@dataclass(frozen=True, eq=False)
-class _RowGroup:
-    """Rows that belong together: times, traced channels, heading rate, vertical acceleration and flags."""
-
-    t: Floats
-    traced: Floats
-    rate: Floats
-    vertical: Floats
-    words: NDArray[np.uint32]
-
-    def column(self, name: str) -> Floats:
-        return self.traced[:, TRACED.index(name)]
-
-    def rows(self, which: NDArray[np.intp]) -> "_RowGroup":
-        return _RowGroup(*(getattr(self, name)[which] for name in _ROWS))
-
-    @classmethod
-    def joined(cls, parts: "Sequence[_RowGroup]") -> "_RowGroup":
-        if len(parts) == 1:
-            return parts[0]
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in _ROWS))
-
-
-def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _RowGroup:
-    """All channels of samples and attitudes."""
+def channel_rows(imu: ImuData | None, track: AttitudeTrack | None) -> Rows:
+    """All channels of samples and attitudes (N,); NaN where there is none, and for the rate of the heading."""
     source: Any = track if imu is None else imu
-    n = len(source)
-    traced = np.full((n, len(TRACED)), np.nan)
-    words = np.zeros(n, dtype=np.uint32)
-    vertical = np.full(n, np.nan)
-
+    rows = np.zeros(len(source), _ROW)
+    rows["t"], traced, words = source.t, rows["traced"], rows["words"]
+    traced[:] = rows["rate"][:] = rows["vertical"][:] = np.nan
     if imu is not None:
         words |= imu.flags
         for name in imu.triads:
@@ -441,36 +392,16 @@ def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _RowGroup:
             traced[:, TRACED.index("temp")] = imu.temp_c
     if track is not None:
         words |= 0 if track.flags is None else track.flags
-        for name, values in attitude_channels(track).items():
+        _, pitch, roll = euler_zyx_from_quat(track.q_nb).T
+        tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
+        channels = {"roll": roll, "pitch": pitch, "heading": heading_of(track.q_nb, track.frame), "tilt": tilt}
+        if track.cov_b is not None:
+            sd = euler_sd(track.q_nb, track.cov_b).T
+            channels |= dict(zip(("heading_sd", "pitch_sd", "roll_sd"), sd, strict=True))
+        if track.bias_b is not None:
+            channels |= {f"bias_{axis}": track.bias_b[:, i] for i, axis in enumerate("xyz")}
+        for name, values in channels.items():
             traced[:, TRACED.index(name)] = values
         if imu is not None and "acc" in imu.triads:
-            vertical = quat_rotate(track.q_nb, imu.usable("acc")) @ track.frame.up - G0
-    return _RowGroup(np.asarray(source.t), traced, np.full(n, np.nan), vertical, words)
-
-
-def attitude_channels(track: AttitudeTrack) -> dict[str, Floats]:
-    """Roll, pitch, heading and inclination of a track, their claimed standard deviations, and its bias; rad, rad/s."""
-    _, pitch, roll = euler_zyx_from_quat(track.q_nb).T
-    channels = {
-        "roll": roll,
-        "pitch": pitch,
-        "heading": heading_of(track.q_nb, track.frame),
-        "tilt": np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0)),
-    }
-    if track.cov_b is not None:
-        sd = euler_sd(track.q_nb, track.cov_b).T
-        channels |= dict(zip(("heading_sd", "pitch_sd", "roll_sd"), sd, strict=True))
-    if track.bias_b is not None:
-        channels |= {f"bias_{axis}": track.bias_b[:, i] for i, axis in enumerate("xyz")}
-    return channels
-
-
-def _usual_step(t: Floats) -> float:
-    """Median step, of places all over a long recording, s."""
-    if t.size < 2:
-        return 1.0
-    size, places = 4096, 64
-    if t.size <= size * places:
-        return float(np.median(np.diff(t)))
-    starts = np.linspace(0, t.size - size, places).astype(np.int64)
-    return float(np.median(np.concatenate([np.diff(t[start : start + size]) for start in starts])))
+            rows["vertical"] = quat_rotate(track.q_nb, imu.usable("acc")) @ track.frame.up - G0
+    return rows

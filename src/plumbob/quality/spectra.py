@@ -28,17 +28,12 @@ UNEVEN: Final = 0.25
 class Spectra:
     """Densities of several channels."""
 
-    frequency: Floats  # (F,), from one step above zero to half the rate, Hz
+    frequency: Floats  # (F,), from the resolution in steps of it to half the rate, Hz
     density: Floats  # (F, C), one-sided, unit²/Hz; NaN where a channel has no segment
     segments: NDArray[np.int64]  # (C,), how many segments of each channel were averaged
     step: float  # between samples, s
     length: int  # samples of a segment
     interpolated: int = 0  # segments whose samples were not even in time
-
-    @property
-    def resolution(self) -> float:
-        """Step of frequency, Hz."""
-        return 1.0 / (self.length * self.step)
 
     @classmethod
     def joined(cls, parts: "list[Self]") -> Self:
@@ -85,10 +80,13 @@ def welch(
     turns : tuple of int
         Channels that are angles, rad, which go on through ±180°.
     """
+    from scipy.fft import rfft
+
     duration = float(t[-1] - t[0]) if t.size > 1 else 0.0
     if step is None:
         step = float(np.median(np.diff(t))) if t.size > 1 else 1.0
     length = max(LEAST, round((segment_length(duration) if segment is None else segment) / step))
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
     frequency = np.arange(1, length // 2 + 1) / (length * step)
     total = np.zeros((frequency.size, values.shape[1]))
     segments = np.zeros(values.shape[1], dtype=np.int64)
@@ -98,10 +96,13 @@ def welch(
             samples, at = values[start : start + length, channel], t[start : start + length]
             samples = np.unwrap(samples) if channel in turns else samples
             grid = at[0] + (at[-1] - at[0]) / (length - 1) * np.arange(length)
-            even = bool(np.max(np.abs(at - grid)) <= UNEVEN * step)
-            total[:, channel] += _density(samples if even else np.interp(grid, at, samples), step)
+            if np.max(np.abs(at - grid)) > UNEVEN * step:
+                samples, uneven = np.interp(grid, at, samples), uneven + 1
+            power = np.abs(rfft((samples - np.mean(samples)) * window)) ** 2 * (2.0 * step / np.sum(window**2))
+            if length % 2 == 0:
+                power[-1] *= 0.5  # half the rate has no partner
+            total[:, channel] += power[1:]
             segments[channel] += 1
-            uneven += not even
     with np.errstate(divide="ignore", invalid="ignore"):
         density = np.where(segments > 0, total / segments, np.nan)
     return Spectra(frequency, density, segments, step, length, uneven)
@@ -121,16 +122,6 @@ def _starts(t: Floats, values: Floats, length: int, step: float) -> list[int]:
     return starts
 
 
-def _density(x: Floats, step: float) -> Floats:
-    from scipy.fft import rfft
-
-    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(x.size) / x.size)
-    power = np.abs(rfft((x - np.mean(x)) * window)) ** 2 * (2.0 * step / np.sum(window**2))
-    if x.size % 2 == 0:
-        power[-1] *= 0.5  # half the rate has no partner
-    return np.asarray(power[1:], dtype=np.float64)
-
-
 def peak_period(spectra: Spectra, channel: int) -> float:
     """Period of the peak of a density, s: a parabola through the logarithms of the highest value and its neighbours.
 
@@ -145,4 +136,4 @@ def peak_period(spectra: Spectra, channel: int) -> float:
         below, middle, above = np.log(density[top - 1 : top + 2])
         bend = below - 2.0 * middle + above
         shift = 0.5 * (below - above) / bend if bend < 0.0 else 0.0
-    return float(1.0 / (spectra.frequency[top] + shift * spectra.resolution))
+    return float(1.0 / (spectra.frequency[top] + shift * spectra.frequency[0]))

@@ -9,7 +9,8 @@ the highest third of the waves, and for a narrow-banded Gaussian sea it is 4.00 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Final, Self
 
 import numpy as np
@@ -41,7 +42,7 @@ def _pooled(parts: "Sequence[TiltMotion] | Sequence[Inclination]") -> tuple[int,
     return int(np.sum(count)), mean, math.sqrt(float(np.sum(count * variance) / np.sum(count)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class TiltMotion:
     """Roll or pitch over a time."""
 
@@ -56,34 +57,20 @@ class TiltMotion:
     tp: float = math.nan  # period of the peak of the spectrum, s; NaN where there is none
     # whether the angle went through ±180°, so that its mean and all that follows from it mean nothing
     wrapped: bool = False
+    rms: float = field(init=False)  # root mean square of the angle itself, about zero, rad
+    waves: int = field(init=False)  # how many
+    # mean double amplitude of the highest third of the waves, and the largest one, rad; NaN without waves
+    significant: float = field(init=False)
+    largest: float = field(init=False)
+    tz: float = field(init=False)  # mean period between zero up-crossings, s; NaN without waves
 
-    @property
-    def rms(self) -> float:
-        """Root mean square of the angle itself, about zero, rad."""
-        return math.hypot(self.mean, self.sd)
-
-    @property
-    def waves(self) -> int:
-        """Number of waves."""
-        return int(self.heights.size)
-
-    @property
-    def significant(self) -> float:
-        """Mean double amplitude of the highest third of the waves, rad; NaN where there are none."""
-        if not self.waves:
-            return math.nan
-        highest = max(1, round(self.waves * THIRD))
-        return float(np.mean(np.partition(self.heights, self.waves - highest)[self.waves - highest :]))
-
-    @property
-    def largest(self) -> float:
-        """Largest double amplitude, rad; NaN without waves."""
-        return float(np.max(self.heights)) if self.waves else math.nan
-
-    @property
-    def tz(self) -> float:
-        """Mean period between zero up-crossings, s; NaN without waves."""
-        return float(np.mean(self.periods)) if self.waves else math.nan
+    def __post_init__(self) -> None:
+        self.rms, self.waves = math.hypot(self.mean, self.sd), int(self.heights.size)
+        self.significant = self.largest = self.tz = math.nan
+        if self.waves:
+            below = self.waves - max(1, round(self.waves * THIRD))
+            self.significant = float(np.mean(np.partition(self.heights, below)[below:]))
+            self.largest, self.tz = float(np.max(self.heights)), float(np.mean(self.periods))
 
     @classmethod
     def of(cls, t: Floats, angle: Floats, tp: float = math.nan) -> Self:
@@ -114,7 +101,7 @@ class TiltMotion:
         return cls(*_pooled(usable), least, greatest, heights, periods, math.nan if wrapped else tp, wrapped)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Inclination:
     """Angle between the body's vertical axis and the vertical over a time, whatever its direction."""
 
@@ -126,16 +113,12 @@ class Inclination:
     greatest_at: float  # when it was greatest, s
     limit: float  # what counts as large, rad
     beyond: int  # samples beyond the limit
+    rms: float = field(init=False)  # root mean square, rad
+    share_beyond: float = field(init=False)  # share of the samples beyond the limit; NaN where there are none
 
-    @property
-    def rms(self) -> float:
-        """Root mean square, rad."""
-        return math.hypot(self.mean, self.sd)
-
-    @property
-    def share_beyond(self) -> float:
-        """Share of the samples beyond the limit; NaN where there are none."""
-        return self.beyond / self.samples if self.samples else math.nan
+    def __post_init__(self) -> None:
+        self.rms = math.hypot(self.mean, self.sd)
+        self.share_beyond = self.beyond / self.samples if self.samples else math.nan
 
     @classmethod
     def of(cls, t: Floats, angle: Floats, limit: float) -> Self:
@@ -155,11 +138,11 @@ class Inclination:
         if not usable:
             return parts[0]
         samples, mean, sd = _pooled(usable)
-        highest = max(usable, key=lambda part: part.greatest)
+        highest = max(usable, key=attrgetter("greatest"))
         return replace(highest, samples=samples, mean=mean, sd=sd, beyond=sum(part.beyond for part in usable))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Headings:
     """Headings over a time, as directions on a circle [Mardia2000]."""
 
@@ -167,29 +150,19 @@ class Headings:
     # cosine, sine: sums over the samples
     cosine: float
     sine: float
+    samples: int = field(init=False)  # how many are known
+    # length of the mean direction vector: 1 where all headings are the same, near 0 where all occur alike
+    resultant: float = field(init=False)
+    mean: float = field(init=False)  # direction of the mean vector, rad, 0 to 2π clockwise from North
+    spread: float = field(init=False)  # circular standard deviation √(−2 ln R), rad, of the resultant R
 
-    @property
-    def samples(self) -> int:
-        """How many are known."""
-        return int(np.sum(self.counts))
-
-    @property
-    def resultant(self) -> float:
-        """Length of the mean direction vector: 1 where all headings are the same, near 0 where all occur alike."""
-        return math.hypot(self.cosine, self.sine) / self.samples if self.samples else math.nan
-
-    @property
-    def mean(self) -> float:
-        """Direction of the mean vector, rad, 0 to 2π clockwise from North; NaN where there is none."""
-        return math.atan2(self.sine, self.cosine) % (2.0 * math.pi) if self.samples else math.nan
-
-    @property
-    def spread(self) -> float:
-        """Circular standard deviation √(−2 ln R), rad, of the resultant R; NaN where there are no headings."""
-        r = self.resultant
-        if math.isnan(r):
-            return math.nan
-        return math.sqrt(max(0.0, -2.0 * math.log(r))) if r > 0.0 else math.inf
+    def __post_init__(self) -> None:
+        self.samples = int(np.sum(self.counts))
+        self.resultant = self.mean = self.spread = math.nan
+        if self.samples:
+            self.resultant = r = math.hypot(self.cosine, self.sine) / self.samples
+            self.mean = math.atan2(self.sine, self.cosine) % (2.0 * math.pi)
+            self.spread = math.sqrt(max(0.0, -2.0 * math.log(r))) if r > 0.0 else math.inf
 
     def sectors(self, count: int) -> Floats:
         """Share of the samples in each of `count` equal sectors, the first about North: 36 of 10°, or 16 of 22.5°."""

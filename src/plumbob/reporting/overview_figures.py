@@ -12,7 +12,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg
 from plumbob.overview.report_entry import Subject
-from plumbob.overview.streaming_stats import SPECTRAL, SPECTRAL_UNITS, Gathered, shown_scale
+from plumbob.overview.streaming_stats import SHOWN_SCALE, SPECTRAL, SPECTRAL_UNITS, Gathered
 from plumbob.quality.tilt import Headings
 from plumbob.reporting.content import COLOURS, SERIES, Figure
 from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
@@ -101,7 +101,7 @@ def charts(g: Gathered) -> Iterator[Chart]:
 def _spectra(frequency: Floats, density: Floats) -> Iterator[Chart]:
     x = [float(f"{f:.5g}") for f in frequency]
     for name, subject, label, channels in _SPECTRA:
-        values = {channel: density[:, SPECTRAL.index(channel)] * shown_scale(channel) ** 2 for channel in channels}
+        values = {channel: density[:, SPECTRAL.index(channel)] * SHOWN_SCALE[channel] ** 2 for channel in channels}
         lines = [
             {"label": channel.replace("_", " "), "colour": colour, "y": _digits(y)}
             for (channel, y), colour in zip(values.items(), COLOURS, strict=False)
@@ -138,7 +138,7 @@ def _bursts(g: Gathered) -> Iterator[Chart]:
 
 def shown_values(g: Gathered, channel: str) -> Floats:
     """Values (M,) of a channel in the unit that is shown; headings on the circle of `heading_circle`."""
-    values = g.traces.channel(channel) * shown_scale(channel)
+    values = g.traces.channel(channel) * SHOWN_SCALE[channel]
     start = heading_circle(g)[0]
     return (values - start) % 360.0 + start if channel == "heading" else values
 

@@ -11,7 +11,7 @@ from plumbob.core.text import number
 from plumbob.core.units import to_deg
 from plumbob.data import UNCALIBRATED
 from plumbob.overview.report_entry import Subject
-from plumbob.overview.streaming_stats import AXES, MOTION_NAMES, TILT_NAMES, TRACED, UNITS, Gathered, shown_scale
+from plumbob.overview.streaming_stats import AXES, MOTION_NAMES, SHOWN_SCALE, TILT_NAMES, TRACED, UNITS, Gathered
 from plumbob.quality import quality
 from plumbob.quality.grade import Grade
 from plumbob.quality.tilt import DEAD, Headings, Inclination, TiltMotion, TiltStatistics
@@ -94,7 +94,7 @@ def sensor_table(g: Gathered) -> Table:
     rows = []
     names = [(name, axis) for name in g.triads for axis in AXES[name]] + ([("temp", "temp")] if g.has("temp") else [])
     for triad, channel in names:
-        i, scale = TRACED.index(channel), shown_scale(channel)
+        i, scale = TRACED.index(channel), SHOWN_SCALE[channel]
         m = g.moments
         has_samples = m.count[i] > 0
         values = (m.mean[i], m.sd[i], m.least[i], m.greatest[i]) if has_samples else (math.nan,) * 4
@@ -239,7 +239,7 @@ def definitions(subjects: Sequence[Subject]) -> tuple[Finding, ...]:
     spectra = next((subject.gathered.spectra for subject in subjects if subject.gathered.spectra is not None), None)
     length, rate, resolution = None, None, None
     if spectra is not None:
-        length, rate, resolution = spectra.length * spectra.step, 1.0 / spectra.step, spectra.resolution
+        length, rate, resolution = spectra.length * spectra.step, 1.0 / spectra.step, float(spectra.frequency[0])
     return (
         info("page.angles"),
         info("page.waves", dead=DEAD, burst=first.burst),
