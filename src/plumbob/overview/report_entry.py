@@ -165,10 +165,35 @@ def _subject(
     about: Mapping[str, Any],
 ) -> Subject:
     """A recording with its provenance; `estimate` are facts of it, `about` further fields."""
+    import scipy
+
+    facts = [("recording", name)]
+    for path in paths[:8]:
+        digest, size = file_sha256(path)
+        facts.append(("SHA-256", f"{digest} ({path.name}, {size} bytes)"))
+    if len(paths) > 8:
+        facts.append(("SHA-256", f"and of {counted(len(paths) - 8, 'further part')}, not shown"))
+    if meta is not None:
+        facts.append(("device", meta.device))
+    if session is not None:
+        facts.append(("session", f"{session.form.name}, recorded as a stream of bytes and decoded again"))
+    t0_ns = 0 if meta is None else meta.t0_ns
+    span = f"{_utc(t0_ns, gathered.begin)} to {_utc(t0_ns, gathered.end)}" if t0_ns else ""
+    nominal = f" (nominal {meta.rate_nominal:g} Hz)" if meta is not None and meta.rate_nominal else ""
+    facts += [
+        ("time (UTC)", span or "not known; times count from the start of the recording"),
+        ("duration", f"{duration(gathered.duration)} ({gathered.duration:.3f} s), {gathered.samples} samples"),
+        ("rate", f"{1.0 / gathered.step:.6g} Hz{nominal}"),
+    ]
+    if meta is not None:
+        titles = ", ".join(TITLES[name] for name in gathered.triads)
+        facts.append(("sensors", f"{titles}; body axes '{meta.axes}' of the case"))
+        facts.append(("calibration", calibration_told(meta.calibration)))
+    versions = f"NumPy {np.__version__}, SciPy {scipy.__version__}, Python {platform.python_version()}"
+    made = f"plumbob {__version__}, {versions}, {datetime.now(UTC).strftime('%Y-%m-%d %H:%M UTC')}"
     return Subject(
-        name=name, files=tuple(paths), gathered=gathered,
-        facts=(*_provenance(name, paths, session, meta, gathered, estimate),),
-        calibrated=meta is None or meta.calibration is not None, t0_ns=0 if meta is None else meta.t0_ns, **about,
+        name=name, files=tuple(paths), gathered=gathered, facts=(*facts, *estimate, ("made by", made)),
+        calibrated=meta is None or meta.calibration is not None, t0_ns=t0_ns, **about,
     )  # fmt: skip
 
 
@@ -303,40 +328,6 @@ def _samples(stream: "Stream", log: "Log") -> Iterator[Recording]:
         yield Recording(imu=part.sensed.corrected(meta=replace(part.sensed.meta, t0_ns=t0_ns)))
     if t0_ns is None:
         raise DecodeError(f"{log.paths[0]} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
-
-
-def _provenance(
-    name: str,
-    paths: Sequence[Path],
-    session: "Session | None",
-    meta: ImuMeta | None,
-    gathered: Gathered,
-    estimate: Sequence[tuple[str, str]],
-) -> Iterator[tuple[str, str]]:
-    import scipy
-
-    yield "recording", name
-    for path in paths[:8]:
-        digest, size = file_sha256(path)
-        yield "SHA-256", f"{digest} ({path.name}, {size} bytes)"
-    if len(paths) > 8:
-        yield "SHA-256", f"and of {counted(len(paths) - 8, 'further part')}, not shown"
-    if meta is not None:
-        yield "device", meta.device
-    if session is not None:
-        yield "session", f"{session.form.name}, recorded as a stream of bytes and decoded again"
-    dated = meta is not None and meta.t0_ns
-    span = " to ".join(_utc(dated, t) for t in (gathered.begin, gathered.end)) if dated else ""
-    yield "time (UTC)", span or "not known; times count from the start of the recording"
-    yield "duration", f"{duration(gathered.duration)} ({gathered.duration:.3f} s), {gathered.samples} samples"
-    nominal = f" (nominal {meta.rate_nominal:g} Hz)" if meta is not None and meta.rate_nominal else ""
-    yield "rate", f"{1.0 / gathered.step:.6g} Hz{nominal}"
-    if meta is not None:
-        yield "sensors", f"{', '.join(TITLES[name] for name in gathered.triads)}; body axes '{meta.axes}' of the case"
-        yield "calibration", calibration_told(meta.calibration)
-    yield from estimate
-    versions = f"NumPy {np.__version__}, SciPy {scipy.__version__}, Python {platform.python_version()}"
-    yield "made by", f"plumbob {__version__}, {versions}, {datetime.now(UTC).strftime('%Y-%m-%d %H:%M UTC')}"
 
 
 def _utc(t0_ns: int, t: float) -> str:

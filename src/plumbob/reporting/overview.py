@@ -6,14 +6,14 @@ blocks of 16-bit codes.
 
 import math
 from base64 import b64encode
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plumbob.core import check, units
 from plumbob.core.errors import ParameterError
@@ -24,14 +24,13 @@ from plumbob.core.units import Quantity, to_deg
 from plumbob.data import ImuData
 from plumbob.data.recording import Recording
 from plumbob.overview.report_entry import Progress, Subject, duration, read_subject, subject_from
-from plumbob.overview.streaming_stats import WHOLE, Gathered, Gatherer
+from plumbob.overview.streaming_stats import WHOLE, Gatherer
 from plumbob.quality import quality
 from plumbob.quality.grade import grade
-from plumbob.quality.tilt import Headings
 from plumbob.reporting import overview_tables as tables
-from plumbob.reporting.content import said
+from plumbob.reporting.content import Figure, said
 from plumbob.reporting.drawing import picture, picture_kind
-from plumbob.reporting.overview_figures import SECTORS, WHATS, Chart, charts, figure, figures, shown_values
+from plumbob.reporting.overview_figures import SECTORS, WHATS, charts, figure, figures, shown_values
 from plumbob.reporting.page import CSS, asset_text, render
 from plumbob.reporting.report import Report
 from plumbob.rotations import Frame
@@ -48,6 +47,15 @@ _LONG: Final = 12  # bursts whose table is not folded away
 _EVEN: Final = 1e-6  # s that times may depart from even ones and be written as such
 _CHANNEL: Final = {"gyr": "Gyroscope", "acc": "Accelerometer", "mag": "Magnetometer", "temp": "Temperature",
                    "attitude": "Attitude"}  # fmt: skip
+_SECTIONS: Final = {  # of a recording, and the tables, plots and others that stand in them
+    "Tilt and heading": ("motion", "inclination", "rose"),
+    "Attitude": ("hint", "roll", "pitch", "heading", "tilt"),
+    "Spectra": ("angles", "heading rate", "vertical acceleration"),
+    "Bursts": ("bursts", "burst tilt", "burst table"),
+    "Sensors": ("rates", "forces", "field", "temperature", "bias", "sensors"),
+    "Gaps and flags": ("flags", "gaps"),
+    "Quality": ("grade", "grid", "quality", "thresholds"),
+}
 
 Source = str | PathLike[str] | Recording | ImuData
 Block = tuple[str, Any]  # kind of a part of a section, as the template has it, and what is in it
@@ -75,11 +83,21 @@ class Overview(Reported):
     def report(self, *_: Any, **_about: Any) -> Report:
         """Description, with figures for a paper."""
         definitions = tables.definitions(self.subjects)
-        if len(self.subjects) == 1:
-            return replace(_described(self.subjects[0]), title=TITLE, definitions=definitions)
+        parts = [
+            RecordingsReport(
+                subject.name, facts=subject.facts, tables=list(tables.tables(subject).values()),
+                remarks=tables.remarks(subject), figures=partial(_drawings, subject), subjects=(subject,),
+            )
+            for subject in self.subjects
+        ]  # fmt: skip
+        if len(parts) == 1:
+            return replace(parts[0], title=TITLE, definitions=definitions)
         beside = [tables.comparison_table(self.subjects)]
-        parts = [_described(subject) for subject in self.subjects]
         return RecordingsReport(TITLE, tables=beside, parts=parts, definitions=definitions, subjects=self.subjects)
+
+
+def _drawings(subject: Subject) -> list[Figure]:
+    return list(figures(subject).values())
 
 
 def report(
@@ -202,12 +220,19 @@ class RecordingsReport(Report):
         values: dict[str, str] = {}
         data, recordings = [], []
         for number, subject in enumerate(self.subjects):
-            plots = [_in_language(chart, lang) for chart in charts(subject.gathered) if chart.on_page]
+            plots = []
+            for chart in (chart for chart in charts(subject.gathered) if chart.on_page):
+                rows = {
+                    key: [part | {"label": said(part["label"], lang)} for part in chart.spec.get(key, ())]
+                    for key in ("lines", "rows")
+                }
+                unit = chart.label.partition(" [")[2].rstrip("]")
+                plots.append(chart.spec | rows | {"caption": said(chart.spec["caption"], lang), "unit": unit})
             data.append(_data(subject, plots, f"v{number}", values))
             recordings.append({
                 "name": subject.name, "facts": subject.facts, "loud": "" if subject.calibrated else tables.BARE,
                 "remarks": [line for line in tables.remarks(subject) if line != tables.BARE],
-                "sections": list(_sections(subject, plots, number)),
+                "sections": _sections(subject, plots, number),
             })  # fmt: skip
         words = {"time": said("time [s]", lang), "clock": said("time [h:min:s]", lang), "utc": said("UTC", lang)}
         return render(
@@ -219,129 +244,71 @@ class RecordingsReport(Report):
         )  # fmt: skip
 
 
-def _described(subject: Subject) -> RecordingsReport:
-    return RecordingsReport(
-        subject.name,
-        facts=subject.facts,
-        tables=tables.tables(subject),
-        remarks=tables.remarks(subject),
-        figures=lambda: list(figures(subject).values()),
-        subjects=(subject,),
-    )
-
-
-def _in_language(chart: Chart, lang: str) -> dict[str, Any]:
-    """What the script takes of a plot."""
-    rows = {
-        key: [part | {"label": said(part["label"], lang)} for part in chart.spec.get(key, ())]
-        for key in ("lines", "rows")
-    }
-    unit = chart.label.partition(" [")[2].rstrip("]")
-    return chart.spec | rows | {"caption": said(chart.spec["caption"], lang), "unit": unit}
-
-
-def _sections(subject: Subject, plots: Sequence[dict[str, Any]], number: int) -> Iterator[tuple[str, list[Block]]]:
+def _sections(subject: Subject, plots: Sequence[dict[str, Any]], number: int) -> list[tuple[str, list[Block]]]:
     """Titles of the sections of a recording, and what it has for each."""
-    g = subject.gathered
-
-    def drawn(*names: str) -> list[Block]:
-        places = {plot["name"]: i for i, plot in enumerate(plots)}
-        return [("chart", (plots[i], f"{number}.{i}")) for name in names if (i := places.get(name)) is not None]
-
-    tilt: list[Block] = []
-    bursts: list[Block] = []
+    g, made = subject.gathered, tables.tables(subject)
+    blocks: dict[str, Block] = {plot["name"]: ("chart", (plot, f"{number}.{i}")) for i, plot in enumerate(plots)}
     if g.tilt is not None:
-        tilt = [
-            ("table", tables.motion_table(g.tilt.roll, g.tilt.pitch)),
-            ("table", tables.inclination_table(g.tilt.inclination)),
-        ]
-        table = tables.burst_table(subject)
-        is_long = len(table.rows) > _LONG
-        bursts = [("folded", table) if is_long else ("table", replace(table, title=""))]
-    yield "Tilt and heading", tilt + ([("rose", _rose(g.headings))] if g.headings and g.headings.samples else [])
-    hint: list[Block] = [("hint", number)] if g.tilt is not None else []
-    yield "Attitude", hint + drawn("roll", "pitch", "heading", "tilt")
-    yield "Spectra", drawn("angles", "heading rate", "vertical acceleration")
-    yield "Bursts", drawn("bursts", "burst tilt") + bursts
-    sensors = drawn("rates", "forces", "field", "temperature", "bias")
-    if g.triads or g.has("temp"):
-        sensors.append(("table", replace(tables.sensor_table(g), title="")))
-    yield "Sensors", sensors
-    yield "Gaps and flags", [*drawn("flags"), ("table", replace(tables.flag_table(g), title=""))]
-    grade: list[Block] = [] if subject.grade is None else [("table", tables.grade_table(subject.grade))]
-    yield "Quality", grade + list(_quality(subject))
-
-
-def _quality(subject: Subject) -> Iterator[Block]:
-    """A cell for each burst and channel, and what did not pass below."""
-    bursts = subject.gathered.bursts
-    channels = [name for name in quality.CHANNELS if any(name in burst.verdicts for burst in bursts)]
-    if channels:
+        blocks["hint"] = ("hint", number)
+    if g.headings is not None and g.headings.samples:
+        share = 100.0 * g.headings.sectors(SECTORS)
+        power = 10.0 ** math.floor(math.log10(max(share.max(), 1e-3)))
+        ends = (step * power for step in (1.0, 2.0, 4.0, 5.0, 8.0, 10.0))
+        blocks["rose"] = "rose", {  # shares of the sectors, per cent, the end of their scale, and the mean vector
+            "share": share.tolist(), "top": next(end for end in ends if end >= share.max() * (1.0 - 1e-9)),
+            "mean": to_deg(g.headings.mean), "resultant": g.headings.resultant,
+            "table": made["headings"], "sectors": made["sectors"],
+        }  # fmt: skip
+    if "quality" in made:
         rows = []
-        for name in channels:
-            cells = []
-            for burst in bursts:
+        for name in made["quality"].head[1:]:
+            cells = []  # one for each burst
+            for burst in g.bursts:
                 verdict = burst.verdicts.get(name, quality.BurstVerdict(quality.MISSING))
                 why = f" ({verdict.why})" if verdict.why else ""
                 begin = subject.utc(burst.begin) or f"{burst.begin:g} s"
                 words = f"{begin}: {quality.MEANING[verdict.flag]}, {100.0 * verdict.good:.1f} % good{why}"
                 cells.append((verdict.flag, words))
             rows.append((_CHANNEL[name], cells))
-        yield "grid", {"rows": rows, "meaning": list(quality.MEANING.items())}
-        yield "folded", tables.quality_table(subject)
-        yield "folded", tables.threshold_table()
-
-
-def _rose(headings: Headings) -> dict[str, Any]:
-    """Shares of the sectors, per cent, the end of their scale, and the mean vector, degrees."""
-    share = 100.0 * headings.sectors(SECTORS)
-    power = 10.0 ** math.floor(math.log10(max(share.max(), 1e-3)))
-    top = next(step * power for step in (1.0, 2.0, 4.0, 5.0, 8.0, 10.0) if step * power >= share.max() * (1.0 - 1e-9))
-    return {
-        "share": share.tolist(), "top": top, "mean": to_deg(headings.mean), "resultant": headings.resultant,
-        "table": tables.heading_table(headings), "sectors": tables.sector_table(headings),
-    }  # fmt: skip
+        blocks["grid"] = "grid", {"rows": rows, "meaning": list(quality.MEANING.items())}
+    for name, table in made.items():
+        is_long = name in ("quality", "thresholds") or (name == "burst table" and len(table.rows) > _LONG)
+        is_alone = name in ("sensors", "gaps", "burst table")  # in a section that has its title
+        blocks[name] = ("folded" if is_long else "untitled" if is_alone else "table", table)
+    return [(title, [blocks[name] for name in names if name in blocks]) for title, names in _SECTIONS.items()]
 
 
 def _data(subject: Subject, plots: list[dict[str, Any]], name: str, values: dict[str, str]) -> dict[str, Any]:
     """What the script is given of a recording; blocks of values are added to `values`."""
-    g = subject.gathered
-    lines = [line for plot in plots for line in plot["lines"]]
-    wanted = dict.fromkeys(line[key] for line in lines for key in ("channel", "sd") if key in line)
-    t = g.traces.t
+    g, t = subject.gathered, subject.gathered.traces.t
     step = float(t[-1] - t[0]) / (t.size - 1) if t.size > 1 else 1.0
     times: dict[str, Any] = {"first": float(t[0]), "step": step}
     if float(np.max(np.abs(t - t[0] - step * np.arange(t.size)))) > _EVEN:
-        values[f"{name}t"] = _encoded(t.astype("<f8"))
+        values[f"{name}t"] = b64encode(t.astype("<f8").tobytes()).decode()
         times = {"block": f"{name}t"}
+    channels = {}
+    lines = [line for plot in plots for line in plot["lines"]]
+    for i, channel in enumerate(dict.fromkeys(line[key] for line in lines for key in ("channel", "sd") if key in line)):
+        y = shown_values(g, channel)
+        finite = np.isfinite(y)
+        low, high = (float(y[finite].min()), float(y[finite].max())) if finite.any() else (0.0, 0.0)
+        step, middle = (high - low) / _CODES or 1e-9, 0.5 * (low + high)
+        codes = np.full(y.size, _NONE, dtype="<i2")
+        codes[finite] = np.clip(np.rint((y[finite] - middle) / step), -_CODES // 2, _CODES // 2).astype("<i2")
+        values[f"{name}{i}"] = b64encode(codes.tobytes()).decode()
+        at = t[finite]
+        usual = float(np.median(np.diff(at))) if at.size > 1 else g.step
+        hold = max(GAP_FACTOR * usual, 1.01 * g.traces.each * g.step)
+        channels[channel] = {"block": f"{name}{i}", "low": middle, "step": step, "hold": hold}
     return {
         "rows": int(t.size),
         "t": times,
         "breaks": np.flatnonzero(~np.isfinite(g.traces.values).any(axis=1)).tolist(),
         "begin": g.begin, "end": g.end,
         "epoch": subject.t0_ns / 1e9 if subject.t0_ns else None,
-        "channels": {channel: _channel(g, channel, f"{name}{i}", values) for i, channel in enumerate(wanted)},
+        "channels": channels,
         "charts": plots,
     }  # fmt: skip
-
-
-def _channel(g: Gathered, channel: str, name: str, values: dict[str, str]) -> dict[str, Any]:
-    """Codes of a channel, and what they mean."""
-    y = shown_values(g, channel)
-    finite = np.isfinite(y)
-    low, high = (float(y[finite].min()), float(y[finite].max())) if finite.any() else (0.0, 0.0)
-    step = (high - low) / _CODES or 1e-9
-    middle = 0.5 * (low + high)
-    codes = np.full(y.size, _NONE, dtype="<i2")
-    codes[finite] = np.clip(np.rint((y[finite] - middle) / step), -_CODES // 2, _CODES // 2).astype("<i2")
-    values[name] = _encoded(codes)
-    at = g.traces.t[finite]
-    usual = float(np.median(np.diff(at))) if at.size > 1 else g.step
-    return {"block": name, "low": middle, "step": step, "hold": max(GAP_FACTOR * usual, 1.01 * g.traces.each * g.step)}
-
-
-def _encoded(values: NDArray[Any]) -> str:
-    return b64encode(np.ascontiguousarray(values).tobytes()).decode()
 
 
 def plot(

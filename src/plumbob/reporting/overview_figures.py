@@ -82,10 +82,26 @@ def charts(g: Gathered) -> Iterator[Chart]:
             lines = [{"label": text, "colour": colour, "channel": channel} for text, channel, colour in traces]
             if what == "angles" and g.has(f"{name}_sd"):
                 lines[0]["sd"] = f"{name}_sd"
-            spec = {"name": name, "caption": caption or _CAPTIONS[what][0], "kind": "time", "lines": lines}
+            spec: dict[str, Any] = {
+                "name": name,
+                "caption": caption or _CAPTIONS[what][0],
+                "kind": "time",
+                "lines": lines,
+            }
             yield Chart(what, label, spec | more.get(name, {}), on_page=bool(name))
     if g.spectra is not None:
-        yield from _spectra(*g.spectra.gathered())
+        frequency, density = g.spectra.gathered()
+        x = [float(f"{f:.5g}") for f in frequency]
+        for name, subject, label, channels in _SPECTRA:
+            values = {channel: density[:, SPECTRAL.index(channel)] * SHOWN_SCALE[channel] ** 2 for channel in channels}
+            densities: list[dict[str, Any]] = [
+                {"label": channel.replace("_", " "), "colour": colour, "y": _digits(y)}
+                for (channel, y), colour in zip(values.items(), COLOURS, strict=False)
+                if np.isfinite(y).any()
+            ]
+            spec = {"name": name, "caption": f"Power spectral density of {subject}", "kind": "spectrum",
+                    "lines": densities, "x": x, "xlabel": "f [Hz]"}  # fmt: skip
+            yield Chart("spectrum", f"{label} [{SPECTRAL_UNITS[channels[0]]}]", spec, on_page=bool(densities))
     if g.tilt is not None:
         yield from _bursts(g)
     rows = [("gaps", g.gaps, "red")]
@@ -96,20 +112,6 @@ def charts(g: Gathered) -> Iterator[Chart]:
         for name, stretches, colour in rows
     ]
     yield Chart("flags", "", {"name": "flags", "caption": _CAPTIONS["flags"][0], "kind": "flags", "rows": flags})
-
-
-def _spectra(frequency: Floats, density: Floats) -> Iterator[Chart]:
-    x = [float(f"{f:.5g}") for f in frequency]
-    for name, subject, label, channels in _SPECTRA:
-        values = {channel: density[:, SPECTRAL.index(channel)] * SHOWN_SCALE[channel] ** 2 for channel in channels}
-        lines = [
-            {"label": channel.replace("_", " "), "colour": colour, "y": _digits(y)}
-            for (channel, y), colour in zip(values.items(), COLOURS, strict=False)
-            if np.isfinite(y).any()
-        ]
-        spec = {"name": name, "caption": f"Power spectral density of {subject}", "kind": "spectrum", "lines": lines}
-        unit = SPECTRAL_UNITS[channels[0]]
-        yield Chart("spectrum", f"{label} [{unit}]", spec | {"x": x, "xlabel": "f [Hz]"}, on_page=bool(lines))
 
 
 def _digits(values: Floats) -> list[float | None]:

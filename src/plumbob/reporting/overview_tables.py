@@ -13,44 +13,59 @@ from plumbob.data import UNCALIBRATED
 from plumbob.overview.report_entry import Subject
 from plumbob.overview.streaming_stats import AXES, MOTION_NAMES, SHOWN_SCALE, TILT_NAMES, TRACED, UNITS, Gathered
 from plumbob.quality import quality
-from plumbob.quality.grade import Grade
-from plumbob.quality.tilt import DEAD, Headings, Inclination, TiltMotion, TiltStatistics
+from plumbob.quality.tilt import DEAD, Headings, TiltStatistics
 from plumbob.reporting.content import Both, Table
 from plumbob.rotations import North
 
 NARROW: Final = 0.7  # spread of headings, rad, up to which they are drawn about their mean
-_WAVES: Final = ("std [°]", "significant [°]", "Tz [s]")
+_WAVES: Final = tuple(
+    f"{axis} {kind}" for axis in ("roll", "pitch") for kind in ("std [°]", "significant [°]", "Tz [s]")
+)
+_ORDER: Final = (  # of the tables, those for every reader first
+    "motion", "inclination", "headings", "sensors", "gaps", "burst table", "grade", "quality", "thresholds", "sectors",
+)  # fmt: skip
 
 
-def tables(subject: Subject) -> list[Table]:
-    """Tables of one recording, those for every reader first."""
-    g = subject.gathered
-    parts = []
-    if g.tilt is not None and g.headings is not None:
-        parts += [
-            motion_table(g.tilt.roll, g.tilt.pitch),
-            inclination_table(g.tilt.inclination),
-            heading_table(g.headings),
+def tables(subject: Subject) -> dict[str, Table]:
+    """Tables of one recording by the names of `_ORDER`."""
+    g, grade = subject.gathered, subject.grade
+    made = _bursts(subject) | ({} if g.tilt is None or g.headings is None else _attitude(g.tilt, g.headings))
+    rows: list[tuple[str | Both, ...]] = []
+    m, names = g.moments, [(name, axis) for name in g.triads for axis in AXES[name]]
+    for triad, channel in [*names, ("temp", "temp")] if g.has("temp") else names:
+        i, scale = TRACED.index(channel), SHOWN_SCALE[channel]
+        values = (m.mean[i], m.sd[i], m.least[i], m.greatest[i]) if m.count[i] > 0 else (math.nan,) * 4
+        label = channel.replace("_", " ") if triad != "temp" else "temperature"
+        rows.append((f"{label} [{UNITS[triad]}]", *(number(float(v) * scale, 4) for v in values), str(int(m.count[i]))))
+    if rows:
+        made["sensors"] = Table("Sensors", ("", "mean", "std", "least", "greatest", "samples"), rows)
+    meaning, longest = dict(flags.MEANING.values()), max((end - begin for begin, end in g.gaps), default=0.0)
+    steps = f"longest step {longest:.6g} s, {g.missing} samples missing by the usual step of {1e3 * g.step:.6g} ms"
+    rows = [("time in gaps", str(len(g.gaps)), percent(g.lost / max(g.duration, g.step)), steps if g.gaps else "–")]
+    rows += [
+        (name, str(runs.samples), percent(runs.samples / g.samples), meaning[name]) for name, runs in g.flags.items()
+    ]
+    made["gaps"] = Table("Gaps and flags", ("", "count", "share [%]", "meaning"), rows, words=(3,))
+    if grade is not None:  # what it lost points for, the dearest first
+        rows = [
+            (
+                "rest at the start" if criterion.name == "rest" else criterion.name,
+                f"{criterion.lost:.3g}",
+                f"{criterion.points:g}",
+                Both(criterion.reason("; "), criterion.reason("；", "zh")),
+            )
+            for criterion in sorted(grade.criteria, key=attrgetter("lost"), reverse=True)
+            if criterion.lost
         ]
-    if g.triads or g.has("temp"):
-        parts.append(sensor_table(g))
-    parts.append(flag_table(g))
-    if g.tilt is not None:
-        parts.append(burst_table(subject))
-    if subject.grade is not None:
-        parts.append(grade_table(subject.grade))
-    qualities = quality_table(subject)
-    if qualities.rows:
-        parts += [qualities, threshold_table()]
-    if g.headings is not None:
-        parts.append(sector_table(g.headings))
-    return parts
+        head = ("criterion", "points lost", "at most", "reason")
+        title = f"Grade: {grade.points:g} of 100, {grade.word}"
+        made["grade"] = Table(title, head, rows or [("none", "0", "100", "")], words=(3,))
+    return {name: made[name] for name in _ORDER if name in made}
 
 
-def motion_table(roll: TiltMotion, pitch: TiltMotion) -> Table:
-    """Statistics of roll and pitch, with their waves."""
-    head = ("", *(f"{name} [°]" for name in MOTION_NAMES), "Tz [s]", "Tp [s]", "waves")
-    rows = [
+def _attitude(tilt: TiltStatistics, hdg: Headings) -> dict[str, Table]:
+    """Roll and pitch with their waves, the angle from the vertical, and headings by a circle and by 16 sectors."""
+    motions = [
         (
             name,
             *(degrees(getattr(m, attribute)) for attribute in MOTION_NAMES.values()),
@@ -58,118 +73,56 @@ def motion_table(roll: TiltMotion, pitch: TiltMotion) -> Table:
             seconds(m.tp),
             str(m.waves) if m.samples else "-",
         )
-        for name, m in (("roll", roll), ("pitch", pitch))
+        for name, m in (("roll", tilt.roll), ("pitch", tilt.pitch))
     ]
-    return Table("Roll and pitch", head, rows)
+    t = tilt.inclination
+    angles = (degrees(getattr(t, attribute)) for attribute in TILT_NAMES.values())
+    inclined = ("inclination", *angles, seconds(t.greatest_at), degrees(t.limit), percent(t.share_beyond))
+    heading = ("heading", degrees(hdg.mean), degrees(hdg.spread), number(hdg.resultant), str(hdg.samples))
+    shares = [(f"{22.5 * k:g}°", percent(float(share))) for k, share in enumerate(hdg.sectors(16))]
+    return {
+        "motion": Table("Roll and pitch", ("", *(f"{name} [°]" for name in MOTION_NAMES), "Tz [s]", "Tp [s]", "waves"),
+                        motions),
+        "inclination": Table("Inclination from the vertical",
+                             ("", *(f"{name} [°]" for name in TILT_NAMES), "at [s]", "limit [°]", "beyond [%]"),
+                             [inclined]),
+        "headings": Table("Heading", ("", "mean [°]", "spread [°]", "resultant", "samples"), [heading]),
+        "sectors": Table("Share of time by heading", ("sector about", "share [%]"), shares, detail="heading"),
+    }  # fmt: skip
+
+
+def _bursts(subject: Subject) -> dict[str, Table]:
+    """Tilt and heading of each burst, its quality flags with the tests that did not pass, and what the tests ask."""
+    bursts = subject.gathered.bursts
+    channels = [name for name in quality.CHANNELS if any(name in burst.verdicts for burst in bursts)]
+    angles, verdicts = [], []
+    for burst in bursts:
+        begin, tilt, hdg = subject.utc(burst.begin) or f"{burst.begin:.6g} s", burst.tilt.inclination, burst.headings
+        angles.append((
+            begin, f"{burst.end - burst.begin:.6g}", *_waves(burst.tilt), degrees(tilt.mean), degrees(tilt.greatest),
+            percent(tilt.share_beyond), degrees(hdg.mean), degrees(hdg.spread),
+        ))  # fmt: skip
+        judged = [burst.verdicts.get(name) for name in channels]
+        cells = [v and ": ".join(filter(None, (f"{v.flag} {quality.MEANING[v.flag]}", v.why))) for v in judged]
+        verdicts.append((begin, *(cell or "-" for cell in cells)))
+    head = ("begin", "length [s]", *_WAVES, "tilt mean [°]", "tilt greatest [°]", "beyond [%]", "heading mean [°]",
+            "heading spread [°]")  # fmt: skip
+    made = {} if subject.gathered.tilt is None else {"burst table": Table("Bursts", head, angles, detail="bursts")}
+    if channels:
+        made["quality"] = Table("Quality flags by burst", ("begin", *channels), verdicts, detail="quality")
+        made["thresholds"] = Table("Tests and their thresholds", ("test", "looks at", "suspect (3)", "fail (4)"),
+                                   quality.thresholds(), words=(1,), detail="quality")  # fmt: skip
+    return made
 
 
 def _waves(tilt: TiltStatistics) -> list[str]:
-    """Cells of `_WAVES` of roll and of pitch."""
+    """Cells of `_WAVES`."""
     return [text for m in (tilt.roll, tilt.pitch) for text in (degrees(m.sd), degrees(m.significant), seconds(m.tz))]
-
-
-def inclination_table(tilt: Inclination) -> Table:
-    """Angle from the vertical, and how long it was beyond the limit."""
-    head = ("", *(f"{name} [°]" for name in TILT_NAMES), "at [s]", "limit [°]", "beyond [%]")
-    angles = (degrees(getattr(tilt, attribute)) for attribute in TILT_NAMES.values())
-    row = ("inclination", *angles, seconds(tilt.greatest_at), degrees(tilt.limit), percent(tilt.share_beyond))
-    return Table("Inclination from the vertical", head, [row])
-
-
-def heading_table(hdg: Headings) -> Table:
-    """Circular mean and spread."""
-    head = ("", "mean [°]", "spread [°]", "resultant", "samples")
-    return Table("Heading", head, [("heading", degrees(hdg.mean), degrees(hdg.spread), number(hdg.resultant),
-                                    str(hdg.samples))])  # fmt: skip
-
-
-def sector_table(headings: Headings) -> Table:
-    """Share of the samples in each of 16 sectors."""
-    rows = [(f"{22.5 * k:g}°", percent(float(share))) for k, share in enumerate(headings.sectors(16))]
-    return Table("Share of time by heading", ("sector about", "share [%]"), rows, detail="heading")
-
-
-def sensor_table(g: Gathered) -> Table:
-    """Mean, deviation and extremes of each axis."""
-    rows = []
-    names = [(name, axis) for name in g.triads for axis in AXES[name]] + ([("temp", "temp")] if g.has("temp") else [])
-    for triad, channel in names:
-        i, scale = TRACED.index(channel), SHOWN_SCALE[channel]
-        m = g.moments
-        has_samples = m.count[i] > 0
-        values = (m.mean[i], m.sd[i], m.least[i], m.greatest[i]) if has_samples else (math.nan,) * 4
-        label = channel.replace("_", " ") if triad != "temp" else "temperature"
-        rows.append((f"{label} [{UNITS[triad]}]", *(number(float(v) * scale, 4) for v in values), str(int(m.count[i]))))
-    return Table("Sensors", ("", "mean", "std", "least", "greatest", "samples"), rows)
-
-
-def flag_table(g: Gathered) -> Table:
-    """Gaps and flags with their counts."""
-    meaning = dict(flags.MEANING.values())
-    longest = max((end - begin for begin, end in g.gaps), default=0.0)
-    steps = f"longest step {longest:.6g} s, {g.missing} samples missing by the usual step of {1e3 * g.step:.6g} ms"
-    rows = [("time in gaps", str(len(g.gaps)), percent(g.lost / max(g.duration, g.step)), steps if g.gaps else "–")]
-    rows += [
-        (name, str(runs.samples), percent(runs.samples / g.samples), meaning[name]) for name, runs in g.flags.items()
-    ]
-    return Table("Gaps and flags", ("", "count", "share [%]", "meaning"), rows, words=(3,))
-
-
-def burst_table(subject: Subject) -> Table:
-    """Tilt and heading of each burst."""
-    waves = [f"{name} {what}" for name in ("roll", "pitch") for what in _WAVES]
-    head = ("begin", "length [s]", *waves, "tilt mean [°]", "tilt greatest [°]", "beyond [%]", "heading mean [°]",
-            "heading spread [°]")  # fmt: skip
-    rows = []
-    for burst in subject.gathered.bursts:
-        tilt = burst.tilt.inclination
-        rows.append((
-            subject.utc(burst.begin) or f"{burst.begin:.6g} s", f"{burst.end - burst.begin:.6g}", *_waves(burst.tilt),
-            degrees(tilt.mean), degrees(tilt.greatest), percent(tilt.share_beyond), degrees(burst.headings.mean),
-            degrees(burst.headings.spread),
-        ))  # fmt: skip
-    return Table("Bursts", head, rows, detail="bursts")
-
-
-def grade_table(grade: Grade) -> Table:
-    """Grade of a recording, and what it lost points for, the dearest first."""
-    rows = [
-        (
-            "rest at the start" if criterion.name == "rest" else criterion.name,
-            f"{criterion.lost:.3g}",
-            f"{criterion.points:g}",
-            Both(criterion.reason("; "), criterion.reason("；", "zh")),
-        )
-        for criterion in sorted(grade.criteria, key=attrgetter("lost"), reverse=True)
-        if criterion.lost
-    ]
-    title = f"Grade: {grade.points:g} of 100, {grade.word}"
-    return Table(
-        title, ("criterion", "points lost", "at most", "reason"), rows or [("none", "0", "100", "")], words=(3,)
-    )
-
-
-def quality_table(subject: Subject) -> Table:
-    """Quality flag of each burst and channel, with the tests that did not pass."""
-    channels = [name for name in quality.CHANNELS if any(name in burst.verdicts for burst in subject.gathered.bursts)]
-    rows = []
-    for burst in subject.gathered.bursts if channels else ():
-        verdicts = [burst.verdicts.get(name) for name in channels]
-        words = [v and ": ".join(filter(None, (f"{v.flag} {quality.MEANING[v.flag]}", v.why))) for v in verdicts]
-        rows.append((subject.utc(burst.begin) or f"{burst.begin:.6g} s", *(cell or "-" for cell in words)))
-    return Table("Quality flags by burst", ("begin", *channels), rows, detail="quality")
-
-
-def threshold_table() -> Table:
-    """What the tests ask."""
-    head = ("test", "looks at", "suspect (3)", "fail (4)")
-    return Table("Tests and their thresholds", head, quality.thresholds(), words=(1,), detail="quality")
 
 
 def comparison_table(subjects: Sequence[Subject]) -> Table:
     """Recordings beside each other."""
-    waves = [f"{name} {what}" for name in ("roll", "pitch") for what in _WAVES]
-    head = ("recording", "duration [s]", "rate [Hz]", "time in gaps [%]", *waves, "tilt greatest [°]",
+    head = ("recording", "duration [s]", "rate [Hz]", "time in gaps [%]", *_WAVES, "tilt greatest [°]",
             "heading mean [°]", "calibration", "grade")  # fmt: skip
     rows = []
     for subject in subjects:
