@@ -132,9 +132,8 @@ def test_claimed_angles_are_those_of_small_errors():
     half = 1e-4 * rng.normal(size=(3, 3))
     errors = rng.normal(size=(n, 3)) @ half.T
     spread = np.std(euler_zyx_from_quat(quat_multiply(q, quat_from_rotvec(errors))), axis=0)
-    cov_b = (half @ half.T)[np.newaxis]
-    track = AttitudeTrack(t=[0.0], q_nb=q[np.newaxis], frame="NED", north="magnetic", cov_b=cov_b)
+    track = AttitudeTrack(t=[0.0], q_nb=q[np.newaxis], frame="NED", north="magnetic", cov_b=(half @ half.T)[np.newaxis])
     found = dict(zip(TRACED, channel_rows(None, track)["traced"][0], strict=True))
-    own = [found[name] for name in ("heading_sd", "pitch_sd", "roll_sd")]
+    own = [found[f"{name}_sd"] for name in ("heading", "pitch", "roll")]
     assert own == pytest.approx(spread, rel=4.0 / math.sqrt(2.0 * n))
     assert np.degrees(found["roll"]) == pytest.approx(-25.0)

@@ -11,7 +11,7 @@ from plumbob import AttitudeTrack, Frame, ImuArray, ImuData, North, Recording, d
 from plumbob.cli.main import main
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
-from plumbob.quality.grade import WORDS, grade, grade_track, grade_word
+from plumbob.quality.grade import WORDS, Criterion, Grade, grade, grade_track
 
 LITTLE = 1.0
 """What another criterion may lose by a fault that is not its own, points."""
@@ -222,7 +222,7 @@ def test_exit_codes_and_json(tmp_path, capsys):
     assert main(["info", str(file), "--min-grade", "101"]) == 1
     with pytest.raises(ParameterError, match="GOOD"):
         info(file).reaches("great")
-    words = [grade_word(points) for points in (100.0, 80.0, 79.9, 60.0, 59.9, 0.0)]
+    words = [Grade((Criterion("any", 100.0, lost, ()),)).word for lost in (0.0, 20.0, 20.1, 40.0, 40.1, 100.0)]
     assert words == [word for word, _ in WORDS for _ in range(2)] == ["GOOD"] * 2 + ["FAIR"] * 2 + ["POOR"] * 2
 
 

@@ -11,6 +11,7 @@ Everything is found block by block, so that a recording that stays in its file i
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from typing import Any, Final
 
 import numpy as np
@@ -88,15 +89,12 @@ class Criterion:
     @property
     def advice(self) -> str:
         """What to do, in words; empty where nothing is lost."""
-        return "".join(map(str, self._advised))
-
-    @property
-    def _advised(self) -> tuple[Finding, ...]:
-        return (Finding(f"criterion.advice_{self.name}", "info", self.limits),) if self.lost else ()
+        return str(Finding(f"criterion.advice_{self.name}", "info", self.limits)) if self.lost else ""
 
     def reason(self, mark: str, lang: str = "en") -> str:
         """What was measured and what to do, in words of a language with a mark between."""
-        return mark.join(finding.sentence(lang) for finding in (*self.findings, *self._advised))
+        advised = (Finding(f"criterion.advice_{self.name}", "info", self.limits),) if self.lost else ()
+        return mark.join(finding.sentence(lang) for finding in (*self.findings, *advised))
 
     def to_dict(self) -> dict[str, Any]:
         """All of it, as JSON can hold it."""
@@ -119,7 +117,7 @@ class Grade:
     @property
     def word(self) -> str:
         """Word of `WORDS`."""
-        return grade_word(self.points)
+        return next(word for word, least in WORDS if self.points >= least)
 
     @property
     def line(self) -> str:
@@ -137,11 +135,6 @@ class Grade:
         fields: dict[str, Any] = {"points": self.points, "word": self.word}
         fields["criteria"] = [criterion.to_dict() for criterion in self.criteria]
         return fields | ({"units": {name: unit.summary() for name, unit in self.units.items()}} if self.units else {})
-
-
-def grade_word(points: float) -> str:
-    """Word of `WORDS` for a number of points."""
-    return next(word for word, least in WORDS if points >= least)
 
 
 def grade_of(recording: Recording) -> Grade:
@@ -168,15 +161,16 @@ def grade(imu: ImuData, notes: Sequence[Finding] = ()) -> Grade:
     """
     steps = _Steps.measure(bursts(imu.t), np.diff(imu.t_ns))
     repeated, card = {name: statistics(imu, name).repeats for name in imu.triads}, imu.meta.calibration
+    costs = {"gyr": 20.0, "acc": 15.0, "mag": 5.0}
+    absent = tuple(name for name in costs if name not in imu.triads)
+    sensors = info("criterion.sensors_absent", names=absent) if absent else info("criterion.sensors")
+    only_mag = {"only_mag" if absent == ("mag",) else "others": "yes"}
     made = (
-        _sensors(imu.triads),
-        _rate(steps),
-        _jitter(steps),
-        _gaps(steps),
+        Criterion("sensors", 20.0, min(20.0, sum(costs[name] for name in absent)), (sensors,), costs | only_mag),
+        *_timing(steps),
         _loss(repeated, steps, notes),
         _clipping(imu),
-        _stuck(imu, repeated),
-        _resolution(imu, repeated),
+        *_repetition(imu, repeated),
         _plausible(imu, still := _rest(imu)),
         Criterion("calibration", 10.0, 0.0 if card else 10.0,
                   (info("criterion.card", card=card) if card else info("criterion.no_card"),)),
@@ -186,7 +180,7 @@ def grade(imu: ImuData, notes: Sequence[Finding] = ()) -> Grade:
         ),
         _clock(imu, steps, notes),
     )  # fmt: skip
-    return Grade(tuple(criterion for criterion in made if criterion is not None))
+    return Grade(tuple(filter(None, made)))
 
 
 def grade_track(track: AttitudeTrack) -> Grade:
@@ -199,7 +193,7 @@ def grade_track(track: AttitudeTrack) -> Grade:
     unsettled = float(np.mean(open_))
     free, bare = track.north is North.FREE, track.cov_b is None
     return Grade((
-        _rate(steps), _jitter(steps), _gaps(steps),
+        *_timing(steps),
         _judged("loss", 25.0, unknown, LOST, info("criterion.known", percent=100.0 * unknown), attitudes="yes"),
         _judged("converged", 20.0, unsettled, (0.05, 0.9), info("criterion.converged", percent=100.0 * unsettled)),
         _judged("jumps", 25.0, jumps, quality.SHARE, info("criterion.jumps", percent=100.0 * jumps)),
@@ -261,48 +255,23 @@ class _Steps:
         steps = cls(dt.size, usual, float(dt.sum()), dt[gaps] - usual, int(np.count_nonzero(tiny)), bursts=bursts)
         if bursts:
             return steps
-        jitter, lost = _uneven(dt, usual, gaps, tiny)
-        return replace(steps, jitter=jitter, lost=lost)
+        count = dt.size - steps.holes.size
+        late = float(np.sum(dt, where=~gaps)) / usual - count
+        multiples = np.rint(np.divide(dt, usual, out=dt))
+        np.maximum(multiples, 1.0, out=multiples)
+        steady = ~(gaps | tiny)
+        skipped = float(np.sum(multiples, where=steady)) - np.count_nonzero(steady)
+        np.subtract(dt, multiples, out=dt)
+        del multiples
+        jitter = float(np.std(dt, where=steady)) if steady.any() else 0.0
+        missing = max(0.0, min(skipped, late - 3.0 * jitter * math.sqrt(count)))  # by which jitter moves the mean step
+        return replace(steps, jitter=jitter, lost=missing / (missing + count + 1.0))
 
 
-def _uneven(dt: Floats, usual: float, gaps: NDArray[np.bool_], tiny: NDArray[np.bool_]) -> tuple[float, float]:
-    """`jitter` and `lost` of steps that do not come in bursts; the steps (N,), s, are used up."""
-    count = dt.size - int(np.count_nonzero(gaps))
-    late = float(np.sum(dt, where=~gaps)) / usual - count
-    multiples = np.rint(np.divide(dt, usual, out=dt))
-    np.maximum(multiples, 1.0, out=multiples)
-    steady = ~(gaps | tiny)
-    skipped = float(np.sum(multiples, where=steady)) - np.count_nonzero(steady)
-    np.subtract(dt, multiples, out=dt)
-    del multiples
-    jitter = float(np.std(dt, where=steady)) if steady.any() else 0.0
-    missing = max(0.0, min(skipped, late - 3.0 * jitter * math.sqrt(count)))  # by which jitter moves the mean step
-    return jitter, missing / (missing + count + 1.0)
-
-
-def _sensors(triads: Sequence[str]) -> Criterion:
-    costs = {"gyr": 20.0, "acc": 15.0, "mag": 5.0}
-    absent = tuple(name for name in costs if name not in triads)
-    finding = info("criterion.sensors_absent", names=absent) if absent else info("criterion.sensors")
-    only_mag = {"only_mag" if absent == ("mag",) else "others": "yes"}
-    return Criterion("sensors", 20.0, min(20.0, sum(costs[name] for name in absent)), (finding,), costs | only_mag)
-
-
-def _rate(steps: _Steps) -> Criterion:
-    rate = 1.0 / steps.usual if steps.count else math.nan
-    finding = info("criterion.rate", rate=rate) if steps.count else info("criterion.one_sample")
-    return _judged("rate", 10.0, rate, RATE, finding)
-
-
-def _jitter(steps: _Steps) -> Criterion:
-    jitter_us = 1e6 * steps.jitter * steps.usual if steps.count else None
-    finding = info("criterion.jitter", percent=100.0 * steps.jitter, jitter_us=jitter_us)
-    return _judged("jitter", 10.0, steps.jitter, JITTER, finding)
-
-
-def _gaps(steps: _Steps) -> Criterion:
-    holes = steps.holes
-    longest = float(holes.max(initial=0.0))
+def _timing(steps: _Steps) -> tuple[Criterion, Criterion, Criterion]:
+    """Rate, jitter and gaps."""
+    rate, jitter_us = (1.0 / steps.usual, 1e6 * steps.jitter * steps.usual) if steps.count else (math.nan, None)
+    holes, longest = steps.holes, float(steps.holes.max(initial=0.0))
     share = float(holes.sum() / steps.total) if holes.size else 0.0
     lost = 10.0 * (_share(longest, quality.HOLE) + _share(share, IN_GAPS))
     gaps = info("criterion.gaps", count=holes.size, longest=longest, percent=100.0 * share)
@@ -310,15 +279,32 @@ def _gaps(steps: _Steps) -> Criterion:
         "good": quality.HOLE[0], "bad": quality.HOLE[1],
         "good_percent": 100.0 * IN_GAPS[0], "bad_percent": 100.0 * IN_GAPS[1],
     }  # fmt: skip
-    finding = gaps if holes.size else info("criterion.no_gap")
-    return Criterion("gaps", 20.0, round(lost, 2), (finding,), limits, longest)
+    return (
+        _judged(
+            "rate", 10.0, rate, RATE, info("criterion.rate", rate=rate) if steps.count else info("criterion.one_sample")
+        ),
+        _judged("jitter", 10.0, steps.jitter, JITTER,
+                info("criterion.jitter", percent=100.0 * steps.jitter, jitter_us=jitter_us)),
+        Criterion(
+            "gaps", 20.0, round(lost, 2), (gaps if holes.size else info("criterion.no_gap"),), limits, longest
+        ),
+    )  # fmt: skip
 
 
 def _loss(repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Sequence[Finding]) -> Criterion:
     counts = [note.values for note in notes if note.code == "source.decoded"]  # bytes, and those of no frame
     junk = int(str(counts[0]["junk"])) / max(1, int(str(counts[0]["bytes"]))) if counts else 0.0
     shares = {"rows": steps.lost, "bytes": junk}
-    shares |= {name: _absent(axes != NOT_KNOWN, each=name != "mag") for name, axes in repeated.items()}
+    for name, axes in repeated.items():  # the share of time without a value for longer than from one to the next
+        present = axes != NOT_KNOWN
+        shares[name] = 0.0 if present.all() else 1.0
+        if present.any() and not present.all():
+            rows = np.diff(np.flatnonzero(present), prepend=-1, append=present.size)
+            usual = float(np.median(rows))  # in rows, which gaps do not lengthen
+            # a magnetometer of three quarters of the rate has none in each fourth row, which is no loss
+            every_row = name != "mag" and usual == 1.0
+            holes = rows[rows > (1.0 if every_row else GAP_FACTOR * usual)] - usual
+            shares[name] = float(holes.sum() / present.size)
     return _judged("loss", 20.0, max(shares.values()), LOST, *_shares(shares), samples="yes")
 
 
@@ -326,20 +312,6 @@ def _shares(shares: Mapping[str, float]) -> Iterator[Finding]:
     """What has which share, where it has any."""
     some = [info("criterion.share", of=of, percent=100.0 * share) for of, share in shares.items() if share]
     yield from some or [info("criterion.no_share")]
-
-
-def _absent(present: NDArray[np.bool_], *, each: bool) -> float:
-    """Share of the time in which a triad has no value for longer than it usually takes from one to the next.
-
-    `each` says that every row should have one: a magnetometer of three quarters of the rate has none in each fourth
-    row, which is no loss.
-    """
-    if present.all() or not present.any():
-        return 0.0 if present.all() else 1.0
-    rows = np.diff(np.flatnonzero(present), prepend=-1, append=present.size)
-    usual = float(np.median(rows))  # in rows, which gaps do not lengthen
-    holes = rows[rows > (1.0 if each and usual == 1.0 else GAP_FACTOR * usual)] - usual
-    return float(holes.sum() / present.size)
 
 
 def _clipping(imu: ImuData) -> Criterion:
@@ -351,8 +323,9 @@ def _clipping(imu: ImuData) -> Criterion:
     return _judged("clipping", 20.0, max(shares.values()), quality.SHARE, *_shares(shares), *open_)
 
 
-def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion:
-    longest, where = 0.0, info("criterion.not_stuck")
+def _repetition(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Iterator[Criterion]:
+    """How long values are stuck, and what share of the others repeat the one before."""
+    longest, where, shares = 0.0, info("criterion.not_stuck"), {}
     for name, bits in repeated.items():
         repeats = bits[bits != NOT_KNOWN]
         if np.count_nonzero(repeats != ALL_AXES) < 2:  # it never changes: a simulation without noise, at rest
@@ -361,36 +334,21 @@ def _stuck(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion
         stretches = [(axes, start, stop) for axes, marks in again.items() for start, stop in stuck_runs(marks)]
         t = imu.t[bits != NOT_KNOWN] if stretches else np.empty(0)
         for axes, start, stop in stretches:
-            lasting = float(t[stop - 1] - t[start])
-            if lasting > longest and _others(repeats, axes, start + 1, stop):
+            lasting, own_bit = float(t[stop - 1] - t[start]), 1 << "xyz".index(axes)
+            # the others change nearly always while one does not: a coarse step at rest holds all of them
+            alone = not axes or np.mean((repeats[start + 1 : stop] | own_bit) != ALL_AXES) > 0.8
+            if lasting > longest and alone:
                 longest = lasting
                 where = info("criterion.stuck", sensor=name, axis=axes, seconds=lasting, start=float(t[start]))
-    limits = (STUCK_FOR, quality.FLAT[1])
-    return _judged("stuck", 30.0, longest, limits, where, samples=STUCK_SAMPLES)
-
-
-def _others(repeats: NDArray[np.uint8], axes: str, start: int, stop: int) -> bool:
-    """Whether the other axes change nearly always while one does not: a coarse step at rest holds all of them."""
-    if not axes:
-        return True
-    own_bit = 1 << "xyz".index(axes)
-    return float(np.mean((repeats[start:stop] | own_bit) != ALL_AXES)) > 0.8
-
-
-def _resolution(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Criterion | None:
-    shares = {}
-    for name in (name for name in repeated if name != "mag"):  # which is often held from its slower rate
-        repeats = repeated[name][repeated[name] != NOT_KNOWN]
-        again = repeats == ALL_AXES
-        for start, stop in stuck_runs(again):
-            again[start:stop] = False
-        if repeats.size and np.count_nonzero(repeats != ALL_AXES) >= 2:
-            shares[name] = float(np.mean(again))
-    if not shares:
-        return None
-    worst = max(shares, key=lambda name: shares[name])
-    finding = info("criterion.resolution", percent=100.0 * shares[worst], sensor=worst)
-    return _judged("resolution", 10.0, shares[worst], COARSE, finding)
+            if not axes:
+                again[""][start:stop] = False
+        if name != "mag":  # which is often held from its slower rate
+            shares[name] = float(np.mean(again[""]))
+    yield _judged("stuck", 30.0, longest, (STUCK_FOR, quality.FLAT[1]), where, samples=STUCK_SAMPLES)
+    if shares:
+        worst = max(shares, key=shares.__getitem__)
+        finding = info("criterion.resolution", percent=100.0 * shares[worst], sensor=worst)
+        yield _judged("resolution", 10.0, shares[worst], COARSE, finding)
 
 
 @dataclass(frozen=True)
@@ -435,9 +393,17 @@ def _plausible(imu: ImuData, still: _Still | None) -> Criterion:
     """What contradicts the declared units, the worst first, which alone costs."""
     sizes = () if imu.meta.unit_check else imu.unit_doubts()  # else the reading has refused it
     doubted = [*as_findings("doubts", sizes), *(it for it in doubts(imu) if it.code != "samples.bursts")]
-    tests = [*_sizes(imu, still), *((1.0, doubt) for doubt in doubted), *_contradicted(imu)]
+    tests = [*_sizes(imu, still), *((1.0, doubt) for doubt in doubted)]
+    turns = "gyr" in imu.triads and len(imu.triads) > 1
+    # what is wrong by how gravity and field turn beside the rates, as the doctor says it
+    for it in Examination(imu, "", Declared(None), None).diagnosis().findings if turns else ():
+        off, share = it.finding.values.get("factor"), float(it.wrong)
+        if not it.wrong and it.finding.code in ("doctor.unit", "doctor.factor_perhaps") and isinstance(off, float):
+            share = _share(abs(math.log(off)) - 3.0 * float(str(it.finding.values["sd"])), GAIN)
+        if share > 0.0:
+            tests.append((share, it.finding.on(f"{it.sensor} {it.question}")))
     lost = max((share for share, _ in tests), default=0.0)
-    worst_first = sorted(tests, key=lambda test: -test[0])
+    worst_first = sorted(tests, key=itemgetter(0), reverse=True)
     findings = tuple(dict.fromkeys(it for share, it in worst_first if share > 0.0 or not lost))
     limits = {
         "rest_good_percent": 100.0 * GRAVITY[0], "rest_bad_percent": 100.0 * GRAVITY[1], "moving_good": MOVING[0],
@@ -447,19 +413,6 @@ def _plausible(imu: ImuData, still: _Still | None) -> Criterion:
     }  # fmt: skip
     findings = findings or (info("criterion.nothing_to_judge"),)
     return Criterion("plausibility", 40.0, round(40.0 * lost, 2), findings, limits)
-
-
-def _contradicted(imu: ImuData) -> Iterator[tuple[float, Finding]]:
-    """What is wrong by how gravity and field turn beside the rates, as the doctor says it."""
-    if "gyr" not in imu.triads or len(imu.triads) < 2:
-        return
-    for it in Examination(imu, "", Declared(None), None).diagnosis().findings:
-        off = it.finding.values.get("factor")
-        share = 0.0
-        if it.finding.code in ("doctor.unit", "doctor.factor_perhaps") and isinstance(off, float):
-            share = _share(abs(math.log(off)) - 3.0 * float(str(it.finding.values["sd"])), GAIN)
-        if it.wrong or share > 0.0:
-            yield 1.0 if it.wrong else share, it.finding.on(f"{it.sensor} {it.question}")
 
 
 def _sizes(imu: ImuData, still: _Still | None) -> Iterator[tuple[float, Finding]]:
