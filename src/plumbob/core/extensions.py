@@ -4,15 +4,22 @@ Entry points are looked for where no other name will do, and each is imported wh
 """
 
 import re
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from importlib import import_module
-from typing import Any, Final, Generic, Literal, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeVar
 
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, one_line
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 T = TypeVar("T")
-_Loader = tuple[str, Callable[[], Any]]
+_Loader = tuple[str, Callable[[], Any]]  # whose it is, and what loads it
+_NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]*")
+_NAMES_HAVE: Final = "have a-z, 0-9, _ and - only"
 
 _HOMES: Final = {"filter": "filters.known", "file": "files.formats", "format": "protocols.format_toml"}
 """Modules with the table of each kind, ``EXTENSIBLE``, which are imported at their first use, as the front door's."""
@@ -21,22 +28,33 @@ _HOMES: Final = {"filter": "filters.known", "file": "files.formats", "format": "
 class ExtensibleTable(Generic[T]):
     """Names of one kind, and what `make` makes of what is given for them: Plumbob's, and those of other packages."""
 
-    def __init__(self, kind: str, builtin: Callable[[], Mapping[str, Any]], make: Callable[[str, Any], T]) -> None:
-        self._kind, self._builtin, self._make = kind, builtin, make
+    def __init__(
+        self, kind: str, title: str, builtin: Callable[[], Mapping[str, Any]], make: Callable[[str, Any], T]
+    ) -> None:
+        self._kind, self._title, self._builtin, self._make = kind, title, builtin, make
         self._registered: dict[str, _Loader] = {}
         self._made: dict[str, T] = {}
 
     @cached_property
     def _entries(self) -> dict[str, _Loader]:
-        """What entry points load; those whose name is taken are left out, with a note."""
+        """What entry points load; a note says of those that no name can mean why. A name of two packages is refused."""
         from importlib.metadata import entry_points
 
         loaders: dict[str, _Loader] = {}
-        for entry in entry_points(group=f"plumbob.{self._kind}s"):
-            whose = f"of {entry.dist.name} {entry.dist.version}" if entry.dist else f"of {entry.value}"
-            if entry.name in self._builtin() or entry.name in loaders:
-                other = "Plumbob" if entry.name in self._builtin() else f"that {loaders[entry.name][0]}"
-                _note(f"the {self._kind} '{entry.name}' {whose} is not used, but {other}: the name is taken.")
+        entries = entry_points()
+        for group in sorted(entries.groups):
+            if group.startswith("plumbob.") and group[8:-1] not in _HOMES:
+                whose = ", ".join(sorted({_whose(entry) for entry in entries.select(group=group)}))
+                known = ", ".join(f"plumbob.{kind}s" for kind in _HOMES)
+                _note(f"nothing is made of the entry points '{group}' {whose}; the groups that are known are {known}.")
+        for entry in sorted(entries.select(group=f"plumbob.{self._kind}s"), key=_whose):
+            whose, called = _whose(entry), f"the {self._title} '{entry.name}' {_whose(entry)}"
+            if not _NAME.fullmatch(entry.name):
+                _note(f"{called} is not used: names {_NAMES_HAVE}.")
+            elif entry.name in self._builtin():
+                _note(f"{called} is not used, but Plumbob's own: the name is taken.")
+            elif entry.name in loaders:
+                loaders[entry.name] = (f"{loaders[entry.name][0]} and {whose}", _refuse_twice)
             else:
                 loaders[entry.name] = (whose, entry.load)
         return loaders
@@ -46,12 +64,25 @@ class ExtensibleTable(Generic[T]):
         return tuple(sorted({*self._registered, *self._entries}))
 
     def add(self, name: str, what: Any) -> None:
-        """Add a name that is not taken."""
-        if not re.fullmatch(r"[a-z0-9][a-z0-9_-]*", name):
-            raise ParameterError(f"name must have a-z, 0-9, _ and - only, but it is '{name}'; choose another one.")
-        if name in self._builtin() or name in self.added():
-            raise ParameterError(f"the {self._kind} '{name}' exists already; choose another name.")
+        """Add a name that is not taken, or what a name that was registered now means."""
+        if not _NAME.fullmatch(name):
+            raise ParameterError(f"name must {_NAMES_HAVE}, but it is '{name}'; choose another one.")
+        if name in self._builtin() or name in self._entries:
+            raise ParameterError(f"the {self._title} '{name}' exists already; choose another name.")
+        self._made.pop(name, None)
         self._registered[name] = ("that was registered", lambda: what)
+
+    def whose(self, name: str) -> str:
+        """Package of a name, as in ``of plumbob-lean 1.0``; empty where it is Plumbob's own."""
+        return "" if name in self._builtin() else (self._registered.get(name) or self._entries[name])[0]
+
+    def unusable(self, name: str, error: BaseException, what: str = "cannot be used") -> ParameterError:
+        """Error that names the package whose code raised another, and the place there."""
+        at = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
+        why = one_line(error).rstrip(".: ")
+        if not isinstance(error, ParameterError):
+            why = f"{type(error).__name__}: {why}, {Path(at[-1].filename).name}:{at[-1].lineno}" if at else why
+        return ParameterError(f"the {self._title} '{name}' {self.whose(name)} {what} ({why}).")
 
     def find(self, name: str) -> T | None:
         """What a name means; None where nobody has it. What another package has and cannot be used is refused."""
@@ -60,12 +91,10 @@ class ExtensibleTable(Generic[T]):
         if name in (builtin := self._builtin()):
             self._made[name] = self._make(name, builtin[name])
         elif loader := self._registered.get(name) or self._entries.get(name):
-            whose, load = loader
             try:
-                self._made[name] = self._make(name, load())
-            except Exception as error:  # other packages raise what they like
-                why = f"{type(error).__name__}: {error}".rstrip(".")
-                raise ParameterError(f"the {self._kind} '{name}' {whose} cannot be used ({why}).") from error
+                self._made[name] = self._make(name, loader[1]())
+            except (Exception, SystemExit) as error:  # other packages raise what they like
+                raise self.unusable(name, error) from error
         return self._made.get(name)
 
     def usable(self, names: Iterable[str]) -> Iterator[tuple[str, T]]:
@@ -98,11 +127,20 @@ def register(kind: Literal["filter", "file", "format"], name: str, what: Any) ->
     Raises
     ------
     ParameterError
-        If there is no such kind, or the name is taken.
+        If there is no such kind, or the name is taken: by Plumbob or by an entry point. What was registered before
+        under the name goes.
     """
     if kind not in _HOMES:
         raise ParameterError(f"kind must be one of {', '.join(_HOMES)}, but it is {kind!r}.")
     import_module(f"plumbob.{_HOMES[kind]}").EXTENSIBLE.add(name, what)
+
+
+def _whose(entry: "EntryPoint") -> str:
+    return f"of {entry.dist.name} {entry.dist.version}" if entry.dist else f"of {entry.value}"
+
+
+def _refuse_twice() -> None:
+    raise ParameterError("both have this name; uninstall one of them")
 
 
 def _note(text: str) -> None:

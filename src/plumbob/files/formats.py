@@ -1,8 +1,8 @@
 """Files: `read` and `write` choose the format by the suffix; `FORMATS` lists what there is."""
 
+import logging
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
 from itertools import chain
@@ -122,8 +122,10 @@ _BUILTIN: Final = {
 
 
 def _of_package(name: str, what: Any) -> FileFormat:
-    """Format of another package: its module has `read` of a path, and may have `accepts`, and `write` of both."""
+    """Format of another package: its module has `read` of a path, and may have `accepts` of it, and `write` of both."""
     module, suffix = import_module(what) if isinstance(what, str) else what, f".{name}"
+    if not hasattr(module, "read"):
+        raise ParameterError("it must have read(path)")
     if not hasattr(module, "accepts") and suffix in _BUILTIN:
         raise ParameterError(f"other formats use {suffix} too, so it must have accepts(path)")
 
@@ -134,16 +136,26 @@ def _of_package(name: str, what: Any) -> FileFormat:
         except PlumbobError:
             raise
         except Exception as error:
-            raise DecodeError(f"{path} cannot be read as a {suffix} file: {type(error).__name__}: {error}.") from error
+            what = f"cannot read {path}"
+            raise DecodeError(str(EXTENSIBLE.unusable(name, error, what))) from error
 
     def accepts(path: Path) -> bool:
-        with suppress(Exception):  # a file that it cannot look at is not its own
+        try:
             return bool(module.accepts(path))
-        return False
+        except Exception as error:  # a file that it cannot look at is not its own
+            logging.getLogger("plumbob").warning("note: %s", EXTENSIBLE.unusable(name, error, f"cannot tell {path}"))
+            return False
 
     def writer(path: Path, recording: Recording, overwrite: bool) -> None:
         with replacing(path, overwrite=overwrite) as temporary:
-            module.write(temporary, recording)
+            try:
+                module.write(temporary, recording)
+                if not temporary.exists() or not temporary.stat().st_size:
+                    raise ParameterError("write(path, recording) wrote nothing")
+            except OSError:  # as a disk that is full
+                raise
+            except Exception as error:
+                raise DecodeError(str(EXTENSIBLE.unusable(name, error, f"cannot write {path}"))) from error
 
     decides, writers = not hasattr(module, "accepts"), ((suffix, writer),) if hasattr(module, "write") else ()
     return FileFormat(name, (suffix,), reader, accepts=None if decides else accepts, writers=writers)
@@ -152,7 +164,7 @@ def _of_package(name: str, what: Any) -> FileFormat:
 _ALONE: Final = {
     suffix[1:]: kind for kind in FORMATS if not (kind.accepts or kind.takes_profile) for suffix in kind.suffixes
 }  # suffixes that other packages cannot have, because what ends so is of that format, whatever is in it
-EXTENSIBLE: Final = ExtensibleTable[FileFormat]("file", lambda: _ALONE, _of_package)
+EXTENSIBLE: Final = ExtensibleTable[FileFormat]("file", "file format", lambda: _ALONE, _of_package)
 
 
 def _of_suffix(suffix: str) -> Iterator[FileFormat]:

@@ -6,7 +6,7 @@ A filter module holds the algorithm: ``Params`` (what a user sets), ``coefficien
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
-from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
+from plumbob.core.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError, unknown_name
 from plumbob.core.kernels import Kernel, bare, kernel, specialise
 from plumbob.core.params import Spec, build, describe, shown
@@ -25,7 +25,7 @@ from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
 from plumbob.filters.input_checks import as_one, judge, or_zero, usable, watch
-from plumbob.filters.known import BUILT_IN, SMOOTHER, FilterModule, load
+from plumbob.filters.known import BUILT_IN, EXTENSIBLE, SMOOTHER, FilterModule, load
 from plumbob.filters.layout import (
     BIAS,
     BLIND,
@@ -191,18 +191,51 @@ def _single(s: Floats, t_ns: int, word: int, values: Floats) -> int:
     return _take(c, x, t_ns, word | gyr_flag | acc_flag | mag_flag, gx, gy, gz, ax, ay, az, mx, my, mz)
 
 
-@cache
 def filter_loops(name: str) -> Loops:
     """Batch and single-sample entries of a filter, compiled around its step."""
+    return _loops(name, load(name).step)
+
+
+@cache  # a name that is registered again means another step
+def _loops(name: str, step: Kernel[..., int]) -> Loops:
     module = load(name)
+    if EXTENSIBLE.whose(name):
+        _try_out(name, module)
     look_on = see_field if hasattr(module, "COVARIANCE") else look
-    take = specialise(_take, f"take_{name}", step=module.step, look=look_on)
+    take = specialise(_take, f"take_{name}", step=step, look=look_on)
     row = specialise(_row, f"row_{name}", _take=take)
     return Loops(
         batch=specialise(_batch, f"batch_{name}", inline=True, _row=row),
         claiming=specialise(_claiming, f"claiming_{name}", _row=row),
         single=specialise(_single, f"single_{name}", inline=True, _take=take),
     )
+
+
+def _try_out(name: str, module: FilterModule) -> None:
+    """Refuse the module of another package that cannot take one sample with its defaults."""
+    try:
+        own = describe(module.Params)
+        if twice := {p.name for p in own} & {p.name for p in describe(CommonParams)}:
+            raise ParameterError(
+                f"every filter has the parameter {', '.join(sorted(twice))}; Params needs another name"
+            )
+        params = build(module.Params, {p.name: p.default for p in own}, of=name)
+        c, x = _coefficients(module, params, CommonParams(), Frame.ENU), np.zeros(OWN + module.STATE)
+        x[Q] = 1.0
+        word = module.step(c, x, 0.01, 0, 0.0, 0.0, 0.0, 0.0, 0.0, G0, 20.0, 0.0, -40.0)
+        if not isinstance(word, int | np.integer):
+            raise ParameterError(f"step must return flags, an int, but it returned {check.said(word)}")
+        _require_unit(x[np.newaxis, Q : Q + 4])
+    except Exception as error:
+        raise EXTENSIBLE.unusable(name, error) from error
+
+
+def _require_unit(q_nb: Floats) -> None:
+    """Refuse attitudes (N, 4) that are no rotations."""
+    off = np.abs(np.einsum("ij,ij->i", q_nb, q_nb) - 1.0)
+    if not (off < _UNIT).all():
+        i = int(np.flatnonzero(~(off < _UNIT))[0])
+        raise ParameterError(f"step must leave x[Q] a unit quaternion, but sample {i} gave {q_nb[i].tolist()}")
 
 
 def specialised() -> list[Kernel[..., Any]]:
@@ -263,7 +296,7 @@ class AttitudeEstimator(FactsText):
 
     def describe(self) -> str:
         """Name and parameters in one line, for provenance."""
-        return _described(self.name, self.params, self.common, self._idle)
+        return f"{_described(self.name, self.params, self.common, self._idle)} {EXTENSIBLE.whose(self.name)}".rstrip()
 
 
 @cache  # every chunk of a stream carries it
@@ -338,6 +371,8 @@ class Filter(AttitudeEstimator):
                 "the smoother has a class of its own: plumbob.FixedLag(frame=...) takes single samples by the same "
                 "update, and plumbob.estimate(recording) smooths a whole recording."
             )
+        self._loops = filter_loops(name)
+        self._whose = EXTENSIBLE.whose(name)  # the package that may have errors of its own
         if params is not None and not isinstance(params, Mapping):
             example = '{"kp": 0.5, "gate": "0.08 g"}'
             raise ParameterError(f"params must be values by name, as in {example}, but it is {check.said(params)}.")
@@ -348,7 +383,6 @@ class Filter(AttitudeEstimator):
             from plumbob.data.calibrated import calibrating
 
             self._card, self._correct, self._meta = calibrating(calibration, meta)
-        self._loops = filter_loops(name)
         self._covariance: slice = getattr(self.module, "COVARIANCE", slice(0, 0))  # its places in the state
         c = _coefficients(self.module, self.params, self.common, frame)
         self._s: Floats = np.concatenate((c, np.zeros(OWN + self.module.STATE)))  # one array: one pointer to pass
@@ -467,10 +501,12 @@ class Filter(AttitudeEstimator):
         cov = None
         if place.start < place.stop:
             entries = np.empty((n, place.stop - place.start + 2))
-            self._loops.claiming.compiled(*args, place.start, entries)
+            self._run(self._loops.claiming.compiled, *args, place.start, entries)
             cov = self._claimed(q_nb, entries)
         else:
-            self._loops.batch.compiled(*args)
+            self._run(self._loops.batch.compiled, *args)
+        if self._whose:
+            self._run(_require_unit, q_nb)
         return AttitudeTrack.trusted(
             t=data.t,
             q_nb=q_nb,
@@ -495,11 +531,24 @@ class Filter(AttitudeEstimator):
         """
         try:
             values = sample.values if self._correct is None else self._correct(sample).values
-            return self._single(self._s, sample.t_ns, sample.flags, values)
         except AttributeError:
             if isinstance(sample, ImuSample):
                 raise
             raise ShapeError(f"update takes an ImuSample, but got {type(sample).__name__}.") from None
+        if not self._whose:
+            return self._single(self._s, sample.t_ns, sample.flags, values)
+        word: int = self._run(self._single, self._s, sample.t_ns, sample.flags, values)
+        self._run(_require_unit, self._q[np.newaxis])
+        return word
+
+    def _run(self, what: Callable[..., Any], *args: Any) -> Any:
+        """Run what calls the step; an error of another package's names it."""
+        try:
+            return what(*args)
+        except Exception as error:
+            if not self._whose:
+                raise
+            raise EXTENSIBLE.unusable(self.name, error, "failed") from error
 
     def save(self) -> dict[str, Any]:
         """Everything needed to go on later, ready for JSON, which keeps every bit of a float."""

@@ -10,6 +10,7 @@ from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.extensions import ExtensibleTable
 from plumbob.core.kernels import Kernel
 from plumbob.core.resources import docs_folder
+from plumbob.data import TRIADS
 
 BUILT_IN: Final = (
     "complementary", "ekf7", "ekf_quaternion", "fuzzy_pi", "integrate", "integrate_first_order", "madgwick", "mahony",
@@ -51,6 +52,8 @@ def _module(name: str, what: Any) -> FilterModule:
     parts = () if name in _TABLE else (*FilterModule.__annotations__, "coefficients")
     if lacking := [part for part in parts if not hasattr(module, part)]:
         raise ParameterError(f"it must have {', '.join(parts)}, but it lacks {', '.join(lacking)}")
+    if parts and not (isinstance(module.NEEDS, tuple) and {*module.NEEDS} <= {*TRIADS}):
+        raise ParameterError(f"NEEDS must be a tuple of {', '.join(TRIADS)}, but it is {module.NEEDS!r}")
     return cast("FilterModule", module)
 
 
@@ -60,7 +63,7 @@ _TABLE: Final = {name: f"plumbob.filters.{name}" for name in BUILT_IN} | {
     "moving_average": "plumbob.filters.channel_average",
     SMOOTHER: "plumbob.filters.smoother.model",
 }
-EXTENSIBLE: Final = ExtensibleTable[FilterModule]("filter", lambda: _TABLE, _module)
+EXTENSIBLE: Final = ExtensibleTable[FilterModule]("filter", "filter", lambda: _TABLE, _module)
 """All filters; `plumbob.register` adds to them."""
 
 

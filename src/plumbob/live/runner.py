@@ -69,7 +69,8 @@ def run_stream(
     """Run until the source is finished, the time is over or `stop` is set; then end recording, sinks and source.
 
     Bytes are handed to the recording before anything else is done with them. A sink that the system refuses, as on a
-    full disk, does not end a recording: it gets no more, and the recording and the other sinks are informed.
+    full disk, does not end a recording: it gets no more, and the recording and the other sinks are informed. Nor does a
+    filter of another package that fails: there are no attitudes behind it.
     `until_lost` ends with the line, instead of waiting for it; `each` is called after each read, also where nothing
     came.
     """
@@ -129,7 +130,13 @@ class _TolerantSink(Sink):
 def _feed(stream: Stream, item: Received | Event, sinks: Sequence[Sink], recording: Keeper | None) -> None:
     if recording:
         recording.on_item(item)
-    _hand_on(stream.feed(item), item.t_ns, sinks, recording)
+    part = stream.feed(item)
+    if stream.broken:
+        if recording is None:
+            raise stream.broken
+        recording.failures.append(Event(item.t_ns, "failed", str(stream.broken)))
+        stream.broken = None
+    _hand_on(part, item.t_ns, sinks, recording)
     if isinstance(item, Event):
         _on_events([item], sinks)
 

@@ -141,6 +141,7 @@ class Stream:
         self._last_ns: int | None = None
         self._newest: ItemResult | None = None
         self._shift_ns = 0
+        self.broken: ParameterError | None = None  # why there is no filter any more; samples go on
         self._begin()
 
     def _begin(self) -> None:
@@ -258,7 +259,11 @@ class Stream:
             return ready, t_ns[:0] if ready is None else self._track_ns(ready)
         if self.filter is None:
             return None, t_ns[:0]
-        return self.filter.process(imu, covariance=self._covariance, look=False), t_ns
+        try:
+            return self.filter.process(imu, covariance=self._covariance, look=False), t_ns
+        except ParameterError as error:  # of another package's filter
+            self.filter, self.broken = None, error
+            return None, t_ns[:0]
 
     def _start(self, frames: Frames, imu: ImuData) -> None:
         """Start the filter from the reference's attitude in the first frame, where the session asks for it."""

@@ -236,7 +236,8 @@ class Noise(Reported):
         """Noise card of the unit, for the simulator and the filters; errors as of `NoiseCard`."""
         from plumbob.noise.card import noise_card
 
-        return noise_card(self.analyses, device=device or self.record.path.stem, source=source or self.source)
+        device = device or self.record.device or self.record.path.stem
+        return noise_card(self.analyses, device=device, source=source or self.source)
 
     @property
     def source(self) -> str:

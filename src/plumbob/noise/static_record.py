@@ -102,6 +102,7 @@ class StaticRecord:
     groups: tuple[Channels, ...]  # one for each sensor that can be used
     refused: Mapping[str, str]  # sensors or channels that cannot, and why
     notes: tuple[Note, ...]  # what was done to the data, and what a reader must know
+    device: str = ""  # what the file calls the unit
 
 
 def check_static(
@@ -135,7 +136,9 @@ def static_channels(
             f"{file}: its time stamps say {1.0 / sensors.dt:.6g} Hz, but the rate given is {rate:g} Hz; leave the rate "
             "out, or correct the time in its profile."
         )
-    return StaticRecord(file, size, tuple(sensors.groups), sensors.refused, (*recording.notes, *sensors.notes))
+    assert recording.imu is not None  # which has been refused
+    device = "" if recording.imu.meta.device == "unknown" else recording.imu.meta.device
+    return StaticRecord(file, size, tuple(sensors.groups), sensors.refused, (*recording.notes, *sensors.notes), device)
 
 
 def static_of_plain(

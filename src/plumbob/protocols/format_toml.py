@@ -331,7 +331,9 @@ def _of_package(name: str, what: "Format | str | Path") -> Format:
     return form
 
 
-EXTENSIBLE: Final = ExtensibleTable[Format]("format", lambda: _formats("rigs") | _formats("catalog"), _of_package)
+EXTENSIBLE: Final = ExtensibleTable[Format](
+    "format", "format of bytes", lambda: _formats("rigs") | _formats("catalog"), _of_package
+)
 """All formats by name; `plumbob.register` adds to them."""
 
 
