@@ -31,12 +31,16 @@ def test_a_table_is_read_back_to_the_bit(tmp_path: Path, suffix: str) -> None:
         np.testing.assert_array_equal(getattr(found, name), getattr(track, name), err_msg=name)
 
 
-def test_angles_alone_and_in_degrees(tmp_path: Path) -> None:
+def test_angles_alone_and_in_degrees_and_a_slice_is_a_track(tmp_path: Path) -> None:
     file = tmp_path / "angles.csv"
     file.write_text("t [s],elbow [deg]\n0,180\n0.5,\n1,-90\n")
     found = JointTrack.load(file)
     np.testing.assert_array_equal(found.angles[:, 0], [np.pi, np.nan, -np.pi / 2])
     assert found.sd is None and found.hand is None and found.flags is None
+    track = some_track()
+    part = track[10:20]
+    np.testing.assert_array_equal(part.angles, track.angles[10:20])
+    assert part.flags is not None and part.flags.size == len(part) == 10
 
 
 def flipped(file):
@@ -68,10 +72,3 @@ def test_what_is_no_table_of_angles_is_refused(tmp_path: Path, table, error: typ
         (tmp_path / "angles.csv").write_text(table)
     with pytest.raises(error, match=match):
         JointTrack.load(tmp_path / "angles.csv") if isinstance(table, str) else table(tmp_path)
-
-
-def test_a_slice_is_a_track() -> None:
-    track = some_track()
-    part = track[10:20]
-    np.testing.assert_array_equal(part.angles, track.angles[10:20])
-    assert part.flags is not None and part.flags.size == len(part) == 10

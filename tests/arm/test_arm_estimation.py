@@ -107,7 +107,7 @@ def test_a_bent_field_bends_no_joint(five):
     assert np.degrees(change.max()) < 0.2  # a tenth of the bar
 
 
-def test_the_frame_of_the_result_changes_nothing_physical(five):
+def test_frame_and_names_change_nothing_physical(five):
     made, card = five
     enu = run(card, made.array, params=INSTANT)
     for name in ("NED", "NWU"):
@@ -117,10 +117,6 @@ def test_the_frame_of_the_result_changes_nothing_physical(five):
             assert quat_angle(back, enu.tracks[segment].q_nb).max() < 1e-6
         np.testing.assert_allclose(other.joints.angles, enu.joints.angles, atol=1e-6)
         np.testing.assert_allclose(other.joints.sd, enu.joints.sd, atol=1e-6)
-
-
-def test_units_and_segments_may_have_any_name(five):
-    made, card = five
     names = {one.unit: f"x{9 - k}" for k, one in enumerate(made.chain.segments)}
     chain = replace(card.chain, segments=tuple(replace(one, unit=names[one.unit]) for one in card.chain.segments))
     units = {names[name]: one for name, one in reversed(made.array.units.items())}
@@ -197,7 +193,7 @@ def test_behind_a_gap_it_is_right_again_or_says_that_it_is_not(five, causal):
     assert np.degrees(np.sqrt((off[late] ** 2).mean(axis=0))).max() < 2.0
 
 
-def test_a_frozen_gyroscope_is_not_one_at_rest(five):
+def test_a_frozen_gyroscope_is_not_one_at_rest_and_exchanged_units_are_said(five):
     made, card = five
     one = made.array.units["u3"]
     rate = np.array(one.gyr)
@@ -206,10 +202,6 @@ def test_a_frozen_gyroscope_is_not_one_at_rest(five):
     late = made.t > 13.0
     assert (found.joints.flags[late] & flags.GYR_STUCK != 0).mean() > 0.95
     assert max(rms(one) for one in errors(made, found.tracks, late).values()) < 3.0
-
-
-def test_units_that_were_exchanged_are_said_to_be(five):
-    made, card = five
     units = dict(made.array.units) | {"u3": made.array.units["u4"], "u4": made.array.units["u3"]}
     found = run(card, ImuArray(units), params=INSTANT)
     assert sum("was exchanged" in str(note) for note in found.notes) > 0
@@ -259,7 +251,7 @@ def test_geometry_that_nobody_knows_is_found_and_usable(five):
         assert rms(np.degrees(quat_angle(ours, theirs))[made.t > 3.0]) < 2.0
 
 
-def test_a_card_keeps_every_bit_from_file_to_file(five, tmp_path):
+def test_a_card_keeps_every_bit_from_file_to_file_and_what_cannot_be_done_says_why(five, tmp_path):
     _, card = five
     card.save(tmp_path / "card.json")
     again = ArmCard.load(tmp_path / "card.json")
@@ -268,9 +260,6 @@ def test_a_card_keeps_every_bit_from_file_to_file(five, tmp_path):
         assert (one.play, one.force_sd) == (other.play, other.force_sd)
         assert (one.parent, one.child) == (other.parent, other.child)
     assert again.text() == card.text()
-
-
-def test_what_cannot_be_done_says_why(five, tmp_path):
     made, card = five
     array, alone = made.array, Chain("one", (Segment("a", "u1"),))
     other = Chain("other", (Segment("a", "u1"), Segment("b", "nobody")), (Joint("j", "a", "b", "ball"),))

@@ -49,7 +49,7 @@ def test_exact_motion_gives_the_arms_and_axes_of_the_chain(name):
             np.testing.assert_allclose(np.abs(np.einsum("ski,ski->sk", axes.value, link.axes)), 1.0, atol=1e-6)
 
 
-def test_links_are_the_lever_arms_in_unit_axes():
+def test_links_lever_matrices_missing_values_and_sway_in_closed_form():
     # closed form: a quarter turn about z carries the unit's x axis to the segment's y axis
     quarter = UnitMount((np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)), (0.1, 0.0, 0.0))
     chain = Chain(
@@ -61,6 +61,16 @@ def test_links_are_the_lever_arms_in_unit_axes():
     np.testing.assert_allclose(link.arms, [[0.0, -0.3, 0.0], [0.0, -0.2, 0.0]], atol=1e-15)
     np.testing.assert_allclose(link.axes[:, 0], [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-15)
     assert (link.parent, link.child) == (0, 1)
+    # ω² r towards the axis (centripetal acceleration), nothing along it
+    spin = np.tile([0.0, 0.0, 2.0], (1, len(T), 1))
+    np.testing.assert_allclose(lever_matrices(T, spin)[0, 5] @ [0.3, 0.0, 0.7], [-1.2, 0.0, 0.0], atol=1e-12)
+    line = np.stack([T, 2.0 * T, -T], axis=1)[np.newaxis]
+    holes = line.copy()
+    holes[0, 100:200] = np.nan
+    np.testing.assert_allclose(interpolated(holes, T), line, atol=1e-12)
+    assert not interpolated(np.full((1, 10, 3), np.nan), T[:10]).any()
+    # a = (2π f)² r φ
+    assert sway((6.0 * np.pi) ** 2 * 0.2 * 0.01, np.array([[0.2, 0, 0], [0, 0.2, 0]])) == pytest.approx(0.01)
 
 
 def test_a_root_that_stands_still_needs_no_unit_and_every_other_segment_one():
@@ -71,25 +81,6 @@ def test_a_root_that_stands_still_needs_no_unit_and_every_other_segment_one():
         unit_numbers(Chain("g", (Segment("a", "a"), Segment("b")), joint, base_fixed=True))
     with pytest.raises(ParameterError, match="has no unit"):
         unit_numbers(Chain("g", (Segment("a"), Segment("b", "b")), joint))
-
-
-def test_lever_matrices_of_a_constant_turn_pull_to_the_axis():
-    # ω² r towards the axis (centripetal acceleration), nothing along it
-    spin = np.tile([0.0, 0.0, 2.0], (1, len(T), 1))
-    np.testing.assert_allclose(lever_matrices(T, spin)[0, 5] @ [0.3, 0.0, 0.7], [-1.2, 0.0, 0.0], atol=1e-12)
-
-
-def test_missing_values_lie_on_straight_lines():
-    line = np.stack([T, 2.0 * T, -T], axis=1)[np.newaxis]
-    holes = line.copy()
-    holes[0, 100:200] = np.nan
-    np.testing.assert_allclose(interpolated(holes, T), line, atol=1e-12)
-    assert not interpolated(np.full((1, 10, 3), np.nan), T[:10]).any()
-
-
-def test_sway_is_the_swing_of_a_point_that_shakes_at_three_hertz():
-    # a = (2π f)² r φ
-    assert sway((6.0 * np.pi) ** 2 * 0.2 * 0.01, np.array([[0.2, 0, 0], [0, 0.2, 0]])) == pytest.approx(0.01)
 
 
 @pytest.mark.parametrize("smooth", [False, True])

@@ -67,7 +67,7 @@ def test_stops_and_ends_are_kept(track, velocity, acceleration, jerk):
         assert tuple(program.angles[row]) in wanted
 
 
-def test_stops_are_those_of_the_recording():
+def test_stops_are_those_of_the_recording_and_a_slow_motion_is_none():
     """Poses within the noise of their median: 100 samples of 0.1° give 0.0125° (1.25 σ/√n), four times that here."""
     poses = np.radians([[0, 10], [40, -20], [40, 30], [-10, 0]])
     program = taught(pick_and_place(poses, noise=np.radians(0.1)), WIDE)
@@ -78,16 +78,13 @@ def test_stops_are_those_of_the_recording():
         assert abs(stop.recorded - 3.0 * k) < 0.35 and 1.0 <= stop.end - stop.start < 1.7
     assert program.slowed == pytest.approx(1.0, abs=0.01)
     assert max(one.rms for one in program.deviations.values()) < np.radians(0.2)
-
-
-def test_a_slow_motion_is_not_a_stop():
     t = np.arange(0.0, 10.0, 0.01)
     slow = np.where(t < 2.0, 0.0, np.where(t < 8.0, (t - 2.0) * np.radians(2.0), np.radians(12.0)))  # 2 °/s
     program = taught(JointTrack(t, ("a",), slow[:, np.newaxis]), WIDE)
     assert [round(np.degrees(stop.angles[0])) for stop in program.stops] == [0, 12]
 
 
-def test_only_what_is_too_fast_is_slowed():
+def test_only_what_is_too_fast_is_slowed_along_the_same_path():
     """A flick of 0.5 s in 20 s of slow motion: as a whole it would take three times as long."""
     t = np.arange(0.0, 20.0, 0.01)
     angles = 0.5 * np.sin(0.5 * t) + 0.5 * eased((t - 10.0) / 0.5)  # the flick's top speed is 1.875 · 0.5 / 0.5 rad/s
@@ -95,9 +92,6 @@ def test_only_what_is_too_fast_is_slowed():
     assert program.used(Limits(velocity=0.6))["velocity"] <= 1.0 and program.t[-1] < 24.0
     recorded = np.interp(program.t, t, angles)
     np.testing.assert_allclose(program.angles[:700, 0], recorded[:700], atol=0.03)  # 7 s before it: as recorded
-
-
-def test_a_slower_program_goes_along_the_same_path():
     track = pick_and_place(np.radians([[0, 10, 0], [40, -20, 5], [40, 30, -60], [-10, 0, 0]]))
     quick = taught(track, WIDE, rate=500.0)
     slow = taught(track, Limits(-10, 10, 0.3, 0.6, 2.0), rate=500.0)
@@ -117,22 +111,16 @@ def test_smoothing_removes_what_is_faster_than_its_knots():
     assert np.abs(left).max() < 0.01 and abs(np.mean(left * tremor[inner])) / np.mean(tremor[inner] ** 2) < 0.02
 
 
-def test_poses_beyond_the_range_are_brought_inside_and_said():
+def test_poses_beyond_the_range_are_brought_inside_turns_unwrapped_and_limits_by_name():
     program = taught(pick_and_place(np.radians([[0.0], [50.0]])), Limits(low=-1.0, high=np.radians(45.0)))
     assert program.stops[1].angles == (np.radians(45.0),)
     assert "5.00° beyond the range of j0" in str(program.notes[0])
     assert program.deviations["j0"].max == pytest.approx(np.radians(5.0), abs=1e-6)
-
-
-def test_turns_are_unwrapped():
     t = np.arange(0.0, 6.0, 0.01)
     turned = 4.0 * eased((t - 1.0) / 4.0)
     wrapped = (turned + np.pi) % (2.0 * np.pi) - np.pi
     program = taught(JointTrack(t, ("a",), wrapped[:, np.newaxis]), Limits(velocity=3.0))
     assert program.angles[-1, 0] - program.angles[0, 0] == pytest.approx(4.0, abs=1e-9)
-
-
-def test_limits_of_a_chain_are_by_name():
     chain = Chain(
         "arm",
         (Segment("base"), Segment("upper"), Segment("lower")),

@@ -93,7 +93,7 @@ def test_benchmark_of_the_arm_paper_s_rows():
                 assert found["max_abs_deg"][seed] == pytest.approx(worst, rel=1e-9)
 
 
-def test_benchmark_scenario_with_a_limit_and_a_free_heading():
+def test_benchmark_scenario_with_a_limit_and_a_free_heading_and_an_error_that_is_not_scored(tmp_path):
     """Ideal sensors at rest: both filters are right to rounding, all seeds keep any limit, the heading has no error."""
     words = "benchmark scenario static --frame NED --seeds 2 --duration 2s --limit 1deg"
     words += " --filters ekf7,integrate --params ekf7.mag=off,integrate.mag=off"
@@ -104,10 +104,7 @@ def test_benchmark_scenario_with_a_limit_and_a_free_heading():
     assert typed(words).stdout.count("stay within 1° in 100 % of the seeds") == 2
     errors = {"max_abs_deg": [0.5, 1.0, 1.05, 2.0]}
     assert MonteCarlo("made up", {}, {"f": {"roll": errors, "pitch": errors}}).kept("f", 1.0) == 0.5
-
-
-def test_an_error_that_is_not_scored_says_why(tmp_path):
-    """Ideal sensors at rest are without error to the last printed digit."""
+    # Ideal sensors at rest are without error to the last printed digit.
     typed("sim static --frame ENU --duration 5s --out s.parquet", cwd=tmp_path)
     free = typed("run s.parquet --filter mahony --params mag=off", cwd=tmp_path).stdout
     assert ("not scored   heading: " in free, "inclination rmse: 0.000°" in free) == (True, True)

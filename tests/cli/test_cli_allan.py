@@ -65,7 +65,7 @@ def test_averaging_times_and_deviations_on_demand(folder):
     assert other["dev"]["deg/h"][0] == pytest.approx(expected, rel=0.1)
 
 
-def test_before_and_after(folder):
+def test_before_and_after_and_what_is_no_static_record_gets_no_picture(folder, tmp_path):
     words = f"allan one.txt --after smooth.txt {SCALED}"
     typed(f"{words} --html change.html --plot change.png", cwd=folder)
     assert (folder / "change.html").read_text(encoding="utf-8").count("<svg") == 1
@@ -73,6 +73,9 @@ def test_before_and_after(folder):
     result = answer(words, cwd=folder)["one"]
     assert result["time_constant_s"] == pytest.approx(0.1, rel=0.05)
     assert len(result["ratio"]) == len(result["before"]["n"])
+    np.save(tmp_path / "x.npy", np.random.default_rng(3).standard_normal(20_000) + 20.0 * (np.arange(20_000) > 9000))
+    done = typed("allan x.npy --rate 100Hz --scale 1 --plot x.png", cwd=tmp_path, code=1)
+    assert ("moved" in done.stderr, (tmp_path / "x.png").exists()) == (True, False)
 
 
 def test_cards_pages_and_imu_yaml(folder):
@@ -92,12 +95,6 @@ def test_cards_pages_and_imu_yaml(folder):
     assert "unit 7" in (folder / "noise.html").read_text(encoding="utf-8")
     report = answer("run rest.parquet --filter mekf --params mag=off --noise noise.json", cwd=folder)
     assert report["noise_card"].startswith("unit 7")
-
-
-def test_what_is_no_static_record_gets_no_picture(tmp_path):
-    np.save(tmp_path / "x.npy", np.random.default_rng(3).standard_normal(20_000) + 20.0 * (np.arange(20_000) > 9000))
-    done = typed("allan x.npy --rate 100Hz --scale 1 --plot x.png", cwd=tmp_path, code=1)
-    assert ("moved" in done.stderr, (tmp_path / "x.png").exists()) == (True, False)
 
 
 @needs_data

@@ -83,16 +83,13 @@ def deployed(tmp_path_factory, unit):
     return file
 
 
-def test_a_unit_at_work_is_calibrated_in_use(deployed, unit, tmp_path):
+def test_a_unit_at_work_is_calibrated_in_use_and_a_long_record_that_nobody_turned_told_of_it(deployed, unit, tmp_path):
     card = tmp_path / "card.json"
     done = typed(f"calibrate mag {deployed} --in-use --out card.json", cwd=tmp_path)
     assert "150 windows of 4 s in 10 min" in done.stdout
     found = CalibrationCard.load(card).mag
     # no card of the gyroscope: its axes may turn the whole by 0.25° about each of three, and turn it by less here
     assert np.degrees(heading_rms(found, unit)) < 2.0 * np.degrees(found.quality.heading_sd) < 2.0
-
-
-def test_a_long_record_that_nobody_turned_is_told_of_it(unit, tmp_path):
     rng = np.random.default_rng(52)
     for duration, told in ((100.0, False), (400.0, True)):
         t, q_nb, true = trajectory(rng, duration=duration, rate=10.0, tilt=np.radians(4.0))

@@ -26,7 +26,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_poses_give_a_card_with_the_mounting(folder, tmp_path):
+def test_poses_give_a_card_with_the_mounting_which_joins_another_and_a_moving_body_none(folder, tmp_path):
     card = tmp_path / "card.json"
     done = typed(f"calibrate mount unit.parquet --frame NED --out {card}", cwd=folder)
     assert "- the accelerometer is not calibrated" in done.stdout
@@ -36,9 +36,6 @@ def test_poses_give_a_card_with_the_mounting(folder, tmp_path):
     report = answer("calibrate mount unit.parquet --frame NED --level 0s..5s --raised 8s..13s", cwd=folder)
     assert quat_angle(np.array(report["card"]["mount"]["q_bs"]), Q_BS) < 5.0 * np.linalg.norm(mount.sd)
     assert report["remarks"]["mount"][0]["text"].startswith("the accelerometer is not calibrated")
-
-
-def test_the_mounting_joins_a_card_and_a_moving_body_is_refused(folder, tmp_path):
     first, second = tmp_path / "first.json", tmp_path / "second.json"
     typed(f"calibrate mount unit.parquet --frame NED --level-only --out {first}", cwd=folder)
     tracks = "--estimate estimate.parquet --reference body.parquet"

@@ -13,7 +13,7 @@ from plumbob.simulation import CHAINS, simulate_chain
 from tests.helpers.commandline import typed
 
 
-def test_sim_teach_writes_all_units_their_truth_and_the_chain(tmp_path):
+def test_sim_teach_writes_all_units_their_truth_and_the_chain_and_takes_ones_own(tmp_path):
     unit = "--sensors mpu6000+hmc5983 --unit random --seed 3 --duration 4s --set mount_angle=5deg,mount_shift=2cm"
     done = typed(f"sim teach --frame NED {unit} --out t.parquet --card c.json", cwd=tmp_path)
     made = simulate_chain(
@@ -38,9 +38,6 @@ def test_sim_teach_writes_all_units_their_truth_and_the_chain(tmp_path):
         if known.unit:
             assert 0.0 < quat_angle(known.mount.q_bs, true.mount.q_bs) <= np.deg2rad(5.0) + 1e-9
     assert "t-true.chain.toml" in done.stdout
-
-
-def test_a_chain_of_ones_own_is_simulated_from_its_file(tmp_path):
     for chain, out in (("arm", "a"), ("a.chain.toml", "b")):
         typed(f"sim slow --chain {chain} --frame ENU --duration 2s --out {out}.parquet", cwd=tmp_path)
     one, other = (read(tmp_path / f"{name}.parquet").array for name in "ab")

@@ -79,7 +79,7 @@ def test_a_device_without_any_check_is_said_to_have_none(tmp_path, name, size):
     assert says in typed(f"list devices {name}").stdout
 
 
-def test_a_row_and_a_column_in_json_are_what_the_bytes_say(call, tmp_path):
+def test_a_row_and_a_column_in_json_are_what_the_bytes_say_and_junk_is_counted(call, tmp_path):
     rows, notes = call(fast(7, 1000, -500, 2000) + fast(8, 0, 0, -1))
     assert rows[0] == "byte,n,acc.x [m/s2],acc.y [m/s2],acc.z [m/s2],flags"
     start, n, *acc, marks = rows[1].split(",")
@@ -92,6 +92,16 @@ def test_a_row_and_a_column_in_json_are_what_the_bytes_say(call, tmp_path):
     assert (table["message"], table["columns"]["t [s]"]) == ("fast", [0.0, 0.5])
     assert table["columns"]["acc.x [m/s2]"] == pytest.approx([G0, 0.0])
     assert table["counts"]["frames"] == {"fast": 2, "slow": 0}
+    # One frame of a kind 9, three bytes of junk, and a frame with one bit wrong, 14 bytes; a count that repeats.
+    broken = bytearray(fast(2))
+    broken[8] ^= 4
+    rows, notes = call(fast(1) + framed(9, b"abcd") + b"\x00\x01\x02" + bytes(broken) + fast(3) + fast(3))
+    assert len(rows) == 4
+    assert notes == [
+        "checked, but of no message that pair describes: 1 frame",
+        "17 bytes of 69 belong to no frame; candidates rejected: 1 for their checksum",
+        SKIPPED.format(1),
+    ]
 
 
 SKIPPED = "the frame counter skips {}: that many frames are missing, or it jumped"
@@ -122,19 +132,6 @@ def test_the_first_kind_of_frame_is_the_table_and_the_others_are_named(call):
     assert [row.split(",")[1] for row in rows[1:]] == ["1", "2", "3"]
     assert notes == ["3 frames of fast; also 2 of slow: ask with --message"]
     assert call(slow(1.0))[1] == []
-
-
-def test_frames_of_no_described_message_and_junk_are_counted(call):
-    """One frame of a kind 9, three bytes of junk, and a frame with one bit wrong, 14 bytes; a count that repeats."""
-    broken = bytearray(fast(2))
-    broken[8] ^= 4
-    rows, notes = call(fast(1) + framed(9, b"abcd") + b"\x00\x01\x02" + bytes(broken) + fast(3) + fast(3))
-    assert len(rows) == 4
-    assert notes == [
-        "checked, but of no message that pair describes: 1 frame",
-        "17 bytes of 69 belong to no frame; candidates rejected: 1 for their checksum",
-        SKIPPED.format(1),
-    ]
 
 
 def test_a_number_beyond_all_numbers_is_no_value(tmp_path):

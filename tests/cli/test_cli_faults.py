@@ -12,7 +12,7 @@ def faults(words):
     return call("faults", *words.split(), main=main)
 
 
-def test_json_of_both_batteries():
+def test_json_and_lists_of_both_batteries():
     first = json.loads(faults("--filters mahony,integrate --cases nan_acc_1,dt_nan_1,F9 --json").stdout)
     assert set(first["cases"]) == {"nan_acc_1", "dt_nan_1"}
     results = first["cases"]["dt_nan_1"]["results"]
@@ -27,9 +27,6 @@ def test_json_of_both_batteries():
     score = second["score"]["mekf"]
     assert sum(score["by_flags"].values()) == sum(score["by_flags_or_claims"].values()) == score["cases"] == 10
     assert [len(second["score"][name]["bars"]) for name in ("mekf", "integrate")] == [4, 3]  # the last is of claims
-
-
-def test_list_needs_no_filter():
     first, second = faults("--list").stdout, faults("--battery second --list").stdout
     assert all(case.name in first and case.what in first for case in CASES)
     assert all(case.name in second and case.what in second and case.unseen in second for case in SECOND)

@@ -13,7 +13,7 @@ def listed():
     return answer("list filters")
 
 
-def test_every_filter_says_what_it_claims_and_takes(listed):
+def test_every_filter_says_what_it_claims_and_takes_and_its_parameters(listed):
     assert tuple(listed["filters"]) == estimator_names()
     for name, entry in listed["filters"].items():
         assert entry["covariance"] == hasattr(load(name), "COVARIANCE")
@@ -22,6 +22,12 @@ def test_every_filter_says_what_it_claims_and_takes(listed):
     assert [listed["filters"][name]["covariance"] for name in ("ekf7", "mahony")] == [True, False]
     claims = sum(entry["covariance"] for entry in listed["filters"].values())
     assert typed("list filters").stdout.count("claims a covariance") == claims
+    out = typed("list filters mekf").stdout
+    assert all(f"    {name} " in out for name in load("mekf").Params._fields)
+    assert [name for name in estimator_names() if f"{name}: " in out] == ["mekf"]
+    described = answer("list filters mekf")
+    assert (list(described["filters"]), len(described["filters"]["mekf"]["description"]) > 500) == (["mekf"], True)
+    assert {row["name"] for row in described["every_filter"]} == {"declination", "max_gap", "mag"}
 
 
 def test_a_parameter_has_unit_default_range_and_meaning(listed):
@@ -42,12 +48,3 @@ def test_a_parameter_has_unit_default_range_and_meaning(listed):
     ):
         assert [mahony[name][key] for key in ("range_text", "low", "high")] == [text, low, high]
     assert [mahony["kp"][key] for key in ("unit", "default")] == ["1/s", 0.5]
-
-
-def test_text_has_the_parameters_of_a_filter_and_of_no_other():
-    out = typed("list filters mekf").stdout
-    assert all(f"    {name} " in out for name in load("mekf").Params._fields)
-    assert [name for name in estimator_names() if f"{name}: " in out] == ["mekf"]
-    described = answer("list filters mekf")
-    assert (list(described["filters"]), len(described["filters"]["mekf"]["description"]) > 500) == (["mekf"], True)
-    assert {row["name"] for row in described["every_filter"]} == {"declination", "max_gap", "mag"}

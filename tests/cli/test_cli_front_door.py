@@ -45,7 +45,7 @@ def test_every_public_name_is_there_and_every_verb_has_its_function_with_keyword
         assert set(optional) <= {inspect.Parameter.KEYWORD_ONLY}
 
 
-def test_run_is_estimate(sea, tmp_path):
+def test_run_is_estimate_and_info_is_info(sea, tmp_path, recorded, samples):
     printed = answer(f"run {sea} --filter mahony --out a.parquet", cwd=tmp_path)
     notes, done = [], []
     result = plumbob.estimate(sea, "mahony", note=notes.append, progress=lambda *counts: done.append(counts))
@@ -60,9 +60,15 @@ def test_run_is_estimate(sea, tmp_path):
     tracks.append(plumbob.read(tmp_path / "a.parquet").track)
     assert {track.q_nb.tobytes() for track in tracks} == {result.track.q_nb.tobytes()}
     assert plumbob.evaluate(result, sea).summary()["total_rmse_deg"] == printed["errors"]["total_rmse_deg"]
+    for file in (sea, recorded.recording["path"]):
+        result = plumbob.info(file)
+        assert json.loads(json.dumps(result.summary())) == answer(f"info {file}")
+        assert str(plumbob.info(plumbob.read(file)).facts()["samples"]) == result.facts()["samples"]
+    for file in (sea, samples / "noise.json"):
+        assert plumbob.info(file, note=lambda line: None).text() + "\n" == typed(f"info {file}").stdout
 
 
-def test_calibrate_is_calibrate(poses, tmp_path):
+def test_calibrate_and_allan_are_calibrate_and_allan(poses, tmp_path):
     typed(f"calibrate accel {poses} --gravity '9.81 m/s2' --out card.json", cwd=tmp_path)
     theirs = plumbob.CalibrationCard.load(tmp_path / "card.json").acc
     for gravity in ("9.81 m/s2", 9.81):
@@ -70,9 +76,6 @@ def test_calibrate_is_calibrate(poses, tmp_path):
         assert np.array_equal(card.acc.matrix, theirs.matrix) and np.array_equal(card.acc.bias, theirs.bias)
     again = plumbob.calibrate(plumbob.read(poses).imu, "mag", calibration=card)
     assert set(again.card.parts) == {"acc", "mag"}
-
-
-def test_allan_is_allan(tmp_path):
     still = plumbob.simulate("static", duration=60.0, seed=2, **SIM).imu
     plumbob.write(tmp_path / "rest.parquet", still)
     printed = answer("allan rest.parquet --triads gyr", cwd=tmp_path)
@@ -137,7 +140,7 @@ def test_decode_is_decode(wire, tmp_path):
     assert (decoded.frames, sum(map(len, rows)), decoded.counts.frames["buoy"]) == ({}, 500, 500)
 
 
-def test_record_is_record(wire, recorded, tmp_path):
+def test_record_and_replay_are_record_and_replay(wire, recorded, tmp_path):
     words = "--format buoy --device b7 --frame NED --filter mahony --params kp=0.5,gate=0.8m/s2"
     printed, ours = answer(f"record --from {wire} {words} --out a.mcap", cwd=tmp_path), recorded.summary()
     for report in (printed, ours):
@@ -145,6 +148,14 @@ def test_record_is_record(wire, recorded, tmp_path):
         report.pop("session")
     assert json.loads(json.dumps(ours)) == printed
     assert (recorded.lossy, recorded.nothing) == (False, None)
+    path = recorded.recording["path"]
+    printed = answer(f"replay {path} --filter vqf --out v.parquet", cwd=tmp_path)
+    again = plumbob.replay(path, filter="vqf")
+    assert json.loads(json.dumps(again.summary())) == printed
+    assert plumbob.read(tmp_path / "v.parquet").track.q_nb.tobytes() == again.track.q_nb.tobytes()
+    same = plumbob.replay(path, check=True, keep="nothing")
+    assert same.comparison.equal and same.track is None and same.imu is None
+    assert again.imu.t.tobytes() == plumbob.read(path).imu.t.tobytes()
 
 
 def test_a_card_goes_into_a_recording_from_a_file_or_as_an_object(tmp_path):
@@ -157,26 +168,6 @@ def test_a_card_goes_into_a_recording_from_a_file_or_as_an_object(tmp_path):
                        calibration=given, out=out)  # fmt: skip
         tracks.append(plumbob.replay(out).track.q_nb.tobytes())
     assert tracks[0] == tracks[1]
-
-
-def test_replay_is_replay(recorded, tmp_path):
-    path = recorded.recording["path"]
-    printed = answer(f"replay {path} --filter vqf --out v.parquet", cwd=tmp_path)
-    again = plumbob.replay(path, filter="vqf")
-    assert json.loads(json.dumps(again.summary())) == printed
-    assert plumbob.read(tmp_path / "v.parquet").track.q_nb.tobytes() == again.track.q_nb.tobytes()
-    same = plumbob.replay(path, check=True, keep="nothing")
-    assert same.comparison.equal and same.track is None and same.imu is None
-    assert again.imu.t.tobytes() == plumbob.read(path).imu.t.tobytes()
-
-
-def test_info_is_info(sea, recorded, samples):
-    for file in (sea, recorded.recording["path"]):
-        result = plumbob.info(file)
-        assert json.loads(json.dumps(result.summary())) == answer(f"info {file}")
-        assert str(plumbob.info(plumbob.read(file)).facts()["samples"]) == result.facts()["samples"]
-    for file in (sea, samples / "noise.json"):
-        assert plumbob.info(file, note=lambda line: None).text() + "\n" == typed(f"info {file}").stdout
 
 
 def test_eval_convert_and_simulate_take_files_and_text_with_units(sea, tmp_path):

@@ -81,24 +81,21 @@ def interrupted(words, line, cwd, *marks):
     return child.returncode, said
 
 
-def test_interrupted_it_makes_what_there_is(tmp_path):
+def test_interrupted_it_makes_what_there_is_and_bytes_of_another_format_are_noticed(tmp_path):
     with emulated(tmp_path, "--scenario tumble --speed 4") as line:
         code, _ = interrupted(live("mag"), line, tmp_path, *(f"{count} of 18" for count in range(12, 17)))
     assert code == 0
     assert CalibrationCard.load(tmp_path / "mag.json").mag.quality.regions < 18
+    with emulated(tmp_path, "--speed 20") as line:
+        words = live("gyro").replace("buoy --", "trackball --")
+        code, said = interrupted(words, line, tmp_path, "is it the right format")
+    assert (code, "no sample arrived over the line" in said) == (1, True), said
 
 
 def test_a_line_that_comes_back_goes_on(tmp_path):
     with emulated(tmp_path, "--scenario tumble --faults unplug=0.05% --speed 10") as line:
         done = typed(f"{live('mag')} --port {line} --json", cwd=tmp_path)
     assert ["lost" in done.stderr, "reopened" in done.stderr, json.loads(done.stdout)["guide"]["done"]] == [True] * 3
-
-
-def test_bytes_of_another_format_are_noticed(tmp_path):
-    with emulated(tmp_path, "--speed 20") as line:
-        words = live("gyro").replace("buoy --", "trackball --")
-        code, said = interrupted(words, line, tmp_path, "is it the right format")
-    assert (code, "no sample arrived over the line" in said) == (1, True), said
 
 
 FILLED = np.isin(np.arange(18), [0, 2, 6, 10])

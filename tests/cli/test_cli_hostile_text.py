@@ -27,7 +27,7 @@ def test_every_control_character_is_an_escape_and_a_title_does_not_end_the_comme
     assert text.count("/*") == text.count("*/") == c_header(find_format("fin")).count("/*")
 
 
-def test_info_shows_the_device_of_a_recording(tmp_path, capsys):
+def test_info_and_files_for_other_programs_hold_no_command_for_a_terminal(tmp_path, capsys):
     t = np.arange(100) * 0.01
     imu = ImuData(t=t, gyr=np.random.default_rng(0).normal(size=(100, 3)), meta=ImuMeta(device=STEER))
     files.write(tmp_path / "a.parquet", Recording(imu=imu, name="a", notes=(STEER,)))
@@ -38,6 +38,14 @@ def test_info_shows_the_device_of_a_recording(tmp_path, capsys):
     assert (shown.out + shown.err).replace("\n", "").isprintable()
     assert main(["info", str(tmp_path / "a.parquet"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["sensors"]["device"] == STEER
+    # Head of CSV, TUM and text: what somebody looks at with `cat`.
+    track = AttitudeTrack(t=t, q_nb=np.tile([1.0, 0, 0, 0], (100, 1)), frame=Frame.ENU, north=North.FREE, source=STEER)
+    whole = Recording(imu=imu, track=track, name=STEER, notes=(STEER,))
+    for suffix in (".csv", ".tum", ".txt"):
+        convert(whole, tmp_path / f"a{suffix}")
+        text = (tmp_path / f"a{suffix}").read_text(encoding="utf-8")
+        assert text.replace("\n", "").replace("\t", "").isprintable()
+    assert files.read(tmp_path / "a.csv").imu.meta.device == STEER  # its profile has it as it was
 
 
 def test_topics_cards_and_errors_are_shown_so_too(tmp_path, capsys, monkeypatch):
@@ -56,16 +64,3 @@ def test_topics_cards_and_errors_are_shown_so_too(tmp_path, capsys, monkeypatch)
     shown = capsys.readouterr()
     assert f"rows         {SHOWN}: 1" in shown.out
     assert [("\\x1b[2J" in text, "\x1b" in text) for text in (shown.out, shown.err)] == [(True, False)] * 2
-
-
-def test_files_for_other_programs_hold_no_command_for_a_terminal(tmp_path):
-    """Head of CSV, TUM and text: what somebody looks at with `cat`."""
-    t = np.arange(100) * 0.01
-    imu = ImuData(t=t, gyr=np.random.default_rng(0).normal(size=(100, 3)), meta=ImuMeta(device=STEER))
-    track = AttitudeTrack(t=t, q_nb=np.tile([1.0, 0, 0, 0], (100, 1)), frame=Frame.ENU, north=North.FREE, source=STEER)
-    whole = Recording(imu=imu, track=track, name=STEER, notes=(STEER,))
-    for suffix in (".csv", ".tum", ".txt"):
-        convert(whole, tmp_path / f"a{suffix}")
-        text = (tmp_path / f"a{suffix}").read_text(encoding="utf-8")
-        assert text.replace("\n", "").replace("\t", "").isprintable()
-    assert files.read(tmp_path / "a.csv").imu.meta.device == STEER  # its profile has it as it was

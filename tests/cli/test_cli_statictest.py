@@ -17,16 +17,13 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_triads_that_the_card_leaves_uncalibrated_are_named(folder):
+def test_triads_that_the_card_leaves_uncalibrated_are_named_and_the_reference_may_be_elsewhere(folder):
     typed("calibrate statictest a.parquet --calibration card.json --html whole.html", cwd=folder)
     CalibrationCard.load(folder / "card.json").without("gyr", "mag").save(folder / "acc.json")
     typed("calibrate statictest a.parquet --calibration acc.json --html acc.html", cwd=folder)
     pages = [(folder / f"{name}.html").read_text() for name in ("whole", "acc")]
     assert ["NOT calibrated: gyr, mag" in page for page in pages] == [False, True]
     assert [page.count("<svg") for page in pages] == [1, 1]
-
-
-def test_json_with_the_reference_in_another_file(folder):
     typed("sim table36 --frame NED --rate 20Hz --out truth.parquet", cwd=folder)
     report = answer("calibrate statictest a.parquet --reference truth.parquet --calibration card.json", cwd=folder)
     for figures in report["summary"].values():

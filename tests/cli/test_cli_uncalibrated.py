@@ -68,7 +68,7 @@ def test_reports_of_uncalibrated_values_say_so(folder, words):
     assert UNCALIBRATED in " ".join(typed(words.replace("RECORD", RECORD), cwd=folder).stdout.split())
 
 
-def test_a_card_is_named_in_place_of_it(folder):
+def test_a_card_is_named_in_place_of_it_nothing_goes_stale_and_tables_have_the_note_elsewhere(folder):
     """On standard output, in JSON, in the track, in text and in the stream, and by all who read those."""
     run = "run rest.parquet --filter mahony"
     assert answer(run, cwd=folder)["calibration"] is None
@@ -81,19 +81,13 @@ def test_a_card_is_named_in_place_of_it(folder):
     for text in (done.stdout, *(contents(folder / f"good.{suffix}") for suffix in ("csv", "txt", "mcap"))):
         assert (CARD in text, "uncalibrated" in text) == (True, False)
     assert "uncalibrated" not in done.stderr + compared
-
-
-def test_what_a_file_says_does_not_go_stale(folder):
-    """The note is made anew from the meta: a recording that is calibrated later does not keep the old one."""
+    # The note is made anew from the meta: a recording that is calibrated later does not keep the old one.
     first = files.read(files.write(folder / "a.csv", files.read(folder / "rest.parquet")))
     later = replace(first, imu=replace(first.imu, meta=replace(first.imu.meta, calibration="unit 7 table")))
     for name in ("b.csv", "b.parquet"):
         files.write(folder / name, later)
         assert b"uncalibrated" not in (folder / name).read_bytes()
         assert not [note for note in files.read(folder / name).notes if note.code == "samples.uncalibrated"]
-
-
-def test_a_table_for_other_programs_has_the_note_elsewhere_and_a_card_of_another_unit_ends_a_recording(folder):
     done = typed("decode sea.bin --format buoy", cwd=folder)
     assert (UNCALIBRATED in done.stderr, "uncalibrated" in done.stdout) == (True, False)
     done = typed(f"{RECORD} --calibration other.json --out x.mcap", cwd=folder, code=1)

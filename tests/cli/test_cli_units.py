@@ -34,18 +34,6 @@ def test_one_unit_is_estimated_by_name_or_number_and_replay_gives_the_others(fol
     done = call("replay", "a.mcap", "--unit", "3", "--out", "d.tum", "--json", cwd=folder)
     assert json.loads(done.stdout)["samples"] == len(c)
     np.testing.assert_array_equal(np.loadtxt(folder / "d.tum"), c)
-
-
-@pytest.mark.parametrize("words", [(), ("--unit", "u7"), ("--unit", "0"), ("--unit", "7")])
-def test_a_unit_that_is_not_there_is_an_error_that_lists_them(folder, words):
-    done = record(folder, *words, "--out", "x.mcap")
-    assert done.returncode == 1
-    assert all(f"{name} ({number})" in done.stderr for number, name in enumerate(UNITS, 1))
-    assert "--unit u1" in done.stderr
-    assert not (folder / "x.mcap").exists()
-
-
-def test_a_session_names_it_by_number_too(folder):
     (folder / "s.toml").write_text("""
 kind = "plumbob session"
 version = 1
@@ -58,3 +46,12 @@ record = { path = "s.mcap" }
     assert call("record", "s.toml", cwd=folder).returncode == 0
     done = call("record", "s.toml", "--unit", "u3", cwd=folder)
     assert (done.returncode, "the session file already sets format, unit" in done.stderr) == (1, True)
+
+
+@pytest.mark.parametrize("words", [(), ("--unit", "u7"), ("--unit", "0"), ("--unit", "7")])
+def test_a_unit_that_is_not_there_is_an_error_that_lists_them(folder, words):
+    done = record(folder, *words, "--out", "x.mcap")
+    assert done.returncode == 1
+    assert all(f"{name} ({number})" in done.stderr for number, name in enumerate(UNITS, 1))
+    assert "--unit u1" in done.stderr
+    assert not (folder / "x.mcap").exists()

@@ -62,7 +62,7 @@ def test_the_emulator_writes_what_the_rig_says_into_files_and_pipes(buoy):
     assert len(piped(data, "mpu6000")[0]) == 200
 
 
-def test_every_loss_is_told_on_standard_error(buoy):
+def test_every_loss_is_told_on_standard_error_and_an_option_changes_the_numbers(buoy):
     """A bit in the fourth frame, the end of the last; frames that never came, across the turn of the counter."""
     data = bytearray(buoy.read_bytes())
     rows, notes = piped(data, "buoy", "--rate", "100Hz")
@@ -77,6 +77,10 @@ def test_every_loss_is_told_on_standard_error(buoy):
     lost = "52 bytes of 15490 belong to no frame; candidates rejected: 1 for their checksum"
     assert (len(rows), notes) == (498, [lost, skipped.format(1)])
     assert "t [s] counts rows" in piped(data, "buoy", "--rate", "100Hz")[1][-1]
+    data = bytes.fromhex("0148 FF5C 3FDF F0B0 00C4 FF9E 332C")  # DS-6050: 196 counts are 1.5 °/s at ±250
+    for name, counts in (("250", 131.0), ("2000", 16.4)):
+        ((row, *_), _) = piped(data, "mpu6000", "--option", f"gyr_range={name} deg/s")
+        assert float(row.split(",")[5]) == pytest.approx(np.radians(196 / counts), rel=1e-9)
 
 
 def test_the_wrong_format_gets_a_hint_and_the_right_one_none(buoy):
@@ -93,13 +97,6 @@ def test_the_wrong_format_gets_a_hint_and_the_right_one_none(buoy):
     few, many = (piped(other[:size] + 18 * buoy.read_bytes(), "buoy")[1] for size in (270_400, 286_000))
     assert not [note for note in few if "may not be" in note]
     assert [note for note in many if "this may not be buoy at all. It looks like ahrs500ga" in note]
-
-
-def test_an_option_changes_the_numbers():
-    data = bytes.fromhex("0148 FF5C 3FDF F0B0 00C4 FF9E 332C")  # DS-6050: 196 counts are 1.5 °/s at ±250
-    for name, counts in (("250", 131.0), ("2000", 16.4)):
-        ((row, *_), _) = piped(data, "mpu6000", "--option", f"gyr_range={name} deg/s")
-        assert float(row.split(",")[5]) == pytest.approx(np.radians(196 / counts), rel=1e-9)
 
 
 def test_the_emulator_prints_its_port_first_and_ends_on_a_signal(tmp_path):
@@ -122,7 +119,7 @@ def test_the_emulator_prints_its_port_first_and_ends_on_a_signal(tmp_path):
     assert decode(data, find_format("buoy"))[1].frames["buoy"] >= 5
 
 
-def test_truth_card_and_faults_lie_beside(tmp_path):
+def test_truth_card_and_faults_lie_beside_and_sim_warms_up_as_a_rig_does(tmp_path):
     files = "--write a.bin --truth t.parquet --faults flip=5%,skip=0.1 --fault-log f.jsonl"
     typed(f"emulate arm --duration 5s --seed 2 {files}", cwd=tmp_path)
     recording = read(tmp_path / "t-u4.parquet")
@@ -133,6 +130,13 @@ def test_truth_card_and_faults_lie_beside(tmp_path):
     assert faults == [fault.summary() for fault in rig.faults]
     assert {fault["kind"] for fault in faults} == {"flip", "skip"}
     assert (tmp_path / "a.bin").read_bytes() == rig.stream()
+    warm = "--frame NED --duration 3s --rate 50Hz --warm-up '15 K, 1 s'"
+    typed(f"sim static {warm} --set temp_c=20degC --out a.parquet", cwd=tmp_path)
+    imu = read(tmp_path / "a.parquet").imu
+    np.testing.assert_allclose(imu.temp_c, 20.0 + 15.0 * (1.0 - np.exp(-imu.t)), atol=1e-5)
+    typed(f"sim teach {warm} --out b.parquet", cwd=tmp_path)
+    for unit in read_array(tmp_path / "b.parquet").units.values():
+        np.testing.assert_allclose(unit.temp_c, 25.0 + 15.0 * (1.0 - np.exp(-unit.t)), atol=1e-5)
 
 
 def test_lists_name_every_device_with_its_values_and_the_page_is_up_to_date():
@@ -154,13 +158,3 @@ def test_the_printed_header_compiles(tmp_path):
     words = shlex.split("cc -std=c11 -Wall -Werror -Wno-unused-function -c main.c")
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-def test_sim_warms_up_as_a_rig_does(tmp_path):
-    warm = "--frame NED --duration 3s --rate 50Hz --warm-up '15 K, 1 s'"
-    typed(f"sim static {warm} --set temp_c=20degC --out a.parquet", cwd=tmp_path)
-    imu = read(tmp_path / "a.parquet").imu
-    np.testing.assert_allclose(imu.temp_c, 20.0 + 15.0 * (1.0 - np.exp(-imu.t)), atol=1e-5)
-    typed(f"sim teach {warm} --out b.parquet", cwd=tmp_path)
-    for unit in read_array(tmp_path / "b.parquet").units.values():
-        np.testing.assert_allclose(unit.temp_c, 25.0 + 15.0 * (1.0 - np.exp(-unit.t)), atol=1e-5)

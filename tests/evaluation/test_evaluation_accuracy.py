@@ -72,15 +72,12 @@ def test_files_and_recordings_are_taken_as_folders_are(folders):
         measure_accuracy(read, stages("vqf"), between=(90.0, 99.0))
 
 
-def test_an_estimator_that_takes_none_of_a_folder_is_left_out_of_it_alone(folders):
+def test_an_estimator_that_takes_none_of_a_folder_is_left_out_and_a_refused_trial_counts_for_none(folders):
     found = measure_accuracy(trials_in(*folders), stages("mekf"), peers=[Compass()], align=("heading",))
     assert set(found.trials["bare/buoy3"]) == {"mekf"}
     assert "it has no field" in found.absent["compass (bare)"]
     assert found.mean("bare")["compass"] == found.mean()["compass"] == dict.fromkeys(KEYS)
     assert found.mean("sea")["compass"][TOTAL] > 5.0
-
-
-def test_a_trial_that_one_of_several_refuses_counts_for_none_and_is_named(folders):
     first = files.read(folders[0] / "buoy1.parquet").imu.acc[0, 0]
 
     class Picky(Compass):
@@ -95,7 +92,7 @@ def test_a_trial_that_one_of_several_refuses_counts_for_none_and_is_named(folder
     assert found.mean()["mekf"][TOTAL] == pytest.approx(np.mean([e["mekf"][TOTAL] for e in found.trials.values()]))
 
 
-def test_one_that_has_nothing_to_score_loses_its_own_mean_alone(folders):
+def test_one_that_has_nothing_to_score_loses_its_own_mean_and_only_a_part_of_the_time_may_count(folders):
     """The first seconds of a start in waves are those in which a filter says that it has not converged."""
     both = stages("mekf", "tilt_compass")
     found = measure_accuracy(trials_in(folders[0]), both, between=(0.0, 0.5), against="tilt_compass")
@@ -104,9 +101,6 @@ def test_one_that_has_nothing_to_score_loses_its_own_mean_alone(folders):
     assert found.mean()["tilt_compass"][TOTAL] > 0.0
     assert "no sample is left to score" in found.absent["mekf (buoy1)"]
     assert found.better()["mekf"] == (0, 0)
-
-
-def test_only_a_part_of_the_time_may_count(folders):
     whole, first = (
         measure_accuracy(trials_in(folders[0]), stages("tilt_compass"), between=time) for time in (None, (0.0, 5.0))
     )
@@ -147,7 +141,7 @@ def test_a_covariance_that_is_right_holds_95_percent_and_one_half_as_wide_68():
         assert tilt.mean(axis=0) == pytest.approx(share, abs=0.015)
 
 
-def test_an_error_at_the_limit_is_inside_and_one_beyond_is_not():
+def test_an_error_at_the_limit_is_inside_and_a_free_heading_is_claimed_from_where_it_starts():
     q = np.array([[1.0, 0.0, 0.0, 0.0]])
     cov = np.diag(deg(1.0) ** 2 * np.ones(3))[np.newaxis]
     for size, expected in ((0.999, True), (1.001, False)):
@@ -157,10 +151,7 @@ def test_an_error_at_the_limit_is_inside_and_one_beyond_is_not():
         heading, tilt = inside_claim(q, quat_from_rotvec([[size * INSIDE * deg(1.0), 0.0, 0.0]]), cov)
         assert tilt.tolist() == [[expected, True]]
         assert heading.all()
-
-
-def test_a_free_heading_is_claimed_from_where_it_starts():
-    """170° off throughout is its zero; what it turns from there, also across ±180°, is its error."""
+    # 170° off throughout is its zero; what it turns from there, also across ±180°, is its error.
     off = deg(np.array([170.0, 171.5, 169.0, 190.5, 170.0]))
     q = np.tile([1.0, 0.0, 0.0, 0.0], (off.size, 1))
     truth = quat_from_rotvec(np.stack((0.0 * off, 0.0 * off, -off), axis=1))

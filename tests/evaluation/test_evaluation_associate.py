@@ -27,44 +27,38 @@ def test_same_stamps_keep_every_bit(track, reference, t):
     assert associate(track(t, q), reference).counts() == {Fate.SCORED: t.size - 2, Fate.ESTIMATE_UNKNOWN: 2}
 
 
-def test_slerp_is_exact_at_constant_rate(track):
+def test_slerp_is_exact_at_constant_rate_and_ends_are_not_extrapolated(track):
     slow, fast = np.arange(60) / 10.0, np.sort(np.random.default_rng(0).uniform(0.0, 5.9, 500))
     match = associate(track(fast, spin(fast)), track(slow, spin(slow)))
     # stamps are kept to the nanosecond, and the body turns at 1 rad/s
     assert quat_angle(match.q_ref, spin(fast)).max() < 2e-9 and not match.exact.any()
-
-
-def test_ends_are_not_extrapolated(track):
     t = np.arange(100) / 10.0
     match = associate(track(t, spin(t)), track(t[20:50], spin(t[20:50])))
     assert match.counts() == {Fate.SCORED: 30, Fate.OUTSIDE: 70}
     assert np.isnan(match.q_ref[:20]).all() and np.isnan(match.q_ref[50:]).all()
+    t = np.arange(3) / 10.0
+    match = associate(track(t, spin(t)), track(t[1:2], spin(t[1:2])))
+    assert match.counts() == {Fate.SCORED: 1, Fate.OUTSIDE: 2}
 
 
-def test_gaps_of_the_reference_are_not_bridged(track):
+def test_gaps_of_the_reference_of_more_than_five_median_steps_are_not_bridged_or_of_a_stated_one(track):
     fine, coarse = np.arange(200) / 100.0, np.arange(40) / 20.0
     holed = np.delete(coarse, np.arange(10, 20))  # from 0.45 s to 1.0 s
     match = associate(track(fine, spin(fine)), track(holed, spin(holed)))
     inside = (fine > 0.45 + 1e-9) & (fine < 1.0 - 1e-9)
     assert (match.fate[inside] == Fate.GAP).all() and np.isnan(match.q_ref[inside]).all()
     assert (match.fate[~inside & (fine <= 1.95)] == Fate.SCORED).all()
-
-
-def test_default_gap_is_five_median_steps_and_the_step_itself_passes(track):
     t = np.array([0.0, 0.01, 0.02, 0.03, 0.08, 0.09, 0.10, 0.15 + 1e-9, 0.16])
     reference = track(t, spin(t))
     assert longest_bridged(to_ns(reference.t)) == GAP_FACTOR * 0.01
     match = associate(track(np.array([0.05, 0.12]), spin(np.array([0.05, 0.12]))), reference)
     assert match.fate.tolist() == [Fate.SCORED, Fate.GAP]
-
-
-def test_a_stated_gap_wins(track):
     t = np.arange(50) / 10.0
     late = track(t[:-1] + 0.05, spin(t[:-1] + 0.05))
     assert associate(late, track(t, spin(t)), max_gap=0.1).counts() == {Fate.SCORED: 49}
 
 
-def test_unknown_reference_rows_are_left_out_and_never_touched(track):
+def test_unknown_and_masked_rows_are_left_out_and_settling_counts_from_the_first_sample(track):
     t, fine = np.arange(50) / 10.0, np.arange(490) / 100.0
     q = spin(t)
     q[20] = np.nan  # 2.0 s, so that nothing between 1.9 s and 2.1 s is known
@@ -72,9 +66,6 @@ def test_unknown_reference_rows_are_left_out_and_never_touched(track):
     hidden = (fine > 1.9 + 1e-9) & (fine < 2.1 - 1e-9)
     assert np.array_equal(match.fate == Fate.REFERENCE_UNKNOWN, hidden)
     assert np.isfinite(match.q_ref[~hidden]).all()
-
-
-def test_the_mask_needs_both_neighbours(track):
     t, mid = np.arange(10) / 10.0, np.arange(9) / 10.0 + 0.05
     score = np.ones(10, dtype=bool)
     score[5] = False
@@ -82,9 +73,6 @@ def test_the_mask_needs_both_neighbours(track):
     assert np.flatnonzero(match.fate == Fate.MASKED).tolist() == [4, 5]
     exact = associate(track(t, spin(t)), track(t, spin(t), score=score))
     assert np.flatnonzero(exact.fate == Fate.MASKED).tolist() == [5]
-
-
-def test_settling_counts_from_the_first_sample_of_the_estimate(track):
     t = 3.0 + np.arange(100) / 10.0
     match = associate(track(t, spin(t)), track(t, spin(t)), settle=2.0)
     assert match.counts() == {Fate.SCORED: 80, Fate.SETTLING: 20}
@@ -99,12 +87,6 @@ def test_wrong_settings_and_no_common_time_are_refused(track):
     for wrong in ({"settle": float("nan")}, {"max_gap": -0.1}):
         with pytest.raises(ParameterError, match=next(iter(wrong))):
             associate(here, here, **wrong)
-
-
-def test_one_reference_sample_serves_only_its_own_stamp(track):
-    t = np.arange(3) / 10.0
-    match = associate(track(t, spin(t)), track(t[1:2], spin(t[1:2])))
-    assert match.counts() == {Fate.SCORED: 1, Fate.OUTSIDE: 2}
 
 
 @given(st.data())

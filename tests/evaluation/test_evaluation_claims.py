@@ -19,11 +19,16 @@ def claimed(q):
     return np.swapaxes(c_nb, 1, 2) @ np.diag(SD**2) @ c_nb
 
 
-def test_they_are_those_about_the_axes_of_the_navigation_frame():
+def test_they_are_those_about_the_axes_of_the_navigation_frame_and_nothing_before_the_start():
     q = quat_from_euler_zyx(np.array([[0.0, 0.0, 0.0], [2.0, -1.2, 3.0], [-1.0, 1.5, 0.4]]))
     inclination, heading = claimed_sd(q, claimed(q))
     np.testing.assert_allclose(inclination, 0.005, rtol=1e-12)  # √(4² + 3²) = 5
     np.testing.assert_allclose(heading, 0.02, rtol=1e-12)
+    # A state of zeros is no certainty.
+    q = quat_from_euler_zyx(np.zeros((3, 3)))
+    cov = np.stack((np.zeros((3, 3)), -np.eye(3), np.full((3, 3), np.nan)))
+    for sd in claimed_sd(q, cov):
+        assert np.isnan(sd).all()
 
 
 def test_errors_have_the_rms_that_is_claimed(motion):
@@ -34,11 +39,3 @@ def test_errors_have_the_rms_that_is_claimed(motion):
     inclination, heading = claimed_sd(q, claimed(q))
     for name, sd in (("inclination", inclination), ("heading", heading)):
         assert math.sqrt(np.mean(found[name] ** 2)) == pytest.approx(sd[0], rel=5.0 / math.sqrt(2 * N) + 4e-4)
-
-
-def test_nothing_is_claimed_before_the_start():
-    """A state of zeros is no certainty."""
-    q = quat_from_euler_zyx(np.zeros((3, 3)))
-    cov = np.stack((np.zeros((3, 3)), -np.eye(3), np.full((3, 3), np.nan)))
-    for sd in claimed_sd(q, cov):
-        assert np.isnan(sd).all()

@@ -76,7 +76,7 @@ def turned(track, degrees, **changes):
     return replace(track, q_nb=q, **changes)
 
 
-def test_a_declination_bridges_magnetic_and_true_north(files, reference):
+def test_a_declination_bridges_magnetic_and_true_north_and_what_is_aligned_is_what_was_asked_for(files, reference):
     """10° east: magnetic north lies clockwise of true north, so true headings are 10° more, yaws in ENU 10° less."""
     io.write("true.parquet", turned(reference, -10.0, north=North.TRUE))
     words = ("eval", "estimate.parquet", "true.parquet", "--json")
@@ -84,10 +84,7 @@ def test_a_declination_bridges_magnetic_and_true_north(files, reference):
         summary = json.loads(ok(*words, "--declination", declination).stdout)
         assert summary["heading_rmse_deg"] == pytest.approx(error, abs=1e-6)
     assert "declination" in refused(*words[:3])
-
-
-def test_what_is_aligned_is_what_was_asked_for(files, reference):
-    """A reference turned by 20° about the vertical: an error of heading, unless that is aligned."""
+    # A reference turned by 20° about the vertical: an error of heading, unless that is aligned.
     io.write("turned.parquet", turned(reference, 20.0))
     for align, error in (((), 20.0), (("--align", "time"), 20.0), (("--align", " time, heading"), 0.0)):
         summary = json.loads(ok("eval", "estimate.parquet", "turned.parquet", "--json", *align).stdout)

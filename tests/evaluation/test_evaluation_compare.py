@@ -84,11 +84,8 @@ def test_planted_clock_and_mounting_are_found_within_their_stated_errors(scenari
     assert abs(gyr.ratio_db - 20.0 * np.log10(SCALE["gyr"])) < 0.1
 
 
-def test_a_negative_offset_has_its_sign():
+def test_a_negative_offset_has_its_sign_and_starts_of_two_files_count():
     assert at_zero(compare(*pair(shift=-2.5)).clock) == pytest.approx(-2.5, abs=2e-3)
-
-
-def test_starts_of_two_files_count():
     a, b = pair()
     later = replace(b, meta=replace(b.meta, t0_ns=1_000_003_000_000_000), t=b.t)
     early = replace(a, meta=replace(a.meta, t0_ns=1_000_000_000_000_000))
@@ -96,14 +93,11 @@ def test_starts_of_two_files_count():
     assert at_zero(compare(early, moved).clock) == pytest.approx(OFFSET - 7.0, abs=2e-3)
 
 
-def test_of_a_rest_nothing_is_seen():
+def test_of_a_rest_nothing_is_seen_and_a_turn_about_one_axis_does_not_show_the_mounting():
     found = compare(*pair("static", 30.0))
     assert found.clock is None and found.mounting is None
     assert "nothing of clocks and mounting can be seen" in found.text().replace("\n  ", " ").lower()
     assert not found.within
-
-
-def test_a_turn_about_one_axis_does_not_show_the_mounting():
     t = np.arange(6000) / 100.0
     gyr = np.column_stack((np.zeros((6000, 2)), np.sin(0.7 * t) + 0.5 * np.sin(2.1 * t + 0.3 * np.sin(0.2 * t))))
     noise = np.random.default_rng(1).normal(0.0, 1e-3, (2, 6000, 3))
@@ -112,7 +106,7 @@ def test_a_turn_about_one_axis_does_not_show_the_mounting():
     assert found.mounting is None and "single axis" in str(found.remarks[0])
 
 
-def test_equal_to_the_bit_and_the_first_difference():
+def test_equal_to_the_bit_the_first_difference_and_what_cannot_be_compared():
     a, _ = pair(duration=15.0)
     assert compare(a, a, tolerance=0).equal and compare(a, a, tolerance=0).within
     assert [bool(compare(a[:count], a[:count]).triads) for count in (99, 100)] == [False, True]  # samples in common
@@ -123,6 +117,13 @@ def test_equal_to_the_bit_and_the_first_difference():
     assert compare(a, ImuData(t=a.t, gyr=gyr, acc=a.acc, mag=a.mag), tolerance="0.1%").within
     assert "ends after 500 rows" in compare(a, a[:500]).first
     assert "mag in one" in compare(a, ImuData(t=a.t, gyr=a.gyr, acc=a.acc)).first
+    for other, how, error, words in (
+        (track(), {}, ShapeError, "nothing to compare"),
+        (a, {"align": ["clock"]}, ParameterError, "align knows"),
+        (a, {"tolerance": "1deg"}, ParameterError, "share"),
+    ):
+        with pytest.raises(error, match=words):
+            compare(a, other, **how)
 
 
 def track(turned=0.0, frame=Frame.ENU):
@@ -139,17 +140,6 @@ def test_attitudes_are_judged_across_frames_with_tolerance():
     assert compare(track(float(deg(2.0))), track(), tolerance="1.9 deg").within is False
     assert compare(track(float(deg(2.0))), track(), tolerance="1e-6 deg", align=["heading"]).within
     assert compare(track(), track(), tolerance=0).equal
-
-
-def test_what_cannot_be_compared_is_refused():
-    a, _ = pair(duration=15.0)
-    for other, how, error, words in (
-        (track(), {}, ShapeError, "nothing to compare"),
-        (a, {"align": ["clock"]}, ParameterError, "align knows"),
-        (a, {"tolerance": "1deg"}, ParameterError, "share"),
-    ):
-        with pytest.raises(error, match=words):
-            compare(a, other, **how)
 
 
 def test_command_line(tmp_path):

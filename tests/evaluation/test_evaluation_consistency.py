@@ -28,17 +28,18 @@ def test_bounds_are_those_of_chi_square():
     np.testing.assert_allclose(BOUNDS, chi2.ppf((tail, 1.0 - tail), DOF), rtol=1e-12)
 
 
-def test_a_true_covariance_is_found_consistent(noisy):
+def test_a_true_covariance_is_found_consistent_too_much_trust_shows_and_no_claim_has_no_verdict(noisy):
     found = evaluate(*noisy(1.0)).consistency
     assert found.mean == pytest.approx(3.0, abs=5 * np.sqrt(6.0 / N))  # variance of chi-square with 3 degrees is 6
     assert found.share_inside == pytest.approx(0.95, abs=5 * np.sqrt(0.95 * 0.05 / N))
     assert (found.count, found.unusable) == (N, 0)
-
-
-def test_too_much_trust_shows(noisy):
     found = evaluate(*noisy(0.25)).consistency
     assert found.mean == pytest.approx(12.0, rel=0.05)
     assert found.share_inside < 0.6
+    _, reference = noisy(1.0)
+    free = evaluate(*noisy(1.0, north=North.FREE))
+    assert evaluate(reference, reference).consistency is free.consistency is None
+    assert "covariance claimed, but not judged" in " ".join(free.text().split())
 
 
 def test_unusable_covariances_are_counted(noisy, track):
@@ -50,10 +51,3 @@ def test_unusable_covariances_are_counted(noisy, track):
     assert (found.count, found.unusable) == (N - 10, 10)
     cov[:] = 0.0
     assert evaluate(track(estimate.t, estimate.q_nb, cov_b=cov), reference).consistency is None
-
-
-def test_no_claim_and_no_comparable_heading_give_no_verdict(noisy):
-    _, reference = noisy(1.0)
-    free = evaluate(*noisy(1.0, north=North.FREE))
-    assert evaluate(reference, reference).consistency is free.consistency is None
-    assert "covariance claimed, but not judged" in " ".join(free.text().split())

@@ -27,13 +27,22 @@ def strict(result):
     return json.loads(json.dumps(result.summary(), allow_nan=False))
 
 
-def test_a_track_agrees_with_itself(reference):
+def test_a_track_agrees_with_itself_and_summary_is_strict_json_in_degrees(reference, track, t, tilted):
     result = evaluate(reference, reference)
     assert all(result.stats[name].max_abs < 1e-15 for name in QUANTITIES)
     assert result.notes == ()
     named = evaluate(replace(reference, source="mekf (gain 2)"), reference).facts()
     assert named["source"] == "mekf"
     assert result.facts()["source"] == "truth"
+    summary = strict(evaluate(track(t, tilted, source="unit"), reference))
+    assert summary["inclination_rmse_deg"] == pytest.approx(np.degrees(0.03))
+    assert summary["total_rmse_deg"] == summary["total"]["rmse_deg"]
+    assert all(set(summary[name]) == STATISTICS for name in QUANTITIES)
+    assert summary["samples"]["scored"] == summary["samples"]["exact"] == t.size
+    assert summary["estimate"] == {
+        "source": "unit", "frame": "ENU", "north": "magnetic", "samples": 2000, "mean_rate_hz": pytest.approx(100.0),
+        "first_s": 0.0, "last_s": 19.99,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("frame", list(Frame))
@@ -126,7 +135,7 @@ def test_a_free_heading_is_scored_once_it_is_aligned(track, t, reference, tilted
     assert result.stats["inclination"].rmse == pytest.approx(0.03, rel=1e-12)
 
 
-def test_only_scored_samples_enter_the_statistics(track, t, reference):
+def test_only_scored_samples_enter_statistics_alignment_and_counts_of_flags(track, t, reference):
     off = np.where(t < 5.0, 0.5, 0.01)
     q = quat_multiply(quat_from_rotvec(np.multiply.outer(off, [1.0, 0.0, 0.0])), reference.q_nb)
     masked = track(t, reference.q_nb, score=t >= 5.0)
@@ -134,12 +143,15 @@ def test_only_scored_samples_enter_the_statistics(track, t, reference):
         assert result.stats["total"].max_abs == pytest.approx(0.01, rel=1e-9)
         assert result.stats["total"].count == 1500
         assert result.errors["total"][0] == pytest.approx(0.5)  # kept for the plot, and shaded there
-
-
-def test_alignment_is_fitted_to_scored_samples_only(track, t, reference):
     q = np.where((t < 5.0)[:, np.newaxis], turn_heading(reference.q_nb, 2.0, Frame.ENU), reference.q_nb)
     result = evaluate(track(t, q), reference, settle=5.0, align={"heading"})
     assert result.alignment.heading == pytest.approx(0.0, abs=1e-12)
+    raised = np.zeros(t.size, dtype=np.uint32)
+    raised[:300] |= flags.MAG_GATED
+    raised[250:260] |= flags.HEADING_FREE
+    result = evaluate(track(t, reference.q_nb, flags=raised), reference, settle=2.0)
+    assert result.flag_counts() == {"mag-gated": 100, "heading-free": 10}
+    assert any("10 scored samples with heading-free" in str(note) for note in result.notes)
 
 
 def test_gimbal_samples_are_counted(track):
@@ -152,15 +164,6 @@ def test_gimbal_samples_are_counted(track):
     assert (result.stats["yaw"].count, result.stats["pitch"].count) == (95, 100)
     straight_up = track(t, np.tile(quat_from_euler_zyx([0.0, np.pi / 2, 0.0]), (100, 1)))
     assert "near ±90°" in evaluate(straight_up, straight_up).not_scored["yaw"]
-
-
-def test_flags_are_counted_over_scored_samples(track, t, reference):
-    raised = np.zeros(t.size, dtype=np.uint32)
-    raised[:300] |= flags.MAG_GATED
-    raised[250:260] |= flags.HEADING_FREE
-    result = evaluate(track(t, reference.q_nb, flags=raised), reference, settle=2.0)
-    assert result.flag_counts() == {"mag-gated": 100, "heading-free": 10}
-    assert any("10 scored samples with heading-free" in str(note) for note in result.notes)
 
 
 ROLLED = quat_from_euler_zyx([0.0, 0.0, deg(40.0)])
@@ -207,15 +210,3 @@ def test_the_motion_is_told_so_that_rest_cannot_flatter(track):
         assert strict(tiny)["samples"]["scored"] == size
         assert (tiny.reference_rate is None) == (size == 1)
         assert max(map(len, tiny.text().splitlines())) <= 80
-
-
-def test_summary_is_strict_json_in_degrees(track, t, reference, tilted):
-    summary = strict(evaluate(track(t, tilted, source="unit"), reference))
-    assert summary["inclination_rmse_deg"] == pytest.approx(np.degrees(0.03))
-    assert summary["total_rmse_deg"] == summary["total"]["rmse_deg"]
-    assert all(set(summary[name]) == STATISTICS for name in QUANTITIES)
-    assert summary["samples"]["scored"] == summary["samples"]["exact"] == t.size
-    assert summary["estimate"] == {
-        "source": "unit", "frame": "ENU", "north": "magnetic", "samples": 2000, "mean_rate_hz": pytest.approx(100.0),
-        "first_s": 0.0, "last_s": 19.99,
-    }  # fmt: skip

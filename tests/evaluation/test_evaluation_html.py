@@ -40,16 +40,13 @@ def rows(table):
     return {row[0]: row[1:] for row in table.rows}
 
 
-def test_a_share_that_rounds_to_nothing_is_not_nothing(judged, track):
+def test_a_share_that_rounds_to_nothing_is_not_nothing_and_rows_that_cannot_be_compared(judged, track, monkeypatch):
     score = np.ones(judged.t.size)
     score[[1000]] = 0
     q = judged.estimate.q_nb
     _, samples = evaluate(track(judged.t, q), track(judged.t, q, score=score)).report().tables
     shares = [cells[1] for cells in rows(samples).values()]
     assert shares == ["100.0 %", "< 0.1 %"]
-
-
-def test_rows_that_cannot_be_compared_are_called_so(judged, track, monkeypatch):
     other = evaluate(judged.estimate, judged.reference, settle=4.0)
     free = evaluate(track(judged.t, judged.estimate.q_nb, north=North.FREE), judged.reference)
     assert side_by_side({"a": judged, "b": judged}).remarks == []

@@ -56,12 +56,14 @@ def test_the_optimum_is_that_of_a_wide_scan(several, found):
     assert math.log(found.train_tuned_deg) < min(means) + 0.005
 
 
-def test_errors_are_those_that_evaluate_gives(several, found):
+def test_errors_are_those_that_evaluate_gives_and_the_same_with_other_threads(several, found):
     (beta,) = found.parameters
     for one, row in zip(several, found.recordings, strict=True):
         assert row.default_deg == pytest.approx(error(one, {}), rel=1e-9)
         assert row.fitted_deg == pytest.approx(error(one, {"beta": beta.value}), rel=1e-9)
         assert row.tuned_deg == pytest.approx(error(one, {"beta": beta.folds[row.fold - 1]}), rel=1e-9)
+    again = tune(several, "madgwick", metric="inclination", budget=24, jobs=1)
+    assert again.summary() == found.summary()
 
 
 @pytest.mark.parametrize("metric", tuning.METRICS)
@@ -86,11 +88,6 @@ def test_a_gain_that_generalises_is_shown(found):
     assert found.held_default_deg == pytest.approx(math.exp(default.mean()))
     assert found.held_tuned_deg == pytest.approx(math.exp(tuned.mean()))
     assert found.gain == pytest.approx(np.expm1(change.mean() + half * np.array([0.0, -1.0, 1.0])), rel=1e-5)
-
-
-def test_the_result_is_the_same_again_and_with_other_threads(several, found):
-    again = tune(several, "madgwick", metric="inclination", budget=24, jobs=1)
-    assert again.summary() == found.summary()
 
 
 def test_what_only_noise_prefers_is_not_a_gain():

@@ -32,13 +32,10 @@ def reference(imu):
     return AttitudeTrack(t=imu.t, q_nb=q, frame=Frame.ENU, north=North.MAGNETIC, source="drawn")
 
 
-def test_motion_begins_where_two_thirds_of_a_second_turn(imu):
+def test_motion_begins_where_two_thirds_of_a_second_turn_and_constants_are_those_that_are_named(imu, reference):
     """A mean of 20 °/s over a second around a sample, with 30 °/s from 5 s on: at 5 s + (2/3 − 1/2) s."""
     assert motion_begins(imu) == pytest.approx(STILL + 1.0 / 6.0, abs=1.5 / RATE)
     assert turning(imu)[1000] == pytest.approx(dps(30.0))
-
-
-def test_nothing_changes_what_is_not_named(imu, reference):
     assert changed(imu, reference, {}) is imu
     for name, how in (("scale", "1%"), ("hard_iron", "1uT"), ("wrong_field", "1,2,3uT:0s-5s")):
         other = changed(imu, reference, {name: how})
@@ -46,12 +43,23 @@ def test_nothing_changes_what_is_not_named(imu, reference):
         for triad in {"gyr", "acc", "mag"} - {touched}:
             assert np.array_equal(getattr(other, triad), getattr(imu, triad))
         assert not np.array_equal(getattr(other, touched), getattr(imu, touched))
+    assert np.allclose(changed(imu, reference, {"bias": "6dps"}).gyr - imu.gyr, dps(6.0))
+    assert np.allclose(changed(imu, reference, {"bias": "2,-2,1dps"}).gyr - imu.gyr, dps(np.array([2.0, -2.0, 1.0])))
+    assert np.allclose(changed(imu, reference, {"hard_iron": "5,0,0uT"}).mag - imu.mag, [5.0, 0.0, 0.0])
+    assert np.allclose(changed(imu, reference, {"scale": "1%"}).gyr, 1.01 * imu.gyr)
 
 
-def test_a_late_start_keeps_what_comes_after_it(imu, reference):
+def test_a_late_start_keeps_what_comes_after_it_means_keep_the_angle_and_changes_go_together(imu, reference):
     late = changed(imu, reference, {"start": "20s"})
     assert late.t[0] == pytest.approx(motion_begins(imu) + 20.0, abs=1.0 / RATE)
     assert np.array_equal(late.gyr, imu.gyr[-len(late) :])
+    slow = changed(imu, reference, {"rate": "10Hz"})
+    assert np.allclose(np.diff(slow.t), 0.1)
+    assert slow.t[0] == imu.t[4]
+    assert np.allclose(slow.gyr.sum(axis=0) / 10.0, imu.gyr.sum(axis=0) / RATE)
+    both = {"gaps": "2x1s", "start": "2s", "no_mag": ""}
+    one, other = (changed(imu, reference, dict(pairs)) for pairs in (both.items(), reversed(both.items())))
+    assert one.mag is None and np.array_equal(one.t, other.t) and np.array_equal(one.gyr, other.gyr)
 
 
 def test_gaps_lie_in_the_motion_and_follow_the_seed(imu, reference):
@@ -64,16 +72,13 @@ def test_gaps_lie_in_the_motion_and_follow_the_seed(imu, reference):
     assert np.array_equal(once.acc, imu.acc[kept])
 
 
-def test_a_wrong_field_is_constant_in_the_frame_of_the_reference(imu, reference):
+def test_a_wrong_field_is_constant_in_the_frame_of_the_reference_and_may_count_from_the_motion(imu, reference):
     field = [15.0, -10.0, 20.0]
     other = changed(imu, reference, {"wrong_field": "15,-10,20uT:1s-4s"})
     added = other.mag - imu.mag
     inside = (imu.t >= 1.0) & (imu.t < 4.0) & np.isfinite(reference.q_nb[:, 0])
     assert np.allclose(quat_rotate(reference.q_nb[inside], added[inside]), field)
     assert not added[~inside].any()
-
-
-def test_a_wrong_field_may_count_from_the_motion_and_several_may_follow(imu, reference):
     told = "20,0,0uT:10s-12s@motion;0,5,0uT:0s-1s"
     added = changed(imu, reference, {"wrong_field": told}).mag - imu.mag
     size = np.linalg.norm(added, axis=1)
@@ -83,14 +88,7 @@ def test_a_wrong_field_may_count_from_the_motion_and_several_may_follow(imu, ref
     assert np.count_nonzero(size) == pytest.approx(3.0 * RATE, abs=1)
 
 
-def test_constants_are_those_that_are_named(imu, reference):
-    assert np.allclose(changed(imu, reference, {"bias": "6dps"}).gyr - imu.gyr, dps(6.0))
-    assert np.allclose(changed(imu, reference, {"bias": "2,-2,1dps"}).gyr - imu.gyr, dps(np.array([2.0, -2.0, 1.0])))
-    assert np.allclose(changed(imu, reference, {"hard_iron": "5,0,0uT"}).mag - imu.mag, [5.0, 0.0, 0.0])
-    assert np.allclose(changed(imu, reference, {"scale": "1%"}).gyr, 1.01 * imu.gyr)
-
-
-def test_missing_rows_keep_their_stamps(imu, reference):
+def test_missing_rows_keep_their_stamps_and_asynchronous_sensors_share_no_row(imu, reference):
     thin = changed(imu, reference, {"missing": "5%"})
     lost = np.isnan(thin.gyr).any(axis=1)
     assert np.array_equal(thin.t, imu.t)
@@ -98,26 +96,10 @@ def test_missing_rows_keep_their_stamps(imu, reference):
     for triad in ("acc", "mag"):
         assert np.array_equal(np.isnan(getattr(thin, triad)).all(axis=1), lost)
     assert np.array_equal(thin.flags & flags.GYR_ABSENT != 0, lost)
-
-
-def test_asynchronous_sensors_share_no_row_but_by_their_own_period(imu, reference):
     other = changed(imu, reference, {"asynchronous": ""})
     rate, force, field = (np.isfinite(getattr(other, triad)).all(axis=1) for triad in ("gyr", "acc", "mag"))
     assert not (rate & force).any() and (rate | force).all()
     assert np.array_equal(np.flatnonzero(field), np.arange(0, 2000, 5))
-
-
-def test_means_of_blocks_keep_the_angle(imu, reference):
-    slow = changed(imu, reference, {"rate": "10Hz"})
-    assert np.allclose(np.diff(slow.t), 0.1)
-    assert slow.t[0] == imu.t[4]
-    assert np.allclose(slow.gyr.sum(axis=0) / 10.0, imu.gyr.sum(axis=0) / RATE)
-
-
-def test_several_changes_go_together_whatever_their_order(imu, reference):
-    both = {"gaps": "2x1s", "start": "2s", "no_mag": ""}
-    one, other = (changed(imu, reference, dict(pairs)) for pairs in (both.items(), reversed(both.items())))
-    assert one.mag is None and np.array_equal(one.t, other.t) and np.array_equal(one.gyr, other.gyr)
 
 
 def test_what_cannot_be_read_or_made_is_refused(imu, reference):

@@ -159,7 +159,7 @@ def calibrated(tmp_path_factory):
     return path
 
 
-def test_each_unit_has_its_own_card_and_mount(calibrated):
+def test_each_unit_has_its_own_card_and_mount_and_a_file_of_mounts_calibrates(calibrated, recording, tmp_path):
     array, bare = read_array(calibrated), plumbob.read(calibrated).array
     assert_decoded(bare, arm())
     assert array.mounts["u4"] == UnitMount((0.0, 0.0, 0.0, 1.0), (0.02, 0.0, 0.0))
@@ -176,6 +176,12 @@ def test_each_unit_has_its_own_card_and_mount(calibrated):
     again = read_array(calibrated, mounts={"u4": UnitMount(lever_b=(1.0, 0.0, 0.0))})
     assert again.mounts["u4"].lever_b == (1.0, 0.0, 0.0)
     assert again.mounts["u2"] == array.mounts["u2"]  # who is not named stays as the session says
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "mounts.toml").write_text('kind = "plumbob array"\nversion = 1\n' + CARDS, encoding="utf-8")
+    assert_same(read_array(recording[0], mounts=tmp_path / "mounts.toml"), read_array(calibrated))
+    with pytest.raises(PlumbobError, match="already calibrated"):
+        read_array(calibrated, mounts=tmp_path / "mounts.toml")
 
 
 WRONG = [
@@ -204,15 +210,6 @@ def test_tables_alone_name_the_units():
     for text in (ALL, U2):
         with pytest.raises(PlumbobError, match="one unit without a name"):
             Stream(session(text.replace('"arm"', '"buoy"')))
-
-
-def test_a_file_of_mounts_calibrates(recording, calibrated, tmp_path):
-    for name, text in FILES.items():
-        (tmp_path / name).write_text(text, encoding="utf-8")
-    (tmp_path / "mounts.toml").write_text('kind = "plumbob array"\nversion = 1\n' + CARDS, encoding="utf-8")
-    assert_same(read_array(recording[0], mounts=tmp_path / "mounts.toml"), read_array(calibrated))
-    with pytest.raises(PlumbobError, match="already calibrated"):
-        read_array(calibrated, mounts=tmp_path / "mounts.toml")
 
 
 def test_faults_on_the_line_are_those_of_one_unit(tmp_path):

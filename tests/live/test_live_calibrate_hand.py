@@ -70,7 +70,7 @@ def test_every_planted_error_is_found(simulated, fits):
         assert (np.abs(off) <= 5.0 * np.sqrt(np.diag(found.covariance)) + 1e-12).all(), name
 
 
-def test_each_is_found_with_the_card_of_those_before(whole, fits):
+def test_each_is_found_with_the_card_of_those_before_which_is_replaced_and_not_applied_twice(whole, fits):
     """The same bits as one kind after the other, each given the card of the last."""
     card, steps = None, {}
     for name, fit in (
@@ -83,6 +83,9 @@ def test_each_is_found_with_the_card_of_those_before(whole, fits):
         card = card_of(on, {name: steps[name]})
     assert triads_of(card) == triads_of(card_of(whole, fits))
     assert steps["gyr"].remarks == fits["gyr"].remarks
+    again = capture(whole.imu, triads=("acc",), if_present=("gyr", "mag"), base=card_of(whole, fits))
+    assert np.array_equal(again.imu.mag, whole.imu.mag)
+    assert triads_of(card_of(again, calibrate_by_hand(again, strength=50.0))) == triads_of(card_of(whole, fits))
 
 
 def test_what_the_recording_lacks_is_left_out(whole):
@@ -91,12 +94,6 @@ def test_what_the_recording_lacks_is_left_out(whole):
     assert list(calibrate_by_hand(replace(whole, imu=alone))) == ["acc"]
     with pytest.raises(CalibrationError, match="has no acc"):
         capture(replace(whole.imu, acc=None), triads=("acc",), if_present=("gyr", "mag"))
-
-
-def test_a_card_so_far_is_replaced_and_not_applied_twice(whole, fits):
-    again = capture(whole.imu, triads=("acc",), if_present=("gyr", "mag"), base=card_of(whole, fits))
-    assert np.array_equal(again.imu.mag, whole.imu.mag)
-    assert triads_of(card_of(again, calibrate_by_hand(again, strength=50.0))) == triads_of(card_of(whole, fits))
 
 
 def turned_to_one_side(imu):

@@ -126,19 +126,16 @@ def test_there_and_back_is_the_same_to_the_bit(recording, tmp_path, name):
     assert np.array_equal(plumbob.read(again).imu.gyr, back.imu.gyr, equal_nan=True)  # it is turned once
 
 
-def test_axes_that_nothing_tells_stay(recording, tmp_path):
+def test_axes_that_nothing_tells_stay_and_attitudes_or_samples_may_be_alone(recording, tmp_path):
     notes = []
     bare = recording.imu.corrected(meta=plumbob.ImuMeta(t0_ns=T0))
     plumbob.convert(plumbob.Recording(imu=bare, name="a"), tmp_path / "a.bag", note=notes.append)
     assert np.array_equal(plumbob.read(tmp_path / "a.bag").imu.acc, bare.acc, equal_nan=True)
     assert any("body axes stay as they are: nothing says" in note for note in notes)
-
-
-def test_an_attitude_alone_and_samples_alone(recording, tmp_path):
-    plumbob.convert(recording, tmp_path / "a.bag", what="attitude")
-    found = messages(tmp_path / "a.bag")["/imu/data", "sensor_msgs/msg/Imu"]
+    plumbob.convert(recording, tmp_path / "c.bag", what="attitude")
+    found = messages(tmp_path / "c.bag")["/imu/data", "sensor_msgs/msg/Imu"]
     assert all(one.linear_acceleration_covariance[0] == -1.0 for _, one in found)
-    back = plumbob.read(tmp_path / "a.bag")
+    back = plumbob.read(tmp_path / "c.bag")
     assert back.imu is None and int(back.track.known.sum()) == ROWS - 1
     plumbob.convert(recording, tmp_path / "b.bag", what="samples")
     assert ("/imu/data_raw", "sensor_msgs/msg/Imu") in messages(tmp_path / "b.bag")
@@ -161,7 +158,7 @@ def test_several_units(recording, tmp_path):
     assert "data: [1.0, 0.0, 0.0, 0.1, 0.0, -1.0, 0.0, 0.2, 0.0, 0.0, -1.0, 0.3, 0.0, 0.0, 0.0, 1.0]" in sensor
 
 
-def test_euroc_holds_every_bit(recording, tmp_path):
+def test_euroc_holds_every_bit_and_the_rate(recording, tmp_path):
     """Columns as the data set's own files have them; read by NumPy."""
     notes = []
     plumbob.convert(recording, tmp_path / "a", layout="euroc", note=notes.append)
@@ -181,13 +178,10 @@ def test_euroc_holds_every_bit(recording, tmp_path):
     assert any("2 samples without" in note for note in notes)
     with pytest.raises(ShapeError, match="samples of an IMU, and there are none"):
         plumbob.convert(recording, tmp_path / "b", layout="euroc", what="attitude")
-
-
-def test_the_rate_of_euroc_comes_back_to_the_bit(recording, tmp_path):
     meta = plumbob.ImuMeta(t0_ns=T0, rate_nominal=2000.0 / 7.0)
     fast = plumbob.Recording(imu=recording.imu.corrected(meta=meta))
-    plumbob.convert(fast, tmp_path / "a", layout="euroc")
-    assert plumbob.read(tmp_path / "a").imu.meta.rate_nominal == 2000.0 / 7.0
+    plumbob.convert(fast, tmp_path / "fast", layout="euroc")
+    assert plumbob.read(tmp_path / "fast").imu.meta.rate_nominal == 2000.0 / 7.0
 
 
 def contents(folder):
@@ -266,7 +260,7 @@ def test_what_cannot_be_written(recording, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_verb(recording, tmp_path):
+def test_the_verb_and_a_noise_analysis_takes_a_folder(recording, tmp_path):
     plumbob.write(tmp_path / "sea.parquet", recording)
     done = ok("convert", "sea.parquet", "a", "--as", "rosbag2", cwd=tmp_path)
     assert f"{ROWS} samples, {ROWS} attitudes" in done.stdout
@@ -274,11 +268,8 @@ def test_the_verb(recording, tmp_path):
     ok("convert", "a", "b.csv", "--what", "samples", cwd=tmp_path)
     ok("convert", "sea.parquet", "c.bag", cwd=tmp_path)
     assert np.array_equal(plumbob.read(tmp_path / "c.bag").imu.acc * FLU, recording.imu.acc, equal_nan=True)
-
-
-def test_a_noise_analysis_takes_a_folder(tmp_path):
     rng = np.random.default_rng(2)
     acc = np.array([0.0, 0.0, 9.8]) + 0.01 * rng.normal(size=(2000, 3))
     imu = plumbob.ImuData(t=np.arange(2000) / 100, gyr=0.001 * rng.normal(size=(2000, 3)), acc=acc)
-    plumbob.convert(plumbob.Recording(imu=imu), tmp_path / "a", layout="rosbag2")
-    assert len(load_static(tmp_path / "a").groups) > 0
+    plumbob.convert(plumbob.Recording(imu=imu), tmp_path / "rest", layout="rosbag2")
+    assert len(load_static(tmp_path / "rest").groups) > 0

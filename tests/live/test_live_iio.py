@@ -70,7 +70,7 @@ def test_from_the_tree_to_the_recording_to_the_replay(tree, tmp_path):
     }  # fmt: skip
 
 
-def test_clipped_counts_and_repeated_stamps(tree):
+def test_clipped_counts_repeated_stamps_and_scans_that_a_full_buffer_lost(tree):
     tree.add_imu()
     gyr, acc, temp, t_ns = motion(50)
     gyr[3, 1], gyr[9, 2] = -2048, 2047  # the ends of 12 bits in two's complement
@@ -78,10 +78,6 @@ def test_clipped_counts_and_repeated_stamps(tree):
     line, found = run(session(tree.session()), scans(gyr, acc, temp, t_ns), tree)
     assert np.flatnonzero(joined(found.parts, "flags") & flags.GYR_CLIPPED).tolist() == [3, 9]
     assert (line.faults, found.t_ns.size) == (1, 49)
-
-
-def test_scans_that_a_full_buffer_lost_are_a_gap(tree):
-    tree.add_imu()
     kept = np.r_[0:100, 117:300]
     line, found = run(session(tree.session()), scans(*(column[kept] for column in motion(300))), tree)
     assert np.flatnonzero(joined(found.parts, "flags") & flags.GAP).tolist() == [100]

@@ -57,7 +57,7 @@ def test_a_recording_of_it_is_replayed_to_the_bit_and_text_has_the_times_of_its_
         assert float(line[3]) == pytest.approx(roll, abs=1e-4)
 
 
-def test_what_waits_when_a_recorder_starts_again_is_given_before():
+def test_what_waits_is_given_before_a_recorder_starts_again_and_where_a_stream_ends_at_once():
     items = reads(stream(4.0))
     half = len(items) // 2
     event = Event(items[half].t_ns, STARTED_AGAIN, "the recorder was away")
@@ -69,6 +69,11 @@ def test_what_waits_when_a_recorder_starts_again_is_given_before():
     assert track.flags[first] & flags.GAP
     alone = run_stage(found.imu(calibrated=True)[:first], lagged().stage, frame=Frame.NED)
     np.testing.assert_array_equal(track.q_nb[:first], alone.q_nb)
+    _, found = through(reads(stream(4.0))[:1], lagged())
+    assert len(found.track()) == len(found.t_ns) > 0
+    assert through([], lagged())[1].track() is None
+    with pytest.raises(ParameterError, match="cannot wait for the end, but lag is off"):
+        Stream(lagged(lag=None))
 
 
 def test_without_a_lag_attitudes_come_with_their_samples_and_are_replayed_to_the_bit(tmp_path):
@@ -81,14 +86,6 @@ def test_without_a_lag_attitudes_come_with_their_samples_and_are_replayed_to_the
     assert replay(tmp_path / "a.mcap", session=chosen, check=True).comparison.equal
     batch = run_stage(live.imu(calibrated=True), chosen.stage, frame=chosen.frame)
     np.testing.assert_array_equal(live.track().q_nb, batch.q_nb)
-
-
-def test_a_stream_that_ends_at_once_has_attitudes_that_claim_nothing():
-    _, found = through(reads(stream(4.0))[:1], lagged())
-    assert len(found.track()) == len(found.t_ns) > 0
-    assert through([], lagged())[1].track() is None
-    with pytest.raises(ParameterError, match="cannot wait for the end, but lag is off"):
-        Stream(lagged(lag=None))
 
 
 @pytest.mark.parametrize("lag", [0.3, 1.0, 100.0])

@@ -20,7 +20,7 @@ from plumbob.protocols.encode import encode
 from tests.helpers.live_samples import FORMAT, RATE, SESSION, Handed, form, motion, reads, session, stream, through
 
 
-def test_samples_are_the_simulated_ones_within_half_a_count():
+def test_samples_are_the_simulated_ones_within_half_a_count_and_the_attitude_is_the_batch_one_to_the_bit():
     _, found = through(reads(stream()))
     imu, truth = found.imu(calibrated=True), motion().imu
     assert len(imu) == len(truth)
@@ -29,9 +29,6 @@ def test_samples_are_the_simulated_ones_within_half_a_count():
     np.testing.assert_allclose(imu.gyr, truth.gyr, rtol=0, atol=half_gyr * 1.0001)
     np.testing.assert_allclose(imu.acc, truth.acc, rtol=0, atol=half_acc * 1.0001)
     np.testing.assert_allclose(imu.mag, truth.mag, rtol=0, atol=half_mag * 1.0001)
-
-
-def test_attitude_of_the_line_is_the_batch_attitude_to_the_bit_however_it_is_cut():
     line, found = through(reads(stream()))
     live = found.track()
     batch = run_stage(found.imu(calibrated=True), line.session.stage, frame=line.session.frame)
@@ -69,12 +66,18 @@ def test_line_that_is_pulled_and_plugged_goes_on_behind_a_gap():
     assert np.isfinite(track.q_nb).all()
 
 
-def test_junk_is_counted_and_never_becomes_a_sample():
+def test_junk_is_counted_and_never_becomes_a_sample_and_bytes_that_wait_are_reported():
     data = bytes(np.random.default_rng(4).integers(0, 256, 20_000, dtype=np.uint8))
     line, found = through(reads(data))
     assert not found.parts
     assert line.decoder.counts.junk == line.decoder.counts.received == 20_000
     assert line.report()["bytes"]["junk"] == 20_000
+    line = Stream(session())
+    assert line.decoder.counts.received == 0
+    assert line.t0_ns is None
+    line.feed(Received(0, stream()[:40]))
+    report = line.report()["bytes"]
+    assert (report["received"], report["framed"], report["pending"]) == (40, 30, 10)
 
 
 def test_time_comes_from_the_device_clock_where_there_is_one():
@@ -83,15 +86,6 @@ def test_time_comes_from_the_device_clock_where_there_is_one():
     ahrs = find_format("ahrs400").bind({"rr": "200", "gr": "4"})
     spec = time_spec(ahrs, ahrs.message())
     assert (spec.clock.down, spec.clock.tick, spec.clock.bits) == (True, 790, 16)  # 0.79 µs, counting down, [V1] fdas3
-
-
-def test_line_that_waits_for_bytes_says_so_in_its_report():
-    line = Stream(session())
-    assert line.decoder.counts.received == 0
-    assert line.t0_ns is None
-    line.feed(Received(0, stream()[:40]))
-    report = line.report()["bytes"]
-    assert (report["received"], report["framed"], report["pending"]) == (40, 30, 10)
 
 
 def test_full_disk_stops_the_recording_and_not_the_filter(tmp_path, monkeypatch):

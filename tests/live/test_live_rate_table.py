@@ -52,7 +52,7 @@ def fitted(session, planned):
     return calibrate_table(session, planned)
 
 
-def test_the_card_is_the_perfect_one_within_what_it_claims(made, session, planned):
+def test_the_card_is_the_perfect_one_within_what_it_claims_and_makes_the_rates_right(made, session, planned, fitted):
     found = calibrate_table(session, planned, mounting=0.0).calibration
     perfect = made.calibration.gyr
     for name, sd in (("bias", found.bias_sd), ("matrix", found.matrix_sd), ("g_sensitivity", found.g_sensitivity_sd)):
@@ -61,9 +61,6 @@ def test_the_card_is_the_perfect_one_within_what_it_claims(made, session, planne
     # 0.005 °/s/√Hz over the 3 s that are left of 4 s: 0.0029 °/s
     assert found.bias_sd.max() < dps(0.0029) / np.sqrt(42) * 1.5
     assert found.temp_ref_c == 25.0
-
-
-def test_the_card_makes_the_rates_right(made, session, planned, fitted):
     applied = apply_card(card_of(session, {"gyr": fitted}), made.imu)
     for plateau in planned:
         inside = (applied.t >= plateau.start) & (applied.t < plateau.stop)

@@ -87,11 +87,14 @@ def test_rows_and_metadata_are_read_or_refused(tmp_path):
             read_recorded(path, estimated=True)
 
 
-def test_an_event_is_read_or_refused():
+def test_an_event_is_read_or_refused_and_a_sensor_that_is_not_there_is_absent_in_every_row():
     for text in ("{", DEEP, "[]", "{}", '{"t_ns": "x", "kind": "a", "text": "b", "count": 1}'):
         with pytest.raises(DecodeError, match="a row of 'events'"):
             rows.parsed_event(text.encode())
     assert rows.parsed_event(rows.event_row(Event(1, "a", "b", 2))) == Event(1, "a", "b", 2)
+    meta = ImuData(t=[0.0], gyr=[[0.0, 0.0, 0.0]]).meta
+    imu = ImuData.live(np.array([0, 1]), {"gyr": np.zeros((2, 3))}, flags=np.zeros(2, dtype=np.uint32), meta=meta)
+    assert (imu.flags == flags.ACC_ABSENT | flags.MAG_ABSENT).all()
 
 
 def test_no_byte_of_an_array_of_numpy_makes_a_traceback(tmp_path):
@@ -125,12 +128,6 @@ def test_every_number_of_a_sample_reads_back(gyr):
         assert same(told["gyr"], values)
 
 
-def test_a_sensor_that_is_not_there_is_absent_in_every_row():
-    meta = ImuData(t=[0.0], gyr=[[0.0, 0.0, 0.0]]).meta
-    imu = ImuData.live(np.array([0, 1]), {"gyr": np.zeros((2, 3))}, flags=np.zeros(2, dtype=np.uint32), meta=meta)
-    assert (imu.flags == flags.ACC_ABSENT | flags.MAG_ABSENT).all()
-
-
 @given(arrays(np.float64, (3, 4), elements=st.floats(-1, 1)))
 def test_every_number_of_an_attitude_reads_back(q_nb):
     track = AttitudeTrack.trusted(t=np.arange(3.0), q_nb=q_nb, frame=Frame.ENU, north=North.TRUE)
@@ -155,20 +152,11 @@ def fast(tmp_path_factory):
     return folder
 
 
-def test_an_axis_is_judged_by_its_own_range(fast):
+def test_an_axis_is_judged_by_its_own_range_which_turns_with_the_axes(fast, tmp_path):
     imu = read_recorded(fast / "fin.mcap").imu
     np.testing.assert_allclose(imu.meta.full_scale("gyr"), FIN, rtol=1e-12)
     assert np.abs(imu.gyr[:, 2]).max() > 1.05 * FIN[0]  # where the smallest range of the triad made it invalid
     assert not (imu.flags[(np.abs(imu.gyr) < 0.99 * FIN).all(axis=1)] & JUDGED).any()
-
-
-@pytest.mark.parametrize("name", ["fin.parquet", "fin.csv"])
-def test_convert_keeps_its_ranges(fast, tmp_path, name):
-    convert(fast / "fin.mcap", tmp_path / name)
-    assert files.read(tmp_path / name).imu.meta == read_recorded(fast / "fin.mcap").imu.meta
-
-
-def test_ranges_turn_with_the_axes(fast, tmp_path):
     session = tmp_path / "fin.toml"
     session.write_text(
         'kind = "plumbob session"\nversion = 1\n[format]\nname = "fin"\n[imu]\naxes = "z x y"\n'
@@ -178,6 +166,12 @@ def test_ranges_turn_with_the_axes(fast, tmp_path):
     imu = read_recorded(tmp_path / "turned.mcap").imu
     np.testing.assert_allclose(imu.meta.full_scale("gyr"), FIN[[2, 0, 1]], rtol=1e-12)
     np.testing.assert_array_equal(imu.gyr, read_recorded(fast / "fin.mcap").imu.gyr[:, [2, 0, 1]])
+
+
+@pytest.mark.parametrize("name", ["fin.parquet", "fin.csv"])
+def test_convert_keeps_its_ranges(fast, tmp_path, name):
+    convert(fast / "fin.mcap", tmp_path / name)
+    assert files.read(tmp_path / name).imu.meta == read_recorded(fast / "fin.mcap").imu.meta
 
 
 WRONG_UNIT = """

@@ -31,7 +31,7 @@ def recording(tmp_path_factory):
     return path, items, record(path, items)
 
 
-def test_recording_holds_every_byte_with_its_time(recording):
+def test_recording_holds_every_byte_with_its_time_and_its_replay_equals_live_to_the_bit(recording):
     """Foxglove's own library too, with its checks on, finds our channels and schemas."""
     from mcap.reader import make_reader
 
@@ -44,9 +44,6 @@ def test_recording_holds_every_byte_with_its_time(recording):
             topics.setdefault(channel.topic, (schema.encoding if schema else None, message.log_time))
     assert (set(topics), topics["imu"][0]) == ({"raw", "events", "imu", "attitude"}, "jsonschema")
     assert topics["raw"][1] == OFFSET + items[0].t_ns
-
-
-def test_replay_equals_live_to_the_bit(recording):
     path, _, live = recording
     log, chosen = open_recording(path)
     replayed = replay(log, session=chosen, check=True)
@@ -137,7 +134,7 @@ def whole(recording):
     return read_recorded(recording[0], estimated=True)
 
 
-def test_recorded_samples_carry_utc_and_the_text_sink_writes_now_and_then(recording, tmp_path):
+def test_recorded_samples_carry_utc_and_the_text_sink_writes_now_and_then_or_nothing(recording, tmp_path):
     path, _, live = recording
     read = reading.read(path)
     assert read.track is None  # an estimate is no reference
@@ -150,6 +147,13 @@ def test_recorded_samples_carry_utc_and_the_text_sink_writes_now_and_then(record
     sink.close()
     times = np.loadtxt(tmp_path / "a.txt", skiprows=2, usecols=0)
     np.testing.assert_allclose(np.diff(times), 0.05, atol=1e-5)  # 20 Hz out of 200 Hz, as the buoy's host
+    TextSink(tmp_path / "b.txt", 0.05).close()
+    assert not (tmp_path / "b.txt").exists()  # or the next try would be refused
+    (tmp_path / "b.txt").write_text("precious")
+    with pytest.raises(ParameterError, match="never replaces a file"):
+        TextSink(tmp_path / "b.txt", 0.05)
+    with pytest.raises(DecodeError, match="there is no folder"):
+        TextSink(tmp_path / "no" / "a.txt", 0.05)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
@@ -163,7 +167,7 @@ def test_convert_reads_back_exactly(recording, whole, tmp_path, suffix):
     assert back.imu.meta == whole.imu.meta
 
 
-def test_tum_conversion_is_scalar_last_and_takes_the_name_that_evo_users_give(whole, tmp_path):
+def test_tum_conversion_is_scalar_last_and_text_has_degrees(whole, tmp_path):
     notes = []
     convert(whole, tmp_path / "a.tum")
     convert(whole, tmp_path / "a.txt", layout="tum", note=notes.append)
@@ -173,6 +177,11 @@ def test_tum_conversion_is_scalar_last_and_takes_the_name_that_evo_users_give(wh
     np.testing.assert_array_equal(table[:, 4:], whole.track.q_nb[:, [1, 2, 3, 0]])
     np.testing.assert_array_equal(table[:, 1:4], 0.0)
     assert table[5, 0] == pytest.approx(whole.track.t[5], abs=1e-9)
+    convert(whole, tmp_path / "b.txt")
+    table = np.loadtxt(tmp_path / "b.txt", skiprows=2, delimiter="\t", usecols=(0, 1, 2, 3))
+    angles = np.degrees(euler_zyx_from_quat(whole.track.q_nb))[:, ::-1]
+    assert len(table) == len(motion().imu)
+    np.testing.assert_allclose(table[:, 1:], angles, rtol=0, atol=1e-3)
 
 
 def test_viewers_of_foxglove_find_its_transforms(whole, tmp_path):
@@ -193,14 +202,6 @@ def test_viewers_of_foxglove_find_its_transforms(whole, tmp_path):
     assert stamps == (whole.imu.t_ns + whole.imu.meta.t0_ns).tolist() == [message.log_time for _, message in found[1:]]
 
 
-def test_text_conversion_has_degrees(whole, tmp_path):
-    convert(whole, tmp_path / "a.txt")
-    table = np.loadtxt(tmp_path / "a.txt", skiprows=2, delimiter="\t", usecols=(0, 1, 2, 3))
-    angles = np.degrees(euler_zyx_from_quat(whole.track.q_nb))[:, ::-1]
-    assert len(table) == len(motion().imu)
-    np.testing.assert_allclose(table[:, 1:], angles, rtol=0, atol=1e-3)
-
-
 def test_convert_refuses_what_is_not_there_and_what_would_be_lost(whole, tmp_path):
     samples = only(whole, "samples")
     with pytest.raises(ShapeError, match="has no attitude; it has samples"):
@@ -217,16 +218,6 @@ def test_convert_refuses_what_is_not_there_and_what_would_be_lost(whole, tmp_pat
     (tmp_path / "a.mcap").write_bytes(b"no recording")
     with pytest.raises(DecodeError):
         reading.read(tmp_path / "a.mcap")
-
-
-def test_text_sink_leaves_nothing_behind_where_nothing_came(tmp_path):
-    TextSink(tmp_path / "a.txt", 0.05).close()
-    assert not (tmp_path / "a.txt").exists()  # or the next try would be refused
-    (tmp_path / "a.txt").write_text("precious")
-    with pytest.raises(ParameterError, match="never replaces a file"):
-        TextSink(tmp_path / "a.txt", 0.05)
-    with pytest.raises(DecodeError, match="there is no folder"):
-        TextSink(tmp_path / "no" / "a.txt", 0.05)
 
 
 def test_recording_without_samples_is_smaller_and_replays_alike(tmp_path, short):

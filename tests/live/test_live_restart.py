@@ -64,7 +64,7 @@ def test_replay_of_two_starts_equals_live_to_the_bit(tmp_path, monkeypatch, rebo
     np.testing.assert_array_equal(both.track().q_nb, found.track().q_nb)
 
 
-def test_outputs_get_the_names_of_a_start(tmp_path):
+def test_outputs_get_the_names_of_a_start_and_a_text_goes_on_as_the_recording_does(tmp_path):
     path = f"{tmp_path}/a-{{utc}}"
     chosen = replace(session(), record=RecordSpec(f"{path}.mcap"), output=OutputSpec(text=f"{path}.txt"))
     named, stem = named_at(chosen, UTC), tmp_path / "a-20260314T150926Z"
@@ -72,9 +72,6 @@ def test_outputs_get_the_names_of_a_start(tmp_path):
     assert named.output.text == f"{stem}.txt"
     stem.with_suffix(".txt").touch()
     assert named_at(chosen, UTC).output.text == f"{stem}.0002.txt"
-
-
-def test_a_text_goes_on_as_the_recording_does(tmp_path):
     (tmp_path / "a.txt").touch()
     asked = replace(session(), record=RecordSpec("a.mcap", next_part=True), output=OutputSpec(text=f"{tmp_path}/a.txt"))
     assert named_at(asked, UTC).output.text == f"{tmp_path}/a.0002.txt"

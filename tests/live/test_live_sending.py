@@ -130,11 +130,19 @@ def test_udp_at_its_pace_rate_and_speed_with_flags():
     assert [(message["t_s"], message["flags"]) for message in messages] == [(0.0, []), (0.1, ["gap"])]
 
 
-def test_serial_port():
+def test_serial_port_and_tcp_client():
     terminal = Terminal()
     send(swinging(300), "nmea", f"serial:{terminal.device}@38400", sentences="HDT", speed="max")
     assert numbers(terminal.wait(300 * HDT)) == list(range(300))
     terminal.close()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        to = f"tcp:127.0.0.1:{server.getsockname()[1]}"
+        send(swinging(500), "nmea", to, sentences="HDT", speed="max")
+        sock, _ = server.accept()
+        with sock:
+            assert numbers(Reading(lambda: sock.recv(65536)).all()) == list(range(500))
+    with pytest.raises(LineError, match="refused"):
+        send(swinging(5), "nmea", to, speed="max")
 
 
 def test_file_is_written_and_never_replaced(tmp_path):
@@ -170,18 +178,7 @@ def test_tcp_server_waits_for_a_client():
     assert numbers(clients[0].all()) == list(range(2000)) and result.dropped == 0
 
 
-def test_tcp_client():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        to = f"tcp:127.0.0.1:{server.getsockname()[1]}"
-        send(swinging(500), "nmea", to, sentences="HDT", speed="max")
-        sock, _ = server.accept()
-        with sock:
-            assert numbers(Reading(lambda: sock.recv(65536)).all()) == list(range(500))
-    with pytest.raises(LineError, match="refused"):
-        send(swinging(5), "nmea", to, speed="max")
-
-
-def test_due_keeps_the_rate_with_jitter():
+def test_due_keeps_the_rate_with_jitter_and_targets_have_their_words():
     rng = np.random.default_rng(3)
     t_ns = [int(i * 1e7 + rng.uniform(-1e6, 1e6)) for i in range(1000)]
     rows, _ = Due(100.0).rows(t_ns, [0] * 1000)
@@ -190,9 +187,6 @@ def test_due_keeps_the_rate_with_jitter():
     late = Due(10.0)
     late.rows([0], [0])
     assert late.rows([10_000_000_000, 10_010_000_000, 10_100_000_000], [0] * 3)[0] == [0, 2]  # no burst after a gap
-
-
-def test_targets_and_words():
     kinds = {"udp:127.0.0.1:5": Udp, "tcp:[::1]:5": Tcp, "tcp-listen:5": TcpServer, "serial:/dev/ttyX@4800": SerialPort}
     kinds |= {"file:x.nmea": FileTarget, "-": FileTarget}
     assert {text: type(parse_target(text)) for text in kinds} == kinds
@@ -241,7 +235,7 @@ def test_slow_client_is_left_behind_and_the_other_is_not():
     assert [int(line[:8]) for line in lines] == list(range(count))
 
 
-def test_closed_client_is_no_end():
+def test_closed_client_is_no_end_and_a_sender_with_nothing_to_send_waits_without_a_processor():
     server, count = TcpServer("127.0.0.1", 0), 0
     sender = Sender(server, "tcp-listen")
     until(lambda: server.port)
@@ -253,9 +247,6 @@ def test_closed_client_is_no_end():
         time.sleep(0.005)
     sender.close()
     assert sender.sent == count
-
-
-def test_a_sender_with_nothing_to_send_waits_without_a_processor():
     sender = Sender(TcpServer("127.0.0.1", 0), "tcp-listen")
     begun = time.process_time()
     time.sleep(0.5)
@@ -337,9 +328,6 @@ def test_cli(saved, tmp_path, capfd):
     assert main([*saved, "--as", "json", "--to", "-", "--rate", "10Hz"]) == 0
     lines = capfd.readouterr().out.splitlines()
     assert [json.loads(line)["t_s"] for line in lines] == [0.0, 0.1, 0.2, 0.3, 0.4]
-
-
-def test_cli_ros2_from_a_file(saved, tmp_path):
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
@@ -418,7 +406,7 @@ def test_live_and_replayed(tmp_path):
     assert again[-1]["sigma_deg"]["roll"] is not None
 
 
-def test_what_does_not_go_together(tmp_path):
+def test_what_does_not_go_together_and_a_file_read_faster_than_live_says_how_much_is_not_sent(tmp_path):
     port = {"port": str(tmp_path), "format": "buoy"}
     with pytest.raises(ParameterError, match="nothing estimates"):
         plumbob.record(**port, send=["json udp:127.0.0.1:9"])
@@ -426,9 +414,6 @@ def test_what_does_not_go_together(tmp_path):
         plumbob.record(**port, frame="NED", filter="mekf", send=["json"])
     with pytest.raises(PlumbobError, match="send"):
         load_session(session(tmp_path, '[[send]]\nas = "jsn"\nto = "udp:127.0.0.1:9"\n'))
-
-
-def test_a_file_read_faster_than_live_says_how_much_is_not_sent(tmp_path):
     raw, sent, notes = tmp_path / "buoy.bin", tmp_path / "sent.jsonl", []
     plumbob.emulate("buoy", write=raw, duration="5 s", seed=1, unit="calibrated")
     path = session(tmp_path, f'[source]\nkind = "file"\npath = "{raw}"\n')

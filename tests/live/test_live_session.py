@@ -24,7 +24,7 @@ def card(device="bench 7"):
     return CalibrationCard(device=device, date="2026-01-01", method="made up", gyr=scaled)
 
 
-def test_session_says_what_it_was_told():
+def test_session_says_what_it_was_told_and_one_of_options_reads_back():
     made = session(
         SESSION
         + '[source]\nkind = "serial"\nport = "/dev/ttyUSB0"\nbaud = 115200\n[record]\npath = "a.mcap"\nrotate = "1 h"\n'
@@ -34,6 +34,13 @@ def test_session_says_what_it_was_told():
     assert made.meta.device == "bench 7"
     assert made.meta.gyr_range == pytest.approx(np.radians(32767 / 65.5), rel=1e-12)  # the largest count both ways
     assert (made.record.rotate, made.stage.params["gate"]) == (3600.0, "0.08 g")
+    text = plain_session(
+        form="mpu6000", source={"kind": "udp", "port": 5000}, format={"options": {"gyr_range": "500 deg/s"}},
+        estimate={"filter": "mahony", "params": {"kp": "0.5"}}, imu={"frame": "ENU", "device": 'a "b"'},
+    )  # fmt: skip
+    made = parse_session(text, {}.__getitem__, name="x")
+    assert (made.form.chosen["gyr_range"], made.meta.device) == ("500 deg/s", 'a "b"')
+    assert made.stage.params == {"kp": "0.5"}
 
 
 def test_session_keeps_every_text_that_it_needs_and_reads_back_from_them(tmp_path):
@@ -65,7 +72,7 @@ def first_part(made):
     return next(part for part in map(line.feed, reads(stream(0.5))) if part is not None)
 
 
-def test_card_and_axes_are_applied():
+def test_card_and_axes_are_applied_and_a_temperature_that_is_missing_is_the_last_known():
     part = first_part(session(CARDED, **{"card.json": card().text()}))
     np.testing.assert_array_equal(part.imu.gyr, 2.0 * part.sensed.gyr)
     assert part.imu.meta.calibration == f"{card().name}; NOT calibrated: acc, mag"
@@ -73,6 +80,11 @@ def test_card_and_axes_are_applied():
     part = first_part(session(SESSION.replace('frame = "NED"', 'frame = "NED"\naxes = "x -y -z"')))
     acc = motion(0.5).imu.acc[0]
     np.testing.assert_allclose(part.sensed.acc[0], acc * [1, -1, -1], rtol=0, atol=0.5 / 8192 * 9.81)
+    text = FORMAT + "overflow = [-1024]\n"
+    values = {"counter": np.arange(4), "clock": 5000 * np.arange(4), "temp_c": np.array([21.0, 22.0, -10.24, 23.0])}
+    data, line = encode(parse_format(text), values).tobytes(), Stream(session(**{"imu9.toml": text}))
+    parts = [line.feed(Received(10_000_000 * k, data[60 * k : 60 * k + 60])) for k in range(2)]
+    assert [part.sensed.temp_c.tolist() for part in parts] == [[21.0, 22.0], [22.0, 23.0]]
 
 
 def placed(day='date = "2028-07-04"', source=""):
@@ -108,16 +120,6 @@ def test_wrong_session_is_refused_with_a_word(case):
         session(text)
 
 
-def test_session_from_options_reads_back():
-    text = plain_session(
-        form="mpu6000", source={"kind": "udp", "port": 5000}, format={"options": {"gyr_range": "500 deg/s"}},
-        estimate={"filter": "mahony", "params": {"kp": "0.5"}}, imu={"frame": "ENU", "device": 'a "b"'},
-    )  # fmt: skip
-    made = parse_session(text, {}.__getitem__, name="x")
-    assert (made.form.chosen["gyr_range"], made.meta.device) == ("500 deg/s", 'a "b"')
-    assert made.stage.params == {"kp": "0.5"}
-
-
 def test_a_line_has_the_place_and_day_of_its_run(monkeypatch):
     """MATLAB's example of wrldmagm has −13.6891° there on that day."""
     pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
@@ -146,11 +148,3 @@ def test_editors_get_the_schema_of_each_kind_of_file():
     assert [made["properties"]["kind"]["enum"] for made in sources[:2]] == [["serial"], ["udp"]]
     with pytest.raises(ShapeError, match="kind must be one of array, chain"):
         json_schema("card")
-
-
-def test_a_temperature_that_is_missing_is_the_last_that_was_known():
-    text = FORMAT + "overflow = [-1024]\n"
-    values = {"counter": np.arange(4), "clock": 5000 * np.arange(4), "temp_c": np.array([21.0, 22.0, -10.24, 23.0])}
-    data, line = encode(parse_format(text), values).tobytes(), Stream(session(**{"imu9.toml": text}))
-    parts = [line.feed(Received(10_000_000 * k, data[60 * k : 60 * k + 60])) for k in range(2)]
-    assert [part.sensed.temp_c.tolist() for part in parts] == [[21.0, 22.0], [22.0, 23.0]]

@@ -56,15 +56,12 @@ def test_an_event_of_another_clock_holds_nothing_up(tmp_path, clock):
     assert [waited for _, waited in came] == [0, 100 * MS, 100 * MS, 200 * MS, 200 * MS]
 
 
-def test_a_recording_whose_reader_is_late_does_not_fall_further_behind(slow, clock):
+def test_times_are_those_of_the_speed_and_a_late_reader_does_not_fall_further_behind(slow, clock):
     source, start = sources.ReplaySource(slow[0], 2.0), clock.ns
     source.read(0.1)
     clock.ns += 180 * MS  # the items of 50, 125 and 200 ms were due, or are soon
     came = [clock.ns - start for _ in range(4) if source.read(0.1)]
     assert came == [180 * MS, 180 * MS, 200 * MS, 500 * MS]
-
-
-def test_times_are_those_of_the_speed(slow, clock):
     source, start = sources.ReplaySource(slow[0]), clock.ns
     assert [item.t_ns for item in source.read(0.1)] == [item.t_ns for item in slow[1]]
     assert source.finished

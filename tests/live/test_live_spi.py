@@ -99,7 +99,7 @@ def test_from_the_chip_to_the_recording_to_the_replay(tmp_path):
     assert {len(row.data) for row in open_log(tmp_path / "a.mcap") if row.topic == "raw"} == {4}
 
 
-def test_start_up_runs_the_self_test_and_says_its_answers():
+def test_start_up_runs_the_self_test_and_without_it_nothing_is_believed_that_the_chip_does_not():
     _, found = run(yaw(), 0.5)
     (opening,) = found.events
     assert "start answered 00000001 " in opening.text  # DS-453: the first reply
@@ -108,13 +108,13 @@ def test_start_up_runs_the_self_test_and_says_its_answers():
         word = int(reply, 16)
         assert (word >> 26 & 3, word >> 1 & 0x7F) == (2, 0x7F)  # ST = 2, every fault
     assert not (flagged(found.parts, flags.GYR_INVALID) >= 13).any()  # gone within 50 ms; replies are one poll old
-
-
-def test_without_a_start_nothing_is_believed_that_the_chip_does_not_believe():
     _, found = run(yaw(), 0.3, text=ADXRS453.replace("start =", "# "))
     invalid = flagged(found.parts, flags.GYR_INVALID)
     assert {*range(100 // 4 - 1)} <= {*invalid}  # DS-453: 100 ms from power-up; the first reply of all has no parity
     assert not (invalid >= 28).any()
+    settings, rate = session().source.settings, sensor_command()
+    assert settings["exchange"] == (rate,)
+    assert settings["start"] == (0.1, sensor_command(check=True), 0.05, rate, 0.05, rate, rate)
 
 
 def test_faults_of_the_chip_are_flagged_for_as_long_as_they_are_told():
@@ -128,7 +128,7 @@ def test_faults_of_the_chip_are_flagged_for_as_long_as_they_are_told():
     assert set(faults[invalid].tolist()) == {int(Fault.PLL)}
 
 
-def test_a_flipped_bit_is_rejected_and_a_gap():
+def test_a_flipped_bit_missed_deadlines_and_a_lost_chip_are_gaps():
     bench = yaw()
     bench.flipped = 100
     line, found = run(bench, 1.0)
@@ -136,9 +136,6 @@ def test_a_flipped_bit_is_rejected_and_a_gap():
     assert flagged(found.parts, flags.GAP).size == 1
     assert np.diff(found.t_ns).max() == 8 * MS
     assert line.report()["time"]["lost"] == 1
-
-
-def test_deadlines_that_the_host_missed_are_a_gap():
     bench = yaw()
     bench.at = {100: lambda: bench.sleep(0.021)}
     line, found = run(bench, 1.0)
@@ -148,6 +145,15 @@ def test_deadlines_that_the_host_missed_are_a_gap():
     assert flagged(found.parts, flags.GAP).tolist() == gaps.tolist() != []
     assert line.report()["time"]["lost"] == 5  # what 25 ms have room for; the event has the exact number
     assert line.faults == 0
+    line, bench, parts = Stream(session()), yaw(), []
+    source = opened(bench, line.session)
+    for number in range(200):
+        if number == 100:
+            line.feed(Event(bench.t_ns, "lost", "the bus is gone"))
+            bench.sleep(0.5)
+            line.feed(Event(bench.t_ns, "reopened", "it is back"))
+        parts += [part for item in source.read(1.0) if (part := line.feed(item)) is not None]
+    assert flagged(parts, flags.GAP).size == 1
 
 
 def test_a_chip_that_answers_behind_its_command_byte():
@@ -177,21 +183,3 @@ def test_wrong_session_is_refused_with_a_word(case):
     text, error, word = WRONG[case]
     with pytest.raises(error, match=word):
         session(text)
-
-
-def test_commands_of_the_data_sheet():
-    settings, rate = session().source.settings, sensor_command()
-    assert settings["exchange"] == (rate,)
-    assert settings["start"] == (0.1, sensor_command(check=True), 0.05, rate, 0.05, rate, rate)
-
-
-def test_a_lost_chip_is_a_gap():
-    line, bench, parts = Stream(session()), yaw(), []
-    source = opened(bench, line.session)
-    for number in range(200):
-        if number == 100:
-            line.feed(Event(bench.t_ns, "lost", "the bus is gone"))
-            bench.sleep(0.5)
-            line.feed(Event(bench.t_ns, "reopened", "it is back"))
-        parts += [part for item in source.read(1.0) if (part := line.feed(item)) is not None]
-    assert flagged(parts, flags.GAP).size == 1

@@ -26,7 +26,7 @@ def iron():
     return on_table(mag=TriadErrors(hard_iron=[IRON, 0.0, 0.0]), tilt=0.0)
 
 
-def test_iron_along_the_nose_deviates_a_level_compass_as_the_triangle_says(iron):
+def test_iron_along_the_nose_deviates_a_level_compass_as_the_triangle_says_and_so_does_json(iron):
     test = static_test(iron.imu, reference=iron.truth, calibration=iron.calibration)
     assert test.spans.shape == (36, 2)
     heading = deg(10.0) * np.arange(36)
@@ -38,6 +38,12 @@ def test_iron_along_the_nose_deviates_a_level_compass_as_the_triangle_says(iron)
     np.testing.assert_allclose(test.errors("after"), 0.0, atol=1e-12)
     worst = np.arcsin(IRON / LEVEL)  # where field and iron make a right angle; of 36 headings one is within 5° of it
     assert 0.98 * worst < test.before.stats["yaw"].max_abs <= worst
+    told = test.summary()
+    assert (len(told["rests"]), told["rests"][9]["reference_deg"]["yaw"]) == (36, pytest.approx(90.0))
+    worst = max(abs(rest["before_deg"]["yaw"]) for rest in told["rests"])
+    assert told["summary"]["yaw"]["max_before_deg"] == pytest.approx(worst)
+    (yaw,) = [line.split() for line in test.text().splitlines() if line.startswith("yaw ")]
+    assert yaw[1] == f"{worst:.2f}"
 
 
 @pytest.mark.parametrize("frame", list(Frame))
@@ -58,13 +64,18 @@ def test_noise_is_averaged_over_a_rest():
     assert np.sqrt(np.mean(pitch**2)) < 1.36 * sd / 9.80665 / np.sqrt(samples)
 
 
-def test_a_constant_heading_between_the_two_is_removed_where_asked(iron):
+def test_a_constant_heading_between_the_two_is_removed_where_asked_and_untold_rests_are_left_out(iron):
     turned = replace(iron.truth, north=North.FREE)
     free = static_test(iron.imu, reference=turned, calibration=iron.calibration)
     assert np.isnan(free.errors("after")[:, 0]).all() and "arbitrary zero" in free.text()
     aligned = static_test(iron.imu, reference=turned, calibration=iron.calibration, align=("heading",))
     np.testing.assert_allclose(aligned.errors("after")[:, 0], 0.0, atol=1e-12)
     assert any("was removed" in str(remark) for remark in aligned.remarks)
+    known = (iron.truth.t > 20.0) & (iron.truth.t < 60.0)  # 10 cycles of 4 s
+    part = AttitudeTrack(
+        t=iron.truth.t[known], q_nb=iron.truth.q_nb[known], frame=iron.truth.frame, north=iron.truth.north
+    )
+    assert len(static_test(iron.imu, reference=part, calibration=iron.calibration).spans) == 10
 
 
 def test_magnetic_and_true_headings_meet_by_a_declination(iron):
@@ -81,21 +92,3 @@ def test_magnetic_and_true_headings_meet_by_a_declination(iron):
     ):
         with pytest.raises(error, match=words):
             static_test(imu, reference=truth, calibration=card)
-
-
-def test_rests_that_the_reference_does_not_tell_are_left_out(iron):
-    known = (iron.truth.t > 20.0) & (iron.truth.t < 60.0)  # 10 cycles of 4 s
-    part = AttitudeTrack(
-        t=iron.truth.t[known], q_nb=iron.truth.q_nb[known], frame=iron.truth.frame, north=iron.truth.north
-    )
-    assert len(static_test(iron.imu, reference=part, calibration=iron.calibration).spans) == 10
-
-
-def test_numbers_for_json_are_those_of_the_table(iron):
-    test = static_test(iron.imu, reference=iron.truth, calibration=iron.calibration)
-    told = test.summary()
-    assert (len(told["rests"]), told["rests"][9]["reference_deg"]["yaw"]) == (36, pytest.approx(90.0))
-    worst = max(abs(rest["before_deg"]["yaw"]) for rest in told["rests"])
-    assert told["summary"]["yaw"]["max_before_deg"] == pytest.approx(worst)
-    (yaw,) = [line.split() for line in test.text().splitlines() if line.startswith("yaw ")]
-    assert yaw[1] == f"{worst:.2f}"

@@ -290,12 +290,9 @@ def test_single_stamp_far_off_is_left_out(stamp):
     assert "far off" in str(decoder.notes[0])
 
 
-def test_stamps_that_repeat_are_spread_over_their_tick():
+def test_stamps_that_repeat_are_spread_over_their_tick_and_objects_of_json_are_rows_by_their_keys():
     columns, _ = decoded(lines_of(np.arange(400) // 4 * 10))
     np.testing.assert_array_equal(np.diff(columns[CLOCK])[8:], 2_500_000)
-
-
-def test_objects_of_json_are_rows_by_their_keys():
     named = PROFILE.replace('","', '"json"').replace("false", "true").replace("column = 1", 'column = "t"')
     named = named.replace("[5, 6, 7]", '["g[1]", "g[2]", "g[3]"]').replace("[2, 3, 4]", '["a.x", "a.y", "a.z"]')
     objects = [{"t": k * 10, "a": {"x": 0.1, "y": 0.2, "z": 9.8}, "g": [1, 2, k]} for k in range(20)]
@@ -342,7 +339,7 @@ def test_what_a_line_cannot_do_is_refused_before_it_opens(change, words):
         line_format(parse_profile(PROFILE.replace(*change)), midway=False)
 
 
-def test_session_names_the_profile_of_its_lines(tmp_path):
+def test_session_names_the_profile_of_its_lines_and_text_that_nothing_estimates_is_refused(tmp_path):
     (tmp_path / "p.toml").write_text(PROFILE)
     file = tmp_path / "s.toml"
     text = (
@@ -354,9 +351,6 @@ def test_session_names_the_profile_of_its_lines(tmp_path):
     file.write_text(text + '[format]\nname = "buoy"\n')
     with pytest.raises(DecodeError, match=r"\[format\] does not go with source.lines"):
         plumbob.load_session(file)
-
-
-def test_text_of_attitudes_that_nothing_estimates_is_refused_before_the_line_opens(tmp_path):
     (tmp_path / "p.toml").write_text(PROFILE)
     with pytest.raises(ParameterError, match="nothing estimates them"):
         record(port="/dev/none", profile=tmp_path / "p.toml", text=tmp_path / "a.txt")

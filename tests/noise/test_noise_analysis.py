@@ -21,7 +21,7 @@ def white(seed, count=100_000, sd=0.2):
     return sd * np.random.default_rng(seed).standard_normal(count)
 
 
-def test_variances_are_those_of_the_standard():
+def test_variances_are_those_of_the_standard_of_the_transfer_and_of_a_gauss_markov_process():
     """[IEEE952] Annex C at each read-off point: σ = Q at √3, N at 1, 0.664 B, K at 3, R at √2."""
     for letter, term in TERMS.items():
         at = 7.0 if term.read_at is None else term.read_at
@@ -30,10 +30,7 @@ def test_variances_are_those_of_the_standard():
     for quantity, by_letter in DATASHEET.items():
         assert list(by_letter) == list(TERMS) and all(map(unit, by_letter.values()))
         assert unit(DEVIATION[quantity]).quantity is quantity
-
-
-def test_the_transfer_makes_the_variances_of_white_noise_and_walk():
-    """σ² = N²/τ; a sampled walk's is K² τ/3 · (1 + 1/(2n²)), both closed forms of sums."""
+    # σ² = N²/τ; a sampled walk's is K² τ/3 · (1 + 1/(2n²)), both closed forms of sums.
     ends = np.linspace(0.0, 50.0, 400_001)
     f, width = 0.5 * (ends[1:] + ends[:-1]), 50.0 / 400_000
     n = np.array([1, 3, 10, 50])
@@ -41,10 +38,7 @@ def test_the_transfer_makes_the_variances_of_white_noise_and_walk():
     assert np.sum(weight, axis=1) == pytest.approx(1.0 / (n * 0.01), rel=1e-6)
     walk = (0.01 / (2.0 * np.sin(np.pi * f * 0.01))) ** 2
     assert weight @ walk == pytest.approx(n * 0.01 / 3.0 * (1.0 + 0.5 / n**2), rel=1e-5)
-
-
-def test_a_gauss_markov_process_has_its_variance_at_both_ends():
-    """White noise of density 2 sd² t₀ far beyond its time, a random walk of K² = 2 sd² / t₀ far below it."""
+    # White noise of density 2 sd² t₀ far beyond its time, a random walk of K² = 2 sd² / t₀ far below it.
     process = GaussMarkov(Coefficient(0.3), Coefficient(20.0))
     assert float(process.variance(2e5)) == pytest.approx(2.0 * 0.09 * 20.0 / 2e5, rel=2e-4)
     assert float(process.variance(0.01)) == pytest.approx(2.0 * 0.09 / 20.0 * 0.01 / 3.0, rel=1e-3)
@@ -93,7 +87,7 @@ def test_a_sinusoid_is_known_as_well_as_the_bounds_say(count):
     assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1.0, abs=4.0 / math.sqrt(60.0))
 
 
-def test_a_sinusoid_near_half_the_rate_hides_no_quantization():
+def test_a_sinusoid_near_half_the_rate_hides_no_quantization_and_noise_has_none():
     """49.98 Hz sampled at 100 Hz: its Allan variance at one sample is its power, and least squares know it."""
     t = np.arange(100_000) * 0.01
     found = analyse(white(20) + 0.05 * np.sin(2.0 * np.pi * 49.98 * t + 0.3), 0.01)
@@ -101,10 +95,7 @@ def test_a_sinusoid_near_half_the_rate_hides_no_quantization():
     q, n = (found.least_squares.terms[letter] for letter in "QN")
     assert not q.observable
     assert abs(n.value - 0.02) <= 4.0 * (n.hi - n.lo)
-
-
-def test_noise_has_no_sinusoids():
-    """Once in a thousand records, whatever drifts in them; 2 of 100 would be a chance of 0.5 %."""
+    # Once in a thousand records, whatever drifts in them; 2 of 100 would be a chance of 0.5 %.
     false = sum(
         bool(find_sinusoids(white(seed, 8192) + (seed % 2) * 0.02 * np.cumsum(white(900 + seed, 8192)), 0.01)[0])
         for seed in range(100)
@@ -207,7 +198,7 @@ def test_lines_read_off_a_single_term_exactly(letter, value):
 
 
 @slow_as_python
-def test_a_filter_is_recognised_and_its_curve_is_not_believed():
+def test_a_filter_is_recognised_and_its_curve_is_not_believed_and_none_is_without_one():
     """A scalar filter of gain 1 − exp(−0.01): 1 s. White noise keeps √(1 − (3 − 4e^−x + e^−2x) / 2x), x = τ/s."""
     keep = math.exp(-0.01)
     x = white(7, 200_000)
@@ -220,10 +211,6 @@ def test_a_filter_is_recognised_and_its_curve_is_not_believed():
     assert found.ratio[there] == pytest.approx(expected[there], rel=0.05)
     assert any(str(note).startswith("warning") and "no slope" in str(note) for note in found.notes)
     assert any("the records show no change" in str(note) for note in found.notes)
-
-
-@slow_as_python
-def test_records_without_a_filter_between_them():
     assert compare(white(8), white(9), 0.01).notes[0].code == "noise.no_low_pass"
     halved = compare(white(8), 0.5 * white(8), 0.01)
     assert halved.time_constant is None

@@ -48,7 +48,7 @@ def with_walk(analysis, **fields):
     return replace(analysis, likelihood=Estimates("likelihood", terms))
 
 
-def test_it_holds_the_numbers_that_kalibr_reads_in_si(analyses):
+def test_it_holds_the_numbers_that_kalibr_reads_in_si_with_comments_and_limits(analyses):
     values = read(kalibr_yaml(analyses, rostopic="/imu0"))
     assert list(values) == [
         "accelerometer_noise_density", "accelerometer_random_walk", "gyroscope_noise_density",
@@ -66,17 +66,11 @@ def test_it_holds_the_numbers_that_kalibr_reads_in_si(analyses):
     assert float(values.pop("update_rate")) == 100.0
     for name, value in expected.items():
         assert math.isclose(float(values[name]), value * math.sqrt(3.02 / 3.0), rel_tol=5e-7)
-
-
-def test_comments_tell_each_axis_with_its_interval_and_the_source(analyses):
     text = kalibr_yaml(analyses, rostopic="/imu0", source="static µ.parquet\nrostopic: /evil")
     assert "#   N x: 0.3000 +/- 0.0012 deg/rth" in text
     assert "#   K z: 1.80 +/- 0.63 ug/s/rtHz" in text
     assert "# static ?.parquet rostopic: /evil" in text
     assert text.isascii() and "quadratic mean" in text
-
-
-def test_a_limit_stands_for_what_is_not_observable(analyses):
     hidden = with_walk(analyses[2], value=1e-9, upper=4e-6, observable=False, hours=7.0)
     text = kalibr_yaml([*analyses[:2], hidden, *analyses[3:]], rostopic="/imu0")
     squares = [analyses[0].terms["K"].value ** 2, analyses[1].terms["K"].value ** 2, 4e-6**2]

@@ -29,14 +29,11 @@ SAMPLES = 2048
 RATE = np.random.default_rng(8).standard_normal((SAMPLES, 3)) * [1.0, 2.0, 3.0]
 
 
-def test_the_error_of_ieee_as_the_fin_paper_prints_it():
+def test_columns_are_channels_and_the_error_of_ieee_is_as_the_fin_paper_prints_it():
     """[Ou2017] (7): 220 s at 500 Hz, τ = √3 s: ± 6.299 %; n is whole, 866 of it, which makes it 6.2989 %."""
     one = make_curve([1.0, 0.9], [866, 900], 110_000, 0.002)
     assert (one.tau[0], 100.0 * one.ieee[0]) == (pytest.approx(1.732), pytest.approx(6.2989, abs=5e-5))
     assert 100.0 / math.sqrt(2.0 * (220.0 / math.sqrt(3.0) - 1.0)) == pytest.approx(6.2990, abs=5e-5)
-
-
-def test_columns_are_channels():
     found = curves(RATE, 0.01)
     assert len(found) == 3
     for axis, one in enumerate(found):
@@ -172,31 +169,25 @@ def test_each_noise_by_its_own_deviation(kind):
         assert np.abs(alpha - level).max() < 0.5, level
 
 
-def test_straight_lines_and_two_points():
+def test_straight_lines_two_points_and_where_two_noises_meet():
     """σ ∝ τ^(−1/2), 1, τ^(1/2): white noise, flicker and random walk [Riley2008]."""
     for slope, alpha in ((-0.5, 0.0), (0.0, -1.0), (0.5, -2.0), (0.25, -1.5)):
         assert identify("oadev", LONG, N, 0.3 * N**slope)[30:] == pytest.approx(alpha, abs=0.01)
     assert identify("oadev", LONG, [100, 200], [1.0, 1.0 / math.sqrt(2.0)]) == pytest.approx(0.0, abs=1e-3)
-
-
-def test_where_two_noises_meet():
-    """σ² = 1/τ + τ/T² bends from 0 to −2, at τ = T by half; a drift beyond a walk's slope counts as a walk."""
+    # σ² = 1/τ + τ/T² bends from 0 to −2, at τ = T by half; a drift beyond a walk's slope counts as a walk.
     meeting = 100.0
     alpha = identify("oadev", LONG, N, np.sqrt(1.0 / N + N / meeting**2))
     assert (alpha[0], alpha[-1]) == (pytest.approx(0.0, abs=0.1), pytest.approx(-2.0, abs=0.1))
     assert np.interp(meeting, N, alpha) == pytest.approx(-1.0, abs=0.1)
     assert (np.diff(alpha[N >= 8]) < 0.01).all()
     assert (identify("oadev", LONG, N, N.astype(float)) == -2.0).all()
-
-
-def test_quantization_that_gives_way_to_white_noise():
-    """3 Q²/τ² + N²/τ with equal parts at τ = 30: there the slope is −3/2 and both are half, α = 1."""
+    # 3 Q²/τ² + N²/τ with equal parts at τ = 30: there the slope is −3/2 and both are half, α = 1.
     alpha = identify("oadev", LONG, N, np.sqrt(30.0 / N**2 + 1.0 / N))
     assert np.interp(30.0, N, alpha) == pytest.approx(1.0, abs=0.1)
     assert alpha[0] == pytest.approx(2.0 * 30.0 / 31.0, abs=0.15)
 
 
-def test_scatter_on_white_noise():
+def test_scatter_on_white_noise_and_every_n_is_as_few_are():
     """Other noise is 1 away: where edf ≥ 50, at n ≤ 100, α is known to a quarter of that, at the end to half of it.
 
     The mean of 100 records whose α scatter by 1/2 is known to 1/20; 4 of them are 0.2.
@@ -206,10 +197,7 @@ def test_scatter_on_white_noise():
     alpha = np.array([identify("oadev", 4096, n, one) for one in dev.T])
     assert alpha.std(axis=0)[n <= 100].max() < 0.25 and alpha.std(axis=0).max() < 0.5
     assert np.abs(alpha.mean(axis=0)).max() < 0.2
-
-
-def test_every_n_is_as_few_are():
-    """A curve of every n is looked at in 16 places an octave: what the rest adds to these is little."""
+    # A curve of every n is looked at in 16 places an octave: what the rest adds to these is little.
     n = np.arange(1, 2049)
     dev = np.sqrt(1.0 / n + n / 1e4)
     few = np.unique(np.round(np.geomspace(1, 2048, 177)).astype(int))

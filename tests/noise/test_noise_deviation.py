@@ -112,14 +112,11 @@ def test_an_offset_does_not_cost_digits(kind):
     assert np.abs(found / deviation(rate, n, kind) - 1.0).max() < 1e-7
 
 
-def test_any_order_and_repeats_of_the_factors():
+def test_factors_in_any_order_groups_and_tiles_channels_and_constants():
     rate = white(300)
     n = [7, 1, 150, 7, 2, 30, 90, 3]
     assert deviation(rate, n).tolist() == [deviation(rate, sorted(set(n)))[sorted(set(n)).index(k)] for k in n]
-
-
-def test_tiles_and_groups_of_factors_leave_nothing_out():
-    """A tile is longer than most records here."""
+    # A tile is longer than most records here.
     count = 3000 if is_plain() else 5 * kernels.TILE // 2
     rate = white(count)
     theta = np.concatenate(([0.0], np.cumsum(rate - rate.mean())))
@@ -130,9 +127,6 @@ def test_tiles_and_groups_of_factors_leave_nothing_out():
         third = [theta[3 * k :] - 3 * theta[2 * k : -k] + 3 * theta[k : -2 * k] - theta[: -3 * k] for k in n]
         expected = [math.sqrt(np.mean(d**2) / 6) / k for d, k in zip(third, n, strict=True)]
         np.testing.assert_allclose(deviation(rate, n, "ohdev"), expected, rtol=1e-12)
-
-
-def test_columns_are_channels_and_a_constant_does_not_wander():
     rate = np.random.default_rng(5).standard_normal((300, 3))
     for kind in KINDS:
         both = deviation(rate, [1, 7], kind)

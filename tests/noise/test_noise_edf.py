@@ -68,7 +68,7 @@ def test_two_noises_together(alpha, low, high):
         assert edf("oadev", alpha, 500, [n])[0] == pytest.approx(exact, rel=SUMMED + CUT)
 
 
-def test_white_noise_exactly():
+def test_white_noise_exactly_and_the_formulas_of_the_handbook():
     """Its differences fall in a straight line from 1 to −1/2 at a shift of n and return to 0 at 2n."""
     for count, n in ((1000, 1), (1000, 10), (1000, 100), (1000, 499), (1000, 500)):
         terms = count - 2 * n + 1
@@ -77,10 +77,7 @@ def test_white_noise_exactly():
         exact = terms / (1.0 + 2.0 * np.sum((1.0 - shift / terms) * rho**2))
         assert edf("oadev", 0.0, count, [n])[0] == pytest.approx(exact, rel=SUMMED if n > 16 else 1e-12)
     assert edf("oadev", 0.0, 1000, [500])[0] == 1.0
-
-
-def test_the_simple_formulas_of_the_handbook():
-    """[Riley2008] Table 5: overlapping Allan, white noise and quantization, good to some per cent."""
+    # [Riley2008] Table 5: overlapping Allan, white noise and quantization, good to some per cent.
     for count, n in ((1000, 1), (1000, 10), (1000, 100), (100_000, 10_000)):
         points = count + 1
         white = (1.5 * (points - 1) / n - 2.0 * (points - 2) / points) * 4.0 * n**2 / (4.0 * n**2 + 5.0)
@@ -88,10 +85,7 @@ def test_the_simple_formulas_of_the_handbook():
     for n in (1, 10, 100):
         phase = (1001 + 1) * (1001 - 2 * n) / (2.0 * (1001 - n))
         assert edf("oadev", 2.0, 1000, [n])[0] == pytest.approx(phase, rel=0.05)
-
-
-def test_total_deviation():
-    """[Riley2008] Table 7: 1.5 T/τ, 1.17 T/τ − 0.22, 0.93 T/τ − 0.36; short averages are Allan's overlapping ones."""
+    # [Riley2008] Table 7: 1.5 T/τ, 1.17 T/τ − 0.22, 0.93 T/τ − 0.36; short averages are Allan's overlapping ones.
     for alpha, b, c in ((0, 1.5, 0.0), (1e-9, 1.5, 0.0), (-1, 1.17, 0.22), (-2, 0.93, 0.36)):
         assert edf("totdev", alpha, 1000, [250])[0] == pytest.approx(4.0 * b - c)
         assert edf("totdev", alpha, 1000, [2])[0] == edf("oadev", alpha, 1000, [2])[0]

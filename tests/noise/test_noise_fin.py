@@ -27,7 +27,7 @@ def agrees(value, printed):
     return printed is None or abs(value - float(printed)) <= 0.5001 * 10.0 ** -len(printed.partition(".")[2])
 
 
-def test_the_papers_example_is_6_299_percent():
+def test_the_papers_example_is_6_299_percent_and_every_percentage_of_the_table_is_recomputed():
     assert DURATION == 220.0
     assert f"{100.0 * percent_error(math.sqrt(3.0), DURATION):.3f}" == "6.299"  # [Ou2017] step 8
     assert math.isclose(averaging_time(percent_error(2.5, 220.0)), 2.5)
@@ -35,9 +35,6 @@ def test_the_papers_example_is_6_299_percent():
     at = {tau: percent_error(tau, DURATION) for tau in (1.0, math.sqrt(3.0), 3.0)}
     claims = 0.125 * at[math.sqrt(3.0)], 0.132 * at[math.sqrt(3.0)], 4.766 * at[1.0], 1.138 * at[3.0]
     assert [f"{value:.4f}" for value in claims] == ["0.0079", "0.0083", "0.2277", "0.0946"]
-
-
-def test_every_percentage_of_the_table_is_recomputed():
     assert {(e.letter, e.axis) for e in TABLE} == set(RECOMPUTED)
     for entry in TABLE:
         made = (100.0 * entry.relative, *entry.tau)
@@ -51,7 +48,7 @@ def gyro(plain):
     return [replace(a, lines=Estimates("lines", terms), curve=replace(a.curve, count=110_000, dt=0.002)) for a in plain]
 
 
-def test_our_own_record_is_read_as_the_paper_reads(gyro):
+def test_our_own_record_is_read_as_the_paper_reads_which_is_reprinted(gyro, analyses, plain):
     report = fin_report(gyro).text()
     own = report[: report.index("As printed")]
     assert (own.count("6.299 % 1.732 s"), own.count("4.778 % 1 s")) == (3, 3)
@@ -59,9 +56,6 @@ def test_our_own_record_is_read_as_the_paper_reads(gyro):
     assert own.count("54.0 ± 2.6") == 3  # 0.9 °/√h is 54 °/h at 1 s, and 4.778 % of it 2.58
     likelihood = gyro[0].terms["N"]
     assert measured(*(from_si(v, "deg/h") for v in (likelihood.value, likelihood.lo, likelihood.hi))) in own
-
-
-def test_the_paper_is_reprinted_and_the_report_is_about_a_gyroscope(analyses, plain, gyro):
     report = fin_report(gyro)
     flat = " ".join(report.text().split())
     for entry in TABLE:

@@ -51,17 +51,14 @@ def test_bins_hold_every_coefficient_but_the_zeroth():
     assert (np.diff(edges(10**7)) >= 1).all()
 
 
-def test_random_walk_and_quantization_are_exact_in_cosines():
+def test_random_walk_quantization_and_flicker_noise_in_cosines():
     """A sum of white numbers has E c_j² = 1 / (2 sin(πj/2N))², by summation by parts; 2000 records tell it to 3.2 %.
     Of quantization, the ends are counted."""
     steps = np.diff(np.random.default_rng(2).standard_normal((2000, 257)), axis=1)
     for letter, records in (("K", walk(256, np.random.default_rng(1), 2000)), ("Q", steps)):
         ratio = mean_square(records)[1:33] / densities(spectrum(records[0], 1.0))[LETTERS.index(letter), :32]
         assert np.abs(ratio - 1.0).max() <= 4.5 * math.sqrt(2.0 / 2000)  # 32 values
-
-
-def test_flicker_noise_has_less_than_its_density_in_the_lowest_cosines():
-    """0.774 at j = 1 by the closed form; the generator's finite past costs less than the 3 % added here."""
+    # 0.774 at j = 1 by the closed form; the generator's finite past costs less than the 3 % added here.
     records = flicker(1024, np.random.default_rng(3), 900)
     s = spectrum(records[0], 1.0)
     rows = densities(s)[LETTERS.index("B"), :16]
@@ -146,7 +143,7 @@ def evaluated(s, logs):
     return at
 
 
-def test_the_fit_is_a_maximum():
+def test_the_fit_is_a_maximum_and_the_gradient_that_of_differences():
     s = spectrum(mixture(1)[0], 0.1)
     best = likelihood.fit(s)
     for k in range(1, 4):
@@ -154,9 +151,6 @@ def test_the_fit_is_a_maximum():
             logs = best.logs.copy()
             logs[k] += change
             assert evaluated(s, logs).sums[0] >= 0.5 * best.deviance - 1e-6
-
-
-def test_the_gradient_is_that_of_differences():
     s = spectrum(mixture(2, count=5000)[0], 0.1)
     logs = np.log([1e-4, 0.03, 0.003, 3e-4, 0.002, 15.0])
     gradient = evaluated(s, logs).gradient

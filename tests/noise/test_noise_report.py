@@ -72,7 +72,7 @@ def curve(dev, half, n=None):
 DIP = curve([8, 4, 3, 5, 2], [0.1, 0.1, 0.2, 0.5, 2.0])
 
 
-def test_the_floor_of_a_curve(plain):
+def test_the_floor_of_a_curve_and_coefficients_at_the_places_of_the_standard(plain):
     """A scattered last point is no minimum; the mask does not matter, and points without an interval do."""
 
     def lowest(c, **changes):
@@ -82,9 +82,6 @@ def test_the_floor_of_a_curve(plain):
     assert not lowest(curve([8, 4, 2, 1], [0.1] * 4)).risen
     assert not lowest(curve([8, 4, 2, 2.1], [0.1, 0.1, 0.1, 0.5])).risen
     assert lowest(curve([2, 4, 3, 1], [0.1, 0.1, 0.1, np.inf]), mask=Mask(2)).dev == 2.0
-
-
-def test_coefficients_are_read_at_the_places_of_the_standard(plain):
     terms = {k: Coefficient(2.0) for k in "QNBKR"} | {"Q": Coefficient(2.0, observable=False)}
     a = replace(plain[0], curve=DIP, likelihood=Estimates("likelihood", terms))
     assert list(findings.shown(a)) == ["N", "B", "K", "R"]
@@ -251,7 +248,7 @@ def test_odd_curves_have_a_page_with_their_numbers_and_the_same_each_time(plain)
             assert cells == pytest.approx(exact, rel=5e-3)  # three digits, four of deviations
 
 
-def test_a_curve_of_every_averaging_factor_makes_a_small_page_and_keeps_its_spikes(tmp_path, plain):
+def test_a_curve_of_every_averaging_factor_makes_a_small_page_and_none_without_matplotlib(tmp_path, plain, monkeypatch):
     n = np.arange(1, 100_001)
     dev = 1e-3 / np.sqrt(n)
     dev[43_456] *= 40.0
@@ -262,9 +259,6 @@ def test_a_curve_of_every_averaging_factor_makes_a_small_page_and_keeps_its_spik
     assert 30 < int(listed[1]) <= 40
     drawn = np.concatenate([line.get_ydata() for line in drawing(report.channel_figure, long).get_lines()])
     assert PER_HOUR * dev[43_456] == pytest.approx(drawn[np.argmin(np.abs(drawn - PER_HOUR * dev[43_456]))])
-
-
-def test_without_matplotlib_the_extra_is_named(tmp_path, plain, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     for call in (report.datasheet(plain).page, lambda: report.datasheet(plain).plot(tmp_path / "x.png")):
         with pytest.raises(MissingExtraError, match=r'pip install "plumbob\[plot\]"'):
@@ -305,7 +299,7 @@ def test_coefficients_stand_at_their_places_with_their_values_and_letters(analys
     assert not drawing(report.channel_figure, replace(a, likelihood=Estimates("likelihood", hidden))).texts
 
 
-def test_curve_model_terms_and_mask_are_in_the_unit_of_the_axis(analyses):
+def test_curve_model_terms_and_mask_are_in_the_unit_of_the_axis_and_a_triad_has_those_of_its_axes(analyses):
     a = analyses[4]
     ax = drawing(report.channel_figure, a)
     assert ax.get_ylabel() == "Allan deviation [µg]"
@@ -321,9 +315,6 @@ def test_curve_model_terms_and_mask_are_in_the_unit_of_the_axis(analyses):
     sure = replace(a, curve=replace(a.curve, edf=np.full(a.curve.n.size, 99.0)))
     assert len(lines(drawing(report.channel_figure, sure), "")) == 1
     assert [shaded_to(drawing(report.channel_figure, x)) for x in analyses[:2]] == [[pytest.approx(8 * 0.01)], []]
-
-
-def test_a_triad_has_the_curves_of_its_axes_and_the_longest_mask(analyses):
     gyr, _ = findings.triads(analyses)
     ax = drawing(report.triad_figure, gyr)
     first = [line for line in ax.get_lines() if line.get_alpha() == 1.0]

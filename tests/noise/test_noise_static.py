@@ -148,7 +148,7 @@ def test_frequency_and_amplitude_of_an_oscillation(frequency):
     assert artefacts.shaking(white(), DT) is None
 
 
-def test_a_gyroscope_that_turns_all_the_time():
+def test_a_gyroscope_that_turns_all_the_time_and_an_accelerometer_that_is_tilted_or_not_in_gravity():
     """Stationary, so that no window is louder than another; but no gyroscope at rest says so."""
     rng = np.random.default_rng(5)
     tumbling = np.convolve(rng.standard_normal(COUNT + 199), np.ones(200), "valid") * 0.1  # rad/s, within ±3 rad/s
@@ -156,8 +156,6 @@ def test_a_gyroscope_that_turns_all_the_time():
     assert "moving" not in kinds(report(values))
     assert kinds(report(values, quantity=Quantity.RATE)) == ["moving"]
 
-
-def test_an_accelerometer_that_is_tilted_slowly_or_is_not_in_gravity():
     def turned(degrees, size=9.81):
         angle = math.radians(degrees) * T / T[-1]  # as slow as a ramp, which noise has too
         return size * np.stack([np.sin(angle), 0.0 * T, np.cos(angle)], axis=1)
@@ -174,7 +172,7 @@ def test_an_accelerometer_that_is_tilted_slowly_or_is_not_in_gravity():
         assert kinds(report(values, **words)) == ["not_at_rest"]  # its direction says nothing
 
 
-def test_blocks_of_any_size_give_the_same_report():
+def test_blocks_of_any_size_give_the_same_report_and_runs():
     values = white(7) + MOTIONS["a step"]
     values[1234] = 40.0
     whole = report(values)
@@ -183,6 +181,13 @@ def test_blocks_of_any_size_give_the_same_report():
         for start in range(0, COUNT, size):
             one.add(values[start : start + size])
         assert judge(one) == whole
+    runs = artefacts.ChannelWatch()
+    values = np.repeat([1.0, 2.0, 1.5, 3.0], [5, 40, 1, 30])
+    for block in (values[:0], *np.array_split(values, 20)):
+        runs.add(block)
+    assert runs.one_way is None
+    runs.add(np.arange(1000) % 2)
+    assert runs.stuck() == [(5, 45), (46, 76)]  # 72 of 1075 are equal: 10 + 3 ln 1076 / 2.70 = 17.7
 
 
 def test_too_short_and_what_does_not_meet():
@@ -335,16 +340,13 @@ def test_a_step_is_found_through_the_rounding_of_a_text(step, digits, offset):
         assert artefacts.find_step(values.astype(np.float32)) == pytest.approx(step, rel=1e-3)
 
 
-def test_no_step_is_invented():
+def test_no_step_is_invented_kernels_intervals_and_gaps():
     for seed in range(20):
         assert artefacts.find_step(white(seed)) == 0.0
         assert artefacts.find_step(np.round(1e5 * white(seed))) == 0.0  # hardly a value comes twice
     assert artefacts.find_step(np.full(500, 3.0)) == 0.0
     assert artefacts.find_step(np.repeat(white()[:50], 20)) == 0.0  # repeated, but at no multiples
     assert artefacts.find_step(np.tile([1.0, 1.5], 500)) == pytest.approx(0.5)
-
-
-def test_kernels_and_intervals():
     middle = np.empty(5)
     artefacts.median_of_three(np.array([0.0, 5.0, 1.0, 2.0, 2.0, -9.0, 3.0]), middle)
     assert middle.tolist() == [1.0, 2.0, 2.0, 2.0, 2.0]
@@ -355,16 +357,15 @@ def test_kernels_and_intervals():
     assert artefacts.between([(2, 3), (6, 9)], 0, 10) == [(0, 2), (3, 6), (9, 10)]
     assert artefacts.between([], 0, 10) == [(0, 10)]
     assert artefacts.between([(-5, 20)], 0, 10) == []
-
-
-def test_runs_across_blocks():
-    runs = artefacts.ChannelWatch()
-    values = np.repeat([1.0, 2.0, 1.5, 3.0], [5, 40, 1, 30])
-    for block in (values[:0], *np.array_split(values, 20)):
-        runs.add(block)
-    assert runs.one_way is None
-    runs.add(np.arange(1000) % 2)
-    assert runs.stuck() == [(5, 45), (46, 76)]  # 72 of 1075 are equal: 10 + 3 ln 1076 / 2.70 = 17.7
+    # Left of the middle the samples before it, mirrored; right of it those after it; their levels make a line.
+    row = np.array([1.0, 2.0, 0.0, 9.0, 9.0, 9.0, 9.0, 5.0, 7.0, 6.0])[:, np.newaxis]
+    found = bridged(row, 1.0, 100.0, [(103.0, 107.0)])[:, 0]
+    low, high = (1.0 + 2.0 + 0.0) / 3.0, (5.0 + 7.0 + 6.0) / 3.0
+    line = low + (high - low) * np.array([0.125, 0.375, 0.625, 0.875])
+    assert found[3:7] == pytest.approx(line + [0.0 - low, 2.0 - low, 7.0 - high, 5.0 - high])
+    assert np.array_equal(np.delete(found, [3, 4, 5, 6]), np.delete(row[:, 0], [3, 4, 5, 6]))
+    assert row[3, 0] == 9.0
+    assert bridged(row, 1.0, 100.0, [(99.0, 102.0), (108.0, 111.0)])[:, 0].tolist() == row[2:8, 0].tolist()
 
 
 @pytest.mark.parametrize(("width", "moved"), [(1, False), (3, True)])
@@ -427,15 +428,3 @@ def test_each_sensor_is_judged_by_itself_but_a_unit_that_moves_as_a_whole(unit):
         judged.require(("gyr x",), ("acc x",))
         with pytest.raises(ShapeError, match="acc x: moved"):
             judged.require(("acc x",))
-
-
-def test_a_gap_is_filled_by_its_neighbours_on_a_line():
-    """Left of the middle the samples before it, mirrored; right of it those after it; their levels make a line."""
-    row = np.array([1.0, 2.0, 0.0, 9.0, 9.0, 9.0, 9.0, 5.0, 7.0, 6.0])[:, np.newaxis]
-    found = bridged(row, 1.0, 100.0, [(103.0, 107.0)])[:, 0]
-    low, high = (1.0 + 2.0 + 0.0) / 3.0, (5.0 + 7.0 + 6.0) / 3.0
-    line = low + (high - low) * np.array([0.125, 0.375, 0.625, 0.875])
-    assert found[3:7] == pytest.approx(line + [0.0 - low, 2.0 - low, 7.0 - high, 5.0 - high])
-    assert np.array_equal(np.delete(found, [3, 4, 5, 6]), np.delete(row[:, 0], [3, 4, 5, 6]))
-    assert row[3, 0] == 9.0
-    assert bridged(row, 1.0, 100.0, [(99.0, 102.0), (108.0, 111.0)])[:, 0].tolist() == row[2:8, 0].tolist()

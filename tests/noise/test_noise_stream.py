@@ -84,7 +84,7 @@ def test_cuts_do_not_change_a_bit(small, make):
         assert (cut.mean, cut.sd, cut.low, cut.high) == (whole.mean, whole.sd, whole.low, whole.high)
 
 
-def test_results_in_between_leave_the_stream_alone(small):
+def test_results_in_between_leave_the_stream_alone_and_channels_are_streams_of_their_own(small):
     rate = white(RECORD)
     n = stream_factors(log_factors(RECORD))
     stream = AllanStream(n, channels=1)
@@ -93,9 +93,6 @@ def test_results_in_between_leave_the_stream_alone(small):
         assert stream.count == stop
         assert (stream.result().dev == streamed(rate[:stop], n).dev).all()
         assert (stream.result().dev == stream.result().dev).all()
-
-
-def test_channels_are_streams_of_their_own(small):
     rate = np.stack((white(RECORD), walk(RECORD), drifting(RECORD) - 1e3), axis=1)
     n = stream_factors(log_factors(RECORD))
     together = streamed(rate, n, [100, 101, 500])
@@ -172,15 +169,12 @@ def test_a_grid_is_even_and_fits_the_record(count):
     assert np.abs(np.log10(ratio[n[1:] > 1000]) * 16.0 - 1.0).max(initial=0.0) < 0.01  # rounded by 1/2 of 1000
 
 
-def test_records_share_their_averaging_times():
+def test_records_share_their_averaging_times_of_which_a_stream_takes_multiples_of_a_step():
     short, long = log_factors(10_000), log_factors(777_777)
     assert (long[: short.size] == short).all()
     assert (log_factors(10_000, per_decade=1) == [1, 10, 100, 1000]).all()
     assert len(log_factors(10**6)) == 84
     assert len(log_factors(10**7)) == 100
-
-
-def test_a_stream_takes_multiples_of_a_step():
     n = log_factors(10**9)
     fit = stream_factors(n)
     steps = stream_steps(fit)

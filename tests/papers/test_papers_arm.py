@@ -23,7 +23,7 @@ def tables(study):
     return {turns: arm.table_part(study, turns, FEW) for turns in (False, True)}
 
 
-def test_the_figures_of_both_tables(tables):
+def test_the_figures_of_both_tables_are_those_of_runs_through_bytes_and_none_causal_is_better(tables, study):
     """papers.md 003, its own second look: static and dynamic std of 200 seeds; means of 40 scatter by some per cent."""
     (rest, _), (turn, _) = tables.values()
     for stats, expected in (
@@ -37,17 +37,11 @@ def test_the_figures_of_both_tables(tables):
     # the step from PI to fuzzy PI is that of averaging two sets
     assert rest["fuzzy"].std == pytest.approx(rest["control"].std, rel=0.1)
     assert rest["sum"].std == pytest.approx([0.229, 0.233, 0.279], rel=0.1)  # papers.md: noisier
-
-
-def test_the_filter_of_directions_is_as_good_as_any_causal_one(tables):
-    """Linear Kalman filter of the same noise, which knows the motion: nothing causal is better by more than chance."""
+    # Linear Kalman filter of the same noise, which knows the motion: nothing causal is better by more than chance.
     for name, units in (("two", 2), ("six", 6)):
         ratio = tables[True][0][name].std / arm.least(True, units, runs=400)
         assert ratio == pytest.approx(1.0, abs=0.1)
-
-
-def test_the_runs_through_bytes_are_those_of_the_scheme(tables, study):
-    """Counts of MPU-6000 and HMC5983 are far below the noise: the std of one run is that of the seeds."""
+    # Counts of MPU-6000 and HMC5983 are far below the noise: the std of one run is that of the seeds.
     for stats, errors in tables.values():
         assert {len(e) for e in errors.values()} == {300}
         assert (arm.statistics(errors["fuzzy"])[0] < 2.0 * stats["fuzzy"].std).all()

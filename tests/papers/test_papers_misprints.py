@@ -34,15 +34,12 @@ def rod_angles(q):
     return roll, math.asin(-2.0 * (b * d - a * c)), yaw  # [Li2012] (2)
 
 
-def test_no_convention_saves_all_three_angles_of_the_rod():
+def test_angles_and_matrices_of_the_rod_as_printed():
     q = quat_from_euler_zyx([0.9, -0.2, 0.3])
     assert rod_angles(q) == pytest.approx((-0.341, -0.2, -0.911), abs=5e-4)
     assert rod_angles(quat_conjugate(q))[1] == pytest.approx(-0.114, abs=5e-4)
     assert np.array(euler_zyx_from_quat(q)) == pytest.approx([0.9, -0.2, 0.3], abs=1e-12)
-
-
-def test_both_matrices_of_the_rod_are_transposes():
-    """The first, of angles, goes from navigation to body axes; here its rows are written out [Li2012] §2.1."""
+    # The first, of angles, goes from navigation to body axes; here its rows are written out [Li2012] §2.1.
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (0.3, -0.2, 0.9))
     euler = np.array([
         [cp * cy, cp * sy, -sp],
@@ -50,9 +47,6 @@ def test_both_matrices_of_the_rod_are_transposes():
         [sr * sy + cr * sp * cy, -sr * cy + cr * sp * sy, cr * cp],
     ])  # fmt: skip
     assert np.abs(euler.T - dcm_from_quat(quat_from_euler_zyx([0.9, -0.2, 0.3]))).max() < 1e-12
-
-
-def test_atan_folds_a_roll_of_170_degrees_back_and_a_whole_angle_turns_twice():
     gravity = np.array([0.0, math.sin(deg(170.0)), math.cos(deg(170.0))])
     assert to_deg(math.atan(gravity[1] / gravity[2])) == pytest.approx(-10.0)  # [Li2012] (7)
     assert to_deg(math.atan2(gravity[1], gravity[2])) == pytest.approx(170.0)
@@ -79,12 +73,16 @@ def test_euler_angles_of_two_devices_cannot_be_exchanged(tilts, errors):
 # --- trackball [Chen2013], figures of papers.md 002 ---------------------------------------------------------
 
 
-def test_temperature_is_taken_off_twice_and_a_force_in_metres_too_much():
+def test_temperature_is_taken_off_twice_five_powers_are_ill_conditioned_and_a_table_has_no_level_axis():
     """(5) has A_x, which holds the 2 °/s of 20 K already, for A_x0; (4) with a in m/s² takes 0.1 · 8.81 off at 1 g."""
     drift = chen2013().bias_per_k[0] * 20.0
     assert to_dps(drift - (drift + drift)) == pytest.approx(-2.0)  # [Chen2013] (5)
     right = chen2013().compensate(np.zeros((1, 3)), np.array([25.0]), np.array([[G0, 0.0, 0.0]]))[0, 0]
     assert to_dps(-dps(0.1) * G0 - right) == pytest.approx(-0.1 * (G0 - 1.0), abs=1e-9)  # [Chen2013] (4)
+    taus = np.array([0.1, 0.2, 0.4, 1.0, 2.0, 4.0, 10.0, 50.0])
+    assert np.linalg.cond(np.power.outer(taus, np.arange(-2.0, 3.0))) == pytest.approx(3141.0, abs=1.0)  # (14)
+    turned = simulate("turntable", frame="NED", sensors="ideal", unit="calibrated", seed=1, rate=10.0).imu.gyr
+    assert to_dps(turned[1000:].mean(axis=0)) == pytest.approx([0.0, 0.0, 60.0], abs=1e-9)
 
 
 def test_the_printed_deviation_is_that_of_the_mean_and_not_of_its_changes():
@@ -97,13 +95,6 @@ def test_the_printed_deviation_is_that_of_the_mean_and_not_of_its_changes():
     white = 0.1 * np.random.default_rng(1).standard_normal(100_000)
     assert printed(white, 1) / deviation(white, [1], "adev")[0] == pytest.approx(math.sqrt(0.5), rel=0.01)
     assert printed(white + 1.5, 1) == pytest.approx(1.063, abs=0.002)
-
-
-def test_five_powers_on_eight_times_are_ill_conditioned_and_an_axis_in_the_plane_of_a_table_measures_nothing():
-    taus = np.array([0.1, 0.2, 0.4, 1.0, 2.0, 4.0, 10.0, 50.0])
-    assert np.linalg.cond(np.power.outer(taus, np.arange(-2.0, 3.0))) == pytest.approx(3141.0, abs=1.0)  # (14)
-    turned = simulate("turntable", frame="NED", sensors="ideal", unit="calibrated", seed=1, rate=10.0).imu.gyr
-    assert to_dps(turned[1000:].mean(axis=0)) == pytest.approx([0.0, 0.0, 60.0], abs=1e-9)
 
 
 # --- fin [Ou2017], figures of papers.md 000 -----------------------------------------------------------------
@@ -133,7 +124,7 @@ def test_the_printed_sum_makes_white_noise_fall_as_quantisation_does(groups):
     assert np.interp(500, n, right) == pytest.approx(1.0, abs=3 * 0.04778)  # (7) at 1 s
 
 
-def test_the_integral_of_4_needs_its_square_and_the_flat_of_6_is_0_664_b():
+def test_the_integral_of_4_needs_its_square_and_units_of_table_1_are_others():
     """∫ sin⁴u/u² = π/4, ∫ sin⁴u/u grows as (3/8) ln u, and √(2/π ∫ sin⁴u/u³) = √(2 ln 2/π) [closed forms]."""
 
     def integral(end, power):
@@ -143,6 +134,12 @@ def test_the_integral_of_4_needs_its_square_and_the_flat_of_6_is_0_664_b():
     assert integral(1e3, 2) == pytest.approx(math.pi / 4.0, rel=1e-3)
     assert integral(1e4, 1) - integral(1e3, 1) == pytest.approx(0.375 * math.log(10.0), rel=1e-3)  # [Ou2017] (4)
     assert math.sqrt(2.0 / math.pi * integral(1e3, 3)) == pytest.approx(0.6643, abs=1e-4)  # [Ou2017] (6)
+    # Q of 0.107° is 92.7 °/s at 2 ms; R in °/√h meets 0.664 · 57.056 °/h at 569 s, the 290x's at 143 000 s.
+    assert math.sqrt(3.0) * 0.107 * 500.0 == pytest.approx(92.7, abs=0.05)
+    times = [(60.0 * r / (0.664 * b)) ** 2 for r, b in ((15.066, 57.056), (4.766, 1.138))]
+    assert times == pytest.approx([569.0, 143_000.0], rel=0.01)
+    signed, unsigned = (np.frombuffer(b"\xff\xff", kind)[0] / 80.0 for kind in (">i2", ">u2"))
+    assert (signed, unsigned) == (pytest.approx(-0.0125), pytest.approx(819.1875))
 
 
 def test_quantisation_noise_is_that_of_an_angle_and_its_density_has_the_interval_in_it():
@@ -156,15 +153,6 @@ def test_quantisation_noise_is_that_of_an_angle_and_its_density_has_the_interval
     f = np.linspace(5.0, 15.0, 1001)
     by_interval, by_group = (np.mean(4.0 / t * np.sin(np.pi * f * t) ** 2) for t in (0.002, math.sqrt(3.0)))
     assert by_interval / by_group > 5.0  # [Ou2017] (3)
-
-
-def test_units_of_table_1_and_the_sign_of_a_word():
-    """Q of 0.107° is 92.7 °/s at 2 ms; R in °/√h meets 0.664 · 57.056 °/h at 569 s, the 290x's at 143 000 s."""
-    assert math.sqrt(3.0) * 0.107 * 500.0 == pytest.approx(92.7, abs=0.05)
-    times = [(60.0 * r / (0.664 * b)) ** 2 for r, b in ((15.066, 57.056), (4.766, 1.138))]
-    assert times == pytest.approx([569.0, 143_000.0], rel=0.01)
-    signed, unsigned = (np.frombuffer(b"\xff\xff", kind)[0] / 80.0 for kind in (">i2", ">u2"))
-    assert (signed, unsigned) == (pytest.approx(-0.0125), pytest.approx(819.1875))
 
 
 # --- buoy [Yu2018], figures of papers.md 001 ----------------------------------------------------------------

@@ -63,7 +63,7 @@ def test_a_number_of_a_paper_is_reproduced_refuted_or_cannot_be_had(how, claim):
     assert (listed and listed.rows[0][3]) == claim
 
 
-def test_an_outcome_says_something_reaches_another_process_whole_and_is_json():
+def test_an_outcome_and_a_text_in_both_languages_reach_another_process_whole():
     for how in ({"faithful": None}, {"best_bar": (-math.inf, 1.0)}, {"reproducible": False}):
         with pytest.raises(ParameterError):
             outcome(**how)
@@ -73,9 +73,6 @@ def test_an_outcome_says_something_reaches_another_process_whole_and_is_json():
     assert (again.what.zh, again.reason.zh) == ("误差", "噪声")
     told = outcome(faithful=math.nan, best=math.inf).summary()
     assert (told["faithful"], told["best"]) == (None, None)
-
-
-def test_a_text_in_both_languages_is_read_in_each():
     both = copy.deepcopy(Both("error", "误差"))
     assert (both, said(both, "en"), said(both, "zh")) == ("error", "error", "误差")
     assert said(str(both), "zh") == "误差"  # a plot's label goes through str
@@ -86,7 +83,7 @@ def test_a_text_in_both_languages_is_read_in_each():
     assert page.count("误差") == 6  # title twice, name and value, remark, row of the table
 
 
-def test_what_cannot_be_run_is_refused_before_any_work(tmp_path, monkeypatch):
+def test_what_cannot_be_run_is_refused_before_any_work_and_what_is_not_recorded_whole(tmp_path, monkeypatch):
     (tmp_path / "own.txt").write_text("mine")
     for name, how, says in (
         ("fish", {}, "there is no paper 'fish'; known: fin, buoy, trackball, arm, rod, all"),
@@ -102,6 +99,15 @@ def test_what_cannot_be_run_is_refused_before_any_work(tmp_path, monkeypatch):
     with pytest.raises(MissingExtraError, match="the pages' figures need matplotlib"):
         reproduce("fin", out=tmp_path / "pages")
     assert [path.name for path in tmp_path.iterdir()] == ["own.txt"]
+
+    # As on a disk that is full: a figure of what is left would be wrong.
+    def full(*_args, note, **_how):
+        note("stopped: no space")
+        return SimpleNamespace(lossy=True)
+
+    monkeypatch.setattr("plumbob.papers.studies.record", full)
+    with pytest.raises(DecodeError, match=r"x\.mcap was not recorded completely: stopped: no space\."):
+        Study("rod", tmp_path).recorded("rod", "x", duration=0.1)
 
 
 def alone(monkeypatch, code):
@@ -141,18 +147,6 @@ def test_the_first_paper_that_fails_ends_all(tmp_path, monkeypatch, end, told):
     with pytest.raises(DecodeError, match=told):
         reproduce("all", out=tmp_path)
     assert all(process.poll() is not None for process in started)
-
-
-def test_what_is_not_recorded_whole_is_refused(tmp_path, monkeypatch):
-    """As on a disk that is full: a figure of what is left would be wrong."""
-
-    def full(*_args, note, **_how):
-        note("stopped: no space")
-        return SimpleNamespace(lossy=True)
-
-    monkeypatch.setattr("plumbob.papers.studies.record", full)
-    with pytest.raises(DecodeError, match=r"x\.mcap was not recorded completely: stopped: no space\."):
-        Study("rod", tmp_path).recorded("rod", "x", duration=0.1)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -66,24 +66,15 @@ def test_bytes_that_are_read_wrongly_elsewhere(device, options, text, said, flag
     assert frames.flags[""][0] == (getattr(flags, flag) if flag else 0)
 
 
-def test_an_axis_that_a_chip_lacks_has_no_values():
+def test_axes_that_a_chip_lacks_codes_of_the_adis_and_overflow_and_gains_of_the_hmc5983():
     _, frames = only_frame(bound("adxrs290"), bytes.fromhex("A4 09 E1 B1 3D 01"))
     assert np.isnan(triads_of(frames)["gyr"]).tolist() == [[False, False, True]]
-
-
-def test_codes_of_the_adis_data_sheet():
     # DS-1635x table 7, flags masked: 80 deg/s = 0444, 40 = 0222, -40 = 3DDE, -80 = 3BBC
     word = encode(bound("adis16355"), {"gyr.x": np.array([80.0, 40.0, -40.0, -80.0]) * DEG})[:, :2].copy().view(">u2")
     assert (word[:, 0] & 0x3FFF).tolist() == [0x0444, 0x0222, 0x3DDE, 0x3BBC]
-
-
-def test_a_missing_channel_of_the_magnetometer_is_sent_as_its_overflow():
     rows = encode(bound("hmc5983"), {"mag.x": [21.5], "mag.y": [NAN], "mag.z": [39.1]})
     assert rows.tobytes() == bytes.fromhex("00 EA 01 AA F0 00")
-
-
-def test_gains_of_the_hmc5983():
-    """DS-5883 (without L) has 1024 LSB per gauss at the default gain."""
+    # DS-5883 (without L) has 1024 LSB per gauss at the default gain.
     form = bound("hmc5983")
     assert list(form.options["gain"].choices.values()) == [1370, 1090, 820, 660, 440, 390, 330, 230]
     assert form.chosen == {"gain": "1.3 gauss"}
@@ -122,7 +113,7 @@ def test_everything_names_its_source_and_registers_have_the_scales_of_their_fiel
 # --- kinds of replies of the ADXRS453, and its parity ---
 
 
-def test_a_sensor_reply_is_told_by_its_status_from_a_read_and_has_no_rate_in_a_reply_of_no_kind():
+def test_replies_of_every_kind_are_told_apart_in_one_stream():
     """The top bits of one with sequence number 2 are those of a read; ST tells them apart (DS-453)."""
     for sq in range(8):
         row = encode(bound("adxrs453"), {"gyr.z": [0.1], "sq": [sq]}, message="sensor")
@@ -132,9 +123,6 @@ def test_a_sensor_reply_is_told_by_its_status_from_a_read_and_has_no_rate_in_a_r
     name, frames = only_frame(bound("adxrs453"), row.tobytes())
     assert name == "sensor" and np.isnan(frames.columns["gyr.z"][0])
     assert frames.flags[""][0] == flags.GYR_ABSENT
-
-
-def test_replies_of_every_kind_in_one_stream():
     write = encode(bound("adxrs453"), {"data": [0xBEEF]}, message="write").tobytes()
     found, counts = decode(bytes.fromhex("14028001 4E1CE001 1E020000") + write, bound("adxrs453"))
     starts = {name: int(frames.start[0]) for name, frames in found.items()}

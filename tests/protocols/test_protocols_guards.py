@@ -97,13 +97,21 @@ def test_a_check_of_two_kinds_is_learnt_alike_however_the_bytes_are_cut(words):
         assert in_pieces(form, stream, [at]) == whole
 
 
-def test_floats_that_are_no_numbers_are_absent_and_flagged():
+def test_floats_that_are_no_numbers_are_flagged_and_a_disturbed_frame_counts_once_another_begins():
     form = find_format("xbus_mtdata2")
     rows = encode(form, {"gyr.x": [1.0, np.inf, -np.inf, 2.0], "gyr.y": [1.0, 2.0, 3.0, 4.0]}, message="rate")
     found = decode(rows.tobytes(), form)[0]["rate"]
     np.testing.assert_array_equal(found.columns["gyr.x"], [1.0, np.nan, np.nan, 2.0])
     assert found.columns["gyr.y"].tolist() == [1.0, 2.0, 3.0, 4.0]
     assert (found.flags[""] == [0, flags.GYR_INVALID, flags.GYR_INVALID, 0]).all()
+    form, rng = parse_format(HEAD + CONFIRMED), np.random.default_rng(3)
+    first, second, third = (framed(rng, False) for _ in range(3))
+    decoder = Decoder(form)
+    assert decoder.feed(first, 1) == {}
+    assert decoder.feed(second, 2)["mine"].t_ns.tolist() == [1, 2]  # the second needs no other
+    decoder = Decoder(form)
+    assert decoder.feed(first + b"\x00" + second, 1) == {}  # no frame begins behind the first
+    assert (decoder.feed(third, 2)["mine"].start.tolist(), decoder.counts.junk) == ([9, 17], 9)
 
 
 ONE_OF_TWO = beside(__file__, "one_of_two.toml")
@@ -125,17 +133,6 @@ def test_a_frame_of_no_known_message_is_believed_by_its_length_and_a_check_of_16
     found, counts = decode(stream, known)
     assert found["mine"].start.tolist() == [0, 16]
     assert (counts.unknown, counts.junk) == ((1, 0) if believed else (0, 8))
-
-
-def test_after_a_disturbance_a_frame_counts_once_another_begins_behind_it():
-    form, rng = parse_format(HEAD + CONFIRMED), np.random.default_rng(3)
-    first, second, third = (framed(rng, False) for _ in range(3))
-    decoder = Decoder(form)
-    assert decoder.feed(first, 1) == {}
-    assert decoder.feed(second, 2)["mine"].t_ns.tolist() == [1, 2]  # the second needs no other
-    decoder = Decoder(form)
-    assert decoder.feed(first + b"\x00" + second, 1) == {}  # no frame begins behind the first
-    assert (decoder.feed(third, 2)["mine"].start.tolist(), decoder.counts.junk) == ([9, 17], 9)
 
 
 PARTS = beside(__file__, "parts.toml")

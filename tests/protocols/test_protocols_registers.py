@@ -63,7 +63,7 @@ def test_counts_of_every_register_survive(name):
         assert np.array_equal(read_counts(word, rows), counts)
 
 
-def test_a_register_in_ones_own_format_is_read_strictly():
+def test_a_register_in_ones_own_format_is_read_strictly_and_a_settled_option_stays():
     text = (
         'kind = "plumbob format"\nversion = 1\nname = "own"\ntitle = "own"\nbyte_order = "big"\n[frame]\nlength = 2\n'
         '[[field]]\nname = "temp_c"\ntype = "s16"\nunit = "degC"\n'
@@ -75,10 +75,7 @@ def test_a_register_in_ones_own_format_is_read_strictly():
         parse_format(text.format(unit="mV", more='role = "status"\n'))
     with pytest.raises(Exception, match="'bogus' is not a unit"):
         said(word_of(parse_format(text.format(unit="bogus", more="")), "V"), b"\0\0")
-
-
-def test_a_settled_option_cannot_be_settled_otherwise():
-    """Its numbers are in the fields by then; a second choice would change the name of the range and no number."""
+    # Its numbers are in the fields by then; a second choice would change the name of the range and no number.
     form = find_format("adis16355").bind(FINE)
     assert form.bind().chosen == FINE
     # bits beside the value do not matter

@@ -65,8 +65,6 @@ def test_what_cannot_be_is_refused_although_the_sum_is_right():
         counts = decode(with_word(at, value), form)[1]
         assert (counts.frames["ahrs400"], counts.bad_content > 0) == (frames, not frames)
 
-
-def test_decimal_angles_that_cannot_be_are_refused():
     def frame(pitch, roll, heading):
         body = bytes.fromhex("0D 00 84" + pitch + roll + heading)
         return b"\x68" + body + bytes([sum(body) & 0xFF])
@@ -80,7 +78,7 @@ def test_decimal_angles_that_cannot_be_are_refused():
     assert [decode(frame(*text), form)[1].frames["angles"] for text in impossible] == [0] * 7
 
 
-def test_an_unknown_packet_that_passes_its_check_is_counted_and_not_data():
+def test_an_unknown_packet_is_counted_a_request_has_no_columns_and_an_angle_goes_round():
     # NAK 15 15 with two bytes, as NAV440 sends; its check by the polynomial's definition, bit by bit
     body, value = bytes.fromhex("1515 02 504B"), 0x1D0F
     for byte in body:
@@ -89,9 +87,6 @@ def test_an_unknown_packet_that_passes_its_check_is_counted_and_not_data():
             value = (value << 1 ^ (0x1021 if value & 0x8000 else 0)) & 0xFFFF
     frames, counts = decode(b"\x55\x55" + body + value.to_bytes(2, "big"), find_format("x5555"))
     assert frames == {} and counts.unknown == 1 and counts.junk == 0
-
-
-def test_a_request_is_one_frame_without_columns():
     assert encode(find_format("x5555"), {}, message="ping").tobytes() == bytes.fromhex("5555 504B 00 9EF4")
     pair = {"pitch": [0.1], "roll": [0.1, 0.2]}
     for columns, message, error, match in (
@@ -102,9 +97,6 @@ def test_a_request_is_one_frame_without_columns():
     ):
         with pytest.raises(error, match=match):
             encode(find_format("rion"), columns, message=message)
-
-
-def test_an_angle_that_wraps_goes_round_instead_of_being_cut():
     form = find_format("ahrs500ga")
     turns = np.array([np.pi, -np.pi, 3 * np.pi, 1.5 * np.pi, np.inf])
     raw = encode(form, {"heading": turns})[:, 6:8].copy().view(">i2")[:, 0]

@@ -30,7 +30,7 @@ def test_matrix_times_vector_is_rotation_of_vector(quats):
     np.testing.assert_allclose(turned, quat_rotate(quats, v), rtol=0, atol=16 * EPS * np.abs(v).max())
 
 
-def test_the_24_right_angle_rotations_are_exact():
+def test_the_24_right_angle_rotations_are_exact_and_tolerance_is_on_the_orthogonality():
     """All proper signed permutation matrices: every pivot of the conversion, and all 180° turns."""
     proper = [
         c
@@ -40,6 +40,11 @@ def test_the_24_right_angle_rotations_are_exact():
     ]
     assert len(proper) == 24
     assert np.abs(dcm_from_quat(quat_from_dcm(proper)) - proper).max() <= 2 * EPS
+    tilted = np.eye(3)
+    tilted[0, 1] = 5e-4
+    with pytest.raises(ShapeError, match=r"reaches 0\.0005"):
+        quat_from_dcm(tilted)
+    np.testing.assert_allclose(quat_from_dcm(tilted, tolerance=1e-3), [1, 0, 0, -1.25e-4], atol=1e-7)
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -63,11 +68,3 @@ def test_next_to_half_turns_nothing_is_lost(axis, off):
 def test_refuses_what_is_no_rotation(c, says):
     with pytest.raises(ShapeError, match=says):
         quat_from_dcm(c)
-
-
-def test_tolerance_is_on_the_orthogonality():
-    tilted = np.eye(3)
-    tilted[0, 1] = 5e-4
-    with pytest.raises(ShapeError, match=r"reaches 0\.0005"):
-        quat_from_dcm(tilted)
-    np.testing.assert_allclose(quat_from_dcm(tilted, tolerance=1e-3), [1, 0, 0, -1.25e-4], atol=1e-7)

@@ -28,13 +28,17 @@ HALF = np.sqrt(0.5)
 PAIRS = list(itertools.product(Frame, Frame))
 
 
-def test_letters_name_the_axes_of_a_right_handed_frame():
+def test_letters_name_the_axes_of_a_right_handed_frame_and_rotations_between_them():
     """N, E, D, W, U in the name are the columns of the unit matrix, in order."""
     for frame in Frame:
         assert np.array_equal(np.cross(frame.east, frame.north), frame.up)
         assert np.linalg.det(np.stack((frame.east, frame.north, frame.up))) == 1.0
         named = {"N": frame.north, "E": frame.east, "U": frame.up, "S": -frame.north, "W": -frame.east, "D": -frame.up}
         assert np.array_equal([named[letter] for letter in frame.value], np.eye(3))
+    # The half turn about the north-east bisector (x + y)/√2 exchanges E with N and turns U over: textbook ENU ↔ NED.
+    np.testing.assert_allclose(frame_rotation(Frame.NED, Frame.ENU), [0, HALF, HALF, 0], atol=EPS)
+    np.testing.assert_allclose(frame_rotation(Frame.NED, Frame.NWU), [0, 1, 0, 0], atol=EPS)
+    np.testing.assert_allclose(frame_rotation(Frame.NWU, Frame.ENU), [HALF, 0, 0, -HALF], atol=EPS)
 
 
 # A level body with its nose to the north, forward-left-up (FLU) and forward-right-down (FRD).
@@ -75,22 +79,12 @@ def test_frame_rotations_form_a_group_and_keep_a_body_where_it_is(to, from_):
         assert quat_angle(chain, q) <= 8 * EPS
 
 
-def test_known_rotations_between_frames():
-    # The half turn about the north-east bisector (x + y)/√2 exchanges E with N and turns U over: textbook ENU ↔ NED.
-    np.testing.assert_allclose(frame_rotation(Frame.NED, Frame.ENU), [0, HALF, HALF, 0], atol=EPS)
-    np.testing.assert_allclose(frame_rotation(Frame.NED, Frame.NWU), [0, 1, 0, 0], atol=EPS)
-    np.testing.assert_allclose(frame_rotation(Frame.NWU, Frame.ENU), [HALF, 0, 0, -HALF], atol=EPS)
-
-
-def test_changing_frames_turns_the_world_and_not_the_body(quats):
+def test_changing_frames_turns_the_world_and_not_the_body_and_the_same_frame_gives_a_copy(quats):
     """The up direction seen in the body is the same, from whichever frame it is computed."""
     for to, from_ in PAIRS:
         changed = change_frame(quats, to=to, from_=from_)
         seen = quat_rotate(quat_conjugate(quats), from_.up)
         np.testing.assert_allclose(quat_rotate(quat_conjugate(changed), to.up), seen, atol=16 * EPS)
-
-
-def test_same_frame_gives_a_copy_and_the_text_of_a_frame_is_one(quats):
     same = change_frame(quats, to="NED", from_=Frame.NED)
     assert np.array_equal(same, quats) and not np.shares_memory(same, quats)
     changed = change_frame(quats, to="ENU", from_="NED")
@@ -153,7 +147,7 @@ def right_handed(spec):
     return (x[0] ^ y[0] ^ z[0]) != cyclic
 
 
-def test_each_way_to_name_axes_and_24_of_48_are_right_handed():
+def test_each_way_to_name_axes_has_its_letters_and_24_of_48_are_right_handed():
     assert len(set(SPECS)) == 48
     assert sum(map(right_handed, SPECS)) == 24
     for spec in SPECS:
@@ -170,9 +164,6 @@ def test_each_way_to_name_axes_and_24_of_48_are_right_handed():
     for spec in ("+x +y +z", "x,y,z", " x, y , z", "x\ty\tz"):
         assert np.array_equal(body_axes(spec), np.eye(3))
     assert np.array_equal(body_axes("y -x z"), dcm_from_quat([HALF, 0, 0, -HALF]).round())
-
-
-def test_every_way_has_its_letters():
     ways = every_axes()
     assert np.array_equal(ways[0], np.eye(3)) and len({axes_letters(way) for way in ways}) == 48
     assert all(np.array_equal(signed_axes(axes_letters(way)), way) for way in ways)

@@ -97,14 +97,11 @@ def test_refused(call, q, says):
         call(q)
 
 
-def test_normalize_keeps_absent_absent_and_xyzw_is_an_order():
+def test_normalize_keeps_absent_absent_xyzw_is_an_order_and_inputs_are_left_alone(quats):
     q = quat_normalize([[0, 0, 0, 2.0], [np.nan] * 4])
     assert np.array_equal(q, [[0, 0, 0, 1], [np.nan] * 4], equal_nan=True)
     assert np.array_equal(quat_from_xyzw([1, 2, 3, 4]), [4, 1, 2, 3])
     assert np.array_equal(quat_to_xyzw([4, 1, 2, 3]), [1, 2, 3, 4])
-
-
-def test_inputs_are_left_alone(quats):
     before = quats.copy()
     for call in (quat_conjugate, quat_normalize, quat_to_xyzw, quat_from_xyzw, dcm_from_quat):
         result = call(quats)
@@ -115,7 +112,7 @@ def test_inputs_are_left_alone(quats):
 
 
 class TestSlerp:
-    def test_constant_rate(self, quats):
+    def test_constant_rate_and_ends(self, quats):
         a, b = quats[:500], quats[500:]
         fractions = np.linspace(0.0, 1.0, 11)
         path = quat_slerp(a, b, fractions[:, np.newaxis])
@@ -124,19 +121,14 @@ class TestSlerp:
         whole = quat_angle(a, b)
         assert (whole <= np.pi).all()
         assert np.abs(steps - whole / 10).max() <= 2 * PRODUCT
-
-    def test_ends(self, quats):
-        a, b = quats[:500], quats[500:]
         assert np.array_equal(quat_slerp(a, b, 0.0), a)
         assert quat_angle(quat_slerp(a, b, 1.0), b).max() <= 2 * PRODUCT
         assert quat_angle(quat_slerp(quats, quats, 0.3), quats).max() <= 2 * PRODUCT
 
-    def test_takes_the_shorter_arc_for_either_sign(self):
+    def test_takes_the_shorter_arc_for_either_sign_and_one_of_the_two_of_a_half_turn(self):
         b = quat_from_rotvec([0, 0, 1.0])
         for end in (b, -b):
             np.testing.assert_allclose(quat_slerp(IDENTITY, end, 0.5), quat_from_rotvec([0, 0, 0.5]), atol=PRODUCT)
-
-    def test_half_turn_apart_goes_one_of_the_two_ways(self):
         middle = quat_slerp(IDENTITY, [0.0, 0.0, 1.0, 0.0], 0.5)
         assert abs(quat_angle(middle, IDENTITY) - np.pi / 2) <= PRODUCT
 

@@ -75,7 +75,7 @@ def test_frames_give_the_same_motion_and_the_same_readings():
             )
 
 
-def test_ideal_units_say_what_their_true_mounts_make_of_the_segment():
+def test_ideal_units_say_what_their_true_mounts_make_of_the_segment_drawn_in_a_ball_or_given():
     made = simulate_chain(
         "teach", "fast", frame="NED", unit="calibrated", seed=5, duration=4.0, mount_angle="5 deg", mount_shift="2 cm"
     )
@@ -90,9 +90,23 @@ def test_ideal_units_say_what_their_true_mounts_make_of_the_segment():
         assert nominal.q_bs == segment.mount.q_bs
         assert 0.0 < quat_angle(nominal.q_bs, mount.q_bs) <= deg(5.0)
         assert 0.0 < np.linalg.norm(r - nominal.lever_b) <= 0.02
+    made = [
+        simulate_chain("five", "still", frame="NED", unit="calibrated", seed=k, duration=0.1, mount_angle=deg(5.0))
+        for k in range(24)
+    ]
+    size = [
+        float(quat_angle(mount.q_bs, one.array.mounts[name].q_bs)) for one in made for name, mount in one.mounts.items()
+    ]
+    assert max(size) <= deg(5.0)
+    # evenly in a ball: rms √(3/5) of its radius; 120 draws of r² with relative sd √(3/7 − 9/25) / (3/5) / √120 = 4.0 %
+    assert np.mean(np.square(size)) == pytest.approx(0.6 * deg(5.0) ** 2, rel=4 * 0.040)
+    mount = UnitMount(tuple(quat_from_rotvec([0.1, 0.0, 0.0]).tolist()), (0.2, 0.0, 0.0))
+    made = simulate_chain("arm", "still", frame="NED", unit="calibrated", seed=1, duration=1.0, mounts={"hand": mount})
+    assert made.mounts["hand"] == mount
+    assert made.mounts["forearm"] == made.chain.segments[2].mount
 
 
-def test_fixed_joints_make_an_array_on_one_body():
+def test_fixed_joints_make_an_array_on_one_body_which_a_named_program_carries_about():
     levers = {"a": (0.1, 0.0, 0.0), "b": (0.0, -0.2, 0.05)}
     board = Chain(
         "board",
@@ -107,9 +121,6 @@ def test_fixed_joints_make_an_array_on_one_body():
     for name, lever in levers.items():
         np.testing.assert_allclose(made.array.units[name].acc, body.at_lever(lever).specific_force_b, atol=1e-11)
         np.testing.assert_allclose(made.array.units[name].gyr, body.rate_b, atol=1e-13)
-
-
-def test_a_board_of_units_is_carried_about_by_a_named_program():
     board = Chain(
         "board", (Segment("body"), Segment("a", "a")), (Joint("a", "body", "a", "fixed", origin=(0.1, 0.0, 0.0)),)
     )
@@ -117,19 +128,6 @@ def test_a_board_of_units_is_carried_about_by_a_named_program():
     assert made.angles.shape == (500, 0)
     assert np.abs(made.array.units["a"].gyr).max() > 0.3
     assert made.program.stops == ()
-
-
-def test_drawn_mounts_fill_the_ball():
-    made = [
-        simulate_chain("five", "still", frame="NED", unit="calibrated", seed=k, duration=0.1, mount_angle=deg(5.0))
-        for k in range(24)
-    ]
-    size = [
-        float(quat_angle(mount.q_bs, one.array.mounts[name].q_bs)) for one in made for name, mount in one.mounts.items()
-    ]
-    assert max(size) <= deg(5.0)
-    # evenly in a ball: rms √(3/5) of its radius; 120 draws of r² with relative sd √(3/7 − 9/25) / (3/5) / √120 = 4.0 %
-    assert np.mean(np.square(size)) == pytest.approx(0.6 * deg(5.0) ** 2, rel=4 * 0.040)
 
 
 def test_a_clock_that_is_late_takes_its_values_later():
@@ -146,14 +144,7 @@ def test_a_clock_that_is_late_takes_its_values_later():
     assert not any(one.clock_offset for one in drawn.array.mounts.values())
 
 
-def test_mounts_may_be_given_and_must_be_known():
-    mount = UnitMount(tuple(quat_from_rotvec([0.1, 0.0, 0.0]).tolist()), (0.2, 0.0, 0.0))
-    made = simulate_chain("arm", "still", frame="NED", unit="calibrated", seed=1, duration=1.0, mounts={"hand": mount})
-    assert made.mounts["hand"] == mount
-    assert made.mounts["forearm"] == made.chain.segments[2].mount
-
-
-def test_a_unit_that_sways_moves_as_its_derivatives_say():
+def test_soft_tissue_sways_by_millimetres_and_degrees_as_its_derivatives_say():
     # central differences of 2 ms; waves of 20 rad/s and their products leave (40 · 1e-3)² / 6 of a derivative (Taylor)
     mounts = {"hand": UnitMount((0.6, 0.0, 0.8, 0.0), (0.1, 0.02, 0.0))}
     common = {"frame": "NED", "unit": "calibrated", "seed": 6, "duration": 3.0, "rate": 1000.0}
@@ -163,9 +154,6 @@ def test_a_unit_that_sways_moves_as_its_derivatives_say():
     differences = [turned, *(x[2:] - x[:-2] for x in (unit.rate_b, unit.pos_n, unit.vel_n))]
     for difference, exact in zip(differences, (unit.rate_b, unit.rate_dot_b, unit.vel_n, unit.acc_n), strict=True):
         np.testing.assert_allclose(difference / 2e-3, exact[1:-1], atol=1e-3 * np.abs(exact).max())
-
-
-def test_soft_tissue_sways_by_millimetres_and_degrees_and_not_at_rest():
     still, fast = (
         simulate_chain("arm", program, frame="NED", unit="calibrated", seed=6, duration=20.0, soft=True)
         for program in ("still", "fast")
@@ -179,15 +167,12 @@ def test_soft_tissue_sways_by_millimetres_and_degrees_and_not_at_rest():
         assert np.ptp(still.units[name].kinematics.q_nb, axis=0).max() < 1e-12
 
 
-def test_dipole_has_twice_the_field_on_its_axis():
+def test_a_dipole_and_a_bent_region_in_closed_form_and_a_magnet_on_a_segment():
     magnet = Dipole((1.0, 0.0, 0.0), (0.0, 0.0, 0.1))
     places = np.array([(1.0, 0.0, 0.2), (1.2, 0.0, 0.0)])
     # B = μ0 m / (2π r³) on the axis and −μ0 m / (4π r³) at the side: 2.5 and −1.25 µT for 0.1 A m² at 0.2 m
     np.testing.assert_allclose(magnet.at(places, None), [(0.0, 0.0, 2.5), (0.0, 0.0, -1.25)], atol=1e-12)
     assert np.isfinite(magnet.at(np.array([(1.0, 0.0, 0.0)]), None)).all()
-
-
-def test_a_magnet_on_a_segment_is_hard_iron_there_and_moves_for_the_others():
     magnet = Dipole((0.19, 0.07, 0.0), (0.0, 0.05, 0.0), on="forearm")
     common = {"frame": "NED", "unit": "calibrated", "seed": 3, "duration": 6.0}
     plain = simulate_chain("arm", "fast", **common)
@@ -198,9 +183,6 @@ def test_a_magnet_on_a_segment_is_hard_iron_there_and_moves_for_the_others():
     np.testing.assert_allclose(np.linalg.norm(added["forearm"], axis=1), 10.0, rtol=1e-9)
     assert np.ptp(added["hand"], axis=0).max() > 0.01
     np.testing.assert_array_equal(bent.array.units["hand"].acc, plain.array.units["hand"].acc)
-
-
-def test_a_bent_region_fades_as_a_bell_curve():
     region = BentRegion((0.0, 0.0, 0.0), (20.0, 0.0, 0.0), radius=0.1)
     found = region.at(np.array([(0.0, 0.0, 0.0), (0.0, 0.2, 0.0)]), None)
     np.testing.assert_allclose(found[:, 0], [20.0, 20.0 * np.exp(-2.0)])
@@ -219,7 +201,7 @@ def test_a_bent_field_is_bent_to_the_east_at_its_unit_and_less_at_the_next(frame
     assert 1.0 < np.linalg.norm(change["hand"], axis=1).max() < 20.0
 
 
-def test_each_unit_has_errors_and_noise_of_its_own_and_a_seed_repeats_all():
+def test_each_unit_has_errors_and_noise_of_its_own_and_other_ranges_cut_into_as_many_counts():
     made, again = (
         simulate_chain("arm", "slow", frame="NED", sensors="mpu6000+hmc5983", unit="random", seed=9, duration=3.0)
         for _ in range(2)
@@ -231,9 +213,6 @@ def test_each_unit_has_errors_and_noise_of_its_own_and_a_seed_repeats_all():
     biases = np.array([made.units[name].calibration.gyr.bias for name in names])
     assert np.linalg.matrix_rank(biases) == 3
     assert made.array.mounts["hand"].noise is made.units["hand"].noise
-
-
-def test_other_ranges_cut_into_as_many_counts():
     made = simulate_chain(
         "arm", "still", frame="NED", sensors="mpu6000", unit="calibrated", seed=1, duration=1.0,
         gyr_range="1000 deg/s", acc_range="8 g",

@@ -30,7 +30,7 @@ def tilt(body):
     return np.arccos(np.clip(up_in_body(body) @ -DOWN, -1.0, 1.0))
 
 
-def test_a_pose_motion_rests_in_each_pose_and_goes_the_short_way():
+def test_a_pose_motion_rests_in_each_pose_and_gimbals_are_euler_angles():
     poses = quat_from_euler_zyx(np.array([[0.0, 0.0, 0.0], [1.0, 0.4, -0.3], [-2.0, 0.1, 0.8]]))
     motion = PoseMotion(Frame.NED, poses, dwell=2.0, move=0.5)
     rests = np.array([0.0, 1.9, 2.6, 4.4, 5.1, 99.0])
@@ -41,9 +41,6 @@ def test_a_pose_motion_rests_in_each_pose_and_goes_the_short_way():
     whole = float(quat_angle(poses[0], poses[1]))
     peak = 15.0 / 8.0 * whole / 0.5  # of the quintic, 30 u² (1 − u)² at u = 1/2
     assert np.linalg.norm(between.rate_b, axis=1).max() == pytest.approx(peak, rel=1e-12)
-
-
-def test_gimbals_in_the_order_of_euler_angles_are_euler_angles():
     angles = (0.7, -0.4, 1.9)
     motion = GimbalMotion(Frame.NED, tuple(zip((2, 1, 0), map(constant, angles), strict=True)))
     np.testing.assert_allclose(euler_zyx_from_quat(motion.truth(np.zeros(1)).q_nb), [angles], atol=1e-15)
@@ -59,12 +56,22 @@ def test_faces_and_edges_come_up_once_each(edges):
     np.testing.assert_allclose(np.abs(seen).max(axis=1), 1.0 / np.sqrt(number), atol=1e-12)
 
 
-def test_wobble_of_a_hand_is_its_rms_about_each_axis():
+def test_wobble_of_a_hand_poses_by_hand_and_a_raised_nose():
     one = attitudes("faces", edges=True, wobble=0.0)
     off = quat_angle(attitudes("faces", edges=True, wobble=deg(2.0)), one)
     # the seed draws the headings first, so that both sets differ by the wobble alone; 3 axes, 18 poses: 54 squares,
     # whose mean has a relative sd of √(2/54) = 0.19
     assert np.mean(np.square(off)) / (3.0 * deg(2.0) ** 2) == pytest.approx(1.0, abs=4 * 0.19)
+    poses = attitudes("poses", number=2000)
+    # of a uniform rotation each component of the quaternion has mean 0 and variance 1/4
+    assert np.abs(poses.mean(axis=0)).max() < 4 * 0.5 / np.sqrt(2000)
+    np.testing.assert_allclose(np.linalg.norm(poses, axis=1), 1.0, atol=4e-16)
+    with pytest.raises(ParameterError, match="whole number"):
+        scenario("poses", number=2.5)
+    level, raised = euler_zyx_from_quat(attitudes("raise", angle=deg(25.0)))
+    np.testing.assert_allclose(level[1:], 0.0, atol=1e-15)
+    np.testing.assert_allclose(raised, [level[0], deg(25.0), 0.0], atol=1e-15)
+    np.testing.assert_allclose(truth("raise").rate_b[:, [0, 2]], 0.0, atol=1e-15)
 
 
 @pytest.mark.parametrize(("along_roll", "banded", "span"), [(False, 1, np.pi), (True, 2, 2.0 * np.pi)])
@@ -75,22 +82,6 @@ def test_bands_fill_every_region_once(along_roll, banded, span):
     assert sorted(6 * band + sector) == list(range(18))
 
 
-def test_poses_by_hand_look_everywhere():
-    poses = attitudes("poses", number=2000)
-    # of a uniform rotation each component of the quaternion has mean 0 and variance 1/4
-    assert np.abs(poses.mean(axis=0)).max() < 4 * 0.5 / np.sqrt(2000)
-    np.testing.assert_allclose(np.linalg.norm(poses, axis=1), 1.0, atol=4e-16)
-    with pytest.raises(ParameterError, match="whole number"):
-        scenario("poses", number=2.5)
-
-
-def test_raise_lifts_the_nose_about_the_lateral_axis():
-    level, raised = euler_zyx_from_quat(attitudes("raise", angle=deg(25.0)))
-    np.testing.assert_allclose(level[1:], 0.0, atol=1e-15)
-    np.testing.assert_allclose(raised, [level[0], deg(25.0), 0.0], atol=1e-15)
-    np.testing.assert_allclose(truth("raise").rate_b[:, [0, 2]], 0.0, atol=1e-15)
-
-
 @pytest.mark.parametrize("limit", [15.0, 25.0, 180.0])
 def test_tumble_keeps_its_limit_and_reaches_it(limit):
     leaning = tilt(truth("tumble", tilt_limit=deg(limit)))
@@ -99,36 +90,27 @@ def test_tumble_keeps_its_limit_and_reaches_it(limit):
     assert leaning[0] < 1e-7
 
 
-def test_tumble_without_limit_sees_every_octant_with_gravity_and_north():
+def test_tumble_sees_every_octant_sway_reaches_its_limit_and_a_level_ring_goes_round():
     body = truth("tumble")
     for vector in (-DOWN, np.array([1.0, 0.0, 0.0])):
         octants = (body.in_body(vector) > 0.0) @ [1, 2, 4]
         assert np.bincount(octants, minlength=8).min() > 0.04 * octants.size  # an eighth is 0.125
     assert np.linalg.norm(body.rate_b, axis=1).max() < deg(180.0)  # slow enough for a hand and any gyroscope
-
-
-def test_sway_keeps_pitch_and_roll_within_its_limit_and_reaches_it():
     angles = euler_zyx_from_quat(truth("sway", limit=deg(15.0)).q_nb)
     np.testing.assert_allclose(np.abs(angles[:, 1:]).max(axis=0), deg(15.0), rtol=1e-4)
     assert np.unwrap(angles[:, 0])[-1] - angles[0, 0] == pytest.approx(8.0 * np.pi, rel=1e-9)
-
-
-def test_level_ring_stays_level_and_goes_round():
     body = truth("levelring", wobble=deg(1.0))
     assert tilt(body).max() <= np.hypot(deg(1.0), deg(1.0))
     heading = np.unwrap(euler_zyx_from_quat(body.q_nb)[:, 0])
     assert heading[-1] - heading[0] == pytest.approx(4.0 * np.pi, abs=deg(0.1))
 
 
-def test_cone_turns_the_unit_about_the_vertical_or_about_a_slant_axis():
+def test_cone_turns_about_the_vertical_or_a_slant_axis_and_table36_rests_36_times_on_its_slant():
     fixed, table = (truth("cone", wobble=0.0, table=table) for table in (False, True))
     for body in (fixed, table):
         np.testing.assert_allclose(tilt(body), deg(15.0), atol=1e-7)
     assert np.ptp(up_in_body(fixed), axis=0).max() < 1e-12  # gravity stands still in the body
     assert np.ptp(up_in_body(table), axis=0)[:2] == pytest.approx([2.0 * np.sin(deg(15.0))] * 2, rel=1e-4)
-
-
-def test_table36_rests_36_times_ten_degrees_apart_on_its_slant():
     middle = 1.5 + 4.0 * np.arange(36)
     body = truth("table36", middle)
     assert not body.rate_b.any()

@@ -33,30 +33,24 @@ def test_switching_one_error_off_leaves_the_others_as_they_are(name):
     assert np.abs(alone).max() > 1e-3
 
 
-def test_white_noise_is_the_same_draw_whatever_else_is_on():
+def test_white_noise_is_the_same_draw_whatever_else_is_on_and_another_for_triads_and_seeds():
     quiet = {k: v for k, v in EVERYTHING.items() if not k.startswith("white")}
     loud = {**quiet, "white_rpsd": 0.01}
     difference = readings(TriadErrors(**loud)).values - readings(TriadErrors(**quiet)).values
     np.testing.assert_allclose(difference, readings(TriadErrors(white_rpsd=0.01)).values - TRUTH, atol=1e-13)
-
-
-def test_triads_and_seeds_have_noise_of_their_own():
     e = TriadErrors(white_rpsd=1.0)
     draws = [readings(e, 0.0 * TRUTH, t, s).values[:, 0] for t, s in (("gyr", 1), ("acc", 1), ("mag", 1), ("gyr", 2))]
     correlation = np.corrcoef(draws) - np.eye(4)
     assert np.abs(correlation).max() < 4.5 / np.sqrt(COUNT)  # sd 1/√N each; the largest of six pairs
 
 
-def test_one_sample_scatters_by_density_times_root_rate():
+def test_one_sample_scatters_by_density_times_root_rate_and_by_a_step_over_root_twelve():
     white = readings(TriadErrors(white_rpsd=0.01), 0.0 * TRUTH).values
     # N √rate; a standard deviation of n normal numbers scatters by 1/√(2n)
     np.testing.assert_allclose(white.std(axis=0), 0.01 * np.sqrt(RATE), rtol=4.0 / np.sqrt(2.0 * COUNT))
     both = readings(TriadErrors(white_rpsd=0.03, white_sd=0.4), 0.0 * TRUTH).values
     np.testing.assert_allclose(both.std(axis=0), 0.5, rtol=4.0 / np.sqrt(2.0 * COUNT))  # 3-4-5: √(0.3² + 0.4²)
     assert not readings(TriadErrors(walk_rpsd=1.0), 0.0 * TRUTH).values[0].any()  # from which a walk begins
-
-
-def test_quantisation_scatters_by_a_step_over_root_twelve():
     step = np.array([0.1, 0.02, 0.0])
     error = readings(TriadErrors(lsb=step), TRUTH * 37.0).values - TRUTH * 37.0
     # a uniform error of one step: variance step²/12, and the standard deviation found scatters by ½ √(0.8/n)
@@ -85,22 +79,16 @@ def test_scale_misalignment_and_iron_follow_their_equation():
         )
 
 
-def test_temperature_changes_offset_and_gain():
+def test_temperature_and_force_change_the_bias_that_is_told_which_is_all_but_white_noise():
     e = TriadErrors(bias=1.0, bias_per_k=0.1, scale=0.05, scale_per_k=1e-3, temp_ref_c=30.0)
     found = readings(e)
     dt = (WARM - 30.0)[:, np.newaxis]
     np.testing.assert_allclose(found.values, (1.05 + 1e-3 * dt) * TRUTH + 1.0 + 0.1 * dt, atol=1e-12)
     np.testing.assert_allclose(found.bias, np.tile(1.0 + 0.1 * dt, (1, 3)), atol=1e-12)
-
-
-def test_g_sensitivity_is_a_bias_by_the_force():
     s = RNG.normal(size=(3, 3))
     found = readings(TriadErrors(g_sensitivity=s))
     np.testing.assert_allclose(found.values - TRUTH, FORCE @ s.T, atol=1e-12)
     np.testing.assert_allclose(found.bias, FORCE @ s.T, atol=1e-12)
-
-
-def test_the_bias_that_is_told_is_all_but_white_noise():
     e = TriadErrors(**EVERYTHING)
     found = readings(e)
     white = readings(TriadErrors(white_rpsd=0.01, white_sd=(0.02, 0.0, 0.03))).values - TRUTH
@@ -118,16 +106,13 @@ def test_a_calibrated_triad_keeps_noise_range_and_rate_only():
         np.testing.assert_array_equal(getattr(c, kept), getattr(e, kept))
 
 
-def test_noise_card_gives_the_density_at_the_rate_of_the_triad():
+def test_noise_card_gives_the_density_at_the_rate_of_the_triad_and_errors_cannot_be_changed():
     card = TriadErrors(white_rpsd=0.03, white_sd=0.4, flicker=0.2, walk_rpsd=0.1).noise_card(100.0)
     np.testing.assert_allclose(card.n_rpsd, 0.05)  # √(0.03² + (0.4/√100)²)
     np.testing.assert_allclose(card.b, 0.2)
     np.testing.assert_allclose(card.k_rpsd, 0.1)
     slower = TriadErrors(white_sd=0.4, rate=25.0).noise_card(100.0)
     np.testing.assert_allclose(slower.n_rpsd, 0.4 / 5.0)  # its own 25 Hz count
-
-
-def test_errors_cannot_be_changed_behind_their_back():
     e = TriadErrors(bias=0.1)
     with pytest.raises(ValueError, match="read-only"):
         e.bias[0] = 1.0
@@ -141,7 +126,7 @@ def high_passed(truth, **more):
     return readings(TriadErrors(high_pass=CORNER, **more), truth)
 
 
-def test_a_step_behind_a_high_pass_decays_with_its_corner():
+def test_a_step_behind_a_high_pass_decays_with_its_corner_and_what_is_steady_is_gone():
     """A first-order high-pass answers a step by exp(-2π f t)."""
     step = np.zeros_like(TRUTH)
     step[1000:] = (1.0, -2.0, 3.0)
@@ -149,9 +134,6 @@ def test_a_step_behind_a_high_pass_decays_with_its_corner():
     found = high_passed(step).values
     assert not found[:1000].any()
     np.testing.assert_allclose(found[1000:], np.exp(-2.0 * np.pi * CORNER * t)[:, np.newaxis] * step[-1], atol=1e-12)
-
-
-def test_what_is_steady_is_gone_from_the_first_value_on():
     still = np.full_like(TRUTH, 0.7)
     found = measure(
         TriadErrors(high_pass=CORNER, bias=0.3, bias_per_k=0.01), still, triad="gyr", seed=1, rate=RATE,

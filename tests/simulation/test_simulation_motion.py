@@ -45,16 +45,12 @@ def rate_by_differences(motion, t, h):
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_rate_is_that_of_the_attitude(name):
+def test_rate_is_that_of_the_attitude_and_derivatives_of_rate_position_and_velocity(name, closes_in):
     motion = MOTIONS[name]
     exact = motion.truth(T).rate_b
     wide, narrow = (np.max(np.abs(rate_by_differences(motion, T, h) - exact)) for h in (2e-3, 1e-3))
     assert wide < 0.01 * np.max(np.abs(exact))
     assert 3.5 < wide / narrow < 4.5  # a central difference is of second order
-
-
-@pytest.mark.parametrize("name", MOTIONS)
-def test_derivatives_of_rate_position_and_velocity(name, closes_in):
     truth = MOTIONS[name].truth
     closes_in(lambda t: truth(t).rate_b, lambda t: truth(t).rate_dot_b, T)
     closes_in(lambda t: truth(t).pos_n, lambda t: truth(t).vel_n, T)
@@ -93,7 +89,7 @@ def test_another_frame_tells_the_same_motion(other):
         np.testing.assert_allclose(getattr(same, name), getattr(ned, name) * [1.0, -1.0, -1.0], atol=1e-12)
 
 
-def test_coning_is_the_exponential_of_a_rotation_vector_that_goes_round():
+def test_coning_is_the_exponential_of_a_rotation_vector_that_goes_round_and_rows_keep_all_of_theirs():
     a, w = 0.4, 5.0
     cone = ConingMotion(Frame.NWU, a, w).truth(T)
     rotvec = a * np.stack((np.cos(w * T), np.sin(w * T), np.zeros(T.size)), axis=-1)
@@ -102,9 +98,6 @@ def test_coning_is_the_exponential_of_a_rotation_vector_that_goes_round():
     # 2π per turn (Goodman and Robinson, 1958)
     np.testing.assert_allclose(cone.rate_b[:, 2], -w * (1.0 - np.cos(a)), rtol=1e-14)
     np.testing.assert_allclose(np.hypot(*cone.rate_b.T[:2]), w * np.sin(a), rtol=1e-14)
-
-
-def test_rows_keep_everything_of_the_instants_that_are_marked():
     truth = lively(Frame.ENU).truth(T)
     some = truth.rows(T > 4.0)
     assert isinstance(some, Truth)

@@ -47,10 +47,15 @@ def test_flicker_noise_is_flat_at_two_thirds_of_b(n):
     assert_near(allan(y, n), FLOOR * LEVEL, n, "flicker")
 
 
-def test_flicker_at_one_sample_shows_the_folded_spectrum():
+def test_flicker_at_one_sample_shows_the_folded_spectrum_and_a_ramp_rises_with_tau():
     y = errors.flicker(LEVEL, COUNT, stream(2, "test"))
     # half the mean square of the first difference: ∫ B²/|2 sin πf| · 2 sin²(πf) df over ±½ = B² 2/π (closed form)
     assert_near(allan(y, 1), LEVEL * np.sqrt(2.0 / np.pi), 1, "white")
+    drifting = TriadErrors(ramp=LEVEL)
+    still = np.zeros((5000, 3))
+    y = measure(drifting, still, triad="gyr", seed=0, rate=RATE, temp_c=np.full(5000, 25.0), force_b=still).values
+    for n in (1, 30, 1000):
+        np.testing.assert_allclose(allan(y, n), LEVEL * n / RATE / np.sqrt(2.0), rtol=1e-8)  # IEEE Std 952: R τ/√2
 
 
 @pytest.mark.parametrize("n", [1, 10, 100, 1000])
@@ -59,14 +64,6 @@ def test_random_walk_rises_with_root_tau(n):
     # K √(τ/3), IEEE Std 952; a walk that is sampled, not averaged, has 1 + 1/(2n²) of that variance (closed form)
     expected = LEVEL * np.sqrt(n / RATE / 3.0 * (1.0 + 0.5 / n**2))
     assert_near(allan(y, n), expected, n, "walk")
-
-
-def test_a_ramp_rises_with_tau():
-    drifting = TriadErrors(ramp=LEVEL)
-    still = np.zeros((5000, 3))
-    y = measure(drifting, still, triad="gyr", seed=0, rate=RATE, temp_c=np.full(5000, 25.0), force_b=still).values
-    for n in (1, 30, 1000):
-        np.testing.assert_allclose(allan(y, n), LEVEL * n / RATE / np.sqrt(2.0), rtol=1e-8)  # IEEE Std 952: R τ/√2
 
 
 def test_streams_are_repeatable_and_do_not_share_numbers():

@@ -63,9 +63,16 @@ def test_figures_are_those_of_the_survey(name, triad, figure, expected, mark):
     assert preset(name).triads[triad].figures[figure].mark == mark
 
 
-def test_velocity_random_walk_of_the_allan_variant():
+def test_two_gyroscopes_make_one_triad_however_they_are_spelt_and_allan_is_a_variant():
     # survey: 2.0 m/s/√h = 3.4 mg/√Hz, two digits
     assert si("adis16355:allan", "acc", "noise_density")[0] / (1e-3 * G0) == pytest.approx(3.4, abs=0.05)
+    assert [preset(name).name for name in ("mpu6050", "adis16355")] == ["mpu6000", "adis16355:density"]
+    module = draw_module("adxrs290 + adxrs453", 3)
+    assert module.name == "adxrs290+adxrs453"
+    np.testing.assert_allclose(module.gyr.full_scale / DEG, [100.0, 100.0, 300.0])
+    np.testing.assert_allclose(module.gyr.white_rpsd / DEG, [0.004, 0.004, 0.015])
+    np.testing.assert_allclose(module.gyr.flicker / DEG * 3600.0, [0.0, 0.0, 16.0])
+    assert module.acc is None and module.mag is None
 
 
 @pytest.mark.parametrize(("sensors", "triad", "axis", "expected"), [
@@ -82,16 +89,6 @@ def test_quantisation_is_that_of_the_survey(sensors, triad, axis, expected):
     assert lsb[axis] / math.sqrt(12.0) == pytest.approx(expected, rel=5e-3)
 
 
-def test_two_gyroscopes_make_one_triad_however_they_are_spelt():
-    assert [preset(name).name for name in ("mpu6050", "adis16355")] == ["mpu6000", "adis16355:density"]
-    module = draw_module("adxrs290 + adxrs453", 3)
-    assert module.name == "adxrs290+adxrs453"
-    np.testing.assert_allclose(module.gyr.full_scale / DEG, [100.0, 100.0, 300.0])
-    np.testing.assert_allclose(module.gyr.white_rpsd / DEG, [0.004, 0.004, 0.015])
-    np.testing.assert_allclose(module.gyr.flicker / DEG * 3600.0, [0.0, 0.0, 16.0])
-    assert module.acc is None and module.mag is None
-
-
 @pytest.mark.parametrize(("name", "heading", "tilt", "mark"), [
     ("dcm260b", 0.8, 0.2, "V1"),  # [Yu2018] section 4: heading 0.8°, roll and pitch 0.2°, at rest
     ("ahrs500ga", 0.2, 0.03, "UNVERIFIED"),  # [Li2012] section 3.1 claims 0.2° and 0.03° RMS
@@ -106,15 +103,26 @@ def test_references_have_the_accuracy_that_the_papers_state(name, heading, tilt,
     assert draw_module("mpu6000", 1).attitude is None
 
 
-def test_ideal_has_no_errors_at_all():
+def test_ideal_has_no_errors_delays_are_those_of_the_filters_and_turned_triads_stay_orthogonal():
     module = draw_module("ideal", 1)
     for triad in (module.gyr, module.acc, module.mag):
         np.testing.assert_array_equal(triad.response, np.eye(3))
         assert not any(getattr(triad, name).any() for name in ("white_rpsd", "white_sd", "flicker", "bias", "lsb"))
         assert np.isinf(triad.full_scale).all()
+    # survey: MPU-6000 with DLPF 2, gyroscope 2.8 ms, accelerometer 3.0 ms; ADXRS453 4 ms, ADXRS290 not given
+    module = draw_module("mpu6000", 1)
+    np.testing.assert_allclose(module.gyr.latency, 2.8e-3)
+    np.testing.assert_allclose(module.acc.latency, 3.0e-3)
+    np.testing.assert_allclose(draw_module("adxrs290+adxrs453", 1).gyr.latency, [0.0, 0.0, 4e-3])
+    for seed in range(50):
+        m = draw_module("adis16355", seed).gyr.misalignment
+        symmetric = 0.5 * (m + m.T)
+        # survey: misalignment 0.5°, non-orthogonality 0.05°; the antisymmetric part is a turn, the symmetric one a skew
+        assert np.abs(m - symmetric).max() <= (0.5 + 0.05) * DEG
+        assert np.abs(symmetric).max() <= 0.05 * DEG
 
 
-def test_drawn_errors_fill_the_sheet_s_limits_evenly(drawn):
+def test_drawn_errors_and_pick_up_between_axes_fill_the_sheet_s_limits_evenly(drawn):
     limits = {
         ("acc", "bias"): np.array([0.05, 0.05, 0.08]) * G0, ("gyr", "bias"): 20.0 * DEG, ("gyr", "scale"): 0.03,
         ("mag", "hard_iron"): 8.0,
@@ -125,46 +133,20 @@ def test_drawn_errors_fill_the_sheet_s_limits_evenly(drawn):
         # uniform on ±1: standard deviation 1/√3, which scatters by ½ √(0.8/n); mean 0 ± 1/√(3n)
         np.testing.assert_allclose(values.std(axis=0), 1.0 / math.sqrt(3.0), rtol=4.0 * 0.5 * math.sqrt(0.8 / 300))
         np.testing.assert_allclose(values.mean(axis=0), 0.0, atol=4.0 / math.sqrt(3.0 * 300))
-
-
-def test_pick_up_between_axes_fills_its_limit(drawn):
     m = np.array([module.gyr.misalignment for module in drawn])[:, ~np.eye(3, dtype=bool)]
     assert np.abs(m).max() <= 0.02  # survey: ±2 %
     np.testing.assert_allclose(m.std(), 0.02 / math.sqrt(3.0), rtol=4.0 * 0.5 * math.sqrt(0.8 / m.size))  # uniform
 
 
-def test_delays_are_those_of_the_filters():
-    # survey: MPU-6000 with DLPF 2, gyroscope 2.8 ms, accelerometer 3.0 ms; ADXRS453 4 ms, ADXRS290 not given
-    module = draw_module("mpu6000", 1)
-    np.testing.assert_allclose(module.gyr.latency, 2.8e-3)
-    np.testing.assert_allclose(module.acc.latency, 3.0e-3)
-    np.testing.assert_allclose(draw_module("adxrs290+adxrs453", 1).gyr.latency, [0.0, 0.0, 4e-3])
-
-
-def test_a_turned_triad_stays_orthogonal_but_for_the_sheet_s_tolerance():
-    for seed in range(50):
-        m = draw_module("adis16355", seed).gyr.misalignment
-        symmetric = 0.5 * (m + m.T)
-        # survey: misalignment 0.5°, non-orthogonality 0.05°; the antisymmetric part is a turn, the symmetric one a skew
-        assert np.abs(m - symmetric).max() <= (0.5 + 0.05) * DEG
-        assert np.abs(symmetric).max() <= 0.05 * DEG
-
-
-def test_a_unit_is_its_seed_whatever_it_is_joined_with():
+def test_a_unit_is_its_seed_its_magnetometer_can_sample_faster_and_figures_divide_units():
     alone, joined, other = draw_module("mpu6000", 5), draw_module("hmc5983+mpu6000", 5), draw_module("mpu6000", 6)
     np.testing.assert_array_equal(alone.gyr.bias, joined.gyr.bias)
     np.testing.assert_array_equal(alone.acc.misalignment, joined.acc.misalignment)
     assert (alone.gyr.bias != other.gyr.bias).all()
-
-
-def test_a_module_s_magnetometer_can_sample_faster():
     module = draw_module("hmc5983", 1)
     assert module.mag.rate == 75.0  # of the rates in the survey
     assert module.with_mag_rate(220.0).mag.rate == 220.0
     assert draw_module("mpu6000", 1).with_mag_rate(10.0).mag is None
-
-
-def test_figures_divide_units():
     rate = DataSheetFigure(3.0, "deg/s per g per g", "x", "V")
     np.testing.assert_allclose(rate.si, 3.0 * DEG / G0**2)
     np.testing.assert_allclose(replace(rate, unit="deg per rth").si, 3.0 * DEG / 60.0)  # √3600 s = 60 √s

@@ -59,26 +59,27 @@ def test_rates_and_accelerations_belong_to_the_motion(name):
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_parameters_are_told_with_unit_domain_and_meaning(name):
+def test_parameters_are_told_with_unit_domain_and_meaning_and_none_is_hidden_by_the_simulation(name):
     assert describe(SCENARIOS[name])
     for p in describe(SCENARIOS[name]):
         assert isinstance(p.spec.quantity, Quantity)
         assert p.spec.low <= p.default <= p.spec.high
         assert p.spec.meaning
-
-
-@pytest.mark.parametrize("name", SCENARIOS)
-def test_no_parameter_is_hidden_by_one_of_the_simulation(name):
     assert not {p.name for p in describe(SCENARIOS[name])} & set(signature(simulate).parameters)
 
 
-def test_static_is_at_rest_in_the_attitude_asked_for():
+def test_static_is_at_rest_coning_goes_round_and_every_scenario_is_told_in_ned():
     body = truth("static", [0.0, 9.0], heading=2.0, pitch=-0.3, roll=0.5)
     np.testing.assert_allclose(angles(body), [[2.0, -0.3, 0.5]] * 2, atol=1e-14)
     assert not body.rate_b.any() and not body.acc_n.any()
+    body = truth("coning", [0.0, 0.25, 0.5], half_angle=0.2, frequency=1.0)
+    # half angle of the rotation vector about north, then east, then south (frame NED)
+    np.testing.assert_allclose(rotvec_from_quat(body.q_nb), [[0.2, 0, 0], [0, 0.2, 0], [-0.2, 0, 0]], atol=1e-15)
+    for name in SCENARIOS:
+        assert truth(name, [0.0, 1.0]).frame is Frame.NED
 
 
-def test_turntable_is_the_gyroscope_paper_s():
+def test_turntable_is_the_gyroscope_paper_s_and_may_rest_before_it_starts():
     # page of the gyroscope paper: 0 to 60 °/s at 0.6 °/s² in 100 s, 1000 points, then 60 °/s for 100 s, 1000 points
     t = grid("turntable")
     rate = truth("turntable", t).rate_b
@@ -89,9 +90,6 @@ def test_turntable_is_the_gyroscope_paper_s():
     # angle: the area under the rate, 3000° in the ramp
     yaw = np.unwrap(angles(truth("turntable", np.arange(0.0, 100.5, 0.5)))[:, 0])
     assert yaw[200] / DEG == pytest.approx(3000.0, rel=1e-12)
-
-
-def test_turntable_may_rest_before_it_starts():
     t = np.array([0.0, 9.9, 60.0, 110.0, 200.0])
     rate = truth("turntable", t, lead=10.0).rate_b[:, 2]
     np.testing.assert_allclose(rate / DEG, [0.0, 0.0, 30.0, 60.0, 60.0], atol=1e-12)
@@ -166,30 +164,24 @@ def test_buoy_accelerates_as_the_buoy_paper_s_page_says(seed):
     assert 1.5 < error < 4.0
 
 
-def test_buoy_that_follows_the_water_feels_no_force_along_its_deck():
+def test_buoy_that_follows_the_water_feels_no_force_along_its_deck_and_its_yaw_wanders_as_asked():
     small = {"height": 1e-3, "way_period": 0.0, "tilt_period": 0.0, "yaw_wander": 0.0, "heading": 0.7}
     force = truth("buoy", np.arange(0.0, 100.0, 0.1), **small).specific_force_b
     # free surface: the force is along its normal; what remains is of second order in the slope, 1e-4 squared
     assert np.abs(force[:, :2]).max() / G0 < 1e-6
     tilt = angles(truth("buoy", np.arange(0.0, 100.0, 0.1), **small))[:, 1:]
     assert np.abs(tilt).max() > 1e-4
-
-
-def test_buoy_yaw_wanders_by_what_is_asked():
     t = np.arange(0.0, 20_000.0, 2.0)
     yaw = angles(truth("buoy", t, height=0.0, yaw_wander=0.2, heading=0.5))[:, 0]
     # five incommensurate sinusoids: rms as asked, mixing by a few parts in their hundreds of periods
     assert (yaw.std(), yaw.mean()) == (pytest.approx(0.2, rel=0.03), pytest.approx(0.5, abs=0.01))
 
 
-def test_rod_keeps_to_its_limits_and_uses_them():
+def test_rod_keeps_to_its_limits_moves_and_rests_and_carries_its_sensors_at_the_lever():
     euler = angles(truth("rod", np.arange(0.0, 600.0, 0.1))) / DEG
     assert np.abs(euler[:, 2]).max() <= 20.0 + 1e-9  # page of the rod paper: ±20/±15°
     assert np.abs(euler[:, 1]).max() <= 15.0 + 1e-9 and np.abs(euler[:, 2]).max() > 15.0
     assert np.abs(euler[:, 1]).max() > 11.0
-
-
-def test_rod_moves_and_rests():
     t = np.arange(0.0, 400.0, 0.05)
     turning = np.abs(truth("rod", t).rate_b).max(axis=1) > 0.0
     edges = np.flatnonzero(np.diff(turning.astype(int)))
@@ -197,6 +189,10 @@ def test_rod_moves_and_rests():
     moves = np.diff(t[edges])[::2]
     assert moves.min() > 1.4  # page: moves of 1.5 to 4 s; a rest too short for the grid joins two
     assert np.median(moves) < 4.0
+    t = np.array([30.0, 31.0, 32.0])
+    low, high = truth("rod", t, lever=0.0), truth("rod", t, lever=0.5)
+    np.testing.assert_allclose(np.linalg.norm(high.pos_n - low.pos_n, axis=1), 0.5, rtol=1e-12)
+    assert (high.pos_n[:, 2] < -0.45).all()  # above the foot: down is positive
 
 
 def test_rod_vibrates_from_400_s_on_as_strongly_as_said():
@@ -212,14 +208,7 @@ def test_rod_vibrates_from_400_s_on_as_strongly_as_said():
     assert power[~inside].sum() < 0.01 * power.sum()
 
 
-def test_rod_carries_its_sensors_at_the_lever():
-    t = np.array([30.0, 31.0, 32.0])
-    low, high = truth("rod", t, lever=0.0), truth("rod", t, lever=0.5)
-    np.testing.assert_allclose(np.linalg.norm(high.pos_n - low.pos_n, axis=1), 0.5, rtol=1e-12)
-    assert (high.pos_n[:, 2] < -0.45).all()  # above the foot: down is positive
-
-
-def test_fin_turns_as_the_fin_paper_s_page_says():
+def test_fin_turns_as_the_fin_paper_s_page_says_and_at_one_hertz_exceeds_the_adxrs290():
     duration, swing, twist, omega = 220.0, 30.0 * DEG, 20.0 * DEG, math.pi
     t = np.arange(110_000) / 500.0
     total = truth("fin", t).rate_b.sum(axis=0) / 500.0
@@ -228,9 +217,6 @@ def test_fin_turns_as_the_fin_paper_s_page_says():
     np.testing.assert_allclose(total, [0.0, -mean * math.cos(twist), mean * math.sin(twist)], atol=1e-9)
     # page: integrating each rate by itself is wrong by 3351° in pitch and 1219° in yaw after 220 s
     np.testing.assert_allclose(np.abs(total[1:]) / DEG, [3351.0, 1219.0], rtol=1e-3)
-
-
-def test_fin_at_one_hertz_exceeds_the_range_of_the_adxrs290():
     t = np.arange(0.0, 2.0, 0.001)
     peak = np.abs(truth("fin", t, frequency=1.0).rate_b).max(axis=0) / DEG
     np.testing.assert_allclose(peak[:2], [126.0, 121.0], atol=0.5)  # page: 126/121 °/s on x/y
@@ -246,12 +232,6 @@ def test_arm_turns_as_the_arm_paper_says():
     assert not body.acc_n.any()
 
 
-def test_coning_goes_round_at_its_frequency():
-    body = truth("coning", [0.0, 0.25, 0.5], half_angle=0.2, frequency=1.0)
-    # half angle of the rotation vector about north, then east, then south (frame NED)
-    np.testing.assert_allclose(rotvec_from_quat(body.q_nb), [[0.2, 0, 0], [0, 0.2, 0], [-0.2, 0, 0]], atol=1e-15)
-
-
 @pytest.mark.parametrize("name", ["buoy", "rod"])
 def test_chance_is_the_seed_s(name):
     t = np.linspace(0.0, 50.0, 100)
@@ -262,8 +242,3 @@ def test_chance_is_the_seed_s(name):
 def test_a_longer_rod_record_begins_like_a_shorter_one():
     t = np.linspace(0.0, 50.0, 100)
     np.testing.assert_array_equal(truth("rod", t, duration=60.0).q_nb, truth("rod", t, duration=600.0).q_nb)
-
-
-def test_every_scenario_is_told_in_the_frame_of_its_angles():
-    for name in SCENARIOS:
-        assert truth(name, [0.0, 1.0]).frame is Frame.NED

@@ -57,7 +57,7 @@ def test_a_law_goes_from_rest_at_0_to_rest_at_1(law):
     np.testing.assert_allclose(way.acc, 0.0, atol=1e-14)
 
 
-def test_moves_join_without_a_step_in_value_rate_or_acceleration():
+def test_moves_join_without_a_step_and_stay_where_they_arrive():
     h = 1e-9
     for joint in (1.0, 3.0, 4.0, 5.5, 6.0, 9.0):
         before, after = (MOVES.at(np.array([joint + side])) for side in (-h, h))
@@ -65,9 +65,6 @@ def test_moves_join_without_a_step_in_value_rate_or_acceleration():
         # whose largest value is 60 change / duration³ < 20 (third derivative of 10u³ − 15u⁴ + 6u⁵ at u = 0)
         for part_before, part_after in zip(before, after, strict=True):
             assert abs(part_after[0] - part_before[0]) < 20.0 * 2.0 * h
-
-
-def test_moves_stay_where_they_arrive():
     t = np.array([0.0, 3.5, 5.75, 20.0])
     np.testing.assert_allclose(MOVES.at(t).value, [0.0, 0.7, -0.4, 0.0], atol=1e-15)  # running sums of the changes
     assert not MOVES.at(t).rate.any()
@@ -85,21 +82,15 @@ def test_a_stroke_has_the_velocity_of_a_table_slide():
     assert slide.rate.max() == pytest.approx(v, rel=1e-12)  # at T/2, which is on the grid
 
 
-def test_sinusoids_are_their_sum_over_more_rows_than_one_block():
+def test_sinusoids_are_their_sum_phasors_rotating_pointers_and_ramps_areas_under_lines():
     t = np.linspace(0.0, 50.0, 10_000)
     direct = sum(
         a * np.cos(w * t) + b * np.sin(w * t) for w, a, b in zip(WAVES.omega, WAVES.cosine, WAVES.sine, strict=True)
     )
     np.testing.assert_allclose(WAVES.at(t).value, direct, atol=1e-12)  # definition
-
-
-def test_phasors_are_the_real_part_of_rotating_pointers():
     omega, z = np.array([1.3, 4.0]), np.array([1.0 - 2.0j, 0.3 + 0.1j])
     direct = (z * np.exp(1j * np.outer(T, omega))).sum(axis=1).real
     np.testing.assert_allclose(Sinusoids.from_phasors(omega, z).at(T).value, direct, atol=1e-13)  # definition
-
-
-def test_ramps_are_the_area_under_straight_lines():
     signal = Ramps((1.0, 3.0, 5.0), (0.0, 4.0, 4.0))
     value, rate, acc = signal.at(np.array([0.0, 2.0, 3.0, 4.0, 6.0]))
     # a triangle of 2 s and 4/s, then a rectangle that goes on after the last knot
@@ -108,7 +99,7 @@ def test_ramps_are_the_area_under_straight_lines():
     np.testing.assert_array_equal(acc, [0.0, 2.0, 0.0, 0.0, 0.0])
 
 
-def test_oscillator_answers_a_wave_with_its_transfer_function():
+def test_oscillator_answers_a_wave_with_its_transfer_function_and_rests_where_a_steady_force_holds_it():
     omega, damping, drive, step = 2.0 * np.pi * 6.0, 0.3, 2.0 * np.pi * 1.3, 1e-3
     knots = step * np.arange(10001)
     found = Driven(0.0, step, 4.0 * np.cos(drive * knots)[:, np.newaxis], omega, damping).at(T[T > 4.0])
@@ -120,9 +111,6 @@ def test_oscillator_answers_a_wave_with_its_transfer_function():
     wanted = (answer, 1j * drive * answer, -(drive**2) * answer)
     for got, want, unit in zip(found, wanted, (omega**2, omega, 1.0), strict=True):
         np.testing.assert_allclose(got[:, 0], want.real, rtol=0.0, atol=wrong / unit)
-
-
-def test_oscillator_rests_where_a_steady_force_holds_it():
     found = Driven(1.0, 0.1, np.full((5, 1), 3.0), 10.0, 0.2).at(np.array([1.0, 1.23, 1.4]))
     np.testing.assert_allclose(found.value, 0.03, rtol=1e-12)  # drive / ω²
     np.testing.assert_allclose(found.rate, 0.0, atol=1e-12)

@@ -85,12 +85,18 @@ def test_a_calibrated_unit_says_so_and_its_card_changes_nothing():
     assert run(sensors=PARTS, unit="random").imu.meta.calibration is None
 
 
-def test_a_seed_is_repeatable_and_another_is_another():
+def test_a_seed_is_repeatable_another_is_another_and_a_longer_recording_begins_like_a_shorter_one():
     first, again, other = (run(sensors=PARTS, unit="random", seed=s) for s in (5, 5, 6))
     for triad in ("gyr", "acc", "mag"):
         np.testing.assert_array_equal(getattr(first.imu, triad), getattr(again.imu, triad))
         assert np.nanmax(np.abs(getattr(first.imu, triad) - getattr(other.imu, triad))) > 1e-3
     np.testing.assert_array_equal(first.truth.q_nb, again.truth.q_nb)
+    short, long = run("buoy", PARTS), run("buoy", PARTS, duration=60.0)
+    step = short.module.gyr.lsb[0]
+    # the flicker's Fourier transforms round differently, which may move a value by one count, rarely
+    difference = np.abs(long.imu.gyr[: len(short.imu)] - short.imu.gyr)
+    assert difference.max() <= step * 1.001 and np.mean(difference > 0.0) < 1e-3
+    np.testing.assert_array_equal(long.truth.q_nb[: len(short.imu)], short.truth.q_nb)
 
 
 def test_noise_does_not_depend_on_the_choice_of_module_or_on_losses():
@@ -104,16 +110,7 @@ def test_noise_does_not_depend_on_the_choice_of_module_or_on_losses():
     np.testing.assert_array_equal(calibrated.imu.gyr[kept], lossy.imu.gyr)
 
 
-def test_a_longer_recording_begins_like_a_shorter_one():
-    short, long = run("buoy", PARTS), run("buoy", PARTS, duration=60.0)
-    step = short.module.gyr.lsb[0]
-    # the flicker's Fourier transforms round differently, which may move a value by one count, rarely
-    difference = np.abs(long.imu.gyr[: len(short.imu)] - short.imu.gyr)
-    assert difference.max() <= step * 1.001 and np.mean(difference > 0.0) < 1e-3
-    np.testing.assert_array_equal(long.truth.q_nb[: len(short.imu)], short.truth.q_nb)
-
-
-def test_static_noise_is_what_the_card_says():
+def test_static_noise_is_what_the_card_says_the_true_bias_is_told_and_gravity_shifts_a_gyroscope():
     made = run("static", "mpu6000", duration=100.0)
     count = len(made.imu)
     for triad in ("gyr", "acc"):
@@ -123,22 +120,16 @@ def test_static_noise_is_what_the_card_says():
         # N √rate and LSB/√12 together; flicker adds 4.3 °/h, a hundredth of the scatter, squared
         expected = np.hypot(white, lsb / math.sqrt(12.0))
         np.testing.assert_allclose(found, expected, rtol=4.0 / math.sqrt(2.0 * count) + 1e-3)
-
-
-def test_the_true_bias_is_told():
     unit = Module("unit", "test", gyr=TriadErrors(bias=(0.1, -0.2, 0.3), flicker=0.01, walk_rpsd=0.01, ramp=1e-3))
     made = run("rod", unit, unit="random")
     np.testing.assert_allclose(made.imu.gyr - made.kinematics.rate_b, made.truth.bias_b, atol=1e-14)
     np.testing.assert_allclose(made.truth.bias_b[0], [0.1, -0.2, 0.3], atol=0.05)  # five times the first flicker
-
-
-def test_gravity_shifts_the_gyroscope_by_its_g_sensitivity():
     s = np.arange(9.0).reshape(3, 3) * 1e-4
     made = run("static", Module("unit", "test", gyr=TriadErrors(g_sensitivity=s)), unit="random")
     np.testing.assert_allclose(made.imu.gyr, np.tile(s @ [0.0, 0.0, -G0], (len(made.imu), 1)), atol=1e-15)  # level, NED
 
 
-def test_the_magnetometer_has_its_own_rate():
+def test_the_magnetometer_has_its_own_rate_and_each_gyroscope_its_own_range():
     made = run(sensors=PARTS)
     rows = np.isfinite(made.imu.mag).all(axis=1)
     assert rows.sum() == 75 * 20  # its 75 Hz for 20 s
@@ -146,9 +137,18 @@ def test_the_magnetometer_has_its_own_rate():
     np.testing.assert_array_equal((made.imu.flags & flags.MAG_ABSENT) != 0, ~rows)
     assert np.isfinite(run(sensors=PARTS, mag_rate=220.0).imu.mag).all()
     assert np.isfinite(run(sensors=PARTS, mag_rate=10.0).imu.mag).all(axis=1).sum() == 200
+    made = run("fin", "adxrs290+adxrs453", frequency=1.0, duration=10.0)
+    ends = np.array([100.0, 100.0, 300.0]) * math.pi / 180.0
+    assert made.imu.meta.gyr_range == pytest.approx(tuple(ends))
+    beyond = np.abs(made.kinematics.rate_b) > ends + 0.01  # by far more than the noise
+    flagged = (made.imu.flags & flags.GYR_CLIPPED) != 0
+    assert beyond[:, 0].any() and beyond[:, 1].any()
+    assert flagged[beyond.any(axis=1)].all()
+    assert not flagged[(np.abs(made.kinematics.rate_b) < ends - 0.01).all(axis=1)].any()
+    np.testing.assert_array_equal(np.abs(made.imu.gyr).max(axis=0)[:2], ends[:2])
 
 
-def test_lost_samples_leave_uneven_steps():
+def test_lost_samples_leave_uneven_steps_and_jitter_moves_the_stamps_alone():
     made = run(lost=0.1)
     steps = np.diff(made.imu.t)
     assert len(made.imu) < 2000
@@ -156,9 +156,6 @@ def test_lost_samples_leave_uneven_steps():
     assert steps.max() > 0.0199
     np.testing.assert_array_equal(made.truth.t, made.imu.t)
     np.testing.assert_array_equal(made.imu.gyr, made.kinematics.rate_b)
-
-
-def test_jitter_moves_the_stamps_and_not_the_samples():
     plain, jittered = run(), run(jitter=1e-3)
     np.testing.assert_array_equal(plain.imu.gyr, jittered.imu.gyr)
     assert 5e-4 < np.std(jittered.imu.t - plain.imu.t) < 2e-3
@@ -180,19 +177,7 @@ def test_latency_shows_older_values():
     np.testing.assert_allclose(delayed.imu.acc[5:], plain.imu.acc[3:-2], atol=1e-7)
 
 
-def test_each_gyroscope_clips_at_its_own_range():
-    made = run("fin", "adxrs290+adxrs453", frequency=1.0, duration=10.0)
-    ends = np.array([100.0, 100.0, 300.0]) * math.pi / 180.0
-    assert made.imu.meta.gyr_range == pytest.approx(tuple(ends))
-    beyond = np.abs(made.kinematics.rate_b) > ends + 0.01  # by far more than the noise
-    flagged = (made.imu.flags & flags.GYR_CLIPPED) != 0
-    assert beyond[:, 0].any() and beyond[:, 1].any()
-    assert flagged[beyond.any(axis=1)].all()
-    assert not flagged[(np.abs(made.kinematics.rate_b) < ends - 0.01).all(axis=1)].any()
-    np.testing.assert_array_equal(np.abs(made.imu.gyr).max(axis=0)[:2], ends[:2])
-
-
-def test_meta_says_what_was_made():
+def test_meta_says_what_was_made_and_gyroscopes_alone_make_a_recording():
     made = run(sensors=PARTS, rate=50.0)
     assert made.imu.meta.rate_nominal == 50.0
     assert made.imu.meta.frame is Frame.NED and made.imu.meta.north is North.TRUE
@@ -200,9 +185,6 @@ def test_meta_says_what_was_made():
     assert (made.imu.meta.acc_range, made.imu.meta.mag_range) == (pytest.approx(4.0 * G0), pytest.approx(130.0))
     assert len(made.imu) == 1000
     assert "rod (roll_limit=20 deg" in made.truth.source and "hmc5983 mag.hard_iron" in made.noise.source
-
-
-def test_gyroscopes_alone_make_a_recording():
     made = simulate("turntable", frame=Frame.ENU, sensors="mpu3050", unit="random", seed=1)
     assert made.imu.triads == ("gyr",)
     assert made.calibration.acc is None

@@ -7,15 +7,12 @@ from plumbob.core.errors import ParameterError
 from plumbob.simulation.simulation import arrivals, time_line
 
 
-def test_a_plain_line_is_even_to_the_nanosecond():
+def test_a_plain_line_is_even_to_the_nanosecond_and_stamps_scatter_by_the_jitter_in_their_order():
     line = time_line(rate=75.0, duration=4.0, seed=1)
     assert line.sampled.size == 300
     np.testing.assert_allclose(line.sampled, np.arange(300) / 75.0, atol=0.5e-9)
     np.testing.assert_array_equal(line.stamps, line.sampled)
     assert line.kept.all()
-
-
-def test_stamps_scatter_by_the_jitter_and_keep_their_order():
     line = time_line(rate=100.0, duration=200.0, jitter=1e-3, seed=3)
     stray = line.stamps - line.sampled
     np.testing.assert_allclose(stray.std(), 1e-3, rtol=4.0 / np.sqrt(2.0 * stray.size))  # sd of n normal numbers
@@ -24,26 +21,20 @@ def test_stamps_scatter_by_the_jitter_and_keep_their_order():
     assert line.stamps[0] >= 0.0
 
 
-def test_lost_samples_are_their_share_and_the_first_stays():
+def test_lost_samples_are_their_share_by_a_stream_of_their_own():
     kept = np.array([time_line(rate=100.0, duration=20.0, lost=0.3, seed=s).kept for s in range(20)])
     assert kept[:, 0].all()
     share = 1.0 - kept[:, 1:].mean()
     assert share == pytest.approx(0.3, abs=4.0 * np.sqrt(0.3 * 0.7 / kept[:, 1:].size))  # binomial
-
-
-def test_jitter_and_losses_have_streams_of_their_own():
     alone = time_line(rate=100.0, duration=20.0, lost=0.3, seed=5).kept
     both = time_line(rate=100.0, duration=20.0, lost=0.3, jitter=1e-3, seed=5).kept
     np.testing.assert_array_equal(alone, both)
 
 
-def test_a_slower_sensor_fills_the_next_row():
+def test_a_slower_sensor_fills_the_next_row_and_another_every_row():
     # 75 Hz on 100 Hz: its samples 0, 13.3, 26.7, 40 ms arrive in rows 0, 2, 3, 4 (0, 20, 30, 40 ms)
     np.testing.assert_array_equal(arrivals(10, 100.0, 75.0), [0, 2, 3, 4, 6, 7, 8])
     np.testing.assert_array_equal(arrivals(10, 100.0, 20.0), [0, 5])
-
-
-def test_a_sensor_that_is_not_slower_fills_every_row():
     np.testing.assert_array_equal(arrivals(5, 100.0, None), np.arange(5))
     np.testing.assert_array_equal(arrivals(5, 100.0, 220.0), np.arange(5))
 

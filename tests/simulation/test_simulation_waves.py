@@ -38,18 +38,19 @@ def test_significant_height_is_four_standard_deviations(seed):
     assert variance == pytest.approx((1.5 / 4.0) ** 2, abs=mixing)
 
 
-def test_the_spectrum_of_the_elevation_peaks_at_the_period():
+def test_the_spectrum_peaks_at_the_period_has_its_energy_and_is_narrower_on_the_low_side():
     t = np.arange(0.0, 7200.0, 0.5)
     f, power = welch(elevation(sea(peakedness=7.0)).at(t).value, fs=2.0, nperseg=240)
     spacing = 3.4 / 6.0 / 64.0  # between wave trains; the analyser's own bins are 1/120 Hz apart
     assert f[np.argmax(power)] == pytest.approx(1.0 / 6.0, abs=spacing + 1.0 / 120.0)
-
-
-def test_energy_of_a_pierson_moskowitz_sea():
     energy, _ = quad(
         lambda f: float(jonswap(np.array(f), peak=0.2, peakedness=1.0)), 1e-3, 50.0, points=[0.2], limit=500
     )
     assert energy == pytest.approx(0.2 * 0.2, rel=1e-6)  # ∫ f⁻⁵ exp(−1.25 f⁻⁴) df = 1/5, times the peak frequency
+    # closed form [Hasselmann1973]: γ to the power exp(−(f/fp − 1)²/2σ²), σ 0.07 below the peak and 0.09 above
+    for f, sigma in ((0.9, 0.07), (1.1, 0.09)):
+        raised, plain = (jonswap(np.array([f]), peak=1.0, peakedness=p)[0] for p in (3.3, 1.0))
+        assert math.log(raised / plain) == pytest.approx(math.log(3.3) * math.exp(-0.01 / (2.0 * sigma**2)), rel=1e-12)
 
 
 @pytest.mark.parametrize("peakedness", [1.0, 3.3])
@@ -61,29 +62,16 @@ def test_spectra_peak_where_they_should_and_by_as_much(peakedness):
     assert at_peak == pytest.approx(peakedness * math.exp(-1.25), rel=1e-12)  # γ times Pierson and Moskowitz's
 
 
-def test_the_peak_is_narrower_on_the_low_side():
-    # closed form [Hasselmann1973]: γ to the power exp(−(f/fp − 1)²/2σ²), σ 0.07 below the peak and 0.09 above
-    for f, sigma in ((0.9, 0.07), (1.1, 0.09)):
-        raised, plain = (jonswap(np.array([f]), peak=1.0, peakedness=p)[0] for p in (3.3, 1.0))
-        assert math.log(raised / plain) == pytest.approx(math.log(3.3) * math.exp(-0.01 / (2.0 * sigma**2)), rel=1e-12)
-
-
-def test_water_feels_gravity_along_the_normal_of_its_surface():
+def test_water_feels_gravity_along_its_normal_and_crests_travel_where_they_are_said_to():
     waves = sea()
     acceleration = -(waves.omega**2)[:, np.newaxis] * waves.displacement_ned  # twice derived phasors
     # linear deep-water waves: a free surface feels no force along itself, so that a = −g · slope horizontally
     np.testing.assert_allclose(acceleration[:, :2], -G0 * waves.slope_ne, atol=1e-12)
-
-
-def test_crests_travel_to_where_they_are_said_to():
     waves = sea(spread=0.0, direction=0.5)
     rising = 1j * waves.omega * waves.phasor
     ahead = waves.slope_ne @ [math.cos(0.5), math.sin(0.5)]
     # η(x − ct): the surface rises where it slopes down ahead, ∂η/∂t = −c ∂η/∂x with c = g/ω
     np.testing.assert_allclose(rising, -(G0 / waves.omega) * ahead, atol=1e-12)
-
-
-def test_directions_scatter_by_the_spread():
     turned = np.concatenate([sea(s).direction for s in range(20)]) - 0.8
     np.testing.assert_allclose(turned.std(), 0.3, rtol=4.0 / math.sqrt(2.0 * turned.size))
 

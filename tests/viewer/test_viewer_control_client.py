@@ -44,7 +44,7 @@ def answer(ok, text):
     return json.dumps({"type": "answer", "id": 1, "ok": ok, "text": text}).encode()
 
 
-def test_a_command_is_posted_with_the_token_in_a_header_and_answered():
+def test_a_command_is_posted_with_the_token_in_a_header_and_the_verb_prints_its_answer():
     kept = []
     with answering(200, answer(True, "marked: a"), kept) as url:
         assert control(url, "mark", "a") == "marked: a"
@@ -52,6 +52,12 @@ def test_a_command_is_posted_with_the_token_in_a_header_and_answered():
     assert path == "/api/command"
     assert (headers["Authorization"], headers["Content-Type"]) == ("Bearer secret", "application/json")
     assert body == {"id": 1, "verb": "mark", "text": "a"}
+    with answering(200, answer(True, "it is at 3.000 s")) as url:
+        done = call("control", url, "seek", "3")
+    assert (done.returncode, done.stdout) == (0, "it is at 3.000 s\n")
+    with answering(200, answer(False, "no.")) as url:
+        done = call("control", url, "seek", "3")
+    assert (done.returncode, done.stderr) == (1, "plumbob control: the view refused: no.\n")
 
 
 NO_TOKEN = [
@@ -89,12 +95,3 @@ def test_every_verb_has_its_argument():
     for verb, argument in (("stop", "a"), ("seek", "x"), ("speed", "nan"), ("seek", "inf"), ("nothing", None)):
         with pytest.raises(ParameterError, match=r"takes no argument|needs a number, but got|has no command"):
             verb_value(verb, argument)
-
-
-def test_the_verb_prints_the_answer_and_exits_1_where_it_is_refused():
-    with answering(200, answer(True, "it is at 3.000 s")) as url:
-        done = call("control", url, "seek", "3")
-    assert (done.returncode, done.stdout) == (0, "it is at 3.000 s\n")
-    with answering(200, answer(False, "no.")) as url:
-        done = call("control", url, "seek", "3")
-    assert (done.returncode, done.stderr) == (1, "plumbob control: the view refused: no.\n")

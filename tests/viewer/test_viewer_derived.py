@@ -151,7 +151,7 @@ def test_the_cards_so_far_is_completed_in_a_new_file(tmp_path):
     assert before.read_bytes() == kept
 
 
-def test_a_capture_that_is_not_enough_makes_no_card_and_says_why(tmp_path):
+def test_a_capture_that_is_not_enough_or_whose_time_begins_again_makes_no_card_and_says_why(tmp_path):
     with asked("--control", folder=tmp_path, device="made-up") as (served, asking):
         assert asking.ask("calibrate", name="accel")["ok"]
         assert "nothing to calibrate" in asking.ask("calibrate-end")["text"]
@@ -166,9 +166,6 @@ def test_a_capture_that_is_not_enough_makes_no_card_and_says_why(tmp_path):
         assert asking.ask("calibrate", name="gyro")["ok"] and asking.ask("calibrate-cancel")["ok"]
         assert "Nothing is being calibrated" in asking.ask("calibrate-cancel")["text"]
     assert list(tmp_path.glob("*.card.json")) == []
-
-
-def test_when_time_begins_again_a_calibration_is_given_up_and_the_allan_deviation_begins_again_where_asked(tmp_path):
     with asked("--control", folder=tmp_path) as (served, asking):
         assert asking.ask("calibrate", name="gyro")["ok"]
         served.feed.say("reset")

@@ -225,7 +225,7 @@ imu = { frame = "NED" }
 """
 
 
-def test_a_chain_gives_the_points_of_its_stick_figure():
+def test_a_chain_gives_the_points_of_its_stick_figure_and_samples_sent_twice_have_no_attitude():
     from plumbob.live.session_toml import parse_session
     from plumbob.viewer.overlays import ChainFollower
 
@@ -249,9 +249,6 @@ def test_a_chain_gives_the_points_of_its_stick_figure():
     assert follower.joint_points({"lower": np.full(4, np.nan), "upper": north})[2:] == [None, None]
     with pytest.raises(ParameterError, match="has the units"):
         ChainFollower(chain, Frame.NED, ["other"])
-
-
-def test_samples_that_are_sent_twice_have_no_attitude_of_their_own():
     from plumbob.viewer.overlays import Overlay
 
     imu = plumbob.simulate("buoy", duration=0.05, seed=1, frame="NED", sensors="ideal", unit="calibrated").imu

@@ -56,7 +56,7 @@ class Studio:
         return found
 
 
-def test_the_greeting_is_that_of_the_protocol(served):
+def test_the_greeting_is_that_of_the_protocol_whose_first_known_name_is_agreed_on(served):
     with Studio(served) as studio:
         assert studio.line.subprotocol == "foxglove.websocket.v1"
         assert studio.info["op"] == "serverInfo" and studio.info["capabilities"] == []
@@ -71,9 +71,6 @@ def test_the_greeting_is_that_of_the_protocol(served):
         assert studio.channels["/events"]["schemaName"] == "foxglove.Log"
         assert studio.channels["/imu"]["schema"] == IMU_SCHEMA.decode()
         assert studio.channels["/attitude"]["schema"] == ATTITUDE_SCHEMA.decode()
-
-
-def test_the_first_name_of_the_protocol_that_is_known_is_agreed_on_and_none_refused(served):
     for protocols in (["foxglove.sdk.v1"], ["other", "foxglove.sdk.v1", "foxglove.websocket.v1"]):
         with Studio(served, protocols) as studio:
             assert studio.line.subprotocol == "foxglove.sdk.v1"
@@ -84,7 +81,7 @@ def test_the_first_name_of_the_protocol_that_is_known_is_agreed_on_and_none_refu
         assert b"foxglove.websocket.v1" in why.value.response.body
 
 
-def test_every_sample_comes_at_its_full_rate_with_every_number_exact(served):
+def test_every_sample_comes_at_its_full_rate_with_every_number_exact_and_events_are_log_messages(served):
     with Studio(served) as studio:
         studio.subscribe(70, "/imu")
         served.play(BODY, 0, 200, size=7)
@@ -98,9 +95,16 @@ def test_every_sample_comes_at_its_full_rate_with_every_number_exact(served):
         assert [*row["gyr"], *row["acc"], *row["mag"], row["temp_c"]] == truth["sensed"][k].tolist()
     stamps = np.diff([row["t_ns"] for _, _, row in found[:7]])
     assert np.all(stamps == 10_000_000)
+    with Studio(served) as studio:
+        studio.subscribe(9, "/events")
+        served.feed.say("event", {"t": 3.0, "kind": "gap", "text": "12 samples are missing"})
+        ((number, stamp, row),) = studio.data(1)
+    assert (number, stamp) == (9, 1_700_000_003_000_000_000)  # time 0 is at `started_utc`
+    assert row["timestamp"] == {"sec": 1_700_000_003, "nsec": 0}
+    assert (row["level"], row["name"], row["message"]) == (3, "gap", "12 samples are missing")  # 3: a warning
 
 
-def test_attitudes_and_angles_are_those_of_the_sessions_own_estimator(served):
+def test_attitudes_and_angles_are_those_of_the_sessions_own_estimator_until_who_asked_unsubscribes(served):
     with Studio(served) as studio:
         studio.subscribe(1, "/attitude")
         studio.subscribe(2, "/angles")
@@ -114,6 +118,18 @@ def test_attitudes_and_angles_are_those_of_the_sessions_own_estimator(served):
         assert row["bias_b"] is None
     values = BODY.rows(300, 10)["values"]
     assert [[row["roll"], row["pitch"], row["yaw"]] for row in angles] == values[:, :3].tolist()
+    with Studio(served) as studio:
+        studio.subscribe(3, "/imu")
+        served.play(BODY, 400, 410)
+        studio.data(10)
+        studio.say(op="unsubscribe", subscriptionIds=[3, 4])
+        studio.say(op="nonsense")
+        assert studio.text()["op"] == "status"
+        served.play(BODY, 410, 420)
+        studio.subscribe(4, "/angles")
+        served.play(BODY, 420, 421)
+        ((number, _, _),) = studio.data(1)
+        assert number == 4
 
 
 def test_a_transform_turns_a_vector_of_the_body_into_the_navigation_frame(tmp_path):
@@ -149,31 +165,6 @@ def test_a_transform_turns_a_vector_of_the_body_into_the_navigation_frame(tmp_pa
     np.testing.assert_allclose(quat_rotate(q, [0.0, 0.0, 1.0]), [0.0, 0.0, -1.0], atol=1e-15)  # down
     np.testing.assert_allclose(quat_rotate(q, ahead), [0.0, 1.0, 0.0], atol=1e-15)  # North
     assert ned["body"]["parent_frame_id"] == "navigation (NED)"
-
-
-def test_events_are_log_messages(served):
-    with Studio(served) as studio:
-        studio.subscribe(9, "/events")
-        served.feed.say("event", {"t": 3.0, "kind": "gap", "text": "12 samples are missing"})
-        ((number, stamp, row),) = studio.data(1)
-    assert (number, stamp) == (9, 1_700_000_003_000_000_000)  # time 0 is at `started_utc`
-    assert row["timestamp"] == {"sec": 1_700_000_003, "nsec": 0}
-    assert (row["level"], row["name"], row["message"]) == (3, "gap", "12 samples are missing")  # 3: a warning
-
-
-def test_who_unsubscribes_gets_no_more(served):
-    with Studio(served) as studio:
-        studio.subscribe(3, "/imu")
-        served.play(BODY, 400, 410)
-        studio.data(10)
-        studio.say(op="unsubscribe", subscriptionIds=[3, 4])
-        studio.say(op="nonsense")
-        assert studio.text()["op"] == "status"
-        served.play(BODY, 410, 420)
-        studio.subscribe(4, "/angles")
-        served.play(BODY, 420, 421)
-        ((number, _, _),) = studio.data(1)
-        assert number == 4
 
 
 @pytest.mark.parametrize(

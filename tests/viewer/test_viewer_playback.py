@@ -73,7 +73,7 @@ def test_a_place_shows_the_sample_at_or_before_it(sea, vqf, position):
     assert outlet.fields["attitudes"]["vqf"]["q_nb"] == vqf.q_nb[row].tolist()
 
 
-def test_the_minute_before_a_place_comes_with_it_and_waits_for_room(sea):
+def test_the_minute_before_a_place_comes_with_it_and_an_estimator_is_added_and_removed(sea):
     path, made = sea
     shown, outlet = player(path, filter="vqf")
     shown.pause()
@@ -84,6 +84,15 @@ def test_the_minute_before_a_place_comes_with_it_and_waits_for_room(sea):
     shown.tick()
     t = made.imu.t
     np.testing.assert_array_equal(outlet.rows("t"), t[(t >= 30.0) & (t <= 90.0)])
+    shown, outlet = player(sea[0], filter="vqf")
+    shown.pause()
+    shown.seek(40.0)
+    shown.add("mahony")
+    track = plumbob.estimate(sea[0], "mahony").track
+    assert outlet.column("mahony.roll")[-1] == to_deg(track.roll)[row_at(sea[1].imu, 40.0)]
+    assert shown.position == 40.0
+    shown.remove("mahony")
+    assert not any("mahony" in column.key for column in outlet.hellos[-1].columns)
 
 
 def test_time_runs_with_the_speed_and_stands_in_a_pause(sea):
@@ -151,18 +160,6 @@ def test_without_a_filter_it_is_smoothed_and_the_truth_is_the_reference(sea):
     labels = {column.key: column.label for column in outlet.hellos[0].columns}
     quantity = "total" if labels["smoother.error"] == "error" else "inclination"
     assert outlet.column("smoother.error")[-1] == pytest.approx(np.degrees(errors[quantity][row]))
-
-
-def test_an_estimator_is_added_and_removed(sea):
-    shown, outlet = player(sea[0], filter="vqf")
-    shown.pause()
-    shown.seek(40.0)
-    shown.add("mahony")
-    track = plumbob.estimate(sea[0], "mahony").track
-    assert outlet.column("mahony.roll")[-1] == to_deg(track.roll)[row_at(sea[1].imu, 40.0)]
-    assert shown.position == 40.0
-    shown.remove("mahony")
-    assert not any("mahony" in column.key for column in outlet.hellos[-1].columns)
 
 
 def test_events_come_at_their_time(tmp_path):

@@ -38,7 +38,7 @@ def switched(tmp_path, actions, own=None, duration=10.0):
     return switch, found, answers
 
 
-def test_a_recording_made_on_the_way_is_whole_and_replays_to_the_bit(tmp_path):
+def test_a_recording_made_on_the_way_or_with_the_session_is_whole_and_replays_to_the_bit(tmp_path):
     switch, found, answers = switched(
         tmp_path,
         lambda switch: {10: lambda: switch.record("pier"), 20: lambda: switch.mark("lee of the pier"), 40: switch.stop},
@@ -58,6 +58,12 @@ def test_a_recording_made_on_the_way_is_whole_and_replays_to_the_bit(tmp_path):
     np.testing.assert_array_equal(again.imu.gyr, gyr[first : first + len(again.imu)])
     assert [event.text for event in again.found.events if event.kind == "mark"] == ["lee of the pier"]
     assert [event.kind for event in found.events] == ["recording", "mark", "recording"]
+    switch, found, _ = switched(tmp_path, lambda switch: {}, own="own.mcap")
+    assert plumbob.verify(tmp_path / "own.mcap").whole
+    again = plumbob.replay(tmp_path / "own.mcap", check=True)
+    assert again.comparison.equal
+    np.testing.assert_array_equal(again.track.q_nb, found.track().q_nb)
+    assert switch.recordings[0]["acknowledged"] == switch.recordings[0]["rows"]
 
 
 def test_two_recordings_of_one_second_have_two_names_and_a_text_is_written_while_it_is_asked_for(tmp_path):
@@ -78,15 +84,6 @@ def test_two_recordings_of_one_second_have_two_names_and_a_text_is_written_while
     lines = (tmp_path / answers[0].rpartition("/")[2]).read_text(encoding="utf-8").splitlines()
     assert lines[1].startswith("t [s]\troll [deg]") and len(lines) > 20
     assert switch.text is None
-
-
-def test_the_sessions_own_recording_begins_with_it(tmp_path):
-    switch, found, _ = switched(tmp_path, lambda switch: {}, own="own.mcap")
-    assert plumbob.verify(tmp_path / "own.mcap").whole
-    again = plumbob.replay(tmp_path / "own.mcap", check=True)
-    assert again.comparison.equal
-    np.testing.assert_array_equal(again.track.q_nb, found.track().q_nb)
-    assert switch.recordings[0]["acknowledged"] == switch.recordings[0]["rows"]
 
 
 def test_what_cannot_be_done_is_refused_in_words(tmp_path):
@@ -115,7 +112,7 @@ def test_a_name_is_never_a_path(name):
         assert checked_name(other) == other
 
 
-def test_a_text_on_a_full_disk_ends_and_says_so(tmp_path, monkeypatch):
+def test_a_text_on_a_full_disk_ends_and_says_so_and_events_of_a_stream_are_kept(tmp_path, monkeypatch):
     class Full(TextSink):
         def on_part(self, part):
             raise OSError(28, "No space left on device")
@@ -130,11 +127,7 @@ def test_a_text_on_a_full_disk_ends_and_says_so(tmp_path, monkeypatch):
     (event,) = [one for one in switch.tick(0) if one.kind == "failed"]
     assert "No space left" in event.text
     switch.close()
-
-
-def test_events_of_a_stream_are_kept(tmp_path):
-    stream = Stream(live_samples.session(MEKF))
-    switch = Switch(stream, tmp_path)
+    switch = Switch(Stream(live_samples.session(MEKF)), tmp_path)
     path = switch.record("e")
     switch.on_item(Event(5, "lost", "the line is lost"))
     switch.close()

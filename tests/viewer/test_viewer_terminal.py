@@ -59,7 +59,7 @@ def text(terminal, width=80, height=24, now_ns=None):
     return [line.plain for line in terminal.lines(width, height, now_ns)]
 
 
-def test_the_numbers_are_those_of_the_stream():
+def test_the_numbers_are_those_of_the_stream_and_what_comes_no_more_is_shown_as_such():
     terminal, stream = shown()
     page = "\n".join(text(terminal))
     yaw, pitch, roll = np.degrees(plumbob.rotations.euler_zyx_from_quat(stream.filter.q_nb))
@@ -68,6 +68,21 @@ def test_the_numbers_are_those_of_the_stream():
     assert re.search("2000 samples, latency 0 ms, clock clock", page)
     assert "lost 0, gaps 0, junk 0, rejected 0" in page
     assert f"{terminal.now.values['temp']:.2f} °C" in page
+    # Grey and stale where nothing comes, waiting before; nothing that a device says steers the terminal.
+    terminal, _ = shown()
+    later = terminal.now.fields["arrived_ns"] + 5_000_000_000
+    lines = terminal.lines(80, 24, later)
+    assert "stale" in lines[0].plain
+    assert all(any("bright_black" in str(span.style) for span in line.spans) for line in lines if line.plain.strip())
+    assert "live" in text(terminal)[0]
+    assert Terminal(Stop(), "zh").lines(80, 24, 0)[0].plain == CHINESE["waiting"]
+    terminal.event(1.0, "mark", "\x1b[2J\x07 evil")
+    assert not any("\x1b" in line or "\x07" in line for line in text(terminal))
+    hello = terminal.now.hello
+    terminal.hello(replace(hello, columns=[column for column in hello.columns if column.key != "temp"]))
+    assert len(terminal.now.values) == len(hello.columns) - 1  # values are gone with their column
+    terminal.batch(Batch({"t": np.zeros(0)}, terminal.now.fields))
+    assert "°C" not in "\n".join(text(terminal))
 
 
 @pytest.mark.parametrize("lang", ["en", "zh"])
@@ -84,24 +99,6 @@ def test_it_fits_the_screen(lang):
         if height >= 24:  # the error is the last of a row, and has its digits also where the screen is narrow
             row = next(line.plain for line in lines if line.plain.startswith("mekf"))
             assert re.search(r"\d\.\d\d\s*$", row)
-
-
-def test_what_comes_no_more_or_from_a_device_is_shown_as_such():
-    """Grey and stale where nothing comes, waiting before; nothing that a device says steers the terminal."""
-    terminal, _ = shown()
-    later = terminal.now.fields["arrived_ns"] + 5_000_000_000
-    lines = terminal.lines(80, 24, later)
-    assert "stale" in lines[0].plain
-    assert all(any("bright_black" in str(span.style) for span in line.spans) for line in lines if line.plain.strip())
-    assert "live" in text(terminal)[0]
-    assert Terminal(Stop(), "zh").lines(80, 24, 0)[0].plain == CHINESE["waiting"]
-    terminal.event(1.0, "mark", "\x1b[2J\x07 evil")
-    assert not any("\x1b" in line or "\x07" in line for line in text(terminal))
-    hello = terminal.now.hello
-    terminal.hello(replace(hello, columns=[column for column in hello.columns if column.key != "temp"]))
-    assert len(terminal.now.values) == len(hello.columns) - 1  # values are gone with their column
-    terminal.batch(Batch({"t": np.zeros(0)}, terminal.now.fields))
-    assert "°C" not in "\n".join(text(terminal))
 
 
 def keys(terminal, monkeypatch, pressed):

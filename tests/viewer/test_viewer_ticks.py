@@ -50,7 +50,7 @@ def test_rows_are_the_samples_to_the_last_bit(tmp_path):
         assert asking.state(lambda one: one["t"] == 0.03)["values"][3:6] == [None] * 3
 
 
-def test_hello_and_state_are_what_the_contract_says_with_the_newest_numbers_in_double_precision(served):
+def test_hello_and_state_are_what_the_contract_says_and_come_without_samples_too(served):
     with connect(served.socket_url()) as line:
         asking = fed(served, line, 50)
         state = asking.ticks()[-1].state
@@ -69,9 +69,6 @@ def test_hello_and_state_are_what_the_contract_says_with_the_newest_numbers_in_d
     # The feeder's angles come of the same formula over a larger array, whose last bits may differ.
     np.testing.assert_allclose([own["roll"], own["pitch"], own["yaw"]], truth["values"][0, :3], rtol=0, atol=1e-12)
     assert json.loads(request(served, path="/api/state")[2])["values"] == state["values"]
-
-
-def test_without_samples_a_state_comes_four_times_a_second_and_the_age_grows(served):
     with connect(served.socket_url()) as line:
         asking = fed(served, line, 10)
         first = asking.ticks()[-1]
@@ -203,7 +200,7 @@ def test_other_columns_are_followed_by_their_history_and_when_time_begins_again_
         assert history.kind == 2 and history.t[0] == 0.0 and history.t.size == 10
 
 
-def test_a_slower_sensor_keeps_its_last_value_for_a_second(tmp_path):
+def test_a_slower_sensor_keeps_its_last_value_for_a_second_and_a_storm_of_events_is_cut(tmp_path):
     with asked(folder=tmp_path) as (served, asking):
         for first in range(0, 300, 10):
             batch = BODY.batch(first, 10)
@@ -214,6 +211,13 @@ def test_a_slower_sensor_keeps_its_last_value_for_a_second(tmp_path):
             state = asking.state(lambda one, t=(first + 9) / 100.0: one["t"] == t)
             expected = [1.0, 2.0, 3.0] if first < 100 else [None] * 3
             assert state["values"][9:12] == expected, first
+    with asked(folder=tmp_path) as (served, asking):
+        for k in range(2000):
+            served.feed.say("event", {"t": None, "kind": "gap", "text": f"gap {k}"})
+        asking.text(lambda one: "left out here" in one.get("text", ""))
+    events = asking.texts("event")
+    assert events[0]["text"] == "gap 0" and len(events) < 300
+    assert [one["id"] for one in events] == list(range(len(events)))
 
 
 def test_events_queue_and_who_was_away_gets_what_was_missed(tmp_path):
@@ -237,16 +241,6 @@ def test_events_queue_and_who_was_away_gets_what_was_missed(tmp_path):
                 asking = Asking(line)
                 asking.state()
             assert len(asking.texts("event")) == (0 if since == 59 else 60)
-
-
-def test_a_storm_of_events_is_cut_and_said(tmp_path):
-    with asked(folder=tmp_path) as (served, asking):
-        for k in range(2000):
-            served.feed.say("event", {"t": None, "kind": "gap", "text": f"gap {k}"})
-        asking.text(lambda one: "left out here" in one.get("text", ""))
-    events = asking.texts("event")
-    assert events[0]["text"] == "gap 0" and len(events) < 300
-    assert [one["id"] for one in events] == list(range(len(events)))
 
 
 def test_who_lags_gets_the_newest_tick_and_every_event():

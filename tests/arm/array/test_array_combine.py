@@ -57,17 +57,13 @@ def test_noise_falls_with_the_square_root_of_the_number():
     assert one.parity_rms["gyr"] == pytest.approx(np.full((9, 3), 0.01 * np.sqrt(8.0 / 9.0)), rel=0.03)
 
 
-def test_a_noisy_unit_weighs_less():
+def test_a_noisy_unit_weighs_less_and_weights_by_range_need_ranges():
     t, zero = np.arange(50) / 10.0, np.zeros((50, 3))
     mounts = {"good": UnitMount(noise=card(gyr=1e-3)), "bad": UnitMount(noise=card(gyr=3e-3))}
     array = sampled(t, mounts, gyr=zero, acc=zero + [0.0, 0.0, 9.8])
     units = dict(array.units) | {"bad": ImuData(t, zero + 1.0, zero)}
     assert combine(ImuArray(units, mounts)).imu.gyr == pytest.approx(np.full((50, 3), 0.1))  # 1/(1 + 9)
     assert combine(ImuArray(units, mounts), weights="equal").imu.gyr == pytest.approx(np.full((50, 3), 0.5))
-
-
-def test_weights_by_range_need_ranges():
-    t, zero = np.arange(50) / 10.0, np.zeros((50, 3))
     fine = ImuData(t, gyr=zero, meta=ImuMeta(gyr_range=1.0))
     wide = ImuData(t, gyr=zero + 0.5, meta=ImuMeta(gyr_range=3.0))
     assert combine(ImuArray({"a": fine, "b": wide}), weights="range").imu.gyr == pytest.approx(np.full((50, 3), 0.05))
@@ -118,16 +114,13 @@ def test_what_a_mask_excludes_is_left_out_and_flagged(array):
         combine(array, excluded={"gyr": out[1:]})
 
 
-def test_late_clocks_are_put_right_by_interpolation():
+def test_late_clocks_are_put_right_by_interpolation_and_own_times_joined_but_not_across_a_gap():
     """Linear interpolation of sin 3t leaves (3 Δt)²/8 of it: 1.1e-4 at 100 Hz."""
     late = UnitMount(clock_offset=0.0137)
     then = np.stack([np.sin(3.0 * (T + 0.0137))] * 3, axis=1)
     now = np.stack([np.sin(3.0 * T)] * 3, axis=1)
     one = combine(ImuArray({"a": ImuData(T, gyr=now), "b": ImuData(T, gyr=then)}, {"b": late}))
     assert one.imu.gyr == pytest.approx(now, abs=1.2e-4)
-
-
-def test_recordings_of_their_own_times_are_joined_but_not_across_a_gap():
     own = np.delete(np.arange(0.003, 4.0, 0.01), slice(100, 150))  # no samples from 1.003 s to 1.503 s
     line = ImuData(T, gyr=np.stack([T, 2.0 * T, -T], axis=1) * 0.1)
     other = ImuData(own, gyr=np.stack([own, 2.0 * own, -own], axis=1) * 0.1)

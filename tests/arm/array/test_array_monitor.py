@@ -138,17 +138,14 @@ def test_nothing_wrong_is_nothing_said():
     assert "No unit contradicts the others." in seen.text()
 
 
-def test_two_units_cannot_isolate_and_take_the_mean():
+def test_two_units_or_two_faults_of_three_cannot_be_isolated():
     found = moved(6, 60.0, moving=False, units=2)
     found["u1"]["gyr"][300:, 0] += dps(0.5)
     seen = monitor(as_array(found))
     said = (seen.imu.flags & np.uint32(flags.CANNOT_ISOLATE)) != 0
     assert not said[:300].any() and said[320:].all()
     assert seen.faults == ()
-
-
-def test_of_three_units_two_faults_of_one_size_cannot_be_isolated_and_the_middle_is_taken():
-    """+f and −f on two of three: the third is the middle, and its value is what the body gets."""
+    # +f and −f on two of three: the third is the middle, and its value is what the body gets.
     found = moved(8, 60.0, moving=False, units=3)
     found["u1"]["gyr"][300:, 0] += dps(2.0)
     found["u2"]["gyr"][300:, 0] -= dps(2.0)  # its x axis lies along the body's, too

@@ -11,17 +11,14 @@ from plumbob.papers.arm import arm_array
 from tests.helpers.arm_samples import ImuArray
 
 
-def test_the_parity_has_no_signal_and_the_sum_no_common_bias():
+def test_the_parity_has_no_signal_and_one_set_starts_from_its_own_sample_and_two_from_both():
     array, _ = arm_array(3, turns=True)
     sets = sets_of(array)
     rate = to_dps(0.5 * (sets.plus["gyr"] + sets.minus["gyr"]))
     assert rate[:, 2].mean() == pytest.approx(-3.0, abs=0.3)  # the turn; biases of ±0.25 °/s over √2
     assert abs(to_dps(sets.parity["gyr"][:, 2]).mean()) < 0.26
     assert np.abs(np.corrcoef(sets.parity["acc"][:, 2], 0.5 * (sets.plus["acc"] + sets.minus["acc"])[:, 2])[0, 1]) < 0.2
-
-
-def test_one_set_starts_from_its_own_sample_and_two_from_both():
-    """Tilt of the mean of both first forces, and of the first set's: roll = atan2(−f_y, −f_z) in NED."""
+    # Tilt of the mean of both first forces, and of the first set's: roll = atan2(−f_y, −f_z) in NED.
     array, _ = arm_array(4, turns=False)
     sets = sets_of(array)
     for count, force in ((1, sets.plus["acc"][0]), (2, sets.plus["acc"][0] + sets.minus["acc"][0])):

@@ -34,7 +34,7 @@ def array():
     return ImuArray(units, nominal)
 
 
-def test_what_was_planted_is_found_against_the_mean(array):
+def test_what_was_planted_is_found_against_the_mean_and_corrected_units_agree(array):
     found = info(array)
     mean_turn, mean_bias = np.mean(list(TRUE.values()), axis=0), np.mean(list(BIAS.values()), axis=0)
     for one in found.units:
@@ -43,10 +43,7 @@ def test_what_was_planted_is_found_against_the_mean(array):
         assert np.abs((one.bias["gyr"] - (BIAS[one.name] - mean_bias)) / one.bias_sd["gyr"]).max() < 4.0
         assert one.rotation_sd.max() < 1e-3 and abs(one.clock_offset) < 4.0 * one.clock_sd
     assert found.summary()["units"][0]["name"] == "a"
-
-
-def test_corrected_units_agree(array):
-    """What is left is the noise alone, less the mean's share: √(1 − 1/3)."""
+    # What is left is the noise alone, less the mean's share: √(1 − 1/3).
     left = combine(array, correct=True).parity_rms
     assert left["gyr"] == pytest.approx(np.full((3, 3), NOISE * np.sqrt(2.0 / 3.0)), rel=0.06)  # 3000 samples: 1.3 %
     assert combine(array).parity_rms["mag"].max() > 20.0 * left["mag"].max()

@@ -39,28 +39,22 @@ def off(track, truth):
     return np.degrees(quat_angle(track.q_nb, truth.q_nb[row]))
 
 
-def test_events_come_at_the_papers_rates_and_none_is_missed(plain):
+def test_events_come_at_the_papers_rates_and_the_processor_is_idle_for_what_they_leave(plain):
     """333⅓, 100 and 20 a second [Yu2018]; the last of 30 s, at 29.999 s, is that at 29.997, 29.99 and 29.95 s."""
     assert plain.served == {"sample": 9999, "fuse": 2999, "send": 599}
     assert plain.missed == {"sample": 0, "fuse": 0, "send": 0}
-
-
-def test_the_processor_is_idle_for_what_its_tasks_leave(plain):
-    """23 bytes at 1 MHz, 45 000 and 15 000 cycles at 25 MHz, and 260 bytes at 8 MHz after each eighth frame."""
+    # 23 bytes at 1 MHz, 45 000 and 15 000 cycles at 25 MHz, and 260 bytes at 8 MHz after each eighth frame.
     busy = 9999 * 184e-6 + 2999 * 1.8e-3 + 599 * 0.6e-3 + 599 // 8 * 260e-6
     assert plain.idle == pytest.approx(1.0 - busy / 29.999, abs=1e-6)
     assert plain.idle > 0.7
 
 
-def test_samples_are_taken_at_3_ms_or_late_where_the_loop_is_busy(imu, plain):
+def test_samples_are_taken_at_3_ms_or_late_where_the_loop_is_busy_and_a_field_of_75_hz_once(imu, plain):
     late = plain.samples.t - np.arange(3, 30000, 3) * 1e-3
     assert late.min() > -1e-9
     assert late.max() == pytest.approx(0.8e-3, abs=1e-9)  # 21 ms, in a fusion of 1.8 ms that began at 20 ms
     row = np.searchsorted(imu.t, plain.samples.t + 1e-9, side="right") - 1
     assert np.array_equal(plain.samples.gyr, imu.gyr[row])
-
-
-def test_a_magnetometer_of_75_hz_is_read_once(imu, plain):
     fresh = np.flatnonzero(~np.isnan(imu.mag[:, 0]))
     read_ = plain.samples.mag[~np.isnan(plain.samples.mag[:, 0])]
     assert np.array_equal(read_, imu.mag[fresh][: len(read_)])
@@ -104,7 +98,7 @@ def test_the_mean_costs_less_than_the_newest_sample(rig, imu):
     assert rms["mean"] <= rms["newest"] * 1.05
 
 
-def test_a_loop_that_waits_for_the_line_misses_one_sample_in_150_ms(imu):
+def test_a_loop_that_waits_for_the_line_or_the_chip_or_has_a_slow_clock_misses_deadlines(imu):
     """At 100 ms fusion, then 0.6 ms and a frame of 2.78 ms: the flag of 102 ms is served behind 105 ms."""
     done = run_firmware(imu, processor=Processor(uart_waits=True))
     assert done.missed["sample"] == 29_999 // 150 + (29_999 % 150 > 105)
@@ -112,18 +106,12 @@ def test_a_loop_that_waits_for_the_line_misses_one_sample_in_150_ms(imu):
     said = decode(done.frames, FORM).frames["buoy_attitude"].columns
     assert said["deadline_missed"].sum() == pytest.approx(done.missed["sample"], abs=1)
     assert abs(int(said["missed"][-1]) - done.missed["sample"] % 256) <= 1
-
-
-def test_a_loop_that_waits_for_the_chip_misses_what_an_erasure_takes(imu):
-    """128 records fill a sector: an erasure of 45 ms at 6.4 s, … 25.6 s."""
+    # 128 records fill a sector: an erasure of 45 ms at 6.4 s, … 25.6 s.
     done = run_firmware(imu, processor=Processor(flash_waits=True))
     assert done.missed["sample"] == pytest.approx(4 * 45 / 3, abs=8)
     assert done.missed["fuse"] == pytest.approx(4 * 3.5, abs=4)
     assert done.latest["sample"] == pytest.approx(45e-3, abs=3e-3)
     assert np.diff(done.fused.t).max() == pytest.approx(45e-3, abs=8e-3)
-
-
-def test_a_slow_clock_costs_idle_time_and_then_deadlines(imu):
     idle = [run_firmware(imu[:6000], processor=Processor(clock_hz=hz)).idle for hz in (25e6, 16e6, 8e6)]
     assert idle == sorted(idle, reverse=True)
     assert run_firmware(imu[:6000], processor=Processor(clock_hz=8e6)).missed["sample"] > 0
@@ -228,32 +216,26 @@ def polled(*tasks, ms):
     return poll([FirmwareTask(name, every, (takes,)) for name, every, takes in tasks], ms * MS)
 
 
-def test_a_task_that_fits_is_served_at_each_event():
+def test_a_task_that_fits_is_served_at_each_event_and_one_of_4_ms_misses_one_of_four_of_3_ms():
     """Events at 3, 6, … 999 ms: 333 in a second [Yu2018]."""
     calls = polled(("sample", 3, MS), ms=1000)["sample"]
     assert len(calls) == 333
     assert np.array_equal(calls.begun_ns, np.arange(3, 1000, 3) * MS)
     assert calls.missed_ns.size == 0
     assert not calls.late_ns.any()
-
-
-def test_a_task_of_4_ms_misses_one_of_four_events_of_3_ms():
-    """It is served every 4 ms, and an event comes every 3 ms: of 1000 in 3 s, 750 are served."""
+    # It is served every 4 ms, and an event comes every 3 ms: of 1000 in 3 s, 750 are served.
     calls = polled(("sample", 3, 4 * MS), ms=3000)["sample"]
     assert (len(calls), calls.missed_ns.size) == (pytest.approx(750, abs=1), pytest.approx(250, abs=1))
     assert calls.late_ns.max() <= 3 * MS  # a flag waits for the rest of a call of 4 ms that began at a tick
 
 
-def test_calls_do_not_overlap_and_none_begins_before_its_event():
+def test_calls_do_not_overlap_none_begins_before_its_event_and_each_event_is_served_or_missed():
     calls = polled(("sample", 3, 184_000), ("fuse", 10, 1_800_000), ("send", 50, 3_400_000), ms=6000)
     begun = np.concatenate([one.begun_ns for one in calls.values()])
     done = np.concatenate([one.done_ns for one in calls.values()])[np.argsort(begun)]
     assert (np.sort(begun)[1:] >= done[:-1]).all()
     for one in calls.values():
         assert (one.late_ns >= 0).all()
-
-
-def test_every_event_is_served_or_missed():
     calls = polled(("sample", 3, 2 * MS), ("fuse", 10, 7 * MS), ms=9001)
     for name, every in (("sample", 3), ("fuse", 10)):
         one = calls[name]
@@ -261,14 +243,11 @@ def test_every_event_is_served_or_missed():
         assert (one.due_ns % (every * MS) == 0).all()
 
 
-def test_a_long_call_costs_the_others_all_events_but_the_one_that_waits():
+def test_a_long_call_costs_the_others_all_events_but_the_one_that_waits_and_durations_take_turns():
     """From 50 ms on 46 ms are taken: events of 3 ms at 51, 54, … 93: the first waits, 14 more are missed."""
     calls = poll([FirmwareTask("sample", 3, (0,)), FirmwareTask("send", 50, (46 * MS, 0))], 99 * MS)
     assert calls["sample"].missed_ns.tolist() == [t * MS for t in range(54, 97, 3)]
     assert calls["sample"].late_ns.max() == 45 * MS
-
-
-def test_durations_take_turns():
     calls = poll([FirmwareTask("send", 50, (MS, 2 * MS, 3 * MS))], 301 * MS)["send"]
     assert ((calls.done_ns - calls.begun_ns) // MS).tolist() == [1, 2, 3, 1, 2, 3]
 

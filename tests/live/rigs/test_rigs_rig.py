@@ -62,11 +62,14 @@ def test_one_seed_one_stream_and_another_another():
     assert rig_of("buoy", duration=2.0).stream() != rig_of("buoy", duration=2.0, seed=4).stream()
 
 
-def test_clock_and_counter_tell_each_frame():
+def test_clock_and_counter_tell_each_frame_and_a_fast_clock_runs_away():
     rig = rig_of("fin", duration=140.0)  # past 65536 frames, where the counter wraps
     frames, _ = decoded(rig)
     assert np.array_equal(frames.columns["clock"], np.arange(len(rig)) * 2000)  # 500 Hz in µs
     assert np.array_equal(frames.columns["counter"], np.arange(len(rig)) % 65536)
+    frames, _ = decoded(rig_of("buoy", clock_error=4e-5))
+    ideal = np.arange(2000) * 10_000.0
+    assert np.abs(frames.columns["clock"] - ideal * (1.0 + 4e-5)).max() <= 0.5 + 1e-6  # µs, rounded once
 
 
 @pytest.mark.parametrize(("name", "options", "field", "ticks"), [
@@ -85,18 +88,14 @@ def test_a_clock_counts_the_ticks_of_its_device(name, options, field, ticks):
     assert np.array_equal(frames.columns[field], expected)
 
 
-def test_a_fast_clock_runs_away():
-    frames, _ = decoded(rig_of("buoy", clock_error=4e-5))
-    ideal = np.arange(2000) * 10_000.0
-    assert np.abs(frames.columns["clock"] - ideal * (1.0 + 4e-5)).max() <= 0.5 + 1e-6  # µs, rounded once
-
-
-def test_the_magnetometer_is_absent_where_it_has_nothing_new():
+def test_the_magnetometer_is_absent_where_it_has_nothing_new_and_temperature_goes_into_the_frame():
     """75 Hz of the preset in frames of 100 Hz: three of four rows."""
     frames, _ = decoded(rig_of("buoy"))
     absent = (frames.flags[""] & flags.MAG_ABSENT) != 0
     assert absent.mean() == pytest.approx(0.25, abs=1e-3)
     assert np.array_equal(absent, frames.columns["mag_new"] == 0)
+    frames, _ = decoded(rig_of("trackball"))
+    assert np.abs(unit_temperature(frames) - 25.0).max() <= 0.5 / 280  # K-3050: 280 LSB/°C
 
 
 def test_a_rate_beyond_the_range_is_clipped_on_the_wire():
@@ -169,15 +168,10 @@ def test_a_damaged_or_silent_inner_packet_is_absent_while_the_frame_is_sound():
     assert not any(np.isnan(triads_of(frames)[triad]).any() for triad in ("gyr", "acc"))
 
 
-def test_temperature_goes_into_the_frame():
-    frames, _ = decoded(rig_of("trackball"))
-    assert np.abs(unit_temperature(frames) - 25.0).max() <= 0.5 / 280  # K-3050: 280 LSB/°C
-
-
 MINE = beside(__file__, "mine.toml")
 
 
-def test_a_format_of_ones_own_is_fed_with_the_triads_that_it_has():
+def test_a_format_of_ones_own_is_fed_with_the_triads_it_has_and_a_wrong_length_costs_its_frame():
     form = parse_format(MINE)
     plan = plan_for(form, scenario("buoy"), sensors="ideal", frame=Frame.NED, rate=50.0)
     rig = make_rig(plan, form, seed=1, duration=4.0)
@@ -185,6 +179,10 @@ def test_a_format_of_ones_own_is_fed_with_the_triads_that_it_has():
     acc = triads_of(frames)["acc"]
     assert np.abs(acc - rig.units[""].imu.acc).max() < 1e-5  # float32 of 1 g: 6e-8 × 9.8 m/s², and more in waves
     assert len(frames) == 200
+    plan = plan_for(form, scenario("static"), sensors="mpu6000", frame=Frame.NED, rate=50.0)
+    rig = make_rig(plan, form, seed=1, duration=40.0, faults={"length": 0.05})
+    frames, _ = decoded(rig)
+    assert len(rig) - 2 * len(rig.faults) <= len(frames) <= len(rig) - len(rig.faults)
 
 
 LINE = [k for k in KINDS if k not in ("unplug", "stall", "reset", "jump", "length", "burst")]
@@ -207,22 +205,11 @@ def test_faults_found_are_the_faults_logged(kind):
     assert all(rig.stream()[f.at :] for f in faults)
 
 
-def test_a_wrong_length_costs_its_frame():
-    form = parse_format(MINE)
-    plan = plan_for(form, scenario("static"), sensors="mpu6000", frame=Frame.NED, rate=50.0)
-    rig = make_rig(plan, form, seed=1, duration=40.0, faults={"length": 0.05})
-    frames, _ = decoded(rig)
-    assert len(rig) - 2 * len(rig.faults) <= len(frames) <= len(rig) - len(rig.faults)
-
-
-def test_the_log_says_where_in_the_stream_a_bit_is_wrong():
+def test_the_log_says_where_a_bit_is_wrong_and_one_kind_of_fault_leaves_the_others_where_they_are():
     clean, rig = rig_of("buoy"), rig_of("buoy", faults={"flip": 0.05})
     a, b = (np.frombuffer(r.stream(), dtype=np.uint8) for r in (clean, rig))
     assert np.flatnonzero(a != b).tolist() == [f.at for f in rig.faults]
     assert np.bitwise_count(a ^ b).sum() == len(rig.faults)
-
-
-def test_one_kind_of_fault_leaves_the_others_where_they_are():
     alone = rig_of("buoy", faults={"flip": 0.05}).faults
     both = rig_of("buoy", faults={"flip": 0.05, "noise": 0.05}).faults
     assert {f.frame for f in alone} == {f.frame for f in both if f.kind == "flip"}
@@ -255,7 +242,7 @@ def test_units_of_a_plan_ride_on_one_motion():
     assert rig.units[""].imu.meta.device != rig.units["u2"].imu.meta.device
 
 
-def test_units_of_the_machine_that_is_taught_ride_on_its_links():
+def test_units_of_the_machine_that_is_taught_ride_on_its_links_and_its_settings_reach_them():
     """A pure turn about j1, the vertical: u1 turns with it, and so does every link behind it."""
     chained = PLANS["teach"].scenario
     rig = rig_of("teach", unit="calibrated", duration=8.0)
@@ -266,9 +253,6 @@ def test_units_of_the_machine_that_is_taught_ride_on_its_links():
         np.testing.assert_allclose(one, vertical[0], atol=1e-12)
     frames, _ = decoded(rig)
     np.testing.assert_allclose(-triads_of(frames, "u1")["gyr"][:, 2].mean(), vertical[0].mean(), atol=2e-3)
-
-
-def test_the_settings_of_a_chain_reach_its_units():
     plain, off = (
         make_rig(replace(PLANS["teach"], scenario=one), find_format("teach"), seed=2, duration=2.0).chain
         for one in (PLANS["teach"].scenario, replace(PLANS["teach"].scenario, settings={"mount_angle": "5 deg"}))

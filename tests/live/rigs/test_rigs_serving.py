@@ -91,6 +91,17 @@ def test_ten_times_real_time_takes_a_tenth(line):
     port.close()
 
 
+def test_a_stop_ends_it_soon(line):
+    port, _ = line
+    stop = threading.Event()
+    threading.Timer(0.3, stop.set).start()
+    start = time.monotonic()
+    served = serve(rig_of(100.0), port, speed=1.0, stop=stop)
+    assert time.monotonic() - start < LONG
+    assert served.sent < 9_000
+    port.close()
+
+
 def test_as_fast_as_wanted_nothing_is_lost_and_a_replug_is_another_terminal(line):
     port, reader = line
     rig = rig_of(40.0, unplug=0.001, flip=0.01)
@@ -126,7 +137,7 @@ def test_in_real_time_the_port_is_away_for_its_second(line):
     assert len(frames) == served.sent
 
 
-def test_stalled_frames_come_late_but_all_of_them():
+def test_stalled_frames_come_late_but_all_of_them_and_without_a_reader_it_waits():
     rig = rig_of(3.0, stall=0.03)
     out = BytesIO()
     served = serve(rig, FilePort(out, "-"), speed=20.0, stop=threading.Event())
@@ -135,20 +146,6 @@ def test_stalled_frames_come_late_but_all_of_them():
     assert (np.diff(rig.damage.send_ns) >= 0).all()
     assert out.getvalue() == rig.stream()
     assert served.sent == 300
-
-
-def test_a_stop_ends_it_soon(line):
-    port, _ = line
-    stop = threading.Event()
-    threading.Timer(0.3, stop.set).start()
-    start = time.monotonic()
-    served = serve(rig_of(100.0), port, speed=1.0, stop=stop)
-    assert time.monotonic() - start < LONG
-    assert served.sent < 9_000
-    port.close()
-
-
-def test_without_a_reader_it_waits():
     port, stop = PtyPort(), threading.Event()
     threading.Timer(0.1, stop.set).start()
     assert serve(rig_of(1.0), port, speed=None, stop=stop).sent == 0

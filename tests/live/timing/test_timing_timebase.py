@@ -111,7 +111,7 @@ class TestLedByTheHost:
         assert abs(report.rate - 100.0 / (1.0 + 1e-6 * drift_ppm)) < 1e-4
 
     @long
-    def test_a_drift_that_changes(self):
+    def test_a_drift_that_changes_and_delays_that_become_longer_for_good_are_how_it_is(self):
         """20 ppm in ten minutes, as from 20 K on a crystal. The edge in the middle of 205 s is extended to
         the end, and the beat of 1 ms at 27 ppm and more makes edges of 30 s: 0.033e-6 / s × (133 s)² / 2 = 295 µs."""
         drift_ppm = np.concatenate((np.full(30_000, -30.0), np.linspace(-30.0, -10.0, 60_000), np.full(30_000, -10.0)))
@@ -120,11 +120,8 @@ class TestLedByTheHost:
         error_us = error_ns(f, stamps)[6000:] / 1e3
         assert np.abs(error_us).max() < 295 + 100, (error_us.min(), error_us.max())
         assert abs(report.drift_ppm + 10.0) < 1.0
-
-    @long
-    def test_delays_that_become_longer_for_good_are_how_it_is(self):
-        """After a minute all frames are 60 ms later, and the device is 150 ppm slow: frames that come so late are set
-        aside at first, 5 s long, or the drift would never be seen. The period as in `test_period_after_ten_minutes`."""
+        # After a minute all frames are 60 ms later, and the device is 150 ppm slow: frames that come so late are set
+        # aside at first, 5 s long, or the drift would never be seen. The period as in `test_period_after_ten_minutes`.
         f = frames(36_000, 100.0, np.repeat([0.0, 150.0], [6000, 30_000]))
         late = later(f, 60_000_000, 6000)
         report, stamps = stamp(COUNTED, late)
@@ -188,15 +185,13 @@ class TestDeviceClock:
         assert (delays.p50, delays.p99) == (pytest.approx(0.6e-3, rel=0.25), pytest.approx(1.3e-3, rel=0.25))
         assert delays.p99 < delays.worst < 3e-3
 
-    def test_64_bits(self):
+    def test_64_bits_and_a_rate_that_changes(self):
         f = frames(1000)
         high = TimeBase(TimeSpec(clock=Counter(64, 1000)))
         counts = np.uint64(2**62 - 10**6) + f.index.astype(np.uint64) * np.uint64(10_000)  # passes what is looked at
         stamps = high.stamp(f.t_ns, f.place, clock=counts)
         assert (np.diff(stamps.t_ns) == 10**7).all() and not stamps.flags.any()
-
-    def test_a_rate_that_changes(self):
-        """From 100 to 25 Hz: until eight steps in a row are like that, frames seem to be lost."""
+        # From 100 to 25 Hz: until eight steps in a row are like that, frames seem to be lost.
         count = np.cumsum(np.repeat([10_000, 40_000], 500))
         base = TimeBase(TimeSpec(clock=Counter(32, 1000)))
         stamps = base.stamp(START_NS + count * 1000, np.arange(1000), clock=count)
@@ -245,7 +240,7 @@ class TestLost:
             _, stamps = stamp(SPECS[name], f, 50.0)
             assert np.flatnonzero(stamps.flags & GAP).tolist() == [2000]
 
-    def test_exactly_one_turn_needs_patience(self):
+    def test_exactly_one_turn_needs_patience_and_a_lasting_delay_of_less_than_half_a_turn_is_a_delay(self):
         """256 frames less of 8 bits look like none, only late; so they are taken for late, for half a second."""
         f = without(frames(6000, 100.0, 50.0), slice(2000, 2256))
         report, stamps = stamp(COUNTED, f)
@@ -254,9 +249,7 @@ class TestLost:
         assert stamps.lost[at] == 256
         assert report.wraps_by_host == 1
         assert report.suspects > 0
-
-    def test_a_lasting_delay_of_less_than_half_a_turn_is_a_delay(self):
-        """A counter of 1 bit turns in 20 ms: 9 ms more from now on are no turn, 12 ms are nearer to one."""
+        # A counter of 1 bit turns in 20 ms: 9 ms more from now on are no turn, 12 ms are nearer to one.
         for more_ms, suspects in ((9, False), (12, True)):
             f = frames(4000, 100.0, 50.0)
             f = later(f, more_ms * 1_000_000, 2000)
@@ -285,14 +278,12 @@ class TestLost:
         assert abs(error_ns(f, stamps)[-1]) < 1e6
         assert_orderly(stamps)
 
-    def test_one_frame_cannot_be_told_where_reads_bring_several(self):
+    def test_one_frame_cannot_be_told_where_reads_bring_several_and_noise_is_none(self):
         """The beat of frames and reads moves the least delay by as much: nothing is claimed, and time is led back."""
         f = without(frames(40_000, 100.0, 50.0, 16.0), slice(2000, 2001))
         report, stamps = stamp(UNCOUNTED, f)
         assert report.lost == report.gap_count == 0
         assert abs(error_ns(f, stamps)[-1]) < 1e6
-
-    def test_noise_between_frames_is_no_frame(self):
         f = frames(3000)
         place = f.place + np.where(f.index >= 2000, 10_000, 0)
         base = TimeBase(TimeSpec(rate=100.0, frame_bytes=26))
@@ -373,7 +364,7 @@ class TestOtherFaults:
         assert (report.late, report.lost, report.resets) == (1, 1, 0)
         assert_orderly(stamps)
 
-    def test_a_single_wild_count_is_left_out(self):
+    def test_a_single_wild_count_is_left_out_a_device_stands_still_and_the_list_of_gaps_is_bounded(self):
         f = frames(3000, bunch_ms=1.0)
         clock = ticks(f, CLOCKED.clock, 0.0)
         clock[1500] ^= 1 << 30
@@ -382,6 +373,18 @@ class TestOtherFaults:
         assert np.flatnonzero(stamps.flags & TIME_FAULT).tolist() == [1500]
         assert (base.report().ahead, base.report().resets) == (1, 0)
         assert abs(stamps.t_ns[-1] - stamps.t_ns[0] - 2999 * 10**7) < 2000
+        # Its counter goes on where it was, five seconds later: no delay lasts so long.
+        f = frames(6000, bunch_ms=1.0)
+        f = later(f, 5 * SECOND)
+        for name in ("frames", "clock"):
+            report, stamps = stamp(SPECS[name], f)
+            assert report.resets == report.gap_count == 1 or name == "frames"
+            assert stamps.t_ns[-1] - stamps.t_ns[0] == pytest.approx(65 * SECOND - 10**7, abs=5e6)
+            assert_orderly(stamps)
+        f = frames(20_000)
+        report, _ = stamp(COUNTED, without(f, f.index % 5 == 3))
+        assert report.gap_count in {4000 - 1, 4000}
+        assert len(report.gaps) == 1000
 
     @pytest.mark.parametrize("told", [False, True])
     @pytest.mark.parametrize("bits", [16, 32])
@@ -441,22 +444,6 @@ class TestOtherFaults:
         coarse = stamp(SPECS[name], later(frames(6000, 100.0, bunch_ms=16.0), -3600 * SECOND))[0]
         assert name in {"host", "short"} or abs(coarse.drift_ppm) < 60  # the bunches' clock, until their beat is seen
 
-    def test_a_device_that_stood_still(self):
-        """Its counter goes on where it was, five seconds later: no delay lasts so long."""
-        f = frames(6000, bunch_ms=1.0)
-        f = later(f, 5 * SECOND)
-        for name in ("frames", "clock"):
-            report, stamps = stamp(SPECS[name], f)
-            assert report.resets == report.gap_count == 1 or name == "frames"
-            assert stamps.t_ns[-1] - stamps.t_ns[0] == pytest.approx(65 * SECOND - 10**7, abs=5e6)
-            assert_orderly(stamps)
-
-    def test_the_list_of_gaps_is_bounded(self):
-        f = frames(20_000)
-        report, _ = stamp(COUNTED, without(f, f.index % 5 == 3))
-        assert report.gap_count in {4000 - 1, 4000}
-        assert len(report.gaps) == 1000
-
 
 def three(spec, frames):
     return TimeBase(spec).stamp(np.arange(3), np.arange(3), frames=frames)
@@ -515,14 +502,12 @@ class TestAnEmulatedLineThatHurries:
         base = TimeBase(TimeSpec(rate=self.RATE, speed=speed))
         return base.stamp(host, 31 * np.arange(host.size))
 
-    def test_its_stall_is_no_gap(self):
+    def test_its_stall_is_no_gap_and_frames_that_are_lost_for_good_are_still_told(self):
         found = self.stamped(self.reads(), 60.0)
         assert np.diff(found.t_ns).max() < 1.01e7  # steps are led to the line by 2e-3 at most
         assert found.lost.sum() == 0
         assert np.diff(self.stamped(self.reads(), 1.0).t_ns).max() > 5e9  # without knowing the speed it would be one
-
-    def test_frames_that_are_lost_for_good_are_still_told(self):
-        """700 frames: 7 s, after 30 s and the half second of patience at this speed, begun anew as the delay falls."""
+        # 700 frames: 7 s, after 30 s and the half second of patience at this speed, begun anew as the delay falls.
         found = self.stamped(self.reads(lost=700), 60.0)
         place = int(np.argmax(np.diff(found.t_ns)))
         assert np.diff(found.t_ns)[place] == pytest.approx(7e9, abs=0.5e9)
@@ -532,20 +517,11 @@ class TestAnEmulatedLineThatHurries:
 class TestWhatOnlyTheHostSaid:
     """Gaps that rest on a delay alone are counted apart from those that a count, a byte or an event shows."""
 
-    def test_frames_that_vanish_without_a_trace(self):
+    def test_frames_that_vanish_without_a_trace_are_inferred_but_what_bytes_or_an_opening_show_is_not(self):
         """700 frames of 10 ms; found to a frame, since the reads come with the frames."""
         report, _ = stamp(TimeSpec(rate=100.0), without(frames(6000), slice(3000, 3700)))
         assert (report.inferred, report.gap_count) == (1, 1)
         assert report.inferred_time == pytest.approx(7.0, abs=0.011)
-
-    @pytest.mark.parametrize("name", ["frames", "clock"])
-    def test_a_delay_that_stays_is_inferred_and_what_a_count_shows_is_not(self, name):
-        report, _ = stamp(SPECS[name], later(frames(6000), 5 * SECOND))
-        assert (report.inferred, report.inferred_time) == (1, pytest.approx(5.0, abs=0.01))
-        report, _ = stamp(SPECS[name], without(frames(6000), slice(3000, 3100)))
-        assert (report.gap_count, report.lost, report.inferred, report.inferred_time) == (1, 100, 0, 0.0)
-
-    def test_what_bytes_or_a_new_opening_show_is_not_inferred(self):
         f = frames(6000)
         damaged = np.delete(f.index, slice(3000, 3004))  # their bytes came, but no frame could be made of them
         base = TimeBase(TimeSpec(rate=100.0, frame_bytes=26))
@@ -553,6 +529,13 @@ class TestWhatOnlyTheHostSaid:
         base.reopened(int(f.t_ns[-1]) + 10 * SECOND)
         base.stamp(f.t_ns[-1:] + 11 * SECOND, f.place[-1:] + 26)
         assert (base.report().gap_count, base.report().inferred) == (2, 0)
+
+    @pytest.mark.parametrize("name", ["frames", "clock"])
+    def test_a_delay_that_stays_is_inferred_and_what_a_count_shows_is_not(self, name):
+        report, _ = stamp(SPECS[name], later(frames(6000), 5 * SECOND))
+        assert (report.inferred, report.inferred_time) == (1, pytest.approx(5.0, abs=0.01))
+        report, _ = stamp(SPECS[name], without(frames(6000), slice(3000, 3100)))
+        assert (report.gap_count, report.lost, report.inferred, report.inferred_time) == (1, 100, 0, 0.0)
 
 
 def test_a_frame_counter_beside_a_clock_says_how_many_are_missing():

@@ -71,7 +71,7 @@ def test_scans_arrive_whole_and_say_what_they_mean(machine, gyro, collect):
     assert np.allclose(columns["temp_c"], 0.1 * (np.arange(1000) % 100))
 
 
-def test_the_device_is_set_up_and_put_back(machine, gyro):
+def test_the_device_is_set_up_and_put_back_after_a_refusal_half_way_too(machine, gyro):
     before = snapshot(gyro)
     with machine.source(rate=50, length=128, watermark=4, channels=("anglvel_x", "timestamp")) as source:
         during = snapshot(gyro)
@@ -82,6 +82,11 @@ def test_the_device_is_set_up_and_put_back(machine, gyro):
         "current_timestamp_clock": "monotonic",
         "scan_elements/in_anglvel_x_en": "1", "scan_elements/in_timestamp_en": "1",
     }  # fmt: skip
+    assert snapshot(gyro) == before
+    (gyro / "buffer" / "length").unlink()
+    before = snapshot(gyro)
+    with pytest.raises(LineError):
+        machine.source().open()
     assert snapshot(gyro) == before
 
 
@@ -117,14 +122,6 @@ def test_what_is_set_is_taken_back(machine, more, options, attribute, during):
     with machine.source(**options):
         assert snapshot(folder)[attribute] == during != before[attribute]
     assert snapshot(folder) == before
-
-
-def test_a_refusal_half_way_puts_back_what_was_done(machine, gyro):
-    (gyro / "buffer" / "length").unlink()
-    before = snapshot(gyro)
-    with pytest.raises(LineError):
-        machine.source().open()
-    assert snapshot(gyro) == before
 
 
 def test_which_device_and_what_its_layout_says(machine, gyro, collect):
@@ -202,7 +199,7 @@ def test_the_mount_matrix_is_read(tmp_path, file):
         assert machine.source().layout.mounts == mounts
 
 
-def test_a_device_that_says_nothing_is_stalled(machine, gyro, collect):
+def test_a_device_that_says_nothing_is_stalled_and_one_that_goes_is_lost_and_found_again(machine, gyro, collect):
     """20 periods of 100 Hz."""
     with machine.source() as source:
         collect(source, lambda got: got.kinds == ["opened"])
@@ -214,9 +211,6 @@ def test_a_device_that_says_nothing_is_stalled(machine, gyro, collect):
         got = collect(source, lambda got: len(got) == 2)
         os.close(writer)
     assert (got.kinds, got.data) == (["resumed"], scan(1))
-
-
-def test_a_device_that_goes_is_lost_and_found_again(machine, gyro, collect):
     with machine.source(stall_periods=1e5) as source:
         collect(source, lambda got: got.kinds == ["opened"])
         writer = machine.writer()
@@ -263,16 +257,13 @@ def test_polling_reads_each_channel_at_the_rate(machine, clock):
             machine.polled(which, clock).open()
 
 
-def test_a_sign_that_the_kernel_forgot_is_given_back(machine, gyro, clock):
+def test_a_sign_that_the_kernel_forgot_is_given_back_and_a_value_that_is_none_is_a_loss(machine, gyro, clock, collect):
     """Kernels before commit fde272e78e showed the ADXRS290's rates unsigned: −19999 as 45537."""
     (gyro / "in_anglvel_x_raw").write_text("45537\n")
     with machine.polled("adxrs290", clock, channels=["anglvel_x"]) as source:
         source.read(1)
         _, columns = taken_apart(source.layout, source.read(1)[0].data)
     assert columns["gyr_x"] == pytest.approx([-19999 * SCALE])
-
-
-def test_a_value_that_is_none_is_a_loss_and_no_exception(machine, gyro, collect, clock):
     with machine.polled("adxrs290", clock) as source:
         collect(source, lambda got: got.kinds == ["opened"])
         (gyro / "in_temp_raw").write_text("garbage\n")

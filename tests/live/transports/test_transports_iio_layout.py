@@ -45,7 +45,7 @@ def test_elements_lie_at_multiples_of_their_size(types, size):
     assert layout(*types).size == size
 
 
-def test_three_rates_a_temperature_and_the_time():
+def test_three_rates_a_temperature_and_the_time_in_the_units_of_iio():
     """ADXRS290: 87266 nrad/s and 0.1 °C a count (Linux, drivers/iio/gyro/adxrs290.c); the scan is padded to 16 bytes.
     2468, −19999 and 317 counts are 12.34 °/s, −99.995 °/s and 31.7 °C."""
     rates = [IioChannel(f"anglvel_{axis}", i, S16, scale=87266e-9) for i, axis in enumerate("xy")]
@@ -57,10 +57,7 @@ def test_three_rates_a_temperature_and_the_time():
     assert np.rad2deg(columns["gyr_x"]) == pytest.approx(12.34, rel=1e-5)  # 87266 nrad/s is 0.0049999 °/s
     assert np.rad2deg(columns["gyr_y"]) == pytest.approx(-99.995, rel=1e-5)
     assert columns["temp_c"] == pytest.approx(31.7)
-
-
-def test_units_of_iio():
-    """rad/s, m/s², gauss (1 G = 100 µT), thousandths of °C; (raw + offset) × scale."""
+    # rad/s, m/s², gauss (1 G = 100 µT), thousandths of °C; (raw + offset) × scale.
     names = ("anglvel_x", "accel_x", "magn_x", "temp")
     channels = tuple(IioChannel(name, i, S16, scale=0.5, offset=-2.0) for i, name in enumerate(names))
     columns = decoded(IioLayout("all", channels), struct.pack("<4h", 6, 6, 6, 6))

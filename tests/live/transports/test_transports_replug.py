@@ -75,7 +75,7 @@ def kinds(items):
     return [item.kind for item in items]
 
 
-def test_it_opens_once_and_gives_what_comes(make, clock):
+def test_it_opens_once_gives_what_comes_and_is_finished_once_closed(make, clock):
     line = make(gather=0.002)
     assert line.open() is line.open()
     assert kinds(line.read(0)) == ["opened"]
@@ -84,6 +84,12 @@ def test_it_opens_once_and_gives_what_comes(make, clock):
     assert line.read(5) == [Received(clock(), b"abc")]
     line.say(b"0")  # nothing is no answer
     assert (line.read(1), len(line.asked)) == ([], 1)
+    with make() as line:
+        assert not line.finished
+        line.read(0)
+    line.close()
+    assert line.finished
+    assert (line.read(1), line.wires[0].closed) == ([], 1)
 
 
 def test_read_opens_and_asks_again(make):
@@ -124,16 +130,13 @@ def test_loss_is_told_with_both_times_and_mended(make, clock):
     assert back.text == "pipe is open again after 0.350 s without it."
 
 
-def test_a_line_that_breaks_whenever_it_is_opened_is_not_hammered(make, clock):
+def test_a_line_that_breaks_whenever_it_is_opened_is_not_hammered_but_bytes_make_up_for_failures(make, clock):
     line, start = make(), clock()
     line.read(0)
     while clock() - start < 10_000_000_000:
         line.say(b"!")
         assert kinds(line.read(1) + line.read(1)) == ["lost", "reopened"]
     assert len(line.asked) < 25
-
-
-def test_bytes_make_up_for_failures_from_before(make):
     line = make(*[ABSENT] * 6, wait=True)
     while not any(e.kind == "opened" for e in line.read(1.0)):
         pass
@@ -176,15 +179,6 @@ def test_silence_is_told_once_or_breaks_the_line(make, clock):
     line.read(0)
     clock.sleep(0.5)
     assert [kinds(line.read(wait)) for wait in (0, 1, 0)] == [["lost"], ["reopened"], []]
-
-
-def test_closed_is_finished(make):
-    with make() as line:
-        assert not line.finished
-        line.read(0)
-    line.close()
-    assert line.finished
-    assert (line.read(1), line.wires[0].closed) == ([], 1)
 
 
 def test_what_can_never_be_right(make):

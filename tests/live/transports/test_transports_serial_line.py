@@ -42,7 +42,7 @@ def open_descriptors():
     return sum(1 for _ in Path("/proc/self/fd").iterdir())
 
 
-def test_bytes_arrive_unchanged_with_the_monotonic_time(opened, line, collect):
+def test_bytes_arrive_unchanged_with_the_monotonic_time_and_listening_costs_none(opened, line, collect):
     data = bytes(range(256)) * 4  # XON, XOFF, CR, NL, INTR and NUL among them
     before = time.monotonic_ns()
     line.write(data)
@@ -52,9 +52,14 @@ def test_bytes_arrive_unchanged_with_the_monotonic_time(opened, line, collect):
     assert before <= times[0] <= times[-1] <= time.monotonic_ns()
     assert times == sorted(times)
     assert opened.name == str(line.link)
+    start, cpu = time.monotonic(), time.process_time()
+    assert opened.read(0.3) == []
+    took = time.monotonic() - start
+    assert took >= 0.299
+    assert time.process_time() - cpu < 0.25 * took
 
 
-def test_unplugged_and_plugged_in_again(opened, line, collect):
+def test_unplugged_and_plugged_in_again_leaves_nothing_behind(opened, line, collect):
     line.write(b"before")
     collect(opened, lambda got: got.data == b"before")
     line.pull()
@@ -64,9 +69,6 @@ def test_unplugged_and_plugged_in_again(opened, line, collect):
     collect(opened, lambda got: got.kinds == ["reopened"])
     line.write(b"after")
     assert collect(opened, lambda got: got.data).data == b"after"
-
-
-def test_many_losses_leave_nothing_behind(opened, line, collect):
     descriptors = open_descriptors()
     for _ in range(5):
         line.pull()
@@ -77,7 +79,7 @@ def test_many_losses_leave_nothing_behind(opened, line, collect):
     assert open_descriptors() == descriptors
 
 
-def test_a_renamed_port_is_found_by_its_pattern(line, tmp_path, collect):
+def test_a_renamed_port_is_found_by_its_pattern_and_an_absent_one_is_an_error_or_waited_for(line, tmp_path, collect):
     with SerialSource(str(tmp_path / "tty*"), 9600) as source:
         collect(source, lambda got: got.kinds == ["opened"])
         line.pull()
@@ -85,6 +87,17 @@ def test_a_renamed_port_is_found_by_its_pattern(line, tmp_path, collect):
         line.plug()
         got = collect(source, lambda got: "reopened" in got.kinds)
         assert "ttyOTHER" in got.events[-1].text
+    line.pull()
+    with pytest.raises(LineError, match=r"There is no serial port .*; the ports of this machine: "):
+        SerialSource(str(line.link), 9600).open()
+    with SerialSource(str(line.link), 9600, wait=True) as waiting:
+        assert [event.kind for event in waiting.read(0)] == ["absent"]
+        start, cpu = time.monotonic(), time.process_time()
+        while time.monotonic() - start < 0.5:
+            waiting.read(0.2)
+        assert time.process_time() - cpu < 0.25 * (time.monotonic() - start)  # waiting costs no time
+        line.plug()
+        collect(waiting, lambda got: got.kinds == ["opened"])
 
 
 def test_bytes_come_before_the_loss_that_follows_them(opened, line, monkeypatch):
@@ -105,28 +118,6 @@ def test_bytes_come_before_the_loss_that_follows_them(opened, line, monkeypatch)
     assert received.data == b"abcdef"
     assert lost.kind == "lost"
     assert "Input/output error" in lost.text
-
-
-def test_an_absent_port_is_an_error_that_lists_the_ports_or_is_waited_for(line, collect):
-    line.pull()
-    with pytest.raises(LineError, match=r"There is no serial port .*; the ports of this machine: "):
-        SerialSource(str(line.link), 9600).open()
-    with SerialSource(str(line.link), 9600, wait=True) as waiting:
-        assert [event.kind for event in waiting.read(0)] == ["absent"]
-        start, cpu = time.monotonic(), time.process_time()
-        while time.monotonic() - start < 0.5:
-            waiting.read(0.2)
-        assert time.process_time() - cpu < 0.25 * (time.monotonic() - start)  # waiting costs no time
-        line.plug()
-        collect(waiting, lambda got: got.kinds == ["opened"])
-
-
-def test_listening_costs_no_time(opened):
-    start, cpu = time.monotonic(), time.process_time()
-    assert opened.read(0.3) == []
-    took = time.monotonic() - start
-    assert took >= 0.299
-    assert time.process_time() - cpu < 0.25 * took
 
 
 def test_a_second_reader_is_refused(opened, line):
@@ -286,7 +277,7 @@ def kind_of(port, ports, words):
     return no.value.kind
 
 
-def test_by_path_pattern_and_usb_identity(tmp_path, monkeypatch):
+def test_by_path_pattern_and_usb_identity_and_ports_of_this_machine(tmp_path, monkeypatch):
     (tmp_path / "ttyX1").touch()
     path = str(tmp_path / "ttyX1")
     assert find(path) == find(str(tmp_path / "ttyX*")) == path
@@ -303,9 +294,6 @@ def test_by_path_pattern_and_usb_identity(tmp_path, monkeypatch):
     ):
         assert kind_of(port, PORTS, words) == kind
     assert kind_of("none", [], "the ports of this machine: none") == "absent"
-
-
-def test_ports_of_this_machine_and_what_can_be_none():
     assert all(port.device for port in list_ports())
     for port in ("", "auto:", "auto:403:6001", "auto:0403", "auto:0403:6001:"):
         with pytest.raises(ParameterError):

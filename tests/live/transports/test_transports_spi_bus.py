@@ -52,7 +52,7 @@ def make(clock, chip):
     return make
 
 
-def test_one_reply_for_each_poll_on_time(make, clock, chip):
+def test_one_reply_for_each_poll_on_time_of_one_command_several_or_a_function(make, clock, chip):
     with make() as source:
         (opened,) = source.read(1)
         start = clock()
@@ -62,29 +62,32 @@ def test_one_reply_for_each_poll_on_time(make, clock, chip):
     assert [item.data.hex() for item in got] == ["00000001", "00000001", "00000002", "00000003"]
     assert chip.commands == [SENSOR] * 4
     assert chip.closed == 1
-
-
-def test_replies_of_several_commands_are_joined(make):
+    chip.__init__(clock)
     with make([SENSOR, CHECK]) as source:
         source.read(1)
         words = [int.from_bytes(source.read(1)[0].data, "big") for _ in range(2)]
     assert words == [0x00000001_00000001, 0x00000002_00000003]
-
-
-def test_an_exchange_may_be_a_function_and_a_start_comes_before_it(make, chip):
+    chip.__init__(clock)
     with make(lambda bus: bus.transfer(SENSOR)[::-1], start=lambda bus: bus.transfer(CHECK).hex()) as source:
         assert "Hz, 00000001) is open" in source.read(1)[0].text
         assert source.read(1)[0].data.hex() == "01000000"
     assert chip.commands == [CHECK, SENSOR]
 
 
-def test_deadlines_do_not_drift(make, clock, chip):
+def test_deadlines_do_not_drift_and_a_chip_that_is_too_slow_is_asked_as_often_as_it_can(make, clock, chip):
     chip.cost_ns = 300_000
     with make() as source:
         source.read(1)
         start = clock()
         times = [source.read(1)[0].t_ns - start for _ in range(1000)]
     assert times == [i * MS + 300_000 for i in range(1000)]
+    chip.cost_ns = 2_500_000
+    with make() as source:
+        source.read(1)
+        got = [item for _ in range(20) for item in source.read(1)]
+    polls = sum(isinstance(item, Received) for item in got)
+    missed = sum(item.count for item in got if not isinstance(item, Received))
+    assert (polls, missed) == (20, (20 * 25 - 25) // 10 - 19)  # deadlines until the last question, less those met
 
 
 def test_missed_deadlines_are_counted_and_not_made_up_for(make, clock):
@@ -98,16 +101,6 @@ def test_missed_deadlines_are_counted_and_not_made_up_for(make, clock):
         assert answer.t_ns - start == 10_500_000
         (answer,) = source.read(1)
         assert answer.t_ns - start == 11 * MS
-
-
-def test_a_chip_that_is_too_slow_is_asked_as_often_as_it_can(make, chip):
-    chip.cost_ns = 2_500_000
-    with make() as source:
-        source.read(1)
-        got = [item for _ in range(20) for item in source.read(1)]
-    polls = sum(isinstance(item, Received) for item in got)
-    missed = sum(item.count for item in got if not isinstance(item, Received))
-    assert (polls, missed) == (20, (20 * 25 - 25) // 10 - 19)  # deadlines until the last question, less those met
 
 
 def test_read_waits_no_longer_than_it_may_and_closed_is_finished(make, clock):
@@ -208,15 +201,12 @@ BUOY = (Task("tick", MS), Task("sample", 3 * MS), Task("fuse", 10 * MS), Task("s
 """Scheduler of the drifting buoy, [Yu2018]."""
 
 
-def test_the_buoys_periods():
+def test_the_buoys_periods_and_tasks_in_their_order_and_not_before():
     """Asked each ms for a second: 1, 3, 10 and 50 ms give so many deadlines, those at both ends included."""
     schedule = Schedule(BUOY)
     names = [name for t in range(0, 1000 * MS + 1, MS) for name in schedule.due(t)]
     assert {name: names.count(name) for name in names} == {"tick": 1001, "sample": 334, "fuse": 101, "store": 21}
     assert set(schedule.missed.values()) == {0}
-
-
-def test_tasks_are_due_in_their_order_and_not_before():
     schedule = Schedule(BUOY)
     assert (schedule.due(0), schedule.due(0)) == (("tick", "sample", "fuse", "store"), ())
     assert (schedule.due(MS), schedule.due(3 * MS)) == (("tick",), ("tick", "sample"))

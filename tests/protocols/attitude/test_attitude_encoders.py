@@ -134,11 +134,25 @@ def test_sentences_go_with_what_headings_count_from(names: Any, north: North, de
         lines.sentences_for(names, north, declination)
 
 
-def test_free_heading_is_never_sent_as_one() -> None:
+def test_free_heading_and_unknown_attitude_are_no_numbers_and_negative_zero_is_zero() -> None:
     free = one(track(77.0, 0.0, 0.0, north=North.FREE), declination=0.1)
     lost = one(track(77.0, 0.0, 0.0, flags=np.array([flags.HEADING_FREE], dtype=np.uint32)), declination=0.1)
     sentences = [make(a) for a in (free, lost) for make in lines.SENTENCES.values()]
     assert sum(b"77.00" in sentence for sentence in sentences) == 0
+    a = one(track(0.0, 0.0, 0.0, q_nb=np.full((1, 4), np.nan)))
+    for name, make in lines.SENTENCES.items():
+        assert (
+            not any(c.isdigit() for c in make(a).decode().partition("*")[0].replace("221320.123", ""))
+            or name == "PASHR"
+        )
+        assert b"nan" not in make(a).lower()
+    assert fields(lines.pashr(a))[2:] == ["", "T", "", "", "", "", "", "", "0", "0"]
+    assert lines.tss1(a) is None and lines.tss1(a, heave=0.0) is None
+    told = json.loads(lines.json_line(a))
+    assert told["roll_deg"] is None and told["q_nb"] is None and told["heading_deg"] is None
+    a = one(track(-0.0, -0.001, -0.001))
+    assert lines.xdr(a).startswith(b"$IIXDR,A,0.00,D,PITCH,A,0.00,D,ROLL*") and b"+0.00,+0.00" in lines.pashr(a)
+    assert lines.tss1(a) == b":000000  0000u 0000  0000\r\n"
 
 
 @pytest.mark.parametrize("flag", [flags.NOT_CONVERGED, flags.GAP, flags.TIME_FAULT, flags.GYR_HELD])
@@ -156,32 +170,18 @@ def test_what_is_not_reliable_says_so(flag: int) -> None:
     assert told["flags"] == list(flags.names(flag)) and told["reliable"] is False
 
 
-def test_unknown_attitude_is_no_number() -> None:
-    a = one(track(0.0, 0.0, 0.0, q_nb=np.full((1, 4), np.nan)))
-    for name, make in lines.SENTENCES.items():
-        assert (
-            not any(c.isdigit() for c in make(a).decode().partition("*")[0].replace("221320.123", ""))
-            or name == "PASHR"
-        )
-        assert b"nan" not in make(a).lower()
-    assert fields(lines.pashr(a))[2:] == ["", "T", "", "", "", "", "", "", "0", "0"]
-    assert lines.tss1(a) is None and lines.tss1(a, heave=0.0) is None
-    told = json.loads(lines.json_line(a))
-    assert told["roll_deg"] is None and told["q_nb"] is None and told["heading_deg"] is None
-
-
-def test_negative_zero_is_zero() -> None:
-    a = one(track(-0.0, -0.001, -0.001))
-    assert lines.xdr(a).startswith(b"$IIXDR,A,0.00,D,PITCH,A,0.00,D,ROLL*") and b"+0.00,+0.00" in lines.pashr(a)
-    assert lines.tss1(a) == b":000000  0000u 0000  0000\r\n"
-
-
-def test_standard_deviations() -> None:
+def test_standard_deviations_json_has_everything_and_tss1_no_line_beyond_its_range() -> None:
     sd = units.deg(np.array([0.5, 0.25, 2.0]))
     found = track(40.0, 0.0, 0.0, cov_b=np.diag(sd**2)[None])
     pashr: Any = pynmea2.parse(lines.pashr(one(found)).decode())
     assert (pashr.roll_accuracy, pashr.pitch_accuracy, pashr.heading_accuracy) == (0.5, 0.25, 2.0)
     assert json.loads(lines.json_line(one(found)))["sigma_deg"] == {"roll": 0.5, "pitch": 0.25, "heading": 2.0}
+    told = json.loads(lines.json_line(one(track(359.9999999, 2.0, 3.0))))
+    assert told["utc"] == "2023-11-14T22:13:20.123456789Z" and told["heading_deg"] == 0.0
+    assert (told["roll_deg"], told["pitch_deg"], told["north"], told["reliable"]) == (3.0, 2.0, "true", True)
+    assert json.loads(lines.json_line(one(track(0, 0, 0), utc=False)))["utc"] is None
+    assert lines.tss1(one(track(0.0, 0.0, 120.0))) is None
+    assert lines.tss1(one(track(0.0, 0.0, 99.99)))[14:19] == b" 9999"  # type: ignore[index]
 
 
 def turning(rate_dps: float) -> AttitudeTrack:
@@ -193,7 +193,7 @@ def turning(rate_dps: float) -> AttitudeTrack:
     )  # fmt: skip
 
 
-def test_rate_of_turn() -> None:
+def test_rate_of_turn_and_rates_of_the_gyroscope_without_its_bias() -> None:
     """6 °/s to starboard are 360 ° in a minute; the first attitude of a track alone has no rate."""
     first, *_, last = attitudes(turning(6.0), range(5), t0_ns=NOON, utc=True)
     rot = NMEAReader.parse(lines.rot(last))
@@ -201,9 +201,6 @@ def test_rate_of_turn() -> None:
     assert fields(lines.rot(first)) == ["$TIROT", "", "V"]
     port = [*attitudes(turning(-6.0), range(5), t0_ns=NOON, utc=True)][-1]
     assert NMEAReader.parse(lines.rot(port)).rot == -360.0
-
-
-def test_rates_are_those_of_the_gyroscope_without_its_bias() -> None:
     found = AttitudeTrack(t=[0.0], q_nb=[[1, 0, 0, 0]], frame=Frame.NED, north=North.TRUE, bias_b=[[0.0, 0.0, 0.01]])
     imu = ImuData(t=[0.0], gyr=[[0.0, 0.0, 0.11]], acc=[[0.0, 0.0, -9.8]])
     a = one(found, imu=imu)
@@ -225,25 +222,13 @@ def test_tss1_says_accelerations_heave_and_angles(north: float, up: float, heave
     assert lines.tss1(a, heave) == line
 
 
-def test_tss1_has_no_line_beyond_its_range() -> None:
-    assert lines.tss1(one(track(0.0, 0.0, 120.0))) is None
-    assert lines.tss1(one(track(0.0, 0.0, 99.99)))[14:19] == b" 9999"  # type: ignore[index]
-
-
-def test_json_has_everything() -> None:
-    told = json.loads(lines.json_line(one(track(359.9999999, 2.0, 3.0))))
-    assert told["utc"] == "2023-11-14T22:13:20.123456789Z" and told["heading_deg"] == 0.0
-    assert (told["roll_deg"], told["pitch_deg"], told["north"], told["reliable"]) == (3.0, 2.0, "true", True)
-    assert json.loads(lines.json_line(one(track(0, 0, 0), utc=False)))["utc"] is None
-
-
 def mavlink_of(data: bytes) -> list[Any]:
     from pymavlink.dialects.v20 import common
 
     return common.MAVLink(None).parse_buffer(data) or []
 
 
-def test_mavlink_is_read_by_pymavlink() -> None:
+def test_mavlink_is_read_by_pymavlink_withholds_what_is_not_reliable_and_has_true_yaws() -> None:
     coder = Mavlink()
     rows = list(attitudes(turning(10.0), range(5), t0_ns=NOON, utc=True))
     messages = [m for a in rows for m in mavlink_of(coder.encode(a) or b"")]
@@ -256,15 +241,9 @@ def test_mavlink_is_read_by_pymavlink() -> None:
     assert q == pytest.approx(turning(10.0).q_nb[4], abs=1e-6)
     down = np.array([attitude.rollspeed, attitude.pitchspeed, attitude.yawspeed])
     assert down == pytest.approx(float(units.deg(10.0)) * np.array([0, math.sin(0.3), math.cos(0.3)]), abs=1e-6)
-
-
-def test_mavlink_withholds_what_is_not_reliable_and_says_so() -> None:
     words = np.array([flags.NOT_CONVERGED], dtype=np.uint32)
     messages = mavlink_of(Mavlink().encode(one(track(1.0, 2.0, 3.0, flags=words))) or b"")
     assert [m.get_type() for m in messages] == ["HEARTBEAT"] and messages[0].system_status == 2  # CALIBRATING
-
-
-def test_mavlink_yaw_is_true_where_the_declination_is_known() -> None:
     magnetic = AttitudeTrack(t=turning(0.0).t, q_nb=turning(0.0).q_nb, frame=Frame.NED, north=North.MAGNETIC)
     a = [*attitudes(magnetic, range(5), t0_ns=0, utc=False, declination=0.25)][-1]
     _, attitude, quaternion = mavlink_of(Mavlink().encode(a) or b"")
