@@ -9,7 +9,7 @@ over a block of time is all that the 48 arrangements, the scale, the biases and 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Final
 
@@ -70,43 +70,31 @@ class Samples:
         return np.asarray(mean)
 
 
-class Grid:
-    """Means of rates and of a vector (N, 3) over the same even bins of time; NaN where a sensor has no samples."""
+def scalars(rate: Floats, vector: Floats, size: int, shift: int = 0) -> Floats:
+    """Scalars of each pair of neighbouring windows (19, n), weighted; those of a pair that a pause spoils are 0.
 
-    def __init__(self, rate: Floats, vector: Floats) -> None:
-        self.size, self.vector, self._room = len(rate), vector, np.empty(15 * len(rate))
-        self.finite = [np.isfinite(values[:, 0]) for values in (rate, vector)]
-        self.values = [
-            np.where(finite, values.T, 0.0) for finite, values in zip(self.finite, (rate, vector), strict=True)
-        ]
-
-    def scalars(self, size: int, shift: int = 0) -> Floats:
-        """Scalars of each pair of neighbouring windows (19, n), weighted; those of a pair that a pause spoils are 0.
-
-        A window has `size` bins; the vector is `shift` bins later than the rates.
-        """
-        length = (self.size - abs(shift)) // size * size
-        if length < 2 * size:
-            return np.zeros((SCALARS, 0))
-        first, second = (slice(start, start + length) for start in (max(-shift, 0), max(shift, 0)))
-        rate, u = self.values[0][:, first], self.values[1][:, second]
-        finite = np.asarray(self.finite[0][first] & self.finite[1][second])
-        if not finite.all():
-            rate, u = rate * finite, u * finite
-        terms = self._room[: 15 * length].reshape(15, length)
-        np.multiply(u[:, np.newaxis], rate, out=terms[:9].reshape(3, 3, length))
-        terms[9:12], terms[12:] = u, rate
-        # The integral from the mean instant of one window to that of the next weighs the terms by a triangle.
-        weights = np.stack((np.ones(size), (np.arange(size) + 0.5) / size * BIN), axis=1)
-        area, ramp = (terms.reshape(-1, size) @ weights).T.reshape(2, 15, -1)
-        row = np.empty((SCALARS, length // size - 1))
-        row[:15] = ramp[:, :-1] + BIN * area[:, 1:] - ramp[:, 1:]
-        row[15] = size * BIN
-        row[16:] = np.diff(area[9:12], axis=1) / size
-        if not finite.all():
-            complete = np.asarray(finite.reshape(-1, size).all(axis=1))
-            row[:, ~(complete[1:] & complete[:-1])] = 0.0
-        return row
+    Rates and vector (N, 3) are means over the same even bins of time, NaN where a sensor has no samples. A window has
+    `size` bins; the vector is `shift` bins later than the rates.
+    """
+    length = (len(rate) - abs(shift)) // size * size
+    if length < 2 * size:
+        return np.zeros((SCALARS, 0))
+    pair = rate[max(-shift, 0) :][:length], vector[max(shift, 0) :][:length]
+    finite = np.asarray(np.isfinite(pair[0][:, 0]) & np.isfinite(pair[1][:, 0]))
+    w, u = (np.where(finite, values.T, 0.0) for values in pair)
+    terms = np.empty((15, length))
+    np.multiply(u[:, np.newaxis], w, out=terms[:9].reshape(3, 3, length))
+    terms[9:12], terms[12:] = u, w
+    # The integral from the mean instant of one window to that of the next weighs the terms by a triangle.
+    weights = np.stack((np.ones(size), (np.arange(size) + 0.5) / size * BIN), axis=1)
+    area, ramp = (terms.reshape(-1, size) @ weights).T.reshape(2, 15, -1)
+    row = np.empty((SCALARS, length // size - 1))
+    row[:15] = ramp[:, :-1] + BIN * area[:, 1:] - ramp[:, 1:]
+    row[15] = size * BIN
+    row[16:] = np.diff(area[9:12], axis=1) / size
+    complete = np.asarray(finite.reshape(-1, size).all(axis=1))
+    row[:, ~(complete[1:] & complete[:-1])] = 0.0
+    return row
 
 
 @cache
@@ -145,7 +133,7 @@ _ROUNDS: Final = 3
 _CONTRADICTS: Final = 4.6  # 100 to 1
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class VectorFit:
     """One vector sensor against the gyroscope."""
 
@@ -162,26 +150,15 @@ class VectorFit:
     explained: float  # part of the change that the best arrangement explains, 0 to 1
     contradicted: bool = False  # whether windows of another length say something else
     in_step: float = 0.0  # delay that pushes feign where they come in step with the turning, s
+    best: int = field(init=False)  # number of the best arrangement
+    margin: float = field(init=False)  # logarithm of the odds of the best arrangement against the next
+    agrees: bool = field(init=False)  # whether both halves of the recording say the same
+    torn: bool = field(init=False)  # whether a half of the recording clearly says something else
 
-    @property
-    def best(self) -> int:
-        """Number of the best arrangement."""
-        return int(np.argmax(self.log_odds))
-
-    @property
-    def agrees(self) -> bool:
-        """Whether both halves of the recording say the same."""
-        return all(int(np.argmax(half)) == self.best for half in self.halves)
-
-    @property
-    def torn(self) -> bool:
-        """Whether a half of the recording clearly says something else."""
-        return any(float(half.max() - half[self.best]) > _CONTRADICTS for half in self.halves)
-
-    @property
-    def margin(self) -> float:
-        """Logarithm of the odds of the best arrangement against the next."""
-        return float(-np.sort(self.log_odds)[-2])
+    def __post_init__(self) -> None:
+        self.best, self.margin = int(np.argmax(self.log_odds)), float(-np.sort(self.log_odds)[-2])
+        self.agrees = all(int(np.argmax(half)) == self.best for half in self.halves)
+        self.torn = any(float(half.max() - half[self.best]) > _CONTRADICTS for half in self.halves)
 
 
 def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> VectorFit | None:
@@ -194,13 +171,15 @@ def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> VectorFit |
     if not length > 0.0 or not np.nanmax(np.abs(gyr), initial=0.0) > 0.0:
         return None
     edges, rates = np.arange(t[0], t[-1] + BIN, BIN), Samples(t, gyr)
-    at = Grid(rates.means(edges), Samples(t, vector / length).means(edges))
-    searches = [_ArrangementSearch(at, size, offset) for size in WINDOWS]
-    fits = [(search.fit(length), search) for search in searches if search.scale > 0.0]
-    if not fits:
+    means = rates.means(edges), Samples(t, vector / length).means(edges)
+    searches = [_ArrangementSearch(*means, size, offset) for size in WINDOWS]
+    searches = [search for search in searches if search.scale > 0.0]
+    if not searches:
         return None
-    best, search = max(fits, key=lambda pair: pair[0].margin)
-    against = any(rival.best != best.best and rival.margin > _CONTRADICTS and rival.agrees for rival, _ in fits)
+    fits = [search.fit(length) for search in searches]
+    clearest = int(np.argmax([rival.margin for rival in fits]))
+    best, search = fits[clearest], searches[clearest]
+    against = any(rival.best != best.best and rival.margin > _CONTRADICTS and rival.agrees for rival in fits)
     delays, sds = search.delays(rates, edges, best.best, best.delay)
     return replace(best, contradicted=against, delay=delays[0], delay_sd=sds[0], delay_halves=(delays[1], delays[2]))
 
@@ -208,9 +187,9 @@ def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> VectorFit |
 class _ArrangementSearch:
     """Search of arrangement and delay with windows of one size."""
 
-    def __init__(self, at: Grid, size: int, offset: float) -> None:
-        self.at, self.size = at, size
-        self.block = max(4, round(min(_BLOCK, at.size * BIN / 10.0) / (size * BIN)))
+    def __init__(self, rate: Floats, vector: Floats, size: int, offset: float) -> None:
+        self.rate, self.vector, self.size = rate, vector, size
+        self.block = max(4, round(min(_BLOCK, len(rate) * BIN / 10.0) / (size * BIN)))
         grams = self._blocks(0)
         turned = float(np.einsum("bii->", grams[:, 12:15, 12:15]))
         changed = np.einsum("bii->b", grams[:, 16:, 16:])
@@ -223,7 +202,7 @@ class _ArrangementSearch:
 
     def fit(self, length: float) -> VectorFit:
         """Best delay of each arrangement on the grid, and their odds by blocks."""
-        reach = min(round(LONGEST_DELAY / BIN), self.at.size // 4)
+        reach = min(round(LONGEST_DELAY / BIN), len(self.rate) // 4)
         shifts = np.arange(-reach, reach + 1)
         residual = self._residuals(shifts)  # (shifts, 48)
         at = residual.argmin(axis=0)
@@ -236,14 +215,19 @@ class _ArrangementSearch:
         counts = cut[int(at[first])][:count, 15, 15] / (self.size * BIN) ** 2  # windows that count in each block
         best = _Scored(moments[first : first + 1], counts, self.ridge)
         # independent samples for each window: residuals of neighbours are alike
-        row = self.at.scalars(self.size, int(shifts[at[first]]))[:, : len(best.counts) * self.block]
+        row = scalars(self.rate, self.vector, self.size, int(shifts[at[first]]))[:, : len(best.counts) * self.block]
         residuals = np.einsum("in,cai,a->nc", row, designs()[first], np.append(-best.p[0], 1.0), optimize=True)
         sd = np.repeat(np.sqrt(best.variance[0]), self.block)[: len(residuals), np.newaxis]
         counts = 1.0 / inflation(residuals / sd) * counts
         scored = _Scored(moments, counts, self.ridge)
         log = scored.log_likelihood
         top = int(log.argmax())
-        halves = scored.halves(top)
+        # blocks of either half of what tells of the best
+        before, after = scored.change[top] + scored.floor[top], scored.residual[top] + scored.floor[top]
+        tells = np.cumsum(np.maximum(np.where(scored.live, counts * np.log(before / after), 0.0), 0.0))
+        early = tells <= 0.5 * tells[-1]
+        early[0], early[-1] = True, False
+        halves = early, ~early
         by_half = [_Scored(moments[:, half], counts[half], self.ridge).log_likelihood for half in halves]
         self.weights = np.where((np.ones(count, dtype=np.bool_), *halves), scored.weight[top], 0.0)
         p, cov = scored.p[top], solved(scored.normal[top], np.eye(FREE))
@@ -262,7 +246,7 @@ class _ArrangementSearch:
 
     def _blocks(self, shift: int) -> Floats:
         """Gram matrices (blocks, 19, 19) of the scalars, with the rates moved by whole bins."""
-        row = self.at.scalars(self.size, shift)
+        row = scalars(self.rate, self.vector, self.size, shift)
         count = max(1, row.shape[1] // self.block) * self.block
         row = np.pad(row, ((0, 0), (0, max(0, count - row.shape[1]))))[:, :count]
         cut = row.reshape(SCALARS, -1, self.block).swapaxes(0, 1)
@@ -279,9 +263,8 @@ class _ArrangementSearch:
 
         The negative of an arrangement has the same solution with the scale negated, and a scale is positive.
         """
-        grams = np.concatenate(
-            [self._gram(self.at.scalars(self.size, int(shift)), self.weight[np.newaxis]) for shift in shifts]
-        )
+        rows = (scalars(self.rate, self.vector, self.size, int(shift)) for shift in shifts)
+        grams = np.concatenate([self._gram(row, self.weight[np.newaxis]) for row in rows])
         m = _moments(grams, np.arange(len(_TURNED)))  # (24, S, 11, 11)
         change = m[0, :, -1, -1]
         weak = np.diag(self.ridge) * (change / (3.0 * self.block * len(self.weight)) + 1e-12)[:, np.newaxis, np.newaxis]
@@ -304,8 +287,8 @@ class _ArrangementSearch:
                 centre = at[i] if step == 2 else at[0]
                 for d in centre + away:
                     if d not in costs:
-                        moved = Grid(rates.means(edges - d), self.at.vector)
-                        grams = self._gram(moved.scalars(self.size, shift), self.weights)
+                        row = scalars(rates.means(edges - d), self.vector, self.size, shift)
+                        grams = self._gram(row, self.weights)
                         m = _moments(grams, np.array([n]))[0]  # weighted by inverse variances
                         p = solved(m[:, :-1, :-1] + np.diag(self.ridge), m[:, :-1, -1:])[..., 0]
                         costs[d] = 0.5 * (m[:, -1, -1] - np.sum(p * m[:, :-1, -1], axis=1))
@@ -382,11 +365,3 @@ class _Scored:
         self.log_likelihood = -np.log(self.residual + floor)[:, live] @ counts[live] - 0.5 * self.p**2 @ ridge
         before = np.maximum(np.sum(self.weight * change, axis=1), 1e-300)
         self.explained = 1.0 - np.sum(self.weight * self.residual, axis=1) / before
-
-    def halves(self, n: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Blocks of either half of what tells of an arrangement."""
-        gain = self.counts * np.log((self.change[n] + self.floor[n]) / (self.residual[n] + self.floor[n]))
-        tells = np.cumsum(np.maximum(np.where(self.live, gain, 0.0), 0.0))
-        first = tells <= 0.5 * tells[-1]
-        first[0], first[-1] = True, False
-        return first, ~first

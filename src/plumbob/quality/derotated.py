@@ -13,6 +13,8 @@ has its own variance, and none convinces alone: it may be misled, so its odds co
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -87,45 +89,61 @@ class _DerotatedSearch:
         self.rate = self.gyr.means(edges)
         reach = min(round(LONGEST_DELAY / BIN), len(force) // 8) // _STRIDE * _STRIDE
         self.shifts = np.arange(-reach, reach + 1, _STRIDE)
-        self.levels = self._levels() if np.isfinite(self.rate).any() else []
-        self.logs = [level.likely() for level in self.levels]
-        self.together = np.sum(self.logs, axis=0)
-        self.plausible = float(self.together.max()) if self.levels else -np.inf
-
-    def _levels(self) -> list[_EqualWindows]:
-        """Mean square changes by windows of every length, which all come from the means of the shortest."""
-        overlap = len(self.force) - int(self.shifts[-1])  # what overlaps at each shift
+        # mean square changes by windows of every length, which all come from the means of the shortest
+        overlap = len(force) - reach  # what overlaps at each shift
         counts = {size: count for size in SIZES if (count := overlap // size) >= _FEWEST}
         blocks = {size: min(_BLOCK, (count - 1) // 2) for size, count in counts.items()}
         shape = (len(self.scales), len(self.shifts), 2, _HALF)
         residual = {size: np.full((*shape, (count - 1) // blocks[size]), _NEVER) for size, count in counts.items()}
         many = {size: np.full(power.shape[-1], np.inf) for size, power in residual.items()}
-        for i, scale in enumerate(self.scales):
-            for sign in self.signs:
-                dcm = rotations(self.rate, sign * scale)
-                for j, shift in enumerate(self.shifts):
-                    mean, valid = _products(dcm, self.force, SIZES[0], int(shift))
-                    for size, count in counts.items():
-                        block_power, some = _mean_squares(mean[:count], valid[:count], blocks[size])
-                        residual[size][i, j, 0 if sign > 0.0 else 1] = block_power
-                        many[size] = np.minimum(many[size], some)
-                        even = len(valid) // 2 * 2
-                        mean, valid = 0.5 * (mean[:even:2] + mean[1:even:2]), valid[:even:2] & valid[1:even:2]
-        return [
+        known = np.isfinite(self.rate).any()
+        for i, sign in product(range(len(self.scales)), self.signs if known else ()):
+            dcm = rotations(self.rate, sign * self.scales[i])
+            for j, shift in enumerate(self.shifts):
+                mean, valid = _products(dcm, force, SIZES[0], int(shift))
+                for size, count in counts.items():
+                    change, paired = _changed(mean[:count], valid[:count])
+                    block, number = blocks[size], len(many[size])
+                    change = change[: number * block].reshape(number, block * 3, 9)
+                    gram = np.swapaxes(change, 1, 2) @ change
+                    some = paired[: number * block].reshape(number, block).sum(axis=1).astype(np.float64)
+                    power = np.maximum(_SQUARED @ gram.reshape(number, 81).T, 0.0) / np.maximum(some, 1.0)
+                    residual[size][i, j, 0 if sign > 0.0 else 1] = power
+                    many[size] = np.minimum(many[size], some)
+                    even = len(valid) // 2 * 2
+                    mean, valid = 0.5 * (mean[:even:2] + mean[1:even:2]), valid[:even:2] & valid[1:even:2]
+        self.levels = [
             _EqualWindows(size, power.reshape(*shape[:2], 2 * _HALF, -1), many[size])
-            for size, power in residual.items()
-        ]
+            for size, power in residual.items() if known
+        ]  # fmt: skip
+        self.logs = [level.likely() for level in self.levels]
+        self.together = np.sum(self.logs, axis=0)
+        self.plausible = float(self.together.max()) if self.levels else -np.inf
 
     def fit(self) -> VectorFit:
         """Odds of each arrangement at its own best scale and delay, and the delay and scale of the best."""
         scale, shift, top = (int(i) for i in np.unravel_index(int(self.together.argmax()), self.together.shape))
         dcm = rotations(self.rate, (1.0 if top < _HALF else -1.0) * self.scales[scale])
-        shares = [self._share(level, dcm, shift, top) for level in self.levels]
+        shares = []  # independent changes for each of a level: what is left of neighbours is alike
+        for level in self.levels:
+            change, valid = _changed(*_products(dcm, self.force, level.size, int(self.shifts[shift])))
+            residual = change[valid] @ ARRANGEMENTS[top % _HALF].T.ravel()
+            usual = float(np.median(np.abs(residual))) if residual.size else 0.0
+            residual = np.clip(residual, -5.0 * usual, 5.0 * usual)
+            shares.append(1.0 / inflation(residual) if usual > 0.0 else 1.0)
         log = _agreed([share * logs for share, logs in zip(shares, self.logs, strict=True)])
         best = log.max(axis=(0, 1))
         top = int(best.argmax())
         scale, shift = (int(i) for i in np.unravel_index(int(log[:, :, top].argmax()), log.shape[:2]))
-        by_half = [self._half(shares, first) for first in (True, False)]
+        halves = []  # odds (48,) by the first half of each level's blocks, and by the others
+        for is_first in (True, False):
+            logs = []
+            for share, level in zip(shares, self.levels, strict=True):
+                early = np.cumsum(level.counts) <= 0.5 * level.counts.sum()
+                early[0], early[-1] = True, False
+                logs.append(share * level.likely(early == is_first))
+            half = _agreed(logs).max(axis=(0, 1))
+            halves.append(half - half.max())
         each_log = [share * logs.max(axis=(0, 1)) for share, logs in zip(shares, self.logs, strict=True)]
         margins = [log[top] - np.delete(log, top).max() for log in each_log]  # over the next of each level
         start = self.scales[scale], float(self.shifts[shift]) * BIN
@@ -135,11 +153,11 @@ class _DerotatedSearch:
         first = np.arange(len(blocks)) < len(blocks) // 2
         parts = [refined.estimate(rows) for rows in (blocks, first, ~first)]
         # pushes in step with the turning feign a scale, too, the less the more of them a window averages out
-        calm = max([one for one in each if math.isfinite(one.wider)] or [refined], key=lambda one: one.explained)
+        calm = max([it for it in each if math.isfinite(it.wider)] or [refined], key=attrgetter("explained"))
         of_scale = calm.estimate(np.ones(len(calm.change), dtype=np.bool_))[2:]
         return VectorFit(
             log_odds=best - best.max(),
-            halves=(by_half[0], by_half[1]),
+            halves=(halves[0], halves[1]),
             delay=parts[0][0],
             delay_sd=parts[0][1] * refined.wider,
             in_step=refined.in_step,
@@ -150,23 +168,6 @@ class _DerotatedSearch:
             offset=np.zeros(3),
             explained=refined.explained,
         )
-
-    def _share(self, level: _EqualWindows, dcm: Floats, shift: int, top: int) -> float:
-        """Independent changes for each of a level: what is left of neighbours is alike."""
-        change, valid = _changed(*_products(dcm, self.force, level.size, int(self.shifts[shift])))
-        residual = change[valid] @ ARRANGEMENTS[top % _HALF].T.ravel()
-        usual = float(np.median(np.abs(residual))) if residual.size else 0.0
-        return 1.0 / inflation(np.clip(residual, -5.0 * usual, 5.0 * usual)) if usual > 0.0 else 1.0
-
-    def _half(self, shares: Sequence[float], first: bool) -> Floats:
-        """Odds (48,) by the first half of each level's blocks, or by the others."""
-        logs = []
-        for share, level in zip(shares, self.levels, strict=True):
-            early = np.cumsum(level.counts) <= 0.5 * level.counts.sum()
-            early[0], early[-1] = True, False
-            logs.append(share * level.likely(early if first else ~early))
-        best = _agreed(logs).max(axis=(0, 1))
-        return np.asarray(best - best.max())
 
 
 def _agreed(logs: Sequence[Floats]) -> Floats:
@@ -222,17 +223,6 @@ def _changed(mean: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, NDArray[np
     return change, counts
 
 
-def _mean_squares(mean: Floats, valid: NDArray[np.bool_], block: int) -> tuple[Floats, Floats]:
-    """Mean square change (24, blocks) by each arrangement of one handedness, and windows that count (blocks,)."""
-    change, paired = _changed(mean, valid)
-    count = len(change) // block
-    change = change[: count * block].reshape(count, block * 3, 9)
-    gram = np.swapaxes(change, 1, 2) @ change
-    many = paired[: count * block].reshape(count, block).sum(axis=1).astype(np.float64)
-    power = _SQUARED @ gram.reshape(count, 81).T
-    return np.maximum(power, 0.0) / np.maximum(many, 1.0), many
-
-
 class _Refined:
     """Delay, scale and bias of one arrangement by Gauss-Newton steps, with a variance of its own in each block."""
 
@@ -246,12 +236,10 @@ class _Refined:
         self.sign = 1.0 if best < _HALF else -1.0
         p = np.zeros(5)
         for _ in range(3):
-            change, slopes = self._linear(p)
-            weight = self._weight(change)
-            p = p + self._step(change, slopes, weight, p)
+            change, slopes, weight = self._linear(p)
+            p = p + self._step(change, slopes, weight, p)[0]
         self.p = p
-        self.change, self.slopes = self._linear(p)
-        self.weight = self._weight(self.change)
+        self.change, self.slopes, self.weight = self._linear(p)
         stands_for = inflation(self.change * np.sqrt(self.weight)[:, np.newaxis])
         self.wider = math.sqrt(stands_for) * widening(float(np.count_nonzero(self.weight)) / stands_for, len(p))
         self.bias = p[2:]
@@ -270,21 +258,22 @@ class _Refined:
         marked = np.repeat(blocks, self.block)[: len(rows)]
         rows[: len(marked)] = marked
         weight = np.where(rows, self.weight, 0.0)
-        p = self.p + self._step(self.change, self.slopes, weight, self.p)
-        sd = np.sqrt(np.diag(np.linalg.inv(self._normal(self.slopes, weight))))
+        step, normal = self._step(self.change, self.slopes, weight, self.p)
+        p, sd = self.p + step, np.sqrt(np.diag(np.linalg.inv(normal)))
         scale = self.scale * float(np.exp(p[1]))
         return self.start + float(p[0]), float(sd[0]), scale, scale * float(sd[1])
 
-    def _step(self, change: Floats, slopes: Floats, weight: Floats, p: Floats) -> Floats:
+    def _step(self, change: Floats, slopes: Floats, weight: Floats, p: Floats) -> tuple[Floats, Floats]:
+        """Step (5,) of the parameters, and the matrix of its normal equations."""
         right = np.einsum("w,wci,wc->i", weight, slopes, change) + p / self._SD**2
-        step = -np.linalg.solve(self._normal(slopes, weight), right)
-        return np.asarray(np.clip(step, -0.5 * self._SD, 0.5 * self._SD))
+        normal = np.einsum("w,wci,wcj->ij", weight, slopes, slopes) + np.diag(1.0 / self._SD**2)
+        return np.clip(-np.linalg.solve(normal, right), -0.5 * self._SD, 0.5 * self._SD), normal
 
-    def _normal(self, slopes: Floats, weight: Floats) -> Floats:
-        return np.asarray(np.einsum("w,wci,wcj->ij", weight, slopes, slopes) + np.diag(1.0 / self._SD**2))
+    def _linear(self, p: Floats) -> tuple[Floats, Floats, Floats]:
+        """Change of gravity (n, 3), its slopes (n, 3, 5), and inverse variances (n,) of blocks of windows.
 
-    def _linear(self, p: Floats) -> tuple[Floats, Floats]:
-        """Change of gravity (n, 3), and its slopes (n, 3, 5): turned by what the rates add up to, it moves across."""
+        Turned by what the rates add up to, gravity moves across.
+        """
         said = self.sign * self.scale * np.exp(p[1]) * self.search.gyr.means(self.search.edges - self.start - p[0])
         dcm = rotations(said - p[2:], 1.0)
         gravity = (dcm @ (self.search.force @ self.axes)[:, :, np.newaxis])[:, :, 0]
@@ -295,20 +284,16 @@ class _Refined:
         delay = way[:, :, 1:2] - parts[:, :, :1] + parts[:1, :, :1]
         way = np.concatenate((delay, way[:, :, :1], way[:, :, 2:]), axis=2)
         slopes = [self._changed(np.cross(way[:, :, i], gravity)) for i in range(5)]
-        return self._changed(gravity), np.stack(slopes, axis=2)
+        change = self._changed(gravity)
+        power = np.sum(change * change, axis=1)
+        starts = np.arange(0, len(power), self.block)
+        total = np.add.reduceat(power, starts)
+        many = np.maximum(np.add.reduceat((power > 0.0).astype(np.float64), starts), 1.0)
+        variance = np.repeat(0.5 * total / many + FLOOR**2, self.block)[: len(power)]
+        return change, np.stack(slopes, axis=2), np.where(power > 0.0, 1.0 / variance, 0.0)
 
     def _changed(self, gravity: Floats) -> Floats:
         """Change (n, 3) of the means over windows of a vector (N, 3); 0 where one is not whole."""
         count = len(gravity) // self.size
         change = np.diff(gravity[: count * self.size].reshape(count, self.size, 3).mean(axis=1), axis=0)
         return np.where(np.isfinite(change), change, 0.0)
-
-    def _weight(self, change: Floats) -> Floats:
-        """Inverse variance of each window, from its block."""
-        size = self.block
-        power = np.sum(change * change, axis=1)
-        starts = np.arange(0, len(power), size)
-        total = np.add.reduceat(power, starts)
-        many = np.maximum(np.add.reduceat((power > 0.0).astype(np.float64), starts), 1.0)
-        variance = np.repeat(0.5 * total / many + FLOOR**2, size)[: len(power)]
-        return np.where(power > 0.0, 1.0 / variance, 0.0)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final
 
@@ -62,12 +62,13 @@ def unit_odds(name: str, size: float, sd: float, declared: str) -> UnitOdds:
     spread = math.hypot(_SPREAD[name], sd)
     candidates = tuple(dict.fromkeys((declared, *UNITS[name])))
     away = {
-        unit: math.log(size * float(to_si(1.0, unit, kind)) / scale / _USUAL_SIZE[name]) / spread for unit in candidates
+        unit: abs(math.log(size * float(to_si(1.0, unit, kind)) / scale / _USUAL_SIZE[name]) / spread)
+        for unit in candidates
     }
-    best, second, *_ = sorted(away, key=lambda unit: abs(away[unit]))
+    best, second, *_ = sorted(away, key=away.__getitem__)
     odds = 0.5 * (away[second] ** 2 - away[best] ** 2)
     against = 0.5 * (away[best] ** 2 - away[declared] ** 2)
-    if abs(away[best]) > _NONE_FITS:
+    if away[best] > _NONE_FITS:
         return UnitOdds(None, _USUAL_SIZE[name] / size, 0.0, best, against)
     return UnitOdds(best, float(to_si(1.0, best, kind)) / scale, odds, second, against)
 
@@ -170,72 +171,63 @@ class Diagnosis(Reported):
                 "remarks": as_json(self.remarks), "values": dict(self.values)}  # fmt: skip
 
 
-@dataclass
+@dataclass(eq=False)
 class _Sensor:
     """One vector sensor: its fit, and how far that can be trusted."""
 
     name: str
     found: VectorFit | None
     answer: Trust = Trust.UNKNOWN
+    axes: Floats = field(init=False)  # arrangement (3, 3) of the rates in its axes
+    usual: bool = field(init=False)
+    mirrored: bool = field(init=False)
+    # logarithm of the odds of the declared axes against the best, by all and by either half; empty where open
+    declared_odds: tuple[float, ...] = ()
+    fits_declared: bool = field(init=False)  # it turns as the rates do in the declared axes; others may fit as well
+    would_tell: Finding = field(init=False)  # which motion would tell what this one does not
 
     def __post_init__(self) -> None:
         fitted = self.found
-        if fitted is None or fitted.torn:
-            return
-        explains = fitted.explained >= _EXPLAINED
-        if fitted.agrees and explains and not fitted.contradicted and fitted.margin >= _HINT:
-            self.answer = Trust.SURE if fitted.margin >= CERTAIN else Trust.LIKELY
-        elif fitted.explained >= _NOISE[self.name] and fitted.margin >= _ENOUGH[self.name]:
-            self.answer = Trust.LIKELY  # most of it is pushes, as in the pocket of who walks
-
-    @property
-    def axes(self) -> Floats:
-        """Arrangement (3, 3) of the rates in its axes."""
-        assert self.found is not None
-        return np.asarray(ARRANGEMENTS[self.found.best])
+        self.axes = np.asarray(ARRANGEMENTS[_USUAL if fitted is None else fitted.best])
+        self.usual, self.mirrored = bool((self.axes == np.eye(3)).all()), bool(np.linalg.det(self.axes) < 0.0)
+        turns: list[str] = []
+        if fitted is not None:
+            explains = fitted.explained >= _EXPLAINED
+            pushed = fitted.explained >= _NOISE[self.name] and fitted.margin >= _ENOUGH[self.name]
+            if fitted.agrees and explains and not fitted.contradicted and fitted.margin >= _HINT:
+                self.answer = Trust.SURE if fitted.margin >= CERTAIN else Trust.LIKELY
+            elif pushed and not fitted.torn:
+                self.answer = Trust.LIKELY  # most of it is pushes, as in the pocket of who walks
+            if not fitted.torn and fitted.explained >= _MOST:
+                self.declared_odds = tuple(float(log[_USUAL]) for log in (fitted.log_odds, *fitted.halves))
+            tied = ARRANGEMENTS[fitted.log_odds > -CERTAIN]
+            if explains and len(tied) <= 8:
+                turns = [axis for j, axis in enumerate("xyz") if np.ptp(tied[:, :, j], axis=0).any()]
+        self.fits_declared = max(self.declared_odds, default=-math.inf) > -_HINT
+        self.would_tell = info("doctor.turn_about", axes=tuple(turns)) if turns else info("doctor.turn_by_hand")
+        if fitted is None:
+            self.would_tell = info("doctor.nothing_turns")
 
     @property
     def known(self) -> bool:
         return self.answer is not Trust.UNKNOWN
 
-    def declared_odds(self) -> tuple[float, ...]:
-        """Logarithm of the odds of the declared axes against the best, by all and by either half; empty where open."""
-        fitted = self.found
-        if fitted is None or fitted.torn or fitted.explained < _MOST:
-            return ()
-        return tuple(float(log[_USUAL]) for log in (fitted.log_odds, *fitted.halves))
 
-    @property
-    def fits_declared(self) -> bool:
-        """Whether it turns as the rates do in the declared axes, though others may fit as well."""
-        return max(self.declared_odds(), default=-math.inf) > -_HINT
-
-    @property
-    def usual(self) -> bool:
-        return bool((self.axes == np.eye(3)).all())
-
-    @property
-    def mirrored(self) -> bool:
-        return bool(np.linalg.det(self.axes) < 0.0)
-
-
+@dataclass(frozen=True)
 class Declared:
     """What the recording is read as."""
 
-    def __init__(self, profile: "Profile | None") -> None:
-        self.profile = profile
+    profile: "Profile | None"
 
-    def unit(self, name: str) -> str:
-        """Unit that the values were taken for; that of SI where they were counts or no profile says it."""
+    def unit(self, name: str) -> tuple[str, float | None]:
+        """Unit that the values were taken for, that of SI where no profile says it; of counts what one was taken for.
+
+        Values relative to something are taken for those of SI.
+        """
         group = None if self.profile is None else self.profile.triads.get(name)
         if group is None or group.unit_per_count != 1.0 or group.unit == "relative":
-            return UNITS[name][0]
-        return group.unit
-
-    def counts(self, name: str) -> float | None:
-        """What one count was taken for, where the values are counts."""
-        group = None if self.profile is None else self.profile.triads.get(name)
-        return None if group is None or group.unit_per_count == 1.0 else group.unit_per_count
+            return UNITS[name][0], None if group is None or group.unit_per_count == 1.0 else group.unit_per_count
+        return group.unit, None
 
     def axes(self, name: str, turn: Floats) -> list[str]:
         """Lines of a triad whose vectors as read have to be turned."""
@@ -252,11 +244,19 @@ class Examination:
     """All sensors of one recording, and what they say about each other."""
 
     def __init__(self, imu: ImuData, name: str, declared: Declared, hemisphere: str | None) -> None:
-        whole, imu = imu, _most_turning(imu)
+        whole = imu
+        if "gyr" in imu.triads and imu.t[-1] - imu.t[0] > EXAMINED:  # the part in which the unit turns most
+            parts = imu.chunks(max(_FEWEST, round(EXAMINED / median(np.diff(imu.t)))))
+            imu = max(parts, key=lambda it: float(np.nansum(np.minimum(norms(np.asarray(it.gyr)), _FASTEST) ** 2)))
         self.imu, self.name, self.declared, self.hemisphere = imu, name, declared, hemisphere
         step = np.diff(imu.t, prepend=imu.t[:1])  # nothing spans a pause, so a long one is as good as a short one
         self.t, self.up = np.cumsum(np.minimum(step, LONGEST_STEP + 1.0)), (imu.meta.frame or Frame.ENU).up
-        self.values = {triad: _finite(imu, triad) for triad in imu.triads}
+        self.values: dict[str, Floats] = {}
+        for triad in imu.triads:  # rows that can be squared and are not clipped, unless most are, as in another unit
+            values, clipped = getattr(imu, triad), imu.flags & np.uint32(TRIAD_FLAGS[triad][1]) != 0
+            with np.errstate(invalid="ignore"):
+                usable = (np.abs(values) < 1e12).all(axis=1) & ~(clipped & (np.mean(clipped) < 0.5))
+            self.values[triad] = np.where(usable[:, np.newaxis], values, np.nan)
         self.answers: dict[tuple[str, str], Convention] = {}
         self.lines: dict[tuple[str, str], list[str]] = {}
         self.remarks = [info("doctor.examined", start=float(imu.t[0]), stop=float(imu.t[-1]))] * (len(imu) < len(whole))
@@ -273,7 +273,7 @@ class Examination:
             self._slower(_USUAL_STEP / step)
         if self.lines.get(("mag", "sign")):
             self.lines.pop(("mag", "axes"), None)  # those of the sign say both
-        findings = sorted(self.answers.values(), key=lambda answer: TRIADS.index(answer.sensor))
+        findings = [answer for name in TRIADS for answer in self.answers.values() if answer.sensor == name]
         by_triad = {name: [line for at, of in self.lines.items() if at[0] == name for line in of] for name in TRIADS}
         lines = [line for name, of in by_triad.items() if of for line in (f"[{name}]", *of)]
         return Diagnosis(self.name, tuple(findings), tuple(lines), tuple(self.remarks), self.numbers)
@@ -365,7 +365,7 @@ class Examination:
     def _scales(self, gyr: Floats, acc: Floats) -> tuple[float, ...]:
         """Scales that the rates may have: of units with which a body turns as bodies do, and one by regression."""
         usual = float(np.sqrt(np.nanmean(np.sum(gyr * gyr, axis=1)))) if np.isfinite(gyr).any() else 0.0
-        declared = float(to_si(1.0, self.declared.unit("gyr")))
+        declared = float(to_si(1.0, self.declared.unit("gyr")[0]))
         units = [float(to_si(1.0, unit)) / declared for unit in UNITS["gyr"]]
         scales = [scale for scale in units if _SLOWEST < scale * usual < _FASTEST]
         rough = fit(self.t, gyr, acc, offset=0.1)
@@ -381,7 +381,10 @@ class Examination:
         trusted = {name: sensor for name, sensor in self.sensors.items() if sensor.known}
         for name, sensor in self.sensors.items():
             if not sensor.known:
-                self._unknown_axes(name, sensor)
+                odds = sensor.declared_odds
+                wrong = bool(odds) and odds[0] < -CERTAIN and max(odds) < -_HINT
+                finding = info("doctor.axes_wrong") if wrong else info("doctor.axes_open")
+                self._find(name, "axes", Trust.UNKNOWN, finding, 0.0, sensor.would_tell, lines=[] if wrong else None)
         if not trusted:
             return
         answer = Trust.LIKELY if any(sensor.answer is Trust.LIKELY for sensor in trusted.values()) else Trust.SURE
@@ -400,19 +403,17 @@ class Examination:
         elif any(sensor.mirrored for sensor in trusted.values()):
             reference = turns["acc"] if "acc" in turns else turns["mag"]
         log_odds = min(sensor.found.margin for sensor in trusted.values() if sensor.found is not None)
-        self._gyr_axes(reference, trusted, answer, log_odds)
+        if (reference == np.eye(3)).all():
+            self._find("gyr", "axes", answer, info("doctor.gyr_axes_right", by=tuple(trusted)), log_odds)
+        else:
+            code = "doctor.gyr_mirrored" if np.linalg.det(reference) < 0.0 else "doctor.gyr_turned"
+            finding = info(code, axes=axes_letters(reference), by=tuple(trusted))
+            why = info("doctor.both_agree") if len(trusted) == 2 else info("doctor.handedness")
+            lines = self.declared.axes("gyr", reference)
+            self._find("gyr", "axes", answer, finding, log_odds, why, lines=lines)
         for sensor in trusted.values():
             self._own_axes(sensor, sensor.axes @ reference.T, alone=len(trusted) == 1)
         self._sign(trusted, reference)
-
-    def _gyr_axes(self, turn: Floats, trusted: Mapping[str, _Sensor], answer: Trust, log_odds: float) -> None:
-        if (turn == np.eye(3)).all():
-            self._find("gyr", "axes", answer, info("doctor.gyr_axes_right", by=tuple(trusted)), log_odds)
-            return
-        code = "doctor.gyr_mirrored" if np.linalg.det(turn) < 0.0 else "doctor.gyr_turned"
-        finding = info(code, axes=axes_letters(turn), by=tuple(trusted))
-        why = info("doctor.both_agree") if len(trusted) == 2 else info("doctor.handedness")
-        self._find("gyr", "axes", answer, finding, log_odds, why, lines=self.declared.axes("gyr", turn))
 
     def _own_axes(self, triad: _Sensor, turn: Floats, *, alone: bool) -> None:
         """Axes of one vector sensor in those of the case; `turn` takes the case's to its own."""
@@ -428,21 +429,6 @@ class Examination:
         why = [info("doctor.or_gyr_axes", axes=axes_letters(turn))] if alone else []
         self._find(triad.name, "axes", triad.answer, info("doctor.axes", axes=axes_letters(turn.T)), triad.found.margin,
                    *why, lines=self.declared.axes(triad.name, turn.T))  # fmt: skip
-
-    def _unknown_axes(self, name: str, sensor: _Sensor) -> None:
-        odds = sensor.declared_odds()
-        wrong = bool(odds) and odds[0] < -CERTAIN and max(odds) < -_HINT
-        finding = info("doctor.axes_wrong") if wrong else info("doctor.axes_open")
-        self._find(name, "axes", Trust.UNKNOWN, finding, 0.0, self._would_tell(sensor), lines=[] if wrong else None)
-
-    def _would_tell(self, sensor: _Sensor) -> Finding:
-        """Which motion would tell what this one does not."""
-        if sensor.found is None:
-            return info("doctor.nothing_turns")
-        tied = ARRANGEMENTS[sensor.found.log_odds > -CERTAIN]
-        explains = sensor.found.explained >= _EXPLAINED and len(tied) <= 8
-        axes = tuple(axis for j, axis in enumerate("xyz") if explains and np.ptp(tied[:, :, j], axis=0).any())
-        return info("doctor.turn_about", axes=axes) if axes else info("doctor.turn_by_hand")
 
     def _sign(self, trusted: Mapping[str, _Sensor], reference: Floats) -> None:
         """Sign of the field along the vertical; that of the specific force is assumed."""
@@ -499,7 +485,7 @@ class Examination:
         fits = {s.name: s.found for s in trusted if s.found is not None and s.found.scale_sd < _VAGUE * s.found.scale}
         if not fits:
             sensors = list(self.sensors.values())
-            why = self._would_tell(sensors[0]) if sensors else info("doctor.nothing_turns")
+            why = sensors[0].would_tell if sensors else info("doctor.nothing_turns")
             return 0.0, 0.0, Trust.UNKNOWN, (why,)
         if len(fits) == 2 and min(fitted.explained for fitted in fits.values()) < _MOST:
             best = max(fits, key=lambda name: fits[name].explained)  # a straight line through noise is too flat
@@ -513,7 +499,7 @@ class Examination:
         for other in (it for it in others if it is not None and it.explained > least):
             if abs(math.log(other.scale / scale)) > _GAIN + 3.0 * math.hypot(sd, other.scale_sd / other.scale):
                 why = info("doctor.turns_along", scale=scale, other=other.scale)
-                return 0.0, 0.0, Trust.UNKNOWN, (why, self._would_tell(trusted[0]))
+                return 0.0, 0.0, Trust.UNKNOWN, (why, trusted[0].would_tell)
         sure = any(sensor.answer is Trust.SURE for sensor in trusted)
         assumed = "" if trusted[0].known else "yes"
         by = info("doctor.by_turning", times=1.0 / scale, by=tuple(fits), assumed=assumed)
@@ -525,7 +511,7 @@ class Examination:
         return [it for it in sensors if it.known] or [it for it in sensors if it.fits_declared]
 
     def _unit(self, name: str, size: float, sd: float, sure: Trust, by: tuple[Finding, ...]) -> None:
-        declared = self.declared.unit(name)
+        declared, counts = self.declared.unit(name)
         if sure is Trust.UNKNOWN:
             self._find(name, "unit", Trust.UNKNOWN, info("doctor.unit_open"), 0.0, *by)
             return
@@ -545,7 +531,6 @@ class Examination:
             finding = info("doctor.unit_of_two", unit=odds.unit, next=odds.next)
             self._find(name, "unit", answer, finding, odds.log_odds, *by, lines=[] if wrong else None)
             return
-        counts = self.declared.counts(name)
         line = f'unit = "{odds.unit}"' if counts is None else f"unit_per_count = {counts * odds.factor:.6g}"
         factor = math.exp(rest) if abs(rest) > 3.0 * sd else None
         finding = info("doctor.unit", unit=odds.unit, factor=factor, sd=sd)
@@ -595,14 +580,6 @@ class Examination:
             self.lines[sensor, question] = list(lines)
 
 
-def _most_turning(imu: ImuData) -> ImuData:
-    """The samples of `EXAMINED` seconds in which the unit turns most; all of a shorter recording."""
-    if "gyr" not in imu.triads or imu.t[-1] - imu.t[0] <= EXAMINED:
-        return imu
-    parts = imu.chunks(max(_FEWEST, round(EXAMINED / median(np.diff(imu.t)))))
-    return max(parts, key=lambda part: float(np.nansum(np.minimum(norms(np.asarray(part.gyr)), _FASTEST) ** 2)))
-
-
 def _resting(t: Floats, gyr: Floats) -> Floats:
     """Rates (3,) of the quietest tenth of the recording's seconds, which are their bias if the body rests in them."""
     size = max(2, round(1.0 / float(np.median(np.diff(t)))))
@@ -625,14 +602,6 @@ def _steady_rate(t: Floats, gyr: Floats) -> float:
     averages = Samples(t, quat_rotate(q, rate)).means(edges)
     averages = averages[np.isfinite(averages[:, 0])]
     return float(np.sqrt(np.mean(np.sum((averages if averages.size else rate) ** 2, axis=1))))
-
-
-def _finite(imu: ImuData, name: str) -> Floats:
-    """Rows that can be squared and are not clipped, unless most are, as those in another unit; others are NaN."""
-    values, clipped = getattr(imu, name), imu.flags & np.uint32(TRIAD_FLAGS[name][1]) != 0
-    with np.errstate(invalid="ignore"):
-        usable = (np.abs(values) < 1e12).all(axis=1) & ~(clipped & (np.mean(clipped) < 0.5))
-    return np.where(usable[:, np.newaxis], values, np.nan)
 
 
 def unusable(imu: ImuData, name: str) -> NDArray[np.bool_]:

@@ -106,7 +106,10 @@ def verdict(
         return BurstVerdict(MISSING)
     at, samples, marks = t[finite], values[finite], words[finite]
     usable = (marks & np.uint32(_BAD[channel])) == 0
-    step, mean = _steps(at, span)
+    step = mean = span[1] - span[0]
+    if (steps := np.diff(at)).size:  # without gaps: a magnetometer may have a value in three of four samples
+        step = float(np.median(steps))
+        mean = float(np.mean(steps[steps <= GAP_FACTOR * step]))
     share = min(1.0, float(np.count_nonzero(usable)) * mean / max(span[1] - span[0], mean))
     if at.size < FEWEST:
         return BurstVerdict(NOT_EVALUATED, good=share)
@@ -115,22 +118,17 @@ def verdict(
     tests = {"gap": _above(hole, HOLE), "percent good": _above(-share, (-GOOD[0], -GOOD[1]))}
     tests |= _values(channel, samples, marks)
     if channel in _BEYOND:
-        tests["flat line"] = _above(_flat(at, samples), FLAT, equal=True)
+        same = (samples[1:] == samples[:-1]).all(axis=1)
+        # one that never changes is a simulation without noise, at rest
+        flat = stuck_runs(np.append(False, same & (not same.all())))
+        longest = max((float(at[stop - 1] - at[start]) for start, stop in flat), default=0.0)
+        tests["flat line"] = _above(longest, FLAT, equal=True)
     if channel != "temp" and span[1] - span[0] >= LONG:
         tests["mean shift"] = _above(_shift(_shifting(channel, samples)), SHIFT)
     if channel == "acc" and vertical is not None and np.isfinite(vertical).any():
         hard = float(np.nanmean(np.abs(vertical) > HARD * G0))
         tests["acceleration"] = _above(hard, (0.0, SHARE[1]))
     return BurstVerdict(max(tests.values()), tests, share)
-
-
-def _steps(at: Floats, span: tuple[float, float]) -> tuple[float, float]:
-    """Median step, and mean step without gaps, s: a magnetometer may have a value in three of four samples."""
-    steps = np.diff(at)
-    if not steps.size:
-        return span[1] - span[0], span[1] - span[0]
-    usual = float(np.median(steps))
-    return usual, float(np.mean(steps[steps <= GAP_FACTOR * usual]))
 
 
 def _values(channel: str, samples: Floats, marks: NDArray[np.uint32]) -> dict[str, int]:
@@ -142,11 +140,15 @@ def _values(channel: str, samples: Floats, marks: NDArray[np.uint32]) -> dict[st
         if channel == "temp"
         else (marks & np.uint32(_BEYOND[channel])) != 0
     )
-    sd = np.std(samples, axis=0)
+    sd, off = np.std(samples, axis=0), samples - np.mean(samples, axis=0)
     limit = np.where(sd > 0.0, STEP * sd, np.inf)
     fast = float(np.mean((np.abs(np.diff(samples, axis=0)) > limit).any(axis=1)))
+    # spikes stand out from the mean and from both neighbours, on the same side
+    rise, fall, middle, limit = off[1:-1] - off[:-2], off[1:-1] - off[2:], off[1:-1], SPIKE * sd
+    high = (middle > limit) & (rise > limit) & (fall > limit)
+    low = (middle < -limit) & (rise < -limit) & (fall < -limit)
     tests = {
-        "spike": _above(_spikes(samples), SHARE),
+        "spike": _above(float(np.mean((high | low).any(axis=1))), SHARE),
         "rate of change": _above(fast, SHARE),
         "range": _above(float(np.mean(beyond)), SHARE),
     }
@@ -159,24 +161,6 @@ def _values(channel: str, samples: Floats, marks: NDArray[np.uint32]) -> dict[st
 def _above(value: float, limits: tuple[float, float], *, equal: bool = False) -> int:
     suspect, fail = ((value >= limit if equal else value > limit) for limit in limits)
     return FAIL if fail else SUSPECT if suspect else PASS
-
-
-def _spikes(samples: Floats) -> float:
-    """Share of samples that stand out from the mean and from both neighbours, on the same side."""
-    off = samples - np.mean(samples, axis=0)
-    limit = SPIKE * np.std(samples, axis=0)
-    rise, fall = off[1:-1] - off[:-2], off[1:-1] - off[2:]
-    high = (off[1:-1] > limit) & (rise > limit) & (fall > limit)
-    low = (off[1:-1] < -limit) & (rise < -limit) & (fall < -limit)
-    return float(np.mean((high | low).any(axis=1)))
-
-
-def _flat(at: Floats, samples: Floats) -> float:
-    """Longest time, s, in which all axes repeat; none where fewer samples than noise allows do."""
-    same = (samples[1:] == samples[:-1]).all(axis=1)
-    if same.all():  # it never changes: a simulation without noise, at rest
-        return 0.0
-    return max((float(at[stop - 1] - at[start]) for start, stop in stuck_runs(np.append(False, same))), default=0.0)
 
 
 def _shifting(channel: str, samples: Floats) -> Floats:
