@@ -97,24 +97,13 @@ class Estimated(Series):
 
     def facts(self) -> Mapping[str, str]:
         """Recording, filter, length, and the attitude at the end."""
-        yaw, pitch, roll = (f"{angle:.2f}°" for angle in self._last.values())
+        last = self.summary()["last_attitude_deg"]
         return {
             "recording": self.name,
             "filter": self.filter.name,
             "samples": str(self.outline.samples),
-            "at the end": f"yaw {yaw}, pitch {pitch}, roll {roll}",
+            "at the end": ", ".join(f"{name} {last[name]:.2f}°" for name in ("yaw", "pitch", "roll")),
         }
-
-    @property
-    def _last(self) -> dict[str, float]:
-        """Yaw, pitch and roll of the last attitude, degrees."""
-        return dict(
-            zip(
-                ("yaw", "pitch", "roll"),
-                map(float, to_deg(euler_zyx_from_quat(self.outline.last.q_nb[-1]))),
-                strict=True,
-            )
-        )
 
     @property
     def told(self) -> str:
@@ -154,23 +143,29 @@ class Estimated(Series):
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them; angles in degrees."""
-        outline = self.outline
+        outline, claimed = self.outline, None
         track = outline.last
         forward = quat_rotate(track.q_nb[-1], [1.0, 0.0, 0.0])
         heading = float(to_deg(float(np.arctan2(forward @ track.frame.east, forward @ track.frame.north)))) % 360.0
+        angles = to_deg(euler_zyx_from_quat(track.q_nb[-1])).tolist()
+        if track.cov_b is not None:  # none for a heading that is free
+            sds = [float(sd[0]) for sd in claimed_sd(track.q_nb[-1:], track.cov_b[-1:])]
+            known = {"inclination": math.isfinite(sds[0])}
+            known["heading"] = math.isfinite(sds[1]) and track.north is not North.FREE
+            claimed = {name: float(to_deg(sd)) if known[name] else None for name, sd in zip(known, sds, strict=True)}
         return {
             "frame": str(track.frame),
             "north": str(track.north),
             "calibration": self.imu.meta.calibration,
             "samples": outline.samples,
             "duration_s": outline.duration,
-            "last_attitude_deg": {"heading": heading, **self._last},
+            "last_attitude_deg": {"heading": heading, **dict(zip(("yaw", "pitch", "roll"), angles, strict=True))},
             "flags": {name: outline.flags[name] for _, (name, _) in flags.MEANING.items() if name in outline.flags},
             "filter": self.filter.describe(),
             "declination_deg": declination_deg(self.filter, track),
             "notes": as_json(self.notes),
             "noise_card": self.noise_card,
-            "claimed_sd_deg": _claimed(track),
+            "claimed_sd_deg": claimed,
         }
 
     def text(self) -> str:
@@ -287,13 +282,9 @@ class Outline:
 
     samples: int = 0  # number of samples
     begin: float = 0.0  # time of the first, s
+    duration: float = 0.0  # from the first sample to the last, s
     last: AttitudeTrack = field(init=False)  # the last sample
     flags: Counter[str] = field(default_factory=Counter)  # how many samples carry each flag, by name
-
-    @property
-    def duration(self) -> float:
-        """From the first sample to the last, s."""
-        return float(self.last.t[-1]) - self.begin
 
     def gather(
         self, parts: Iterable[AttitudeTrack], imu: ImuData, progress: Progress | None, follow: Follower | None
@@ -310,7 +301,7 @@ class Outline:
                 follow.take(again[self.samples : self.samples + len(part)], part)
             self.begin = self.begin if self.samples else float(part.t[0])
             self.samples += len(part)
-            self.last = part.end
+            self.last, self.duration = part.end, float(part.t[-1]) - self.begin
             self.flags.update(flags.counts(np.asarray(part.flags)))
             if progress is not None:
                 progress(self.samples, len(imu))
@@ -421,7 +412,8 @@ def estimate(
     card = None if calibration is None else _card(calibration)
     imu, beyond = (imu, ()) if card is None else _calibrated(imu, card)
     doubt = warnings(lasting(source.notes))
-    say(*_remarks(source, imu, frame, card, beyond), name=f"{source.name}: ")
+    before = warnings(source.notes if card is None else (*lasting(source.notes), *findings(imu)))
+    say(*before, *beyond, *upside_down(imu, frame), name=f"{source.name}: ")
     used, runs = started(imu, stage, frame, source.track)
     made_by = make_estimator(stage, frame, imu.meta) if isinstance(runs, Filter) else runs
     parts, outline = track_parts(used, runs), Outline()
@@ -441,14 +433,6 @@ def estimate(
     if written is not None and attitude is not written:
         result.save(written, overwrite=overwrite)
     return result
-
-
-def _remarks(
-    source: Recording, imu: ImuData, frame: Frame, card: "CalibrationCard | None", beyond: tuple[Finding, ...]
-) -> Iterator[Finding]:
-    """What is known of the samples before anything is estimated."""
-    yield from warnings(source.notes if card is None else (*lasting(source.notes), *findings(imu)))
-    yield from (*beyond, *upside_down(imu, frame))
 
 
 def _streamed(
@@ -577,12 +561,3 @@ def _restarts(imu: ImuData, outline: Outline) -> list[Finding]:
     if share <= _OFTEN:
         return []
     return [warning("estimate.restarts", percent=100.0 * share, step=1.0 / timing(imu.t).rate)]
-
-
-def _claimed(track: AttitudeTrack) -> dict[str, float | None] | None:
-    """Standard deviations that the filter claims for its last attitude; none for a heading that is free."""
-    if track.cov_b is None:
-        return None
-    tilt, heading = (float(sd[0]) for sd in claimed_sd(track.q_nb[-1:], track.cov_b[-1:]))
-    sds = {"inclination": tilt, "heading": float("nan") if track.north is North.FREE else heading}
-    return {name: float(to_deg(sd)) if math.isfinite(sd) else None for name, sd in sds.items()}

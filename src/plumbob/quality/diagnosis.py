@@ -343,7 +343,14 @@ class Examination:
             self.sensors["mag"] = _Sensor("mag", fit(self.t, gyr, self.values["mag"], offset=0.5))
         if "acc" in self.values:
             mag = self.sensors.get("mag")
-            acc, trials = self.values["acc"], [gyr, gyr - _resting(self.t, gyr)]
+            acc, rest = self.values["acc"], np.zeros(3)
+            # rates of the quietest tenth of the recording's seconds, which are their bias if the body rests in them
+            second = max(2, round(1.0 / float(np.median(np.diff(self.t)))))
+            rows = np.nan_to_num(gyr[: len(gyr) // second * second]).reshape(-1, second, 3)
+            if len(rows) > 1:
+                quiet = np.argsort(np.sum(np.var(rows, axis=1), axis=1))[: max(1, len(rows) // 10)]
+                rest = np.median(rows[quiet].mean(axis=1), axis=0)
+            trials = [gyr, gyr - rest]
             signs: tuple[float, ...] = (1.0, -1.0)
             if mag is not None and mag.answer is Trust.SURE and mag.found is not None:
                 scales: tuple[float, ...] = (mag.found.scale,)
@@ -578,17 +585,6 @@ class Examination:
         self.answers[sensor, question] = Convention(sensor, question, answer, finding, log_odds, wrong, reasons)
         if lines:
             self.lines[sensor, question] = list(lines)
-
-
-def _resting(t: Floats, gyr: Floats) -> Floats:
-    """Rates (3,) of the quietest tenth of the recording's seconds, which are their bias if the body rests in them."""
-    size = max(2, round(1.0 / float(np.median(np.diff(t)))))
-    rows = np.nan_to_num(gyr[: len(gyr) // size * size]).reshape(-1, size, 3)
-    if len(rows) < 2:
-        return np.zeros(3)
-    spread = np.sum(np.var(rows, axis=1), axis=1)
-    quiet = np.argsort(spread)[: max(1, len(rows) // 10)]
-    return np.asarray(np.median(rows[quiet].mean(axis=1), axis=0))
 
 
 def _steady_rate(t: Floats, gyr: Floats) -> float:

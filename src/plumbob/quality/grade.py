@@ -24,7 +24,7 @@ from plumbob.core.findings import Finding, as_findings, as_json, info
 from plumbob.core.time import GAP_FACTOR, is_gap, to_ns
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.imu import BLOCK, median, norms
+from plumbob.data.imu import BLOCK, TRIAD_FLAGS, median, norms
 from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, bursts, doubts, statistics, stuck_runs
 from plumbob.data.recording import EARTH_FIELD, STUCK_FOR, Recording
 from plumbob.quality import quality
@@ -168,8 +168,7 @@ def grade(imu: ImuData, notes: Sequence[Finding] = ()) -> Grade:
     made = (
         Criterion("sensors", 20.0, min(20.0, sum(costs[name] for name in absent)), (sensors,), costs | only_mag),
         *_timing(steps),
-        _loss(repeated, steps, notes),
-        _clipping(imu),
+        *_losses(imu, repeated, steps, notes),
         *_repetition(imu, repeated),
         _plausible(imu, still := _rest(imu)),
         Criterion("calibration", 10.0, 0.0 if card else 10.0,
@@ -291,36 +290,31 @@ def _timing(steps: _Steps) -> tuple[Criterion, Criterion, Criterion]:
     )  # fmt: skip
 
 
-def _loss(repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Sequence[Finding]) -> Criterion:
+def _losses(
+    imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Sequence[Finding]
+) -> Iterator[Criterion]:
+    """What is lost, and what is clipped, by its shares."""
     counts = [note.values for note in notes if note.code == "source.decoded"]  # bytes, and those of no frame
     junk = int(str(counts[0]["junk"])) / max(1, int(str(counts[0]["bytes"]))) if counts else 0.0
-    shares = {"rows": steps.lost, "bytes": junk}
+    lost, clipped, words = {"rows": steps.lost, "bytes": junk}, {}, imu.flags
     for name, axes in repeated.items():  # the share of time without a value for longer than from one to the next
         present = axes != NOT_KNOWN
-        shares[name] = 0.0 if present.all() else 1.0
+        lost[name] = 0.0 if present.all() else 1.0
         if present.any() and not present.all():
             rows = np.diff(np.flatnonzero(present), prepend=-1, append=present.size)
             usual = float(np.median(rows))  # in rows, which gaps do not lengthen
             # a magnetometer of three quarters of the rate has none in each fourth row, which is no loss
             every_row = name != "mag" and usual == 1.0
             holes = rows[rows > (1.0 if every_row else GAP_FACTOR * usual)] - usual
-            shares[name] = float(holes.sum() / present.size)
-    return _judged("loss", 20.0, max(shares.values()), LOST, *_shares(shares), samples="yes")
-
-
-def _shares(shares: Mapping[str, float]) -> Iterator[Finding]:
-    """What has which share, where it has any."""
-    some = [info("criterion.share", of=of, percent=100.0 * share) for of, share in shares.items() if share]
-    yield from some or [info("criterion.no_share")]
-
-
-def _clipping(imu: ImuData) -> Criterion:
-    words = imu.flags
-    bits = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
-    shares = {name: float(np.count_nonzero(words & np.uint32(bits[name]))) / len(imu) for name in imu.triads}
-    names = tuple(name for name in imu.triads if imu.meta.full_scale(name) is None and not shares[name])
-    open_ = [info("criterion.no_range", names=names)] if names else []
-    return _judged("clipping", 20.0, max(shares.values()), quality.SHARE, *_shares(shares), *open_)
+            lost[name] = float(holes.sum() / present.size)
+        clipped[name] = float(np.count_nonzero(words & np.uint32(TRIAD_FLAGS[name][1]))) / len(imu)
+    names = tuple(name for name in imu.triads if imu.meta.full_scale(name) is None and not clipped[name])
+    no_range = [info("criterion.no_range", names=names)] if names else []
+    for name, shares, limits, also, more in (
+        ("loss", lost, LOST, [], {"samples": "yes"}), ("clipping", clipped, quality.SHARE, no_range, {}),
+    ):  # fmt: skip
+        some = [info("criterion.share", of=of, percent=100.0 * share) for of, share in shares.items() if share]
+        yield _judged(name, 20.0, max(shares.values()), limits, *(some or [info("criterion.no_share")]), *also, **more)
 
 
 def _repetition(imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]]) -> Iterator[Criterion]:
@@ -393,13 +387,31 @@ def _plausible(imu: ImuData, still: _Still | None) -> Criterion:
     """What contradicts the declared units, the worst first, which alone costs."""
     sizes = () if imu.meta.unit_check else imu.unit_doubts()  # else the reading has refused it
     doubted = [*as_findings("doubts", sizes), *(it for it in doubts(imu) if it.code != "samples.bursts")]
-    tests = [*_sizes(imu, still), *((1.0, doubt) for doubt in doubted)]
+    # how far gravity, field and temperature are from what is usual on the Earth
+    tests: list[tuple[float, Finding]] = []
+    if "acc" in imu.triads and still is not None and math.isfinite(still.force):
+        off = _share(abs(still.force / G0 - 1.0), GRAVITY)
+        tests.append((off, info("criterion.force_at_rest", force=still.force)))
+    elif "acc" in imu.triads:
+        typical = statistics(imu, "acc").norm
+        off = max(typical / G0, G0 / typical) if typical > 0.0 else math.inf
+        tests.append((_share(off, MOVING), info("criterion.force_in_motion", force=typical)))
+    if "mag" in imu.triads:
+        typical, (low, high) = statistics(imu, "mag").norm, EARTH_FIELD
+        off = max(low / typical if typical > 0.0 else math.inf, typical / high)
+        tests.append((0.5 * _share(off, OFF_FIELD), info("criterion.field", field=typical)))
+    temp = imu.temp_c  # asked for once: it may lie in a file
+    if temp is not None and np.isfinite(temp).any():
+        low, high = float(np.nanmin(temp)), float(np.nanmax(temp))
+        beyond = low < quality.CELSIUS[0] or high > quality.CELSIUS[1]
+        tests.append((0.25 * beyond, info("criterion.temperature", low=low, high=high)))
+    tests += [(1.0, doubt) for doubt in doubted]
     turns = "gyr" in imu.triads and len(imu.triads) > 1
     # what is wrong by how gravity and field turn beside the rates, as the doctor says it
     for it in Examination(imu, "", Declared(None), None).diagnosis().findings if turns else ():
-        off, share = it.finding.values.get("factor"), float(it.wrong)
-        if not it.wrong and it.finding.code in ("doctor.unit", "doctor.factor_perhaps") and isinstance(off, float):
-            share = _share(abs(math.log(off)) - 3.0 * float(str(it.finding.values["sd"])), GAIN)
+        factor, share = it.finding.values.get("factor"), float(it.wrong)
+        if not it.wrong and it.finding.code in ("doctor.unit", "doctor.factor_perhaps") and isinstance(factor, float):
+            share = _share(abs(math.log(factor)) - 3.0 * float(str(it.finding.values["sd"])), GAIN)
         if share > 0.0:
             tests.append((share, it.finding.on(f"{it.sensor} {it.question}")))
     lost = max((share for share, _ in tests), default=0.0)
@@ -413,27 +425,6 @@ def _plausible(imu: ImuData, still: _Still | None) -> Criterion:
     }  # fmt: skip
     findings = findings or (info("criterion.nothing_to_judge"),)
     return Criterion("plausibility", 40.0, round(40.0 * lost, 2), findings, limits)
-
-
-def _sizes(imu: ImuData, still: _Still | None) -> Iterator[tuple[float, Finding]]:
-    """How far gravity, field and temperature are from what is usual on the Earth."""
-    if "acc" in imu.triads:
-        if still is not None and math.isfinite(still.force):
-            off = _share(abs(still.force / G0 - 1.0), GRAVITY)
-            yield off, info("criterion.force_at_rest", force=still.force)
-        else:
-            typical = statistics(imu, "acc").norm
-            off = max(typical / G0, G0 / typical) if typical > 0.0 else math.inf
-            yield _share(off, MOVING), info("criterion.force_in_motion", force=typical)
-    if "mag" in imu.triads:
-        typical, (low, high) = statistics(imu, "mag").norm, EARTH_FIELD
-        off = max(low / typical if typical > 0.0 else math.inf, typical / high)
-        yield 0.5 * _share(off, OFF_FIELD), info("criterion.field", field=typical)
-    temp = imu.temp_c  # asked for once: it may lie in a file
-    if temp is not None and np.isfinite(temp).any():
-        low, high = float(np.nanmin(temp)), float(np.nanmax(temp))
-        beyond = low < quality.CELSIUS[0] or high > quality.CELSIUS[1]
-        yield 0.25 * beyond, info("criterion.temperature", low=low, high=high)
 
 
 def _clock(imu: ImuData, steps: _Steps, notes: Sequence[Finding]) -> Criterion:

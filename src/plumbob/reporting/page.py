@@ -70,17 +70,16 @@ def render(template: str, lang: str, style: str, scripts: Sequence[str], **conte
         "variable": variable,
         "svg": lambda figure: Markup(svg(figure, lang=lang, salt=f"{next(number)}")),
         "scene_data": partial(scene_data, lang=lang),
-        "json": lambda value: Markup(_json_within(value)),
+        "json": lambda value: Markup(  # that stands within a page
+            json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+            .replace("<", "\\u003c")
+            .replace("\u2028", "\\u2028")
+            .replace("\u2029", "\\u2029")
+        ),
     }
     hashes = [b64encode(sha256(script.encode()).digest()).decode() for script in scripts]
     policy = "; ".join([_POLICY, *(f"script-src 'sha256-{digest}'" for digest in hashes)])
     return jinja.get_template(template).render(lang=lang, style=style, scripts=scripts, policy=policy, **content)
-
-
-def _json_within(value: Any) -> str:
-    """JSON that stands within a page."""
-    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
 def _cell_class(text: str, is_words: bool) -> str:
