@@ -311,9 +311,13 @@ def require_folder_place(path: Path, *, overwrite: bool, known: Callable[[Path],
 
 
 def _remove(targets: Sequence["_Target"]) -> None:
+    """Remove the temporaries that have not taken their names."""
     with _uninterrupted():
         for target in targets:
-            target.remove()
+            if target.held >= 0:
+                target.temporary.unlink(missing_ok=True)
+                os.close(target.held)
+                target.held = -1
 
 
 class _Target:
@@ -330,7 +334,7 @@ class _Target:
         self._start = f".{self._final.name[:40]}.plumbob-"  # cut: a name may be as long as names may be
         name = f"{self._start}{secrets.token_hex(4)}.tmp"
         self.temporary = path if self._is_stream else self._final.with_name(name)
-        self._lock = -1
+        self.held = -1  # descriptor of the temporary, as long as there is one
 
     def create(self) -> None:
         """Create the temporary, and remove what a killed process left of such a file."""
@@ -341,9 +345,9 @@ class _Target:
                 if other.name.startswith(self._start) and other.suffix == ".tmp":
                     _remove_abandoned(other)
         with _uninterrupted():
-            self._lock = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+            self.held = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
         with suppress(OSError):  # a disk without locks
-            lock(self._lock)
+            lock(self.held)
 
     def sync(self) -> None:
         """Wait until the disk has it, with the rights of what it replaces."""
@@ -375,13 +379,6 @@ class _Target:
             if self._final.exists():
                 raise _exists(self._path) from None
             self.temporary.rename(self._final)
-
-    def remove(self) -> None:
-        """Remove the temporary, if it has not taken its name."""
-        if self._lock >= 0:
-            self.temporary.unlink(missing_ok=True)
-            os.close(self._lock)
-            self._lock = -1
 
 
 def _remove_abandoned(temporary: Path) -> None:

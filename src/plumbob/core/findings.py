@@ -111,13 +111,10 @@ def as_findings(name: str, given: Iterable[Finding | str | Mapping[str, Any]]) -
     items = None if isinstance(given, str | Mapping) or not isinstance(given, Iterable) else tuple(given)
     if items is None or not all(isinstance(item, str | Finding | Mapping) for item in items):
         raise ShapeError(f"{name} must be a sequence of findings or lines of text, but got {given!r}.")
-    return tuple([_finding(item) for item in items])
-
-
-def _finding(item: Finding | str | Mapping[str, Any]) -> Finding:
-    if isinstance(item, str):
-        return Finding(TEXT, "info", {"text": " ".join(item.split())})
-    return Finding.from_dict(item) if isinstance(item, Mapping) else item
+    texts = [
+        Finding(TEXT, "info", {"text": " ".join(item.split())}) if isinstance(item, str) else item for item in items
+    ]
+    return tuple([Finding.from_dict(item) if isinstance(item, Mapping) else item for item in texts])
 
 
 def warnings(of: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -184,7 +181,7 @@ def note(place: str, value: Any) -> Finding:
     """Finding as a file has it: text, or what `Finding.to_dict` gives; a parser of `plumbob.core.schema`."""
     if not isinstance(value, str | Mapping):
         raise DecodeError(f"{place} must be text or a table with code, severity and values, but is {value!r:.100}.")
-    return _finding(value)
+    return as_findings(place, [value])[0]
 
 
 note.json = {"type": ["string", "object"]}  # type: ignore[attr-defined]
@@ -192,4 +189,4 @@ note.json = {"type": ["string", "object"]}  # type: ignore[attr-defined]
 
 def as_json(of: Iterable[Note]) -> list[dict[str, Any]]:
     """Findings, and lines of text, as JSON has them."""
-    return [_finding(item).to_dict() for item in of]
+    return [finding.to_dict() for finding in as_findings("notes", tuple(of))]

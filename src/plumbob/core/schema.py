@@ -197,10 +197,7 @@ def mapping(parse: Parse) -> Parse:
 
 def optional(parse: Parse) -> Parse:
     """Parser of what JSON may have null for."""
-    return described(
-        lambda where, value: None if value is None else parse(where, value),
-        anyOf=[json_schema(parse), {"type": "null"}],
-    )
+    return described(either(NoneType, anything, parse), anyOf=[json_schema(parse), {"type": "null"}])
 
 
 def plain(rule: str, passes: Callable[[Any], bool], convert: Callable[[Any], Any], **json_: Any) -> Parse:
@@ -214,26 +211,36 @@ def plain(rule: str, passes: Callable[[Any], bool], convert: Callable[[Any], Any
     return described(parse, **json_)
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+def typed(rule: str, kind: Any, convert: Callable[[Any], Any] | None = None, *limits: float, **json_: Any) -> Parse:
+    """As `plain`, of what has one of some types; a number, which lies within `limits`, is no truth value."""
+
+    def parse(where: str, value: Any) -> Any:
+        is_kind = isinstance(value, kind) and not (limits and isinstance(value, bool))
+        if not is_kind or (limits and not limits[0] <= value <= limits[1]):
+            raise DecodeError(f"{where} must be {rule}, but it is {excerpt(str(value))}.")
+        return convert(value) if convert else value
+
+    return described(parse, **json_)
 
 
-anything = plain("anything", lambda _: True, lambda value: value)  # what another place judges
+_MOST = sys.float_info.max
 
-text = plain("text in quotes", lambda value: isinstance(value, str), str, type="string")  # text in quotes
+anything = typed("anything", object)  # what another place judges
+
+text = typed("text in quotes", str, str, type="string")  # text in quotes
 
 texts = listed(text, of="texts")  # list of texts
 
-truth = plain("true or false", lambda value: isinstance(value, bool), bool, type="boolean")  # true or false
+truth = typed("true or false", bool, type="boolean")  # true or false
 
-number = plain("a finite number", _is_number, float, type="number")  # finite number
+number = typed("a finite number", int | float, float, -_MOST, _MOST, type="number")  # finite number
 
-positive = plain(
-    "a finite number above 0", lambda v: _is_number(v) and v > 0.0, float, type="number", exclusiveMinimum=0
-)
+positive = typed("a finite number above 0", int | float, float, math.ulp(0.0), _MOST, type="number", exclusiveMinimum=0)
 """Finite number above 0."""
 
-nonzero = plain("a finite number other than 0", lambda v: _is_number(v) and v != 0.0, float, type="number")
+nonzero = plain(
+    "a finite number other than 0", lambda v: type(v) in (int, float) and 0.0 < abs(v) <= _MOST, float, type="number"
+)
 """Finite number that is not 0."""
 
 
@@ -244,16 +251,11 @@ def one_of(*words: str) -> Parse:
 
 def whole(least: int | None = None, most: int | None = None) -> Parse:
     """Whole number within limits."""
-    low, high = -math.inf if least is None else least, math.inf if most is None else most
+    limits = -math.inf if least is None else least, math.inf if most is None else most
     bounds = ("" if least is None else f" of at least {least}") + ("" if most is None else f" and at most {most}")
     ends = {"minimum": least, "maximum": most}
-    return plain(
-        f"a whole number{bounds}",
-        lambda value: isinstance(value, int) and not isinstance(value, bool) and low <= value <= high,
-        int,
-        type="integer",
-        **{key: end for key, end in ends.items() if end is not None},
-    )
+    json_ = {key: end for key, end in ends.items() if end is not None}
+    return typed(f"a whole number{bounds}", int, int, *limits, type="integer", **json_)
 
 
 def version(read: int) -> Parse:

@@ -220,6 +220,7 @@ _TWO_MEANINGS = {"G": "'gauss' for a magnetic field, 'g' for an acceleration"}
 _TWO_MEANINGS |= {"mG": "'mgauss' for a magnetic field, 'mg' for an acceleration"}
 
 
+@cache
 def unit(name: str, quantity: Quantity | None = None) -> Unit:
     """Look a unit up by name, such as ``"dps"`` or ``"uT"``; case matters (``mT`` is not ``MT``)."""
     return UNITS[canonical_name(name, quantity)]

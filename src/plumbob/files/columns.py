@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, DecodeError, excerpt
 from plumbob.core.time import to_ns, to_s
-from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
+from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.data.cards import UNITS
 from plumbob.data.recording import Recording
 from plumbob.rotations import Frame, North
@@ -276,12 +276,6 @@ def require(names: Iterable[str], *, imu: bool, track: bool, units: Sequence[str
             raise DecodeError(f"the columns {', '.join(missing)}{of} are missing; write the recording again.")
         if extra := sorted(present - allowed):
             raise DecodeError(f"the columns {', '.join(extra)}{of} do not belong here; known: {', '.join(COLUMNS)}.")
-
-
-def imu_from(columns: Mapping[str, NDArray[Any]], meta: ImuMeta) -> ImuData:
-    """Samples from their columns."""
-    triads = {name: joined(columns, name) for name in TRIADS}
-    return ImuData(t=to_s(columns[TIME]), temp_c=columns.get("temp_c"), flags=columns["flags"], meta=meta, **triads)
 
 
 def track_from(columns: Mapping[str, NDArray[Any]], frame: Frame, north: North, source: str) -> AttitudeTrack:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, one_line
+from plumbob.core.errors import DecodeError, PlumbobError, one_line
 from plumbob.core.files import existing_file, read_in_parts, reading, replacing, require_room
 from plumbob.core.findings import lasting
 from plumbob.core.time import is_gap, to_ns, to_s
@@ -33,7 +33,6 @@ from plumbob.files.columns import (
     TIME,
     Columns,
     column,
-    imu_from,
     joined,
     of_unit,
     require,
@@ -135,7 +134,8 @@ class _RowGroupWriter:
         self._groups, self._count = self._groups + 1, 0
         for name, values in columns.items():
             crc, size = self._sums.get(name, (0, 0))
-            self._sums[name] = _crc(name, values, crc), size + values.nbytes
+            little = values.astype(values.dtype.newbyteorder("<"), copy=False)
+            self._sums[name] = zlib.crc32(little.data, crc), size + values.nbytes
 
 
 def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
@@ -158,12 +158,15 @@ def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
         metas = {name: meta for name, (meta, _) in several.items()}
         if content["imu"] is not None:
             metas[""] = content["imu"]
-        units = {
-            name: imu_from(of_unit(columns, name) if name else columns, meta)
-            if columns
-            else Stored.open(file, meta, name)
-            for name, meta in metas.items()
-        }
+        units: dict[str, ImuData] = {}
+        for name, meta in metas.items():
+            if columns:
+                own = of_unit(columns, name) if name else columns
+                triads = {triad: joined(own, triad) for triad in TRIADS}
+                temp_c, marks = own.get("temp_c"), own["flags"]
+                units[name] = ImuData(to_s(own[TIME]), **triads, temp_c=temp_c, flags=marks, meta=meta)
+            else:
+                units[name] = Stored.open(file, meta, name)
         imu = units.pop("", None)
         mounts = {name: mount for name, (_, mount) in several.items()}
         return Recording(
@@ -338,60 +341,10 @@ def _load(
     file: Path, parquet: "pq.ParquetFile", content: dict[str, Any], in_memory: bool
 ) -> tuple[dict[str, Any], Columns]:
     """Header and columns; no columns where they are to stay in the file and have been found to be whole."""
-    crc = content.pop(_CRC, None)
-    _check_schema(parquet, content.get("units"))
-    names, rows, stored = parquet.schema_arrow.names, parquet.metadata.num_rows, file.stat().st_size
-    if rows < 1:
-        raise DecodeError(f"it claims {rows} rows in {stored} bytes, which cannot be; use an intact copy.")
-    row = sum(np.dtype(column(name).dtype).itemsize for name in names)
-    require_room(max(rows * row, unpacked_bytes(file, parquet.metadata)), stored)  # by its contents, and by every page
-    bare = {name.rpartition(".")[2] for name in names}
-    columns: Columns = {}
-    if in_memory or content.get("track") or bare.isdisjoint(GROUPS[name][0] for name in TRIADS):
-        with _sound():  # one after the other, so that only one of them is in memory twice
-            columns = {name: _array(name, parquet.read([name]).column(0)) for name in names}
-    stored_columns: Iterable[tuple[str, NDArray[Any]]] = sorted(columns.items())
-    if not columns:
-        stored_columns = ((name, part[name]) for name in sorted(names) for _, part in _batches(file, (name,)))
-    checksum = zlib.crc32(header.dump(content))
-    for name, values in stored_columns:  # in the order of their names, each in one piece or several
-        checksum = _crc(name, values, checksum)
-    if crc != f"{checksum:08x}":
-        raise DecodeError("its content does not fit its checksum: the file is damaged; use an intact copy.")
-    return content, columns
-
-
-def _open(file: Path, **how: Any) -> "pq.ParquetFile":
-    """File whose table of contents, whose size stands before the last four bytes, is not larger than that of a year."""
-    import pyarrow.parquet as pq
-
-    size = file.stat().st_size
-    with file.open("rb") as stream:
-        stream.seek(max(0, size - 8))
-        stated = int.from_bytes(stream.read(4), "little")
-    allowed = max(_CONTENTS_BYTES, size >> 8)  # that of 64 units for an hour has a thousandth of all
-    if allowed < stated < size:
-        raise DecodeError(
-            f"its table of contents has {stated} bytes, but {allowed} are allowed; write it with fewer row groups."
-        )
-    try:
-        return pq.ParquetFile(
-            file, thrift_string_size_limit=_CONTENTS_BYTES, thrift_container_size_limit=_THRIFT_ITEMS, **how
-        )
-    except Exception as error:  # Arrow has a dozen types for damaged input
-        raise DecodeError(
-            f"it is not a Parquet file, or it is cut or damaged ({_short(error)}); use an intact copy."
-        ) from error
-
-
-def _check_schema(parquet: "pq.ParquetFile", units: Any) -> None:
-    try:
-        schema = parquet.schema_arrow
-    except Exception as error:  # as in _open
-        raise DecodeError(f"its schema is damaged ({_short(error)}); use an intact copy.") from error
-    if not isinstance(units, dict) or sorted(units) != sorted(schema.names):
+    crc, units, names = content.pop(_CRC, None), content.get("units"), parquet.schema_arrow.names
+    if not isinstance(units, dict) or sorted(units) != sorted(names):
         raise DecodeError("its columns and the units in its header do not have the same names; write the file again.")
-    for field in schema:
+    for field in parquet.schema_arrow:
         spec = column(field.name)
         expected = {"float64": "double"}.get(spec.dtype, spec.dtype)  # as Arrow calls it
         if str(field.type) != expected:
@@ -405,30 +358,68 @@ def _check_schema(parquet: "pq.ParquetFile", units: Any) -> None:
                 f"the column {field.name} must be in {spec.unit}, but its metadata says '{stated}' and the header "
                 f"'{units[field.name]}'; convert the data and write the recording again with plumbob."
             )
+    rows, stored = parquet.metadata.num_rows, file.stat().st_size
+    if rows < 1:
+        raise DecodeError(f"it claims {rows} rows in {stored} bytes, which cannot be; use an intact copy.")
+    row = sum(np.dtype(column(name).dtype).itemsize for name in names)
+    require_room(max(rows * row, unpacked_bytes(file, parquet.metadata)), stored)  # by its contents, and by every page
+    bare = {name.rpartition(".")[2] for name in names}
+    columns: Columns = {}
+    if in_memory or content.get("track") or bare.isdisjoint(GROUPS[name][0] for name in TRIADS):
+        # one after the other, so that only one of them is in memory twice
+        columns = {name: _array(name, parquet.read([name]).column(0)) for name in names}
+    stored_columns: Iterable[tuple[str, NDArray[Any]]] = sorted(columns.items())
+    if not columns:
+        stored_columns = ((name, part[name]) for name in sorted(names) for _, part in _batches(file, (name,)))
+    checksum = zlib.crc32(header.dump(content))
+    for _, values in stored_columns:  # in the order of their names, each in one piece or several
+        checksum = zlib.crc32(values.astype(values.dtype.newbyteorder("<"), copy=False).data, checksum)
+    if crc != f"{checksum:08x}":
+        raise DecodeError("its content does not fit its checksum: the file is damaged; use an intact copy.")
+    return content, columns
+
+
+@contextmanager
+def _open(file: Path, **how: Any) -> "Iterator[pq.ParquetFile]":
+    """File whose table of contents, whose size stands before the last four bytes, is not larger than that of a year.
+
+    Whatever Arrow finds wrong in it, when it opens the file or later, is said in one line.
+    """
+    import pyarrow.parquet as pq
+
+    size = file.stat().st_size
+    with file.open("rb") as stream:
+        stream.seek(max(0, size - 8))
+        stated = int.from_bytes(stream.read(4), "little")
+    allowed = max(_CONTENTS_BYTES, size >> 8)  # that of 64 units for an hour has a thousandth of all
+    if allowed < stated < size:
+        raise DecodeError(
+            f"its table of contents has {stated} bytes, but {allowed} are allowed; write it with fewer row groups."
+        )
+    try:
+        limits: Any = {"thrift_string_size_limit": _CONTENTS_BYTES, "thrift_container_size_limit": _THRIFT_ITEMS}
+        with pq.ParquetFile(file, **limits, **how) as parquet:
+            yield parquet
+    except PlumbobError:
+        raise
+    except Exception as error:  # Arrow has a dozen types for damaged input
+        raise DecodeError(
+            f"it is not a Parquet file, or it is cut or damaged ({one_line(error)[:160].rstrip('.')}); use an intact "
+            "copy."
+        ) from error
 
 
 def _batches(file: Path, names: Sequence[str], start: int = 0) -> Iterator[tuple[int, Columns]]:
     """Rows of these columns, some at a time, from the row group on in which a row lies; and which is their first."""
     import pyarrow as pa
 
-    with _open(file, buffer_size=_PAGE_BYTES, pre_buffer=False) as parquet, _sound():
+    with _open(file, buffer_size=_PAGE_BYTES, pre_buffer=False) as parquet:
         ends = np.cumsum([parquet.metadata.row_group(i).num_rows for i in range(parquet.num_row_groups)])
         first = int(np.searchsorted(ends, start, side="right"))
         at = int(ends[first - 1]) if first else 0
         for batch in parquet.iter_batches(_BATCH, list(range(first, ends.size)), list(names)):
             yield at, {name: _array(name, pa.chunked_array([batch.column(name)])) for name in names}
             at += batch.num_rows
-
-
-@contextmanager
-def _sound() -> Iterator[None]:
-    """Say in one line that data are damaged."""
-    try:
-        yield
-    except DecodeError:
-        raise
-    except Exception as error:  # as in _open
-        raise DecodeError(f"its data are damaged ({_short(error)}); use an intact copy.") from error
 
 
 def _array(name: str, values: "pa.ChunkedArray[Any]") -> NDArray[Any]:
@@ -450,11 +441,6 @@ def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
     return pa.Table.from_arrays([arrow_column(values) for values in columns.values()], schema=schema)
 
 
-def _crc(name: str, values: NDArray[Any], before: int) -> int:
-    little = np.ascontiguousarray(values, dtype=np.dtype(column(name).dtype).newbyteorder("<"))
-    return zlib.crc32(little.data, before)
-
-
 @lru_cache(maxsize=64)
 def _shift(size: int) -> int:
     """x^(8 size): the columns of a recording have two or three sizes, and this takes a hundred products."""
@@ -474,7 +460,3 @@ def _product(a: int, b: int) -> int:
             product ^= b
         b = b >> 1 ^ (0xEDB88320 if b & 1 else 0)
     return product
-
-
-def _short(error: Exception) -> str:
-    return one_line(error)[:160].rstrip(".")
