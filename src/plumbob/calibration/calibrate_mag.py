@@ -63,8 +63,10 @@ def calibrate_mag(
     than help, with a remark not to use it.
     """
     _require_choices(with_, shape, in_use=in_use)
-    use = _magnetic_rows(imu)
     mag, acc = imu.usable("mag"), imu.usable("acc")
+    present, at_end = np.isfinite(mag).all(axis=1), (imu.flags & np.uint32(flags.MAG_CLIPPED)) != 0
+    refuse(clipped(at_end[present]))
+    use = np.asarray(present & ~at_end)
     if shape == "level":
         level = fit_mag_level(mag[use], acc=_complete(acc[use]), strength=strength, dip=dip)
         return replace(level, remarks=(info("calibration.mag_level"), *level.remarks))
@@ -260,14 +262,6 @@ def _require_choices(with_: str, shape: str, *, in_use: bool) -> None:
             f"with {with_} the whole matrix is found, so shape must be auto or ellipsoid, but it is {shape}; "
             "choose with none for another shape."
         )
-
-
-def _magnetic_rows(imu: ImuData) -> NDArray[np.bool_]:
-    """Samples (N,) with a field that is not clipped."""
-    present = np.isfinite(imu.usable("mag")).all(axis=1)
-    at_end = (imu.flags & np.uint32(flags.MAG_CLIPPED)) != 0
-    refuse(clipped(at_end[present]))
-    return np.asarray(present & ~at_end)
 
 
 def _complete(force: Floats) -> Floats | None:

@@ -456,10 +456,17 @@ def choose(vectors: Floats, shape: Shape | None = None) -> ShapeChoice | None:
     full = fit_norm(some, Shape.ELLIPSOID, first_ellipsoid(some)) if enough else None
     if full is None:
         return None
+    from scipy.stats import f
+
     fit, tests, used = full, [], some[full.used]
     for fewer in (Shape.AXES, Shape.SPHERE):
         smaller = fit_norm(used, fewer, full.ellipsoid, robust=False)
-        chance = 0.0 if smaller is None else _chance(smaller, fit, len(used))
+        chance = 0.0  # of a misfit as large as the smaller shape's, if it were true
+        if smaller is not None and fit.cost > 0.0:
+            more, free = fit.shape.value - fewer.value, len(used) - fit.shape.value
+            chance = float(f.sf(max(0.0, smaller.cost - fit.cost) / more / (fit.cost / free), more, free))
+        elif smaller is not None:
+            chance = 0.0 if smaller.cost > 0.0 else 1.0
         tests.append(f"{fewer.name.lower()} against {fit.shape.name.lower()}: {p_value(chance)}")
         if smaller is None or chance < SIGNIFICANCE:
             break
@@ -475,13 +482,3 @@ def choose(vectors: Floats, shape: Shape | None = None) -> ShapeChoice | None:
     residuals = general.residuals.copy()
     residuals[general.used] = smaller.residuals
     return ShapeChoice(smaller._replace(residuals=residuals, used=general.used), general, why)
-
-
-def _chance(smaller: NormFit, larger: NormFit, count: int) -> float:
-    """Probability of a misfit as large as the smaller shape's, if it were true."""
-    from scipy.stats import f
-
-    more, free = larger.shape.value - smaller.shape.value, count - larger.shape.value
-    if not larger.cost > 0.0:
-        return 1.0 if not smaller.cost > 0.0 else 0.0
-    return float(f.sf(max(0.0, smaller.cost - larger.cost) / more / (larger.cost / free), more, free))

@@ -232,7 +232,14 @@ def told_by_others(
     turned = 0.0 if helper == "none" or "mag" in wrong else turn_angle(matrix)
     by = "accelerometer" if helper == "acc" else "gyroscope"
     remarks = (*remarks, *_of_turn(angle, turned, dip, by, one_dip=ways.keeps_dip))
-    return remarks if angle is None else (*_of_place(angle, dip, one_dip=ways.keeps_dip), *remarks)
+    if angle is None or dip is None or abs(angle - dip) <= DOUBTFUL_DIP:
+        return remarks
+    what = f"the field dips by {to_deg(angle):.1f}° in the capture, but by {to_deg(dip):.1f}° at the place."
+    if abs(angle - dip) > WRONG_DIP:
+        negated = ways.keeps_dip and abs(angle + dip) < abs(angle - dip)
+        advice = f"{_NEGATED if negated else _AXES}; check --place, and that no iron was near."
+        refuse(Reason("wrong-field", what, advice))
+    return (f"DIP OFF: {what} Iron nearby bends the field, and so does a building.", *remarks)
 
 
 def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: float | None) -> Reason | None:
@@ -304,18 +311,6 @@ def _dip(field: Floats, force: Floats) -> float | None:
     if int(np.count_nonzero(valid)) < FEWEST:
         return None
     return dip_angle(field[valid], force[valid])
-
-
-def _of_place(angle: float, dip: float | None, *, one_dip: bool) -> tuple[str, ...]:
-    if dip is None or abs(angle - dip) <= DOUBTFUL_DIP:
-        return ()
-    what = f"the field dips by {to_deg(angle):.1f}° in the capture, but by {to_deg(dip):.1f}° at the place."
-    if abs(angle - dip) > WRONG_DIP:
-        negated = one_dip and abs(angle + dip) < abs(angle - dip)
-        axes = _NEGATED if negated else _AXES
-        advice = f"{axes}; check --place, and that no iron was near."
-        refuse(Reason("wrong-field", what, advice))
-    return (f"DIP OFF: {what} Iron nearby bends the field, and so does a building.",)
 
 
 def _of_turn(angle: float | None, turned: float, dip: float | None, by: str, *, one_dip: bool) -> tuple[str, ...]:

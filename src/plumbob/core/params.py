@@ -15,7 +15,7 @@ from plumbob.core.units import Quantity, from_si, parse
 
 Built = TypeVar("Built")
 
-_SHOWN_IN = {
+_SHOWN_IN = {quantity: quantity.value for quantity in Quantity} | {
     Quantity.ANGLE: "deg",
     Quantity.RATE: "deg/s",
     Quantity.ANGULAR_ACCELERATION: "deg/s2",
@@ -63,7 +63,7 @@ def shown(p: Parameter, value: Any) -> str:
     """Value of a parameter as text with its unit, angles in degrees; `build` reads it back."""
     if value is None or isinstance(value, bool):
         return "on" if value else "off"
-    return f"{from_si(float(value), _shown_in(p)):.6g}{_unit(p)}"
+    return f"{from_si(float(value), _SHOWN_IN[p.spec.quantity]):.6g}{_unit(p)}"
 
 
 def allowed(p: Parameter) -> str:
@@ -82,7 +82,7 @@ def allowed(p: Parameter) -> str:
 
 def _end(p: Parameter, value: float, inward: Callable[[float], int]) -> str:
     """End of a range as it was declared, or with two digits that are inside: 57 deg for 1 rad, not 57.2958."""
-    size = from_si(value, _shown_in(p))
+    size = from_si(value, _SHOWN_IN[p.spec.quantity])
     text = f"{size:.4g}"
     if math.isclose(float(text), size, rel_tol=1e-9):
         return text
@@ -90,12 +90,8 @@ def _end(p: Parameter, value: float, inward: Callable[[float], int]) -> str:
     return f"{inward(size / step) * step:.4g}"
 
 
-def _shown_in(p: Parameter) -> str:
-    return _SHOWN_IN.get(p.spec.quantity, p.spec.quantity.value)
-
-
 def _unit(p: Parameter) -> str:
-    return "" if p.spec.quantity is Quantity.RATIO else f" {_shown_in(p)}"
+    return "" if p.spec.quantity is Quantity.RATIO else f" {_SHOWN_IN[p.spec.quantity]}"
 
 
 def build(cls: type[Built], values: Mapping[str, Any], *, of: str) -> Built:

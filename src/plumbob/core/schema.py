@@ -200,23 +200,23 @@ def optional(parse: Parse) -> Parse:
     return described(either(NoneType, anything, parse), anyOf=[json_schema(parse), {"type": "null"}])
 
 
-def plain(rule: str, passes: Callable[[Any], bool], convert: Callable[[Any], Any], **json_: Any) -> Parse:
-    """Parser of what passes a test; `rule` says what it must be, `json_` the same in JSON Schema."""
+def plain(
+    rule: str,
+    kind: Any,
+    convert: Callable[[Any], Any] | None = None,
+    *limits: float,
+    passes: Callable[[Any], bool] | None = None,
+    **json_: Any,
+) -> Parse:
+    """Parser of what is of a kind and passes a test; `rule` says what it must be, `json_` the same in JSON Schema.
 
-    def parse(where: str, value: Any) -> Any:
-        if not passes(value):
-            raise DecodeError(f"{where} must be {rule}, but it is {excerpt(str(value))}.")
-        return convert(value)
-
-    return described(parse, **json_)
-
-
-def typed(rule: str, kind: Any, convert: Callable[[Any], Any] | None = None, *limits: float, **json_: Any) -> Parse:
-    """As `plain`, of what has one of some types; a number, which lies within `limits`, is no truth value."""
+    A number lies within `limits`, both included; true and false are none.
+    """
 
     def parse(where: str, value: Any) -> Any:
         is_kind = isinstance(value, kind) and not (limits and isinstance(value, bool))
-        if not is_kind or (limits and not limits[0] <= value <= limits[1]):
+        is_inside = is_kind and (not limits or limits[0] <= value <= limits[1])
+        if not is_inside or (passes is not None and not passes(value)):
             raise DecodeError(f"{where} must be {rule}, but it is {excerpt(str(value))}.")
         return convert(value) if convert else value
 
@@ -225,28 +225,26 @@ def typed(rule: str, kind: Any, convert: Callable[[Any], Any] | None = None, *li
 
 _MOST = sys.float_info.max
 
-anything = typed("anything", object)  # what another place judges
+anything = plain("anything", object)  # what another place judges
 
-text = typed("text in quotes", str, str, type="string")  # text in quotes
+text = plain("text in quotes", str, str, type="string")  # text in quotes
 
 texts = listed(text, of="texts")  # list of texts
 
-truth = typed("true or false", bool, type="boolean")  # true or false
+truth = plain("true or false", bool, type="boolean")  # true or false
 
-number = typed("a finite number", int | float, float, -_MOST, _MOST, type="number")  # finite number
+number = plain("a finite number", int | float, float, -_MOST, _MOST, type="number")  # finite number
 
-positive = typed("a finite number above 0", int | float, float, math.ulp(0.0), _MOST, type="number", exclusiveMinimum=0)
+positive = plain("a finite number above 0", int | float, float, math.ulp(0.0), _MOST, type="number", exclusiveMinimum=0)
 """Finite number above 0."""
 
-nonzero = plain(
-    "a finite number other than 0", lambda v: type(v) in (int, float) and 0.0 < abs(v) <= _MOST, float, type="number"
-)
+nonzero = plain("a finite number other than 0", int | float, float, -_MOST, _MOST, passes=bool, type="number")
 """Finite number that is not 0."""
 
 
 def one_of(*words: str) -> Parse:
     """One of some words."""
-    return plain(f"one of {', '.join(map(repr, words))}", lambda value: value in words, str, enum=list(words))
+    return plain(f"one of {', '.join(map(repr, words))}", object, str, passes=words.__contains__, enum=list(words))
 
 
 def whole(least: int | None = None, most: int | None = None) -> Parse:
@@ -254,8 +252,8 @@ def whole(least: int | None = None, most: int | None = None) -> Parse:
     limits = -math.inf if least is None else least, math.inf if most is None else most
     bounds = ("" if least is None else f" of at least {least}") + ("" if most is None else f" and at most {most}")
     ends = {"minimum": least, "maximum": most}
-    json_ = {key: end for key, end in ends.items() if end is not None}
-    return typed(f"a whole number{bounds}", int, int, *limits, type="integer", **json_)
+    json_: Any = {key: end for key, end in ends.items() if end is not None}
+    return plain(f"a whole number{bounds}", int, int, *limits, type="integer", **json_)
 
 
 def version(read: int) -> Parse:

@@ -478,11 +478,11 @@ def _normed(where: str, q: Quat) -> Quat:
     return q
 
 
-def _is_name(value: Any) -> bool:
-    return isinstance(value, str) and bool(value.strip()) and value.isprintable() and not set("[]") & set(value)
+def _is_name(value: str) -> bool:
+    return bool(value.strip()) and value.isprintable() and not set("[]") & set(value)
 
 
-_NAME: Final = schema.plain("a name without brackets", _is_name, str, type="string")
+_NAME: Final = schema.plain("a name without brackets", str, str, passes=_is_name, type="string")
 _LIMIT: Final = schema.form(
     {key: schema.quantity(kind) if key in ("low", "high") else schema.size(kind) for key, kind in _LIMITS.items()},
     kind=Limits,

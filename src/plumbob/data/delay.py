@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.data.imu import ImuData
@@ -62,11 +61,7 @@ def gyr_delay(imu: ImuData) -> Delay | None:
     rows = np.flatnonzero(quiet)
     if rows.size < FEWEST:
         return None
-    return _best(_band(jerk)[rows], rate, force, rows)
-
-
-def _best(jerk: Floats, rate: Floats, force: Floats, rows: NDArray[np.intp]) -> Delay:
-    parts = np.linspace(0, rows.size, BLOCKS, endpoint=False).astype(np.intp)
+    jerk, parts = _band(jerk)[rows], np.linspace(0, rows.size, BLOCKS, endpoint=False).astype(np.intp)
     product, power = np.empty((2 * REACH + 1, BLOCKS)), np.empty((2 * REACH + 1, BLOCKS))
     for i in range(2 * REACH + 1):
         said = _band(-np.cross(np.roll(rate, REACH - i, axis=0), force))[rows]
@@ -74,14 +69,11 @@ def _best(jerk: Floats, rate: Floats, force: Floats, rows: NDArray[np.intp]) -> 
         power[i] = np.add.reduceat(np.sum(said * said, axis=1), parts)
     size = np.add.reduceat(np.sum(jerk * jerk, axis=1), parts)
     delay, correlation = _peak(product.sum(axis=1), power.sum(axis=1), float(size.sum()))
-    without = np.array([_peak(*_without(product, power, size, k))[0] for k in range(BLOCKS)])
+    without = [  # of each part in turn
+        _peak(product[:, others].sum(axis=1), power[:, others].sum(axis=1), float(size[others].sum()))[0]
+        for others in ~np.eye(BLOCKS, dtype=bool)
+    ]
     return Delay(delay, float(np.sqrt((BLOCKS - 1) * np.var(without))), correlation)
-
-
-def _without(product: Floats, power: Floats, size: Floats, part: int) -> tuple[Floats, Floats, float]:
-    """The same sums without a part."""
-    mask = np.arange(BLOCKS) != part
-    return product[:, mask].sum(axis=1), power[:, mask].sum(axis=1), float(size[mask].sum())
 
 
 def _peak(product: Floats, power: Floats, size: float) -> tuple[float, float]:

@@ -402,7 +402,22 @@ class ImuData(Series):
                 norm.append(sizes[np.isfinite(sizes) & ~wrong])
         if count > max(1, 0.01 * size):
             return f"{first}, and {count} of {size} samples exceed it", _ADVICE[name]
-        return _unusual_size(name, np.concatenate(norm)) if norm else None
+        sizes = np.concatenate(norm) if norm else np.empty(0)
+        low, high = (0.5 * G0, 2.5 * G0) if name == "acc" else (5.0, 2000.0)
+        if sizes.size < ENOUGH or low <= (typical := median(sizes)) <= high:
+            return None
+        usual = f"{low:.3g} to {high:.3g} {_SI[name]}"
+        zeros = int(np.count_nonzero(sizes == 0.0))
+        if 2 * zeros > sizes.size:
+            return (
+                f"|{name}| is exactly zero in {zeros} of {sizes.size} samples, but on Earth it lies in {usual}",
+                f"The sensor was off or its columns were never filled: make those samples NaN, or leave {name} out.",
+            )
+        return (
+            f"|{name}| is {typical:.4g} {_SI[name]} in the middle of {sizes.size} samples, but on Earth it lies in "
+            f"{usual}{_guess(name, typical)}",
+            _ADVICE[name],
+        )
 
     def corrected(self, *, meta: ImuMeta, **triads: Floats) -> Self:
         """Return the same samples with corrected values of some triads.
@@ -770,27 +785,6 @@ def _in_all(marks: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def known_rows(triad: Floats) -> NDArray[np.bool_]:
     """Which rows of a triad (N, 3) hold finite numbers throughout, (N,)."""
     return _in_all(np.isfinite(triad))
-
-
-def _unusual_size(name: str, norm: Floats) -> tuple[str, str] | None:
-    if norm.size < ENOUGH:
-        return None
-    typical = median(norm)
-    low, high = (0.5 * G0, 2.5 * G0) if name == "acc" else (5.0, 2000.0)
-    if low <= typical <= high:
-        return None
-    usual = f"{low:.3g} to {high:.3g} {_SI[name]}"
-    zeros = int(np.count_nonzero(norm == 0.0))
-    if 2 * zeros > norm.size:
-        return (
-            f"|{name}| is exactly zero in {zeros} of {norm.size} samples, but on Earth it lies in {usual}",
-            f"The sensor was off or its columns were never filled: make those samples NaN, or leave {name} out.",
-        )
-    return (
-        f"|{name}| is {typical:.4g} {_SI[name]} in the middle of {norm.size} samples, but on Earth it lies in "
-        f"{usual}{_guess(name, typical)}",
-        _ADVICE[name],
-    )
 
 
 _CONVERTER = {"gyr": "dps", "acc": "g", "mag": "gauss"}

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final
 from weakref import WeakKeyDictionary
 
@@ -62,16 +63,12 @@ def stuck_runs(repeats: NDArray[np.bool_]) -> NDArray[np.int64]:
 def statistics(imu: ImuData, name: str) -> Statistics:
     """Measure a triad, in one pass; who asks again about the same recording is not made to wait again."""
     measured = _MEASURED.setdefault(imu, {})
-    if name not in measured:
-        measured[name] = _measured(imu.only(name), name)
-    return measured[name]
-
-
-def _measured(imu: ImuData, name: str) -> Statistics:
+    if name in measured:
+        return measured[name]
     count, at, sizes, repeats = 0, 0, np.empty(len(imu)), np.full(len(imu), NOT_KNOWN, dtype=np.uint8)
     total, square, last = np.zeros(3), np.zeros(3), np.full((1, 3), np.nan)
     middle = last[0]
-    for part in imu.chunks(BLOCK):
+    for part in imu.only(name).chunks(BLOCK):
         values = part.usable(name)
         finite = known_rows(values)
         if len(samples := values[finite]):
@@ -84,7 +81,9 @@ def _measured(imu: ImuData, name: str) -> Statistics:
         at += len(values)
     off = total / max(count, 1)
     std = np.sqrt(np.maximum(square / max(count, 1) - off * off, 0.0))
-    return Statistics(count, middle + off, std if count else middle, median(sizes[:count]), repeats)
+    std = std if count else middle
+    measured[name] = Statistics(count, middle + off, std, median(sizes[:count]), repeats)
+    return measured[name]
 
 
 def doubts(imu: ImuData) -> tuple[Finding, ...]:
@@ -92,7 +91,7 @@ def doubts(imu: ImuData) -> tuple[Finding, ...]:
     if "gyr" not in imu.triads or len(imu) < ENOUGH:
         return ()
     if imu not in _DOUBTS:
-        _DOUBTS[imu] = tuple(_steps(imu)) or _turning(imu) or _rates(imu)
+        _DOUBTS[imu] = tuple(islice(_doubts(imu), 1))  # the first may be why there are others
     return _DOUBTS[imu]
 
 
@@ -112,10 +111,8 @@ def upside_down(imu: ImuData, frame: Frame) -> tuple[Finding, ...]:
     return (warning("samples.upside_down", frame=str(frame), level="+g" if frame.up[2] > 0.0 else "−g"),)
 
 
-def _steps(imu: ImuData) -> Iterator[Finding]:
+def _doubts(imu: ImuData) -> Iterator[Finding]:
     t = imu.t
-    if t.size < 2:
-        return
     usual, mean = median(np.diff(t)), float(t[-1] - t[0]) / (t.size - 1)
     if usual >= LONGEST_STEP:
         yield warning("samples.step_too_long", step=usual)
@@ -123,6 +120,17 @@ def _steps(imu: ImuData) -> Iterator[Finding]:
         yield warning("samples.step_too_short", step=mean)
     elif (burst := bursts(t)) is not None:
         yield burst
+    fit, times = turning(imu), to_deg(1.0)
+    if fit.tells and fit.factor < 0.0:
+        yield warning("samples.gyr_against_acc")
+    elif fit.tells:
+        for ratio, code in ((fit.factor * times, "samples.gyr_in_dps"), (fit.factor / times, "samples.gyr_in_rad_s")):
+            # within a factor of two: a buoy in waves shows only 0.6 of its turning, since the waves push it, too
+            if abs(math.log2(ratio)) < 1.0:
+                yield warning(code, factor=times)
+    gyr = statistics(imu, "gyr")
+    if gyr.samples >= ENOUGH and gyr.norm > USUAL_RATE:
+        yield warning("samples.rates_large", rate=gyr.norm, rate_dps=to_deg(gyr.norm), samples=gyr.samples)
 
 
 def bursts(t: Floats) -> Finding | None:
@@ -143,28 +151,6 @@ def bursts(t: Floats) -> Finding | None:
     if counts.size < FEWEST_WINDOWS or np.median(np.abs(counts - np.median(counts))) > STEADY * np.median(counts):
         return None
     return warning("samples.bursts", step=usual, rows=t.size, span=span, mean=mean, rate=1.0 / mean)
-
-
-def _turning(imu: ImuData) -> tuple[Finding, ...]:
-    fit = turning(imu)
-    if not fit.tells:
-        return ()
-    times = to_deg(1.0)
-    if fit.factor < 0.0:
-        return (warning("samples.gyr_against_acc"),)
-    for ratio, code in ((fit.factor * times, "samples.gyr_in_dps"), (fit.factor / times, "samples.gyr_in_rad_s")):
-        # within a factor of two: a buoy in waves shows only 0.6 of its turning, since the waves push it, too
-        if abs(math.log2(ratio)) < 1.0:
-            return (warning(code, factor=times),)
-    return ()
-
-
-def _rates(imu: ImuData) -> tuple[Finding, ...]:
-    stats = statistics(imu, "gyr")
-    usual, size = stats.norm, stats.samples
-    if size < ENOUGH or usual <= USUAL_RATE:
-        return ()
-    return (warning("samples.rates_large", rate=usual, rate_dps=to_deg(usual), samples=size),)
 
 
 WINDOW: Final = 0.2  # Time over which samples are averaged before they are compared, s
@@ -224,7 +210,23 @@ def turning(imu: ImuData) -> Turning:
     said = -np.cross(0.5 * (rate[i + 1] + rate[i]), middle)
     counts = quiet[i + 1] & quiet[i] & (step < 1.5 * np.median(step)) & np.isfinite(said).all(axis=1)
     counts &= np.sum(turn * turn, axis=1) < LARGEST_TURN**2
-    return _fit(turn[counts], said[counts], middle[counts]) if counts.any() else nothing
+    if not counts.any():
+        return nothing
+    # least squares, with the constant taken out of both sides first
+    x, y, z = middle[counts].T
+    zero = np.zeros_like(x)
+    constant = np.stack(
+        (np.column_stack((zero, -z, y)), np.column_stack((z, zero, -x)), np.column_stack((-y, x, zero))), axis=2
+    ).reshape(-1, 3)  # columns e × a dt
+    basis, _ = np.linalg.qr(constant)
+    both = np.column_stack((turn[counts].ravel(), said[counts].ravel()))
+    turn_left, said_left = (both - basis @ (basis.T @ both)).T
+    product, turn_power, said_power = turn_left @ said_left, turn_left @ turn_left, said_left @ said_left
+    if not (turn_power > 0.0 and said_power > 0.0):
+        return Turning(float("nan"), 0.0, x.size)
+    correlation = float(product / np.sqrt(turn_power) / np.sqrt(said_power))
+    share = np.sum(said_left.reshape(-1, 3) ** 2, axis=1) / said_power
+    return Turning(float(product / said_power), correlation, x.size, float(1.0 / (share @ share)))
 
 
 def _means(values: Floats, size: int) -> Floats:
@@ -234,21 +236,3 @@ def _means(values: Floats, size: int) -> Floats:
     count = finite.sum(axis=1)
     total = np.where(finite, windows, 0.0).sum(axis=1)
     return np.where(2 * count >= size, total / np.maximum(count, 1), np.nan)
-
-
-def _fit(turn: Floats, said: Floats, middle: Floats) -> Turning:
-    """Least squares with the constant taken out of both sides first."""
-    x, y, z = middle.T
-    zero = np.zeros_like(x)
-    constant = np.stack(
-        (np.column_stack((zero, -z, y)), np.column_stack((z, zero, -x)), np.column_stack((-y, x, zero))), axis=2
-    ).reshape(-1, 3)  # columns e × a dt
-    basis, _ = np.linalg.qr(constant)
-    both = np.column_stack((turn.ravel(), said.ravel()))
-    turn_left, said_left = (both - basis @ (basis.T @ both)).T
-    product, turn_power, said_power = turn_left @ said_left, turn_left @ turn_left, said_left @ said_left
-    if not (turn_power > 0.0 and said_power > 0.0):
-        return Turning(float("nan"), 0.0, len(turn))
-    correlation = float(product / np.sqrt(turn_power) / np.sqrt(said_power))
-    share = np.sum(said_left.reshape(-1, 3) ** 2, axis=1) / said_power
-    return Turning(float(product / said_power), correlation, len(turn), float(1.0 / (share @ share)))

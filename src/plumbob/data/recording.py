@@ -251,22 +251,17 @@ def stored_notes(recording: Recording) -> tuple[Finding, ...]:
     return (*lasting(recording.notes), *(info("samples.calibration", card=card) for card in cards))
 
 
-def dead_axes(imu: ImuData, name: str) -> str:
-    """Axes that never change in a recording in which the others do: a wire, a register or a column is missing."""
-    axes = statistics(imu, name).repeats
-    axes = axes[axes != NOT_KNOWN]
-    if axes.size < STUCK_SAMPLES or np.mean(axes[1:] == ALL_AXES) > 0.5:
-        return ""
-    return "".join(axis for i, axis in enumerate("xyz") if (axes[1:] >> i & 1).all())
-
-
 def _stuck(imu: ImuData) -> Iterator[Finding]:
     for name in imu.triads:
         axes = statistics(imu, name).repeats
-        for axis in dead_axes(imu, name):
-            mean = float(statistics(imu, name).mean["xyz".index(axis)])
-            yield warning("samples.stuck_axis", sensor=name, axis=axis, value=mean)
-        again = axes[axes != NOT_KNOWN] == ALL_AXES
+        repeats = axes[axes != NOT_KNOWN]
+        again = repeats == ALL_AXES
+        # one axis never changes while others do: a wire, a register or a column is missing
+        if repeats.size >= STUCK_SAMPLES and np.mean(again[1:]) <= 0.5:
+            for i, axis in enumerate("xyz"):
+                if (repeats[1:] >> i & 1).all():
+                    mean = float(statistics(imu, name).mean[i])
+                    yield warning("samples.stuck_axis", sensor=name, axis=axis, value=mean)
         if again.size - np.count_nonzero(again) < 2:  # it never changes: a simulation without noise, at rest
             continue
         if not (stretches := stuck_runs(again)).size:

@@ -245,7 +245,7 @@ def _mag(
         in_use=in_use,
         force=force,
     )
-    return _with_remark({"mag": fit}, remarks), None
+    return {"mag": replace(fit, remarks=(*fit.remarks, *remarks))}, None
 
 
 def _accel(
@@ -313,7 +313,10 @@ def _hand(
     if lacking:
         say(f"the recording has no {' and no '.join(lacking)}, which {'are' if lacking[1:] else 'is'} left out")
     field, dip, remarks = _field(opened, say, strength, place)
-    return _with_remark(calibrate_by_hand(opened, gravity=at, strength=field, dip=dip, force=force), remarks), None
+    fits = calibrate_by_hand(opened, gravity=at, strength=field, dip=dip, force=force)
+    if (mag := fits.get("mag")) is not None:
+        fits = {**fits, "mag": replace(mag, remarks=(*mag.remarks, *remarks))}
+    return fits, None
 
 
 def _table(
@@ -433,11 +436,6 @@ def _field(
     field = earth_field_at(*parse_place(place), opened.date)
     say(f"field at the place: {field.told}")
     return field.strength, field.dip, (f"Field at the place of the capture: {field.told}.",)
-
-
-def _with_remark(fits: "Mapping[str, Fitted]", remarks: tuple[str, ...]) -> "dict[str, Fitted]":
-    """Fits with what the place said as a remark of the magnetometer."""
-    return {n: replace(fit, remarks=(*fit.remarks, *remarks)) if n == "mag" else fit for n, fit in fits.items()}
 
 
 def read_track(given: str | Path | Recording) -> AttitudeTrack:

@@ -32,7 +32,7 @@ from plumbob.core.errors import ClockError, ParameterError, ShapeError
 from plumbob.core.time import longest_bridged, to_ns
 from plumbob.core.units import deg, dps, to_deg, to_dps
 from plumbob.data import AttitudeTrack
-from plumbob.data.reading import Reading, read_at
+from plumbob.data.reading import read_at
 from plumbob.evaluation.metrics import error_quat
 from plumbob.rotations import Frame, quat_angle, quat_conjugate, quat_mean, quat_multiply, quat_rotate
 from plumbob.rotations.frames import turn_heading
@@ -112,19 +112,7 @@ def associate(
     reading = read_at(reference, to_ns(estimate.t), max_gap=limit, offset=offset)
     if reading.outside.all():
         raise ClockError(_no_overlap(estimate, reference, offset))
-    fate = _fates(estimate, reference, reading, settle)
-    return Match(reading.q_nb, fate, reading.exact & (fate == Fate.SCORED), limit)
-
-
-def not_converged(track: AttitudeTrack) -> Mask:
-    """True where a filter had no attitude yet, or one of which nothing had shown that it is right, (N,)."""
-    if track.flags is None:
-        return np.zeros(len(track), dtype=np.bool_)
-    return np.asarray(track.flags & np.uint32(flags.NOT_CONVERGED) != 0)
-
-
-def _fates(estimate: AttitudeTrack, reference: AttitudeTrack, reading: Reading, settle: float) -> NDArray[np.uint8]:
-    fate = np.zeros(len(estimate), dtype=np.uint8)
+    fate = np.zeros(len(estimate), dtype=np.uint8)  # the first `Fate` that applies: later lines have the last word
     if reference.score is not None:
         fate[~(reference.score[reading.low] & reference.score[reading.high])] = Fate.MASKED
     fate[estimate.t < estimate.t[0] + settle] = Fate.SETTLING
@@ -133,7 +121,14 @@ def _fates(estimate: AttitudeTrack, reference: AttitudeTrack, reading: Reading, 
     fate[reading.outside] = Fate.OUTSIDE
     fate[not_converged(estimate)] = Fate.NOT_CONVERGED
     fate[~estimate.known] = Fate.ESTIMATE_UNKNOWN
-    return fate
+    return Match(reading.q_nb, fate, reading.exact & (fate == Fate.SCORED), limit)
+
+
+def not_converged(track: AttitudeTrack) -> Mask:
+    """True where a filter had no attitude yet, or one of which nothing had shown that it is right, (N,)."""
+    if track.flags is None:
+        return np.zeros(len(track), dtype=np.bool_)
+    return np.asarray(track.flags & np.uint32(flags.NOT_CONVERGED) != 0)
 
 
 def _no_overlap(estimate: AttitudeTrack, reference: AttitudeTrack, offset: float) -> str:

@@ -24,7 +24,6 @@ from plumbob.data import UNCALIBRATED, AttitudeTrack
 from plumbob.evaluation.align import (
     Alignment,
     Fate,
-    Mask,
     Match,
     associate,
     find_heading,
@@ -131,9 +130,17 @@ class Evaluation(Reported):
         """
         a, s = self.alignment, self.settings
         time, mounting = a.time, a.mounting
+        sizes = ("rmse", "mean", "std", "max_abs", "p50", "p95", "p99")
+        errors: dict[str, dict[str, Any]] = {
+            name: {
+                **{f"{size}_deg": to_deg(getattr(stats, size)) for size in sizes},
+                "max_at_s": stats.max_at, "count": stats.count,
+            }
+            for name, stats in self.stats.items()
+        }  # fmt: skip
         return dict(plain({
-            **{f"{name}_rmse_deg": _deg(getattr(self.stats.get(name), "rmse", None)) for name in QUANTITIES[:3]},
-            **{name: _stats(self.stats.get(name)) for name in QUANTITIES},
+            **{f"{name}_rmse_deg": errors.get(name, {}).get("rmse_deg") for name in QUANTITIES[:3]},
+            **{name: errors.get(name) for name in QUANTITIES},
             "not_scored": self.not_scored,
             "samples": sample_counts(self),
             "alignment": {
@@ -197,22 +204,18 @@ def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: Evaluatio
     match = associate(estimate, truth, max_gap=settings.max_gap, settle=settings.settle, offset=offset)
     if not match.scored.any():
         raise _nothing_scored(estimate, match)
-    alignment = replace(_rotation_alignment(estimate, match, settings), time=time)
+    q_est, q_ref, alignment = estimate.q_nb[match.scored], match.q_ref[match.scored], Alignment()
+    if {"mounting", "heading"} <= set(settings.align):
+        alignment = find_mounting_and_heading(q_est, q_ref, estimate.frame)
+    elif "mounting" in settings.align:
+        alignment = Alignment(mounting=find_mounting(q_est, q_ref))
+    elif "heading" in settings.align:
+        alignment = Alignment(heading=find_heading(q_est, q_ref, estimate.frame))
+    alignment = replace(alignment, time=time)
     match = replace(match, q_ref=alignment.apply(match.q_ref, estimate.frame))
     errors = attitude_errors(converged.q_nb, match.q_ref)
     evaluation = _measured(estimate, reference, settings, match, alignment, policy, errors)
     return replace(evaluation, notes=tuple(_remarks(evaluation, policy)))
-
-
-def _rotation_alignment(estimate: AttitudeTrack, match: Match, settings: EvaluationSettings) -> Alignment:
-    q_est, q_ref = estimate.q_nb[match.scored], match.q_ref[match.scored]
-    if {"mounting", "heading"} <= set(settings.align):
-        return find_mounting_and_heading(q_est, q_ref, estimate.frame)
-    if "mounting" in settings.align:
-        return Alignment(mounting=find_mounting(q_est, q_ref))
-    if "heading" in settings.align:
-        return Alignment(heading=find_heading(q_est, q_ref, estimate.frame))
-    return Alignment()
 
 
 def _nothing_scored(estimate: AttitudeTrack, match: Match) -> ShapeError:
@@ -245,6 +248,14 @@ def _measured(
         else:
             not_scored.setdefault(name, "pitch is near ±90° in every scored sample")
     claimed = estimate.cov_b if policy.comparable else None
+    # of the reference, over pairs of scored samples about `RATE_BASELINE` apart
+    t, rate, both = estimate.t, None, np.zeros(0, dtype=np.bool_)
+    if t.size > 1:
+        stride = min(t.size - 1, max(1, round(RATE_BASELINE / float(np.median(np.diff(t))))))
+        both = scored[:-stride] & scored[stride:]
+    if both.any():
+        turns = quat_angle(match.q_ref[:-stride][both], match.q_ref[stride:][both])
+        rate = float(np.sqrt(np.mean((turns / (t[stride:][both] - t[:-stride][both])) ** 2)))
     return Evaluation(
         estimate=estimate,
         reference=reference,
@@ -258,21 +269,9 @@ def _measured(
         consistency=None
         if claimed is None
         else consistency(estimate.q_nb[scored], match.q_ref[scored], claimed[scored]),
-        reference_rate=_reference_rate(estimate.t, match.q_ref, scored),
+        reference_rate=rate,
         notes=(),
     )
-
-
-def _reference_rate(t: Floats, q_ref: Floats, scored: Mask) -> float | None:
-    """Rms rate over pairs of scored samples about `RATE_BASELINE` apart, rad/s."""
-    if t.size < 2:
-        return None
-    stride = min(t.size - 1, max(1, round(RATE_BASELINE / float(np.median(np.diff(t))))))
-    both = scored[:-stride] & scored[stride:]
-    if not both.any():
-        return None
-    rate = quat_angle(q_ref[:-stride][both], q_ref[stride:][both]) / (t[stride:][both] - t[:-stride][both])
-    return float(np.sqrt(np.mean(rate * rate)))
 
 
 _SUSPICIOUS = deg(2.0)
@@ -369,13 +368,6 @@ def _describe(alignment: Alignment) -> str:
 
 def _deg(angle: float | None) -> float | None:
     return None if angle is None else to_deg(angle)
-
-
-def _stats(s: Stats | None) -> dict[str, Any] | None:
-    if s is None:
-        return None
-    angles = {f"{k}_deg": to_deg(getattr(s, k)) for k in ("rmse", "mean", "std", "max_abs", "p50", "p95", "p99")}
-    return {**angles, "max_at_s": s.max_at, "count": s.count}
 
 
 def sample_counts(e: Evaluation) -> dict[str, Any]:

@@ -161,10 +161,10 @@ def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
         units: dict[str, ImuData] = {}
         for name, meta in metas.items():
             if columns:
-                own = of_unit(columns, name) if name else columns
-                triads = {triad: joined(own, triad) for triad in TRIADS}
-                temp_c, marks = own.get("temp_c"), own["flags"]
-                units[name] = ImuData(to_s(own[TIME]), **triads, temp_c=temp_c, flags=marks, meta=meta)
+                part = of_unit(columns, name) if name else columns
+                triads = {triad: joined(part, triad) for triad in TRIADS}
+                temp_c, marks = part.get("temp_c"), part["flags"]
+                units[name] = ImuData(to_s(part[TIME]), **triads, temp_c=temp_c, flags=marks, meta=meta)
             else:
                 units[name] = Stored.open(file, meta, name)
         imu = units.pop("", None)

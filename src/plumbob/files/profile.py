@@ -28,8 +28,9 @@ from plumbob.rotations import Frame, North, body_axes, in_body_axes, signed_axes
 
 COLUMN: Final = schema.plain(
     "a column's name or its number from 1",
-    lambda value: bool(value.strip()) if isinstance(value, str) else type(value) is int and value >= 1,
+    object,
     lambda value: value.strip() if isinstance(value, str) else value,
+    passes=lambda value: bool(value.strip()) if isinstance(value, str) else type(value) is int and value >= 1,
     type=["string", "integer"],
 )
 

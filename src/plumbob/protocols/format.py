@@ -7,7 +7,7 @@ its constant fields. A *field* is one number in it. One description decodes, enc
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from plumbob.core import schema
 from plumbob.core.errors import ParameterError, unknown_name
@@ -15,11 +15,11 @@ from plumbob.core.units import Quantity
 from plumbob.protocols.field import ORDER, UNSAID, Checksum, Field, Provenance
 
 
-def _is_hex(value: Any) -> bool:
-    return isinstance(value, str) and re.fullmatch(r"\s*([0-9A-Fa-f]{2}\s*)+", value) is not None
+def _is_hex(value: str) -> bool:
+    return re.fullmatch(r"\s*([0-9A-Fa-f]{2}\s*)+", value) is not None
 
 
-HEX: Final = schema.plain("bytes in hexadecimal, as in 'A5 5A'", _is_hex, bytes.fromhex, type="string")
+HEX: Final = schema.plain("bytes in hexadecimal, as in 'A5 5A'", str, bytes.fromhex, passes=_is_hex, type="string")
 """Parser of bytes."""
 _SYNC: Final = schema.either(list, schema.listed(HEX), schema.converted(lambda octets: (octets,), HEX))
 _CHOICES: Final = schema.mapping(schema.either(str, schema.text, schema.positive))

@@ -82,24 +82,20 @@ def _equations(t: Floats, mag: Floats, gyr: Floats) -> tuple[Floats, Floats]:
     t, mag, gyr = t[valid], mag[valid], gyr[valid]
     size = max(1, round(_WINDOW / float(np.median(np.diff(t))))) if len(t) > 1 else 1
     step = size * max(1, _CHUNK // size)
-    parts = [
-        _chunk(t[a : a + step + 1], mag[a : a + step + 1], gyr[a : a + step + 1], size) for a in range(0, len(t), step)
-    ]
-    return np.concatenate([rows for rows, _ in parts]), np.concatenate([change for _, change in parts])
-
-
-def _chunk(t: Floats, mag: Floats, gyr: Floats, size: int) -> tuple[Floats, Floats]:
-    count = (len(t) - 1) // size
-    edges = np.arange(count + 1) * size
-    gapless = np.diff(t[edges]) <= _LONGEST
-    t, mag_at, gyr = (values[: int(edges[-1]) + 1] for values in (t, mag, gyr))
-    by_field, by_rate = skew(mag_at), skew(gyr)
-    gain = (by_field[:, :, :, np.newaxis] * gyr[:, np.newaxis, np.newaxis, :]).reshape(len(t), 3, 9)
-    constant = np.broadcast_to(np.eye(3), (len(t), 3, 3))
-    at = np.concatenate((gain, by_field, by_rate, constant), axis=2)  # the change of the field per second
-    each = 0.5 * (at[1:] + at[:-1]) * np.diff(t)[:, np.newaxis, np.newaxis]
-    rows = each.reshape(count, size, 3, at.shape[2]).sum(axis=1)
-    return rows[gapless], np.diff(mag[edges], axis=0)[gapless]
+    rows, changes = list[Floats](), list[Floats]()
+    for start in range(0, len(t), step):
+        count = (min(step + 1, len(t) - start) - 1) // size
+        edges = start + np.arange(count + 1) * size
+        gapless = np.diff(t[edges]) <= _LONGEST
+        of = slice(start, int(edges[-1]) + 1)
+        by_field, by_rate = skew(mag[of]), skew(gyr[of])
+        gain = (by_field[:, :, :, np.newaxis] * gyr[of, np.newaxis, np.newaxis, :]).reshape(-1, 3, 9)
+        constant = np.broadcast_to(np.eye(3), by_field.shape)
+        at = np.concatenate((gain, by_field, by_rate, constant), axis=2)  # the change of the field per second
+        each = 0.5 * (at[1:] + at[:-1]) * np.diff(t[of])[:, np.newaxis, np.newaxis]
+        rows.append(each.reshape(count, size, 3, at.shape[2]).sum(axis=1)[gapless])
+        changes.append(np.diff(mag[edges], axis=0)[gapless])
+    return np.concatenate(rows), np.concatenate(changes)
 
 
 def _solution(columns: Floats, change: Floats) -> tuple[Floats, Floats] | None:
@@ -174,10 +170,10 @@ def arrangements(t: Floats, mag: Floats, *, acc: Floats, gyr: Floats) -> Arrange
         turned = [_turned_by(t, gyr - bias, rows, sense) for sense in (1.0, -1.0)]
         field = [fit for back in turned for fit in _way_fits(back, mag, _TURNS, offset=True)]
         bias = bias + min(field, key=attrgetter("misfit")).bias if field else bias
-    ways = _ways(field)
+    ways = _not_excluded(field)
     senses = {float(np.linalg.det(way)) for way in ways} or {1.0, -1.0}
     force = [fit for back in turned if back.sense in senses for fit in _way_fits(back, acc, _TURNS, offset=False)]
-    return Arrangements(keeping_dip, ways, _ways(force))
+    return Arrangements(keeping_dip, ways, _not_excluded(force))
 
 
 def wander(t: Floats, field: Floats, gyr: Floats) -> float | None:
@@ -244,17 +240,8 @@ def _keeping_dip(mag: Floats, acc: Floats) -> tuple[Floats, ...]:
     strength = float(np.mean(np.sum(mag * mag, axis=1)))
     rows = np.column_stack((np.ones(len(up)), up))  # hard iron is along the vertical as that turns
     share = (len(up) - rows.shape[1]) * strength
-    misfits = [_solved(rows, np.sum(up * (mag @ way), axis=1))[1] / share for way in _TURNS]
-    return _not_excluded(_TURNS, misfits, _KEPT**2, _LEAST**2)
-
-
-def _not_excluded(ways: Sequence[Floats], misfits: Sequence[float], most: float, least: float) -> tuple[Floats, ...]:
-    """Ways that leave not clearly more than the best one, best first; none where that leaves too much."""
-    order = np.argsort(misfits, kind="stable").tolist()
-    if not order or not misfits[order[0]] <= most:
-        return ()
-    limit = max(CLEARLY * misfits[order[0]], least)
-    return tuple(ways[i] for i in order if misfits[i] <= limit)
+    fits = [(way, _solved(rows, np.sum(up * (mag @ way), axis=1))[1] / share) for way in _TURNS]
+    return _not_excluded(fits, _KEPT**2, _LEAST**2)
 
 
 class _TurnedBack(NamedTuple):
@@ -274,8 +261,15 @@ class _Followed(NamedTuple):
     bias: Floats
 
 
-def _ways(fits: Sequence["_Followed"]) -> tuple[Floats, ...]:
-    return _not_excluded([fit.way for fit in fits], [fit.misfit for fit in fits], _FOLLOWED, _LEAST_SQUARES)
+def _not_excluded(
+    fits: Sequence[tuple[Floats, float] | _Followed], most: float = _FOLLOWED, least: float = _LEAST_SQUARES
+) -> tuple[Floats, ...]:
+    """Ways that leave not clearly more than the best one, best first; none where that leaves too much."""
+    order = np.argsort([fit[1] for fit in fits], kind="stable").tolist()
+    if not order or not fits[order[0]][1] <= most:
+        return ()
+    limit = max(CLEARLY * fits[order[0]][1], least)
+    return tuple(fits[i][0] for i in order if fits[i][1] <= limit)
 
 
 def _windows(t: Floats, samples: NDArray[np.intp]) -> NDArray[np.intp]:

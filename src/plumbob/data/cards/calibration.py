@@ -84,7 +84,9 @@ class TriadCalibration:
         """Bring every array to its shape and validate it."""
         for name, shape in (("matrix", (3, 3)), ("bias", (3,)), ("g_sensitivity", (3, 3))):
             object.__setattr__(self, name, finite(name, getattr(self, name), shape))
-        object.__setattr__(self, "bias_per_k", _polynomial("bias_per_k", self.bias_per_k))
+        array = check.floats("bias_per_k", self.bias_per_k)
+        per_k = finite("bias_per_k", array[np.newaxis] if array.shape == (3,) else array, (-1, 3))
+        object.__setattr__(self, "bias_per_k", per_k if len(per_k) else np.zeros((1, 3)))
         self._check_uncertainties()
         require_number("temp_ref_c", self.temp_ref_c)
         for name in ("residual_rms", "reference"):
@@ -98,8 +100,7 @@ class TriadCalibration:
         require_text(unit_in=self.unit_in, unit_out=self.unit_out, method=self.method)
         require_dates(date=self.date)
         require_part("quality", self.quality, Quality)
-        require_matrix(self.matrix)
-        require_bias(self.bias, self.unit_in)
+        require_sensor(self.matrix, self.bias, self.unit_in)
         object.__setattr__(self, "remarks", _remarks(self.remarks))
 
     def _check_uncertainties(self) -> None:
@@ -115,8 +116,18 @@ class TriadCalibration:
             array = finite(name, value, shape)
             require_no_negative(name, np.diag(array) if name == "covariance" else array)
             object.__setattr__(self, name, array)
-        if self.covariance is not None:
-            require_covariance(self.covariance)
+        if self.covariance is None:
+            return
+        cov, sd = self.covariance, np.sqrt(np.diag(self.covariance))
+        allowed = _ROUNDING * np.outer(sd, sd) + _RESIDUE * sd.max() ** 2
+        with np.errstate(over="ignore"):
+            beyond = np.abs(cov - cov.T) - allowed
+        if (beyond > 0.0).any():
+            i, j = np.unravel_index(int(beyond.argmax()), beyond.shape)
+            raise CalibrationError(
+                f"covariance must be symmetric, but entries ({i}, {j}) and ({j}, {i}) are {cov[i, j]:g} and "
+                f"{cov[j, i]:g}."
+            )
 
     @property
     def bias_sd(self) -> Floats | None:
@@ -241,13 +252,6 @@ class CalibrationCard(Card):
         return replace(newer, **parts, method="; ".join(methods) or newer.method)
 
 
-def _polynomial(name: str, value: Any) -> Floats:
-    """Coefficients (K, 3), K ≥ 1; (3,) are those of the linear term."""
-    array = check.floats(name, value)
-    coefficients = finite(name, array[np.newaxis] if array.shape == (3,) else array, (-1, 3))
-    return coefficients if len(coefficients) else np.zeros((1, 3))
-
-
 def _span(value: Any) -> tuple[float, float]:
     low, high = finite("temp_span_c", value, (2,)).tolist()
     if not low <= high:
@@ -262,8 +266,8 @@ _ROUNDING: Final = 1e-6  # of a covariance, relative to the standard deviations;
 _RESIDUE: Final = 1e-12  # of the largest variance: what products leave where a parameter has no variance of its own
 
 
-def require_matrix(matrix: Floats) -> None:
-    """Refuse a matrix (3, 3) that is singular, amplifies as no sensor does, or mirrors."""
+def require_sensor(matrix: Floats, bias: Floats, unit: str) -> None:
+    """Refuse a matrix (3, 3) that is singular, amplifies as no sensor does, or mirrors; or a bias (3,) as none has."""
     if not np.linalg.cond(matrix) < 1e3:
         raise CalibrationError(f"matrix is singular or nearly so: {matrix.tolist()}.")
     gains = np.linalg.svd(matrix, compute_uv=False)
@@ -278,27 +282,10 @@ def require_matrix(matrix: Floats) -> None:
             "exchanged. Declare the axes in the profile (axes, mirrored) and calibrate again."
         )
 
-
-def require_bias(bias: Floats, unit: str) -> None:
-    """Refuse a bias (3,) beyond what any sensor measures in this unit."""
     most = _BIASES.get(unit, np.inf)
     if (np.abs(bias) > most).any():
         raise CalibrationError(
             f"bias must be within ±{most:g} {unit}, beyond which no sensor measures, but it is {bias}."
-        )
-
-
-def require_covariance(covariance: Floats) -> None:
-    """Refuse a covariance that is not symmetric to rounding."""
-    sd = np.sqrt(np.diag(covariance))
-    allowed = _ROUNDING * np.outer(sd, sd) + _RESIDUE * sd.max() ** 2
-    with np.errstate(over="ignore"):
-        beyond = np.abs(covariance - covariance.T) - allowed
-    if (beyond > 0.0).any():
-        i, j = np.unravel_index(int(beyond.argmax()), beyond.shape)
-        raise CalibrationError(
-            f"covariance must be symmetric, but entries ({i}, {j}) and ({j}, {i}) are {covariance[i, j]:g} and "
-            f"{covariance[j, i]:g}."
         )
 
 

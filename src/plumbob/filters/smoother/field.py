@@ -62,11 +62,6 @@ class Reference:
     rival: tuple[float, float] | None = None  # level and vertical part of another field that has nearly the same weight
     rival_share: float = 0.0  # share of the rival in the weight of both
 
-    @property
-    def size(self) -> float:
-        """Size of the field, µT."""
-        return math.hypot(self.level, self.vertical)
-
     def apart(self, other: Self) -> float:
         """How far another reference lies from this one, µT."""
         return math.hypot(self.level - other.level, self.vertical - other.vertical)
@@ -79,7 +74,7 @@ class Reference:
     def spread(self, p: Params) -> float:
         """Deviation at which a field counts with a quarter, µT."""
         wider = WIDER if p.lag is None else WIDER_SOON
-        return max(p.mag_spread, min(wider * self.median, WIDEST * self.size))
+        return max(p.mag_spread, min(wider * self.median, WIDEST * math.hypot(self.level, self.vertical)))
 
     def bend(self, p: Params) -> float:
         """Standard deviation of the direction of a field that is right in size and dip, rad."""

@@ -65,12 +65,17 @@ def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[Finding]:
         if np.isfinite(smoothed.frames.mag[:, 0]).any():
             remarks.append(warning("estimate.heading_free"))
         return remarks
-    remarks += _of_unit(smoothed)
-    if smoothed.attached is not None and smoothed.attached.present:
-        magnet = smoothed.attached.magnet
-        size = float(np.linalg.norm(magnet, axis=1).max())
-        when = _spells(smoothed.frames.time, np.asarray(magnet.any(axis=1)), begin, end)
-        if when:
+    if (attached := smoothed.attached) is not None:
+        iron, suspect = float(np.linalg.norm(attached.iron)), float(np.linalg.norm(attached.suspect))
+        if iron:  # taken off, where a suspect one is not
+            remarks.append(warning("estimate.field_of_unit", field=iron))
+        elif suspect >= TOLD:
+            turn = float(to_deg(smoothed.iron_turn))
+            remarks.append(warning("estimate.field_suspect", field=suspect, heading_deg=turn))
+        if attached.present and (
+            when := _spells(smoothed.frames.time, np.asarray(attached.magnet.any(axis=1)), begin, end)
+        ):
+            size = float(np.linalg.norm(attached.magnet, axis=1).max())
             remarks.append(warning("estimate.field_of_sensor", field=size, when=when))
     gated = (smoothed.weight < GATED) & np.isfinite(smoothed.sweep.field[:, 0])
     if when := _spells(smoothed.frames.time, gated, begin, end):
@@ -84,17 +89,6 @@ def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[Finding]:
             )
         )  # fmt: skip
     return remarks
-
-
-def _of_unit(smoothed: Smoothed) -> list[Finding]:
-    """A field of the unit itself, taken off or not."""
-    if smoothed.attached is None:
-        return []
-    if size := float(np.linalg.norm(smoothed.attached.iron)):
-        return [warning("estimate.field_of_unit", field=size)]
-    if (size := float(np.linalg.norm(smoothed.attached.suspect))) < TOLD:
-        return []
-    return [warning("estimate.field_suspect", field=size, heading_deg=float(to_deg(smoothed.iron_turn)))]
 
 
 def _gaps(time: Floats, begin: float, end: float) -> list[Finding]:

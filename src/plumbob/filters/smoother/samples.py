@@ -110,19 +110,28 @@ def sample_part(data: ImuData, smoothed: Smoothed, p: Params, heading_var: float
     rate = rates(frames, smoothed.sweep)
     q = at_samples(frames, smoothed.sweep, smoothed.resting, rate)
     place = np.searchsorted(frames.first, np.arange(frames.t.size))
-    cov = _covariance(q, smoothed, place, rate, p, data.meta.left)
+    step, cov = np.maximum(place - 1, 0), np.empty((len(q), 3, 3))
+    for i in range(0, len(q), BLOCK):  # temporaries are larger
+        rows = slice(i, i + BLOCK)
+        in_n = smoothed.sweep.cov[place[rows], :3, :3]
+        cov[rows] = body_cov(q[rows], in_n, smoothed, rate[rows], p, data.meta.left)
     if smoothed.reference is None:
         drift, behind = FreeHeading(data.meta, p, heading_var), frames.time[1:][frames.gap]
         gap = float(behind[0]) if behind.size else math.inf
         cov = widened(q, cov, drift.variance(frames.t, q, rate, smoothed.bias_sd, gap))
-    lost = smoothed.weightless[np.maximum(place - 1, 0)]
+    lost = smoothed.weightless[step]
     cov[lost] += ANYTHING
     if p.latency:
         q = quat_multiply(q, quat_from_rotvec(p.latency * rate))
-    word = np.asarray(data.flags)[frames.rows] | _flags(smoothed, place)
-    word[lost] |= np.uint32(flags.NOT_CONVERGED)
-    none = smoothed.reference is None
-    weight = np.full(len(q), np.nan) if none else smoothed.weight[np.maximum(place - 1, 0)]
+    tilt_var = smoothed.sweep.cov[place, 0, 0] + smoothed.sweep.cov[place, 1, 1] + 2.0 * smoothed.tilt_var
+    word = np.asarray(data.flags)[frames.rows] | np.where(smoothed.resting[step], np.uint32(flags.AT_REST), 0)
+    word[lost | (tilt_var > 2.0 * DOUBTFUL**2)] |= np.uint32(flags.NOT_CONVERGED)
+    if smoothed.reference is None:
+        word |= np.uint32(flags.HEADING_FREE)
+        weight = np.full(len(q), np.nan)
+    else:
+        weight = smoothed.weight[step]
+        word[weight < GATED] |= np.uint32(flags.MAG_GATED)
     return _everywhere(data, frames, SampleEstimates(q, smoothed.sweep.bias[place], cov, word, weight))
 
 
@@ -201,17 +210,6 @@ def continued(part: SampleEstimates, stretch: Stretch, before: Floats, last: Str
     return part._replace(q=turn_heading(part.q, -angle, Frame.ENU))
 
 
-def _covariance(
-    q: Floats, smoothed: Smoothed, place: NDArray[np.int64], rate: Floats, p: Params, halves: tuple[Half, Half]
-) -> Floats:
-    """Covariance of the attitude error in body axes, (N, 3, 3), a block after the other: temporaries are larger."""
-    cov = np.empty((len(q), 3, 3))
-    for i in range(0, len(q), BLOCK):
-        block = slice(i, i + BLOCK)
-        cov[block] = body_cov(q[block], smoothed.sweep.cov[place[block], :3, :3], smoothed, rate[block], p, halves)
-    return cov
-
-
 def body_cov(q: Floats, in_n: Floats, smoothed: Smoothed, rate: Floats, p: Params, halves: tuple[Half, Half]) -> Floats:
     """Covariance of the attitude error in body axes, of one in navigation axes (N, 3, 3), and what is not estimated."""
     c_nb, in_n = dcm_from_quat(q), in_n.copy()
@@ -226,19 +224,6 @@ def body_cov(q: Floats, in_n: Floats, smoothed: Smoothed, rate: Floats, p: Param
         cov += considered(q, np.broadcast_to(field, (len(q), 2)), 1.0, (0.0, 1.0), *halves)
     found_cov: Floats = 0.5 * (cov + np.swapaxes(cov, 1, 2))
     return found_cov
-
-
-def _flags(smoothed: Smoothed, place: NDArray[np.int64]) -> NDArray[np.uint32]:
-    """What to know of each sample."""
-    step = np.maximum(place - 1, 0)
-    word = np.where(smoothed.resting[step], flags.AT_REST, 0)
-    if smoothed.reference is None:
-        word |= flags.HEADING_FREE
-    else:
-        word |= np.where(smoothed.weight[step] < GATED, flags.MAG_GATED, 0)
-    tilt = smoothed.sweep.cov[place, 0, 0] + smoothed.sweep.cov[place, 1, 1]
-    word |= np.where(tilt + 2.0 * smoothed.tilt_var > 2.0 * DOUBTFUL**2, flags.NOT_CONVERGED, 0)
-    return word.astype(np.uint32)
 
 
 def _everywhere(data: ImuData, frames: Keyframes, part: SampleEstimates) -> SampleEstimates:

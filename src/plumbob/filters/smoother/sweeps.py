@@ -10,7 +10,7 @@ Sums are written out because a product of small matrices is slower than its arit
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -551,26 +551,6 @@ class Sweep:
         return self.x[:, V : V + 2]
 
 
-class _StepBlock(NamedTuple):
-    """What the way back needs of a block of steps: states, covariances, gains, measurements, and the steps."""
-
-    x: Floats
-    cov: Floats
-    gain: Floats
-    term: Floats
-    step: Floats
-
-    @classmethod
-    def empty(cls, n: int) -> Self:
-        """Room for n steps."""
-        shapes = (n + 1, SIZE), (n + 1, KEPT, SIZE), (n, MEASURED, SIZE), (n, MEASURED, TERMS), (n, STEP)
-        return cls(*map(np.empty, shapes))
-
-    def first(self, n: int) -> Self:
-        """The room for the first n steps."""
-        return type(self)(self.x[: n + 1], self.cov[: n + 1], self.gain[:n], self.term[:n], self.step[:n])
-
-
 def sweep(
     frames: Keyframes, kind: NDArray[np.int64], density: Floats, lasting: Floats, heading_var: Floats, q_start: Floats,
     bias: Floats, p0: Floats, noise: ModelVariances, *, first: Floats | None = None, covariance: bool = True,
@@ -590,11 +570,14 @@ def sweep(
     n = kind.size
     q, mean = np.empty((n + 1, 4)), np.empty((n, MEANS))
     q_s, x_s, cov_s = np.empty((n + 1, 4)), np.empty((n + 1, KEPT)), np.empty((n + 1 if covariance else 0, 6, 6))
-    room = _StepBlock.empty(min(n, BLOCK))
+    most = min(n, BLOCK)  # the way back needs of a block: states, covariances, gains, measurements, and the steps
+    x, cov, gain = np.empty((most + 1, SIZE)), np.empty((most + 1, KEPT, SIZE)), np.empty((most, MEASURED, SIZE))
+    term, step = np.empty((most, MEASURED, TERMS)), np.empty((most, STEP))
 
-    def ahead(begin: int, attitude: Floats, now: Floats, p: Floats) -> _StepBlock:
+    def ahead(begin: int, attitude: Floats, now: Floats, p: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         steps, points = slice(begin, begin + BLOCK), slice(begin, begin + BLOCK + 1)
-        block = room.first(min(BLOCK, n - begin))
+        count = min(BLOCK, n - begin)
+        block = x[: count + 1], cov[: count + 1], gain[:count], term[:count], step[:count]
         forward(
             frames.t, frames.gyr, frames.acc, frames.mag, frames.first[points], kind[steps], frames.missed[steps],
             frames.pushed[steps], density[steps], lasting[steps], heading_var[steps], q_start[points], p0, noise,
