@@ -45,8 +45,8 @@ class ExtensibleTable(Generic[T]):
         for group in sorted(entries.groups):
             if group.startswith("plumbob.") and group[8:-1] not in _HOMES:
                 whose = ", ".join(sorted({_whose(entry) for entry in entries.select(group=group)}))
-                known = ", ".join(f"plumbob.{kind}s" for kind in _HOMES)
-                _note(f"nothing is made of the entry points '{group}' {whose}; the groups that are known are {known}.")
+                groups = ", ".join(f"plumbob.{kind}s" for kind in _HOMES)
+                _note(f"nothing is made of the entry points '{group}' {whose}; the groups that are known are {groups}.")
         for entry in sorted(entries.select(group=f"plumbob.{self._kind}s"), key=_whose):
             whose, called = _whose(entry), f"the {self._title} '{entry.name}' {_whose(entry)}"
             if not _NAME.fullmatch(entry.name):

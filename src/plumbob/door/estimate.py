@@ -150,9 +150,11 @@ class Estimated(Series):
         angles = to_deg(euler_zyx_from_quat(track.q_nb[-1])).tolist()
         if track.cov_b is not None:  # none for a heading that is free
             sds = [float(sd[0]) for sd in claimed_sd(track.q_nb[-1:], track.cov_b[-1:])]
-            known = {"inclination": math.isfinite(sds[0])}
-            known["heading"] = math.isfinite(sds[1]) and track.north is not North.FREE
-            claimed = {name: float(to_deg(sd)) if known[name] else None for name, sd in zip(known, sds, strict=True)}
+            is_claimed = {"inclination": math.isfinite(sds[0])}
+            is_claimed["heading"] = math.isfinite(sds[1]) and track.north is not North.FREE
+            claimed = {
+                name: float(to_deg(sd)) if is_claimed[name] else None for name, sd in zip(is_claimed, sds, strict=True)
+            }
         return {
             "frame": str(track.frame),
             "north": str(track.north),

@@ -615,7 +615,7 @@ def read_table(
     plain = not (layout.words or layout.where or layout.checksum)
     for block, line in body.blocks():
         if not (plain and reading.add_fast(block)):
-            reading.add_slow(body.rows_of(block, line))
+            reading.add_slow(body.block_rows(block, line))
     notes, count = (*body.cut, *reading.notes()), reading.rows - len(reading.left_out)
     if layout.rows not in (None, count):
         raise DecodeError(
@@ -686,9 +686,9 @@ class _Body:
 
     def rows(self) -> Iterator[tuple[int, str]]:
         """Rows of numbers with the numbers of their lines."""
-        return (item for block, line in self.blocks() for item in self.rows_of(block, line))
+        return (item for block, line in self.blocks() for item in self.block_rows(block, line))
 
-    def rows_of(self, block: str, line: int) -> Iterator[tuple[int, str]]:
+    def block_rows(self, block: str, line: int) -> Iterator[tuple[int, str]]:
         """Rows of numbers of a block."""
         for number, row in enumerate(block.split("\n"), line):
             if not is_idle(row, self.layout.comment) and belongs(row, self.head.names, self.layout):
