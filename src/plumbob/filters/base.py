@@ -191,13 +191,9 @@ def _single(s: Floats, t_ns: int, word: int, values: Floats) -> int:
     return _take(c, x, t_ns, word | gyr_flag | acc_flag | mag_flag, gx, gy, gz, ax, ay, az, mx, my, mz)
 
 
-def filter_loops(name: str) -> Loops:
-    """Batch and single-sample entries of a filter, compiled around its step."""
-    return _loops(name, load(name).step)
-
-
 @cache  # a name that is registered again means another step
-def _loops(name: str, step: Kernel[..., int]) -> Loops:
+def filter_loops(name: str, step: Kernel[..., int]) -> Loops:
+    """Batch and single-sample entries of a filter, compiled around its step."""
     module = load(name)
     if EXTENSIBLE.whose(name):
         _try_out(name, module)
@@ -240,7 +236,7 @@ def _require_unit(q_nb: Floats) -> None:
 
 def specialised() -> list[Kernel[..., Any]]:
     """Loops of all filters of which C is made."""
-    all_loops = [filter_loops(name) for name in BUILT_IN]
+    all_loops = [filter_loops(name, load(name).step) for name in BUILT_IN]
     return [loop for loops in all_loops for loop in (loops.batch, loops.claiming, loops.single)]
 
 
@@ -296,13 +292,14 @@ class AttitudeEstimator(FactsText):
 
     def describe(self) -> str:
         """Name and parameters in one line, for provenance."""
-        return f"{_described(self.name, self.params, self.common, self._idle)} {EXTENSIBLE.whose(self.name)}".rstrip()
+        return _described(self.name, self.params, self.common, self._idle)
 
 
 @cache  # every chunk of a stream carries it
 def _described(name: str, params: Any, common: CommonParams, idle: frozenset[str]) -> str:
     pairs = ((p, getattr(holder, p.name)) for holder in (params, common) for p in describe(type(holder)))
-    return f"{name}({', '.join(f'{p.name}={shown(p, value)}' for p, value in pairs if p.name not in idle)})"
+    values = ", ".join(f"{p.name}={shown(p, value)}" for p, value in pairs if p.name not in idle)
+    return f"{name}({values}) {EXTENSIBLE.whose(name)}".rstrip()
 
 
 class Filter(AttitudeEstimator):
@@ -371,7 +368,7 @@ class Filter(AttitudeEstimator):
                 "the smoother has a class of its own: plumbob.FixedLag(frame=...) takes single samples by the same "
                 "update, and plumbob.estimate(recording) smooths a whole recording."
             )
-        self._loops = filter_loops(name)
+        self._loops = filter_loops(name, self.module.step)
         self._whose = EXTENSIBLE.whose(name)  # the package that may have errors of its own
         if params is not None and not isinstance(params, Mapping):
             example = '{"kp": 0.5, "gate": "0.08 g"}'
