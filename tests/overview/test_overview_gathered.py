@@ -79,7 +79,7 @@ def test_a_window_counts_alone_and_every_sample_of_a_short_recording_is_traced(s
     assert found.each == 1
     assert found.t.size == len(imu) + 1  # a row of NaN in the gap
     assert np.isnan(found.values[2500]).all()
-    assert np.delete(found.channel("gyr_y"), 2500) == pytest.approx(imu.gyr[:, 1], rel=1e-6)
+    assert np.delete(found.values[:, TRACED.index("gyr_y")], 2500) == pytest.approx(imu.gyr[:, 1], rel=1e-6)
 
 
 def test_a_long_recording_keeps_every_extreme(monkeypatch):
@@ -94,7 +94,7 @@ def test_a_long_recording_keeps_every_extreme(monkeypatch):
         tracing.add(t[start:stop], values[start:stop], broken[start:stop])
     found = tracing.done()
     assert found.each == 10
-    pairs = found.channel("a").reshape(-1, 2)
+    pairs = found.values[:, 0].reshape(-1, 2)
     tens = np.split(values[:, 0], np.arange(10, 997, 10))
     assert pairs.min(axis=1) == pytest.approx([ten.min() for ten in tens], rel=1e-6)
     assert pairs.max(axis=1) == pytest.approx([ten.max() for ten in tens], rel=1e-6)
@@ -111,7 +111,7 @@ def test_a_gap_in_a_long_recording_breaks_the_line(monkeypatch):
     tracing.add(t[:52], np.ones((52, 1)), broken[:52])
     tracing.add(t[52:], np.ones((48, 1)), broken[52:])
     found = tracing.done()
-    hole = np.flatnonzero(np.isnan(found.channel("a")))
+    hole = np.flatnonzero(np.isnan(found.values[:, 0]))
     assert hole.size == 1
     assert found.t[hole[0] - 1] < 5.5 < found.t[hole[0]] < 7.5 <= found.t[hole[0] + 1]
 
@@ -121,7 +121,7 @@ def test_extremes_of_an_angle_are_about_its_first_value(monkeypatch):
     angle = np.radians([350.0, 355.0, 1.0, 8.0])
     tracing = Tracing(("heading",), 4, most=2, circular=("heading",))
     tracing.add(np.arange(4.0), angle[:, None], np.zeros(4, dtype=bool))
-    assert np.degrees(tracing.done().channel("heading")) == pytest.approx([350.0, 368.0], rel=1e-6)
+    assert np.degrees(tracing.done().values[:, 0]) == pytest.approx([350.0, 368.0], rel=1e-6)
 
 
 def test_claimed_angles_are_those_of_small_errors():

@@ -5,7 +5,7 @@ import pytest
 
 from plumbob.core import flags
 from plumbob.core.constants import G0
-from plumbob.quality.quality import FAIL, MISSING, NOT_EVALUATED, PASS, SUSPECT, thresholds, verdict
+from plumbob.quality.quality import FAIL, MISSING, NOT_EVALUATED, PASS, SUSPECT, THRESHOLDS, verdict
 
 RATE, LENGTH = 50.0, 600.0
 SPAN = (0.0, LENGTH)
@@ -105,4 +105,4 @@ def test_nothing_is_missing_little_is_not_evaluated_and_every_test_has_its_thres
     assert judged("gyr", lambda values: np.full_like(values, np.nan)).flag == MISSING
     assert judged("gyr", keep=slice(20)).flag == NOT_EVALUATED
     made = {test for channel in OFFSETS for test in judged(channel, vertical=np.zeros(T.size)).tests}
-    assert made == {name for name, *_ in thresholds()}
+    assert made == {name for name, *_ in THRESHOLDS}

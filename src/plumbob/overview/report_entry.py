@@ -92,7 +92,7 @@ class Subject:
             },
             "grade": None if self.grade is None else self.grade.summary(),
             "bursts": [_burst(self, burst) for burst in g.bursts],
-            "quality_thresholds": [list(row) for row in quality.thresholds()],
+            "quality_thresholds": [list(row) for row in quality.THRESHOLDS],
             "plot": {"samples_per_pair": g.traces.each, "rows": int(g.traces.t.size)},
         }  # fmt: skip
         return dict(plain(numbers))

@@ -41,15 +41,10 @@ class Traces:
 
     t: Floats  # (M,), times, s; in a long recording two for each stretch
     values: Singles  # (M, C), by channel, SI; a row of NaN where the line breaks
-    names: tuple[str, ...]  # of the channels
     each: int  # how many samples a pair of rows stands for; 1 where every row is a sample
 
-    def channel(self, name: str) -> Floats:
-        """One channel (M,)."""
-        return self.values[:, self.names.index(name)].astype(np.float64)
 
-
-NOTHING: Final = Traces(np.empty(0), np.empty((0, 0), dtype=np.float32), (), 1)  # of no samples
+NOTHING: Final = Traces(np.empty(0), np.empty((0, 0), dtype=np.float32), 1)  # of no samples
 
 
 class Tracing:
@@ -96,7 +91,7 @@ class Tracing:
         if self._left_t.size:
             self._add_extremes(self._left_t, self._left)
             self._left_t, self._left = self._left_t[:0], self._left[:0]
-        return Traces(np.concatenate(self._t), np.concatenate(self._values), self._names, self._each)
+        return Traces(np.concatenate(self._t), np.concatenate(self._values), self._each)
 
     def _break(self, before: float, after: float) -> None:
         self._holes += 1
@@ -167,6 +162,7 @@ class Moments:
     square: Floats = field(default_factory=_zeros)
     least: Floats = field(default_factory=partial(np.full, len(TRACED), np.inf))
     greatest: Floats = field(default_factory=partial(np.full, len(TRACED), -np.inf))
+    sd: Floats = field(default_factory=partial(np.full, len(TRACED), np.nan))  # NaN where there is nothing
 
     def add(self, values: Floats) -> None:
         """Take rows (n, C)."""
@@ -182,11 +178,7 @@ class Moments:
         self.count = total
         self.least = np.fmin(self.least, np.where(finite, values, np.inf).min(axis=0))
         self.greatest = np.fmax(self.greatest, np.where(finite, values, -np.inf).max(axis=0))
-
-    @property
-    def sd(self) -> Floats:
-        """Standard deviations; NaN where there is nothing."""
-        return np.where(self.count > 0, np.sqrt(self.square / np.maximum(self.count, 1.0)), np.nan)
+        self.sd = np.where(total > 0, np.sqrt(self.square / np.maximum(total, 1.0)), np.nan)
 
 
 @dataclass(slots=True)
@@ -323,9 +315,15 @@ class Gatherer:
         g.traces = self._tracing.done()
         if self._attitude:
             g.spectra = spectra = Spectra.joined(self._spectra)
-            periods = peak_period(spectra, 0), peak_period(spectra, 1)
-            g.tilt = TiltStatistics.joined([burst.tilt for burst in g.bursts], periods)
-            g.headings = Headings.joined([burst.headings for burst in g.bursts])
+            tilts = [burst.tilt for burst in g.bursts]
+            g.tilt = TiltStatistics(
+                TiltMotion.joined([tilt.roll for tilt in tilts], peak_period(spectra, 0)),
+                TiltMotion.joined([tilt.pitch for tilt in tilts], peak_period(spectra, 1)),
+                Inclination.joined([tilt.inclination for tilt in tilts]),
+            )
+            headings = [burst.headings for burst in g.bursts]
+            counts = np.sum([part.counts for part in headings], axis=0)
+            g.headings = Headings(counts, sum(part.cosine for part in headings), sum(part.sine for part in headings))
         return g
 
     def _events(self, t: Floats, words: NDArray[np.uint32]) -> None:

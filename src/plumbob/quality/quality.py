@@ -68,28 +68,25 @@ class BurstVerdict:
         return ", ".join(name for name, flag in self.tests.items() if flag in (SUSPECT, FAIL))
 
 
-def thresholds() -> tuple[tuple[str, str, str, str], ...]:
-    """What each test asks: name, what it looks at, and when it is suspect and when it fails."""
-    percent = [f"{100.0 * share:g} %" for share in SHARE]
-    low, high = EARTH_FIELD
-    return (
-        ("gap", "longest time without a usable value", f"> {HOLE[0]:g} s", f"> {HOLE[1]:g} s"),
-        ("percent good", "samples neither absent, clipped, invalid nor stuck; attitudes that are known and trusted",
-         f"< {100 * GOOD[0]:g} %", f"< {100 * GOOD[1]:g} %"),
-        ("spike", f"samples more than {SPIKE:g} standard deviations off the mean and off both neighbours",
-         f"> {percent[0]}", f"> {percent[1]}"),
-        ("rate of change", f"steps of more than {STEP:g} standard deviations from sample to sample",
-         f"> {percent[0]}", f"> {percent[1]}"),
-        ("range", "samples at the end of the sensor's range or impossible; temperatures outside "
-         f"{CELSIUS[0]:g} to {CELSIUS[1]:g} °C", f"> {percent[0]}", f"> {percent[1]}"),
-        ("field", f"median of |mag| outside of the Earth's {low:g} to {high:g} µT", "outside", "-"),
-        ("flat line", f"all axes the same to the last bit, in {STUCK_SAMPLES} samples or more",
-         f"≥ {FLAT[0]:g} s", f"≥ {FLAT[1]:g} s"),
-        ("mean shift", "change of the mean from one eighth of a burst to the next over its standard "
-            f"deviation, in bursts of {LONG:g} s and more; of "
-         "gyr, |acc|, |mag|, roll and pitch", f"> {SHIFT[0]:g}", f"> {SHIFT[1]:g}"),
-        ("acceleration", f"samples whose vertical acceleration is beyond {HARD:g} g", "> 0", f"> {percent[1]}"),
-    )  # fmt: skip
+_PERCENT: Final = tuple(f"{100.0 * share:g} %" for share in SHARE)
+THRESHOLDS: Final = (
+    ("gap", "longest time without a usable value", f"> {HOLE[0]:g} s", f"> {HOLE[1]:g} s"),
+    ("percent good", "samples neither absent, clipped, invalid nor stuck; attitudes that are known and trusted",
+     f"< {100 * GOOD[0]:g} %", f"< {100 * GOOD[1]:g} %"),
+    ("spike", f"samples more than {SPIKE:g} standard deviations off the mean and off both neighbours",
+     f"> {_PERCENT[0]}", f"> {_PERCENT[1]}"),
+    ("rate of change", f"steps of more than {STEP:g} standard deviations from sample to sample",
+     f"> {_PERCENT[0]}", f"> {_PERCENT[1]}"),
+    ("range", "samples at the end of the sensor's range or impossible; temperatures outside "
+     f"{CELSIUS[0]:g} to {CELSIUS[1]:g} °C", f"> {_PERCENT[0]}", f"> {_PERCENT[1]}"),
+    ("field", f"median of |mag| outside of the Earth's {EARTH_FIELD[0]:g} to {EARTH_FIELD[1]:g} µT", "outside", "-"),
+    ("flat line", f"all axes the same to the last bit, in {STUCK_SAMPLES} samples or more",
+     f"≥ {FLAT[0]:g} s", f"≥ {FLAT[1]:g} s"),
+    ("mean shift", "change of the mean from one eighth of a burst to the next over its standard deviation, in bursts "
+     f"of {LONG:g} s and more; of gyr, |acc|, |mag|, roll and pitch", f"> {SHIFT[0]:g}", f"> {SHIFT[1]:g}"),
+    ("acceleration", f"samples whose vertical acceleration is beyond {HARD:g} g", "> 0", f"> {_PERCENT[1]}"),
+)  # fmt: skip
+"""What each test asks: name, what it looks at, and when it is suspect and when it fails."""
 
 
 def verdict(
@@ -124,7 +121,7 @@ def verdict(
         longest = max((float(at[stop - 1] - at[start]) for start, stop in flat), default=0.0)
         tests["flat line"] = _above(longest, FLAT, equal=True)
     if channel != "temp" and span[1] - span[0] >= LONG:
-        tests["mean shift"] = _above(_shift(_shifting(channel, samples)), SHIFT)
+        tests["mean shift"] = _above(_shift(channel, samples), SHIFT)
     if channel == "acc" and vertical is not None and np.isfinite(vertical).any():
         hard = float(np.nanmean(np.abs(vertical) > HARD * G0))
         tests["acceleration"] = _above(hard, (0.0, SHARE[1]))
@@ -163,13 +160,10 @@ def _above(value: float, limits: tuple[float, float], *, equal: bool = False) ->
     return FAIL if fail else SUSPECT if suspect else PASS
 
 
-def _shifting(channel: str, samples: Floats) -> Floats:
-    """What must not shift: a unit that turns in the field or leans to one side does not make its sensor faulty."""
-    return samples if channel in ("gyr", "attitude") else np.sqrt(np.sum(samples * samples, axis=1))[:, np.newaxis]
-
-
-def _shift(samples: Floats) -> float:
+def _shift(channel: str, samples: Floats) -> float:
     """Largest change of the mean from one eighth to the next, in standard deviations of the whole."""
+    if channel not in ("gyr", "attitude"):  # one that turns in the field or leans to one side is not faulty
+        samples = np.sqrt(np.sum(samples * samples, axis=1))[:, np.newaxis]
     sd = np.std(samples, axis=0)
     means = np.array([np.mean(part, axis=0) for part in np.array_split(samples, EIGHTHS)])
     with np.errstate(divide="ignore", invalid="ignore"):

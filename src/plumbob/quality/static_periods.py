@@ -70,30 +70,25 @@ def at_rest(acc: BlockMoments, gyr: BlockMoments | None, size: float) -> NDArray
     size : float
         Samples in a block.
     """
-    quiet, scatter = _quiet(acc.sd, _LOUDEST[0]), acc.sd.max(axis=1)
+    quiet, scatter = np.ones(len(acc.sd), dtype=np.bool_), acc.sd.max(axis=1)
     with np.errstate(invalid="ignore"):
+        for moments, loudest in zip((acc, gyr), _LOUDEST, strict=True):
+            if moments is not None:  # blocks that scatter no more than the quiet ones do
+                noise = np.sqrt((moments.sd * moments.sd).sum(axis=1))  # [Tedaldi2014]: told by the variance
+                finite = noise[np.isfinite(noise)]
+                # departs from [Tedaldi2014]: no threshold is chosen by trials
+                floor = float(np.quantile(finite, _QUIET)) if finite.size else 0.0
+                quiet &= noise <= min(LOUDER * floor, loudest)
         limit = MOVED + 6.0 * np.minimum(scatter[1:], scatter[:-1]) / np.sqrt(size)
         same = np.abs(np.diff(acc.mean, axis=0)).max(axis=1) <= limit
     quiet &= np.append(same, True) & np.append(True, same)  # whose mean is that of both neighbours
-    if gyr is not None:
-        quiet &= _quiet(gyr.sd, _LOUDEST[1])
-        if quiet.any():
-            bias = np.median(gyr.mean[quiet], axis=0)  # the mean rate that most of the quiet blocks have
-            with np.errstate(invalid="ignore"):
-                quiet &= np.abs(gyr.mean - bias).max(axis=1) <= TURNED
+    if gyr is not None and quiet.any():
+        bias = np.median(gyr.mean[quiet], axis=0)  # the mean rate that most of the quiet blocks have
+        with np.errstate(invalid="ignore"):
+            quiet &= np.abs(gyr.mean - bias).max(axis=1) <= TURNED
     return quiet
 
 
 def _moments(values: Floats, count: int, size: int) -> BlockMoments:
     blocks = values[: count * size].reshape(count, size, 3)
     return BlockMoments(blocks.mean(axis=1), blocks.std(axis=1, ddof=1))
-
-
-def _quiet(sd: Floats, loudest: float) -> NDArray[np.bool_]:
-    """Blocks that scatter no more than the quiet ones do, (count,)."""
-    scatter = np.sqrt((sd * sd).sum(axis=1))  # [Tedaldi2014]: told by the variance
-    finite = scatter[np.isfinite(scatter)]
-    # departs from [Tedaldi2014]: no threshold is chosen by trials
-    floor = float(np.quantile(finite, _QUIET)) if finite.size else 0.0
-    with np.errstate(invalid="ignore"):
-        return np.asarray(scatter <= min(LOUDER * floor, loudest))

@@ -147,7 +147,7 @@ class Headings:
     """Headings over a time, as directions on a circle [Mardia2000]."""
 
     counts: NDArray[np.int64]  # (288,), samples in sectors of 1.25°, clockwise from North
-    # cosine, sine: sums over the samples
+    # cosine, sine: sums over the samples; all three of several stretches add up
     cosine: float
     sine: float
     samples: int = field(init=False)  # how many are known
@@ -182,12 +182,6 @@ class Headings:
         counts = np.bincount(place, minlength=_BINS).astype(np.int64)
         return cls(counts, float(np.sum(np.cos(headings))), float(np.sum(np.sin(headings))))
 
-    @classmethod
-    def joined(cls, parts: Sequence[Self]) -> Self:
-        """Of several stretches."""
-        counts = np.sum([part.counts for part in parts], axis=0)
-        return cls(counts, sum(part.cosine for part in parts), sum(part.sine for part in parts))
-
 
 @dataclass(frozen=True, eq=False)
 class TiltStatistics:
@@ -197,15 +191,6 @@ class TiltStatistics:
     roll: TiltMotion
     pitch: TiltMotion
     inclination: Inclination  # angle from the vertical
-
-    @classmethod
-    def joined(cls, parts: Sequence[Self], tp: tuple[float, float] = (math.nan, math.nan)) -> Self:
-        """Over several stretches; `tp` are the peak periods of roll and pitch of the whole."""
-        return cls(
-            TiltMotion.joined([part.roll for part in parts], tp[0]),
-            TiltMotion.joined([part.pitch for part in parts], tp[1]),
-            Inclination.joined([part.inclination for part in parts]),
-        )
 
 
 def tilt_statistics(

@@ -12,7 +12,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg
 from plumbob.overview.report_entry import Subject
-from plumbob.overview.streaming_stats import SHOWN_SCALE, SPECTRAL, SPECTRAL_UNITS, Gathered
+from plumbob.overview.streaming_stats import SHOWN_SCALE, SPECTRAL, SPECTRAL_UNITS, TRACED, Gathered
 from plumbob.quality.tilt import Headings
 from plumbob.reporting.content import COLOURS, SERIES, Figure
 from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
@@ -140,7 +140,7 @@ def _bursts(g: Gathered) -> Iterator[Chart]:
 
 def shown_values(g: Gathered, channel: str) -> Floats:
     """Values (M,) of a channel in the unit that is shown; headings on the circle of `heading_circle`."""
-    values = g.traces.channel(channel) * SHOWN_SCALE[channel]
+    values = g.traces.values[:, TRACED.index(channel)].astype(np.float64) * SHOWN_SCALE[channel]
     start = heading_circle(g)[0]
     return (values - start) % 360.0 + start if channel == "heading" else values
 

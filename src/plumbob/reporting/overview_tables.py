@@ -111,7 +111,7 @@ def _bursts(subject: Subject) -> dict[str, Table]:
     if channels:
         made["quality"] = Table("Quality flags by burst", ("begin", *channels), verdicts, detail="quality")
         made["thresholds"] = Table("Tests and their thresholds", ("test", "looks at", "suspect (3)", "fail (4)"),
-                                   quality.thresholds(), words=(1,), detail="quality")  # fmt: skip
+                                   quality.THRESHOLDS, words=(1,), detail="quality")  # fmt: skip
     return made
 
 
