@@ -115,7 +115,7 @@ def test_a_mirrored_one_does_not(turning, mirror):
     assert agreement(t, mag @ mirror.T, gyr).slope < LEAST_SLOPE
 
 
-def test_turns_of_fields_that_are_not_calibrated_negated_or_still(turning):
+def test_turns_of_fields_that_are_calibrated_not_calibrated_negated_or_still(turning):
     _, t, mag, gyr = turning
     slope = agreement(t, mag, gyr).slope
     assert agreement(t, -mag, gyr).slope == pytest.approx(slope, rel=1e-9)
@@ -126,9 +126,6 @@ def test_turns_of_fields_that_are_not_calibrated_negated_or_still(turning):
     still = [20.0, 0.0, 40.0] + 0.2 * rng.normal(size=mag.shape)
     assert agreement(t, still, RATE_BIAS + 1e-3 * rng.normal(size=gyr.shape)) is None
     assert turn(t[:5], mag[:5], gyr[:5]) is None
-
-
-def test_the_turn_of_a_calibrated_field_is_found(turning):
     unit, t, mag, gyr = turning
     turned = dcm_from_quat(quat_from_rotvec(np.radians([10.0, -20.0, 30.0])))
     found = turn(t, (mag - unit.bias) @ unit.matrix.T @ turned.T, gyr)

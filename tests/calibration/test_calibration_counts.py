@@ -115,9 +115,6 @@ def test_what_is_pasted_corrects_as_the_other_program_does():
     assert json.loads(fitted.lines("json")) == fitted.summary()
     refused(plumbob.calibrate_counts(raw).lines, "px4", match="what one count is", error=ParameterError)
     refused(fitted.lines, "excel", match="ardupilot", error=ShapeError)
-
-
-def test_what_is_pasted_of_an_accelerometer():
     up = np.vstack([np.eye(3), -np.eye(3), directions(12)])
     fitted = plumbob.calibrate_counts(up * [2040.0, 2060.0, 2100.0] + [30.0, -50.0, 80.0], "acc", scale="0.488 mg")
     for form, names in (("ardupilot", "INS_ACC{1}_{0}"), ("px4", "CAL_ACC0_{0}{1}")):

@@ -34,16 +34,13 @@ def test_without_noise_the_ellipsoid_comes_back(fit, count, response):
     np.testing.assert_allclose(ellipsoid.shape, np.linalg.inv(response) / STRENGTH, rtol=1e-9, atol=1e-12)
 
 
-def test_where_no_closed_form_gives_one_a_sphere_is_the_start():
+def test_where_no_closed_form_gives_one_a_sphere_is_the_start_and_a_hyperboloid_is_no_ellipsoid():
     """Four corners of a cube about a centre, each half a space diagonal away, are too few for six parameters."""
     corners = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
     found = ellipsoids.first_ellipsoid(100.0 + 50.0 * corners)
     np.testing.assert_allclose(found.centre, 100.0, rtol=1e-12)
     np.testing.assert_allclose(found.shape, np.eye(3) / (50.0 * np.sqrt(3.0)), rtol=1e-12)
-
-
-def test_a_hyperboloid_is_no_ellipsoid():
-    """x² + y² − z² = 1: the closed forms say so instead of giving a root of a negative number."""
+    # x² + y² − z² = 1: the closed forms say so instead of giving a root of a negative number.
     rng = np.random.default_rng(3)
     z, angle = rng.uniform(-2, 2, 50), rng.uniform(0, 2 * np.pi, 50)
     radius = np.sqrt(1.0 + z * z)

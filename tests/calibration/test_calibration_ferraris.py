@@ -63,7 +63,7 @@ def fit(session, **options):
     return fit_ferraris(session.t, session.acc, session.gyr, session.parts, **options)
 
 
-def test_known_errors_come_back_within_their_standard_deviations():
+def test_known_errors_come_back_within_their_standard_deviations_and_turns_have_their_direction():
     for seed in range(3):
         session = ferraris(seed)
         fits = fit(session)
@@ -72,9 +72,6 @@ def test_known_errors_come_back_within_their_standard_deviations():
         assert (np.abs(gyr.bias - session.bias) <= 5.0 * gyr.bias_sd).all()
         assert (np.abs(acc.matrix - np.eye(3)) <= 5.0 * acc.matrix_sd).all()
         assert (np.abs(gyr.g_sensitivity) <= 6.0 * gyr.g_sensitivity_sd).all()
-
-
-def test_the_direction_of_a_turn_is_the_gyroscopes():
     one, other = (fit(ferraris(1, white=0.0, acc_sd=0.0, turn=turn)) for turn in (2.0 * np.pi, -2.0 * np.pi))
     assert np.abs(one["gyr"].calibration.matrix - other["gyr"].calibration.matrix).max() < 1e-6
 

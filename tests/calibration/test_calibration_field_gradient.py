@@ -21,15 +21,12 @@ def whole(residuals, directions, **options):
     return unevenness(residuals, directions, np.ones(len(residuals), dtype=bool), **options)
 
 
-def test_a_short_capture_is_taken_to_be_in_a_usual_room():
+def test_a_short_capture_is_taken_to_be_in_a_usual_room_and_evidence_counts_with_its_noise():
     """Eight patches tell nothing beyond nine parameters, however small the residuals are."""
     found = whole(1e-3 * np.random.default_rng(1).normal(size=2000), turning(2000, 8.0 * PATCH))
     assert found.sd == USUAL
     assert found.patches == pytest.approx(8.0, rel=0.05)
-
-
-def test_evidence_and_noise():
-    """Noise of 0.2 µT over 60 patches: its chance, 40 times as much, is far below the power of a usual room."""
+    # Noise of 0.2 µT over 60 patches: its chance, 40 times as much, is far below the power of a usual room.
     residuals = 0.2 * np.random.default_rng(2).normal(size=6000)
     found = whole(residuals, turning(6000, 60.0 * PATCH), lengths=False)
     assert found.sd < 0.02 * USUAL

@@ -60,7 +60,7 @@ def test_one_motion_that_does_not_fit_is_set_aside():
     assert np.abs(result.calibration.matrix - session.matrix).max() < 5.0 * result.calibration.matrix_sd.max()
 
 
-def test_flat_tops_that_no_range_declares_are_left_out():
+def test_flat_tops_that_no_range_declares_are_left_out_and_a_slow_sensor_has_none():
     session = hand(1)
     fastest = np.abs(session.gyr).max()
     limit = 0.8 * fastest
@@ -69,9 +69,6 @@ def test_flat_tops_that_no_range_declares_are_left_out():
     found = result.calibration
     assert (np.abs(found.matrix - session.matrix) <= 5.0 * found.matrix_sd).all()
     assert not any("does not declare" in str(r) for r in fit(session).remarks)
-
-
-def test_a_slow_sensor_repeats_itself_without_a_flat_top():
     rate = dps(200.0) * np.sin(np.linspace(0.0, np.pi, 25))
     held = np.repeat(rate, 4)[:, np.newaxis] * np.ones(3)
     where = [slice(0, 0), slice(100, 100)]
@@ -99,7 +96,7 @@ def poses(rng, count, noise, matrix=COUPLING):
     return BIAS + forces @ matrix.T + noise * rng.normal(size=(count, 3)), forces
 
 
-def test_coupling_at_rest_comes_back_with_errors_as_large_as_said():
+def test_coupling_at_rest_comes_back_with_errors_as_large_as_said_and_few_poses_tell_nothing():
     found = coupling_at_rest(*poses(np.random.default_rng(0), 20, 0.0))
     np.testing.assert_allclose(found.matrix, COUPLING, rtol=0, atol=1e-12)
     # its significance is that of the F test of nine coefficients: squares of a regression without them and with
@@ -115,10 +112,7 @@ def test_coupling_at_rest_comes_back_with_errors_as_large_as_said():
         found = coupling_at_rest(*poses(rng, 40, dps(0.01)))
         squares.append(((found.matrix - COUPLING) / found.sd) ** 2)
     assert 0.8 < np.mean(squares) < 1.3
-
-
-def test_few_poses_poses_of_one_kind_and_no_coupling_tell_nothing():
-    """By its significance of 1 %: of 200 captures, more than 8 have a probability of 2e-4."""
+    # By its significance of 1 %: of 200 captures, more than 8 have a probability of 2e-4.
     rng = np.random.default_rng(3)
     assert coupling_at_rest(*poses(rng, FEWEST - 1, 0.0)) is None
     rates, forces = poses(rng, 30, dps(0.01))

@@ -100,22 +100,19 @@ def test_a_short_rest_is_fair_at_best_and_the_preset_is_poor_for_it_was_assumed(
     assert preset.calibration.quality.grade == "poor"
 
 
-def test_what_swings_or_is_clipped_is_no_rest():
+def test_what_swings_turns_or_is_clipped_is_no_rest():
     t, gyr, _ = still(3, 20.0)
     swing = dps(50.0) * np.sin(2.0 * np.pi * t)[:, None] * np.random.default_rng(1).normal(size=(t.size, 1))
     assert reason_kinds(fit_rest, Rates(t, gyr + swing))[0] == "not-still"
     assert reason_kinds(fit_rest, Rates(t, gyr, clipped=t < 1.0))[0] == "clipping"
-
-
-@pytest.mark.parametrize("speed", [0.5, 3.0, 11.6, -36.0])
-def test_what_turns_is_no_rest(speed):
-    t, gyr, acc, mag = turntable(speed)
-    warm = np.full(t.size, 25.0)
-    assert "turned about the vertical" in reasons(fit_rest, Rates(t, gyr, acc=acc, mag=mag))[0].text
-    for fit, options in ((fit_rest, {}), (fit_trackball, {"temp_c": warm}), (fit_hand, {"acc_calibrated": True})):
-        assert reason_kinds(fit, Rates(t, gyr, acc=acc, mag=mag, **options))[0] == "not-still"
-        beyond = gyr + dps(60.0 - speed) * np.array([0.0, 0.0, 1.0])  # a bias of no data sheet, and nothing else seen
-        assert reason_kinds(fit, Rates(t, beyond, acc=acc, **options))[0] == "implausible"
+    for speed in (0.5, 3.0, 11.6, -36.0):
+        t, gyr, acc, mag = turntable(speed)
+        warm = np.full(t.size, 25.0)
+        assert "turned about the vertical" in reasons(fit_rest, Rates(t, gyr, acc=acc, mag=mag))[0].text
+        for fit, options in ((fit_rest, {}), (fit_trackball, {"temp_c": warm}), (fit_hand, {"acc_calibrated": True})):
+            assert reason_kinds(fit, Rates(t, gyr, acc=acc, mag=mag, **options))[0] == "not-still"
+            beyond = gyr + dps(60.0 - speed) * np.array([0.0, 0.0, 1.0])  # a bias of no data sheet, nothing else seen
+            assert reason_kinds(fit, Rates(t, beyond, acc=acc, **options))[0] == "implausible"
 
 
 @pytest.mark.parametrize(("speed", "kind"), [(1.0, None), (60.0, "implausible")])

@@ -94,9 +94,6 @@ def test_a_jump_is_judged_by_what_one_centre_leaves():
     mag[len(mag) // 2 :, 0] += 1.0
     place, size, _, explained = map(float, re.findall(r"(\d+\.?\d*) (?:%|µT)", jumped(mag, first).text))
     assert (place, explained) == (50.0, 100.0) and size == pytest.approx(1.0, rel=0.02)
-
-
-def test_no_magnet_moved_in_clean_captures():
     rng = np.random.default_rng(10)
     for count in (30, 100, 1000):
         for _ in range(5):

@@ -340,9 +340,6 @@ def test_a_gyroscope_is_drawn_in_degrees_per_second():
     assert ax.get_ylabel() == "residual [°/s]"
     x, *_ = axes_of(report.temperature_figure("gyr", fit.calibration))[0].get_lines()
     assert (x.get_xdata()[-1], x.get_ydata()[-1]) == pytest.approx((45.0, 1.0))
-
-
-def test_labels_of_a_picture_keep_their_digits():
     small = replace(FITS["mag"], residuals=FITS["mag"].residuals * 0.01)
     labels = re.findall(r">(?:−|-)?(0\.\d+)</text>", svg(report.residual_figure("mag", small), salt="x"))
     assert max(len(label) for label in labels) > len("0.00")

@@ -44,7 +44,7 @@ def test_the_degree_is_the_one_that_is_there(degree):
         assert to_dps(np.abs(left).max()) <= 0.005
 
 
-def test_standard_deviations_hold_for_a_bias_that_wanders():
+def test_standard_deviations_hold_for_a_bias_that_wanders_or_may_wander():
     z = []
     for seed in range(16):
         t, gyr, temp_c, slopes, _ = soak(seed, 1, walk=WALK, cycle=False)
@@ -54,10 +54,7 @@ def test_standard_deviations_hold_for_a_bias_that_wanders():
     assert len(z) >= 15  # a power too many once in a hundred; plain least squares finds one in most of them
     assert 0.55 <= np.mean(np.abs(z) < 1.0) <= 0.86  # 68 to 73 % ± 2 × 6.7 %, of 48
     assert np.mean(np.square(z)) <= 1.6  # 1 + 3 × √(2/48)
-
-
-def test_a_wander_that_a_soak_cannot_exclude_widens_its_deviations():
-    """Without one they are N/√T/σ of a slope over the temperature; the largest likely one is more than none."""
+    # Without one they are N/√T/σ of a slope over the temperature; the largest likely one is more than none.
     wider = []
     for seed in range(3):
         t, gyr, temp_c, *_ = soak(seed)

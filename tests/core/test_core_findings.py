@@ -8,18 +8,8 @@ from pathlib import Path
 import pytest
 
 import plumbob
+from plumbob.core import findings
 from plumbob.core.errors import DecodeError, ShapeError
-from plumbob.core.findings import (
-    Finding,
-    as_findings,
-    fields,
-    lasting,
-    note,
-    render,
-    warning,
-    warnings,
-    words,
-)
 from plumbob.files.profile import toml_value
 
 PACKAGE = Path(plumbob.__file__).parent
@@ -43,46 +33,48 @@ PACKAGE = Path(plumbob.__file__).parent
     ],
 )
 def test_a_template_is_filled_in(template, values, sentence):
-    assert render(template, values) == sentence
+    assert findings.render(template, values) == sentence
 
 
 def test_it_goes_through_json_and_toml_and_is_said_once():
-    gaps = warning("samples.gaps", count=1, samples=10, longest=0.25)
+    gaps = findings.warning("samples.gaps", count=1, samples=10, longest=0.25)
     fitted = (
-        warning("reading.clock_fitted", repeated=3, stamps=9, alone=None, rate=99.5, moved_ms=0.4).on("acc").on("b")
+        findings.warning("reading.clock_fitted", repeated=3, stamps=9, alone=None, rate=99.5, moved_ms=0.4)
+        .on("acc")
+        .on("b")
     )
-    written = as_findings("notes", ["by  hand"])[0]
+    written = findings.as_findings("notes", ["by  hand"])[0]
     for finding in (gaps, fitted, written):
-        assert Finding.from_dict(json.loads(json.dumps(finding.to_dict()))) == finding
+        assert findings.Finding.from_dict(json.loads(json.dumps(finding.to_dict()))) == finding
         (back,) = tomllib.loads(f"notes = [{toml_value(finding)}]")["notes"]
-        assert str(note("notes[1]", back)) == str(finding)
+        assert str(findings.note("notes[1]", back)) == str(finding)
     assert str(fitted).startswith("time: b: acc: 3 of 9 stamps repeat")
-    impossible = warning("samples.field", median=float("inf"), low=22.0, high=67.0)  # JSON has no infinity
+    impossible = findings.warning("samples.field", median=float("inf"), low=22.0, high=67.0)  # JSON has no infinity
     assert json.loads(json.dumps(impossible.to_dict(), allow_nan=False))["values"]["median"] is None
     assert tomllib.loads(f"note = {toml_value(impossible)}")["note"]["values"]["median"] == float("inf")
     assert str(written) == "by hand"
-    assert warnings([gaps, written, gaps]) == (gaps,)
-    assert lasting([gaps, written, fitted, written]) == (written, fitted)
+    assert findings.warnings([gaps, written, gaps]) == (gaps,)
+    assert findings.lasting([gaps, written, fitted, written]) == (written, fitted)
 
 
 def test_a_code_that_is_not_known_keeps_its_sentence_and_nonsense_is_refused():
     later = {"code": "x.new", "severity": "warning", "values": {"n": 2}, "text": "two of them"}
-    assert str(Finding.from_dict(later)) == "two of them"
+    assert str(findings.Finding.from_dict(later)) == "two of them"
     for wrong in ({}, {"code": 1}, {"code": "x", "severity": "bad"}, {"code": "x", "values": 3}):
         with pytest.raises(DecodeError, match="a finding needs code, severity and values"):
-            Finding.from_dict(wrong)
+            findings.Finding.from_dict(wrong)
     for values in (
         {},
         {"count": 1, "samples": 1, "longest": "long"},
         {"count": 1, "samples": 1, "longest": {"a": [1]}},
     ):
-        damaged = Finding.from_dict({"code": "samples.gaps", "severity": "warning", "values": values})
-        assert str(damaged).startswith("samples.gaps: {") and warnings([damaged, damaged]) == (damaged,)
+        damaged = findings.Finding.from_dict({"code": "samples.gaps", "severity": "warning", "values": values})
+        assert str(damaged).startswith("samples.gaps: {") and findings.warnings([damaged, damaged]) == (damaged,)
     with pytest.raises(DecodeError, match="must be text or a table"):
-        note("notes[1]", 5)
+        findings.note("notes[1]", 5)
     for wrong in ("one text", [1], None):
         with pytest.raises(ShapeError, match="notes must be"):
-            as_findings("notes", wrong)
+            findings.as_findings("notes", wrong)
 
 
 def codes_in_use():
@@ -102,11 +94,11 @@ def codes_in_use():
 
 def test_every_code_has_a_sentence_of_its_values_and_every_sentence_a_code():
     made, texts = codes_in_use()
-    table = words("en")
+    table = findings.words("en")
     assert sorted(set(made) - set(table)) == []
     for code, places in made.items():
         for file, names in places:
-            assert fields(table[code]) <= names | {"about"}, (code, file)
+            assert findings.fields(table[code]) <= names | {"about"}, (code, file)
     unused = [
         code
         for code in table
@@ -118,6 +110,6 @@ def test_every_code_has_a_sentence_of_its_values_and_every_sentence_a_code():
 
 @pytest.mark.parametrize("lang", ["zh"])
 def test_other_languages_have_the_same_codes_and_values(lang):
-    assert sorted(words(lang)) == sorted(words("en"))
-    for code, template in words(lang).items():
-        assert fields(template) == fields(words("en")[code]), code
+    assert sorted(findings.words(lang)) == sorted(findings.words("en"))
+    for code, template in findings.words(lang).items():
+        assert findings.fields(template) == findings.fields(findings.words("en")[code]), code

@@ -21,9 +21,6 @@ def test_each_flag_is_one_bit_of_32_and_has_its_name_and_a_meaning():
         "gyr-invalid", "acc-invalid", "mag-invalid", "gap", "time-fault", "acc-gated", "mag-gated", "gyr-held",
         "not-converged", "heading-free",
     ]  # fmt: skip
-
-
-def test_names_and_counts():
     assert (flags.names(0), flags.names(flags.GAP | flags.GYR_ABSENT)) == ((), ("gyr-absent", "gap"))
     assert len(flags.names(0xFFFF)) == 16
     words = np.array([flags.GAP, flags.GAP | flags.GYR_ABSENT, 0], dtype=np.uint32)

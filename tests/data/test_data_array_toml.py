@@ -31,9 +31,6 @@ def test_rotations_in_every_way(tmp_path):
     # yaw first: a unit of roll 90° and yaw 90° has its z axis along the body's x axis
     mount = load_units(file(tmp_path, 'rotation = "90 deg, 0 deg, 90 deg"'))["u1"].mount
     np.testing.assert_allclose(quat_rotate(mount.q_bs, [0.0, 0.0, 1.0]), [1.0, 0.0, 0.0], atol=1e-15)
-
-
-def test_everything_that_a_unit_may_have(tmp_path):
     scale = TriadCalibration(1.01 * np.eye(3), np.zeros(3), "rad/s", "rad/s")
     card = CalibrationCard(device="arm 1", gyr=scale, date="2024-05-01", method="test")
     noise = NoiseCard("arm 1", "test", gyr=TriadNoise([0.1] * 3, [0.0] * 3, [0.0] * 3))

@@ -140,7 +140,7 @@ def test_standard_deviations_are_the_roots_of_the_covariance_and_arrays_are_froz
 class TestParts:
     MOUNT = Mount([1.0, 0.0, 0.0, 0.0], method="hung")
 
-    def test_a_card_has_the_parts_that_were_calibrated_and_can_be_taken_apart(self):
+    def test_a_card_has_the_parts_that_were_calibrated_is_taken_apart_and_renewed(self):
         card = calibration(gyr=full(), mount=self.MOUNT)
         assert list(card.parts) == ["gyr", "acc", "mount"]
         assert list(calibration(acc=None).parts) == []
@@ -148,8 +148,6 @@ class TestParts:
         assert list(rest.parts) == ["acc"]
         assert rest.acc is card.acc
         assert (rest.device, rest.date) == (card.device, card.date)
-
-    def test_a_newer_card_of_the_same_unit_adds_and_replaces(self):
         old = calibration(gyr=full(), mag=triad(method="ellipsoid"), software="plumbob 0")
         new = calibration(date="2027-01-01", acc=None, gyr=full(bias=[9.0, 9.0, 9.0], method="at rest"),
                           mount=self.MOUNT, software="plumbob 1")  # fmt: skip

@@ -38,9 +38,6 @@ def test_no_delay_is_none_nor_is_there_one_of_forces_that_have_nothing_to_do_wit
     assert not gyr_delay(still).found
     assert gyr_delay(ImuData(t=DATA.t, gyr=DATA.gyr)) is None
     assert gyr_delay(DATA[:500]) is None
-
-
-def test_the_smoother_says_so():
     smoother = Smoother(frame=Frame.ENU)
     smoother.process(late(0.05))
     assert str(smoother.remarks[0]).startswith("the gyroscope seems to lag the accelerometer by 50 ± ")

@@ -236,7 +236,7 @@ class TestLostSamples:
 
 
 class TestRanges:
-    def test_the_ends_are_clipped_and_what_is_beyond_is_invalid(self):
+    def test_the_ends_are_clipped_what_is_beyond_is_invalid_and_each_axis_has_its_own_range(self):
         gyr = parts()["gyr"]
         gyr[10, 0], gyr[11, 2] = FULL, -FULL
         gyr[12, 1] = 0.9995 * FULL  # the last code of 16 bits, 32767/32768, and of 12 bits, 2047/2048
@@ -247,8 +247,6 @@ class TestRanges:
         data = made(**changed("gyr", (10, 0), 1.2 * FULL), meta=ImuMeta(gyr_range=FULL))
         assert flagged(data, flags.GYR_INVALID) == [10]
         assert not flagged(data, flags.GYR_CLIPPED)
-
-    def test_each_axis_has_its_own_range(self):
         gyr = parts()["gyr"]
         gyr[:, 2] = units.dps(250.0)
         gyr[10, 0], gyr[11, 2], gyr[12, 1], gyr[13, 2] = units.dps(np.array([100.0, -300.0, -110.0, 320.0]))
@@ -280,7 +278,7 @@ class TestUnits:
 
 
 class TestFrozen:
-    def test_fields_and_arrays(self):
+    def test_fields_and_arrays_that_nobody_can_change_from_outside(self):
         data = made(temp_c=np.full(N, 20.0))
         with pytest.raises(FrozenInstanceError):
             data.t = None
@@ -289,8 +287,6 @@ class TestFrozen:
                 getattr(data, name)[0] = 1
             with pytest.raises(ValueError, match="WRITEABLE"):
                 getattr(data, name).flags.writeable = True
-
-    def test_who_keeps_the_arrays_cannot_change_the_recording_nor_it_them(self):
         mine = parts() | {"temp_c": np.full(N, 20.0), "flags": np.zeros(N, dtype=np.uint32)}
         given_ = {name: array.copy() for name, array in mine.items()}
         data = ImuData(**mine)
@@ -376,7 +372,7 @@ class TestCut:
 
 
 class TestCorrected:
-    def test_flags_stay_and_nothing_is_judged_anew(self):
+    def test_flags_stay_nothing_is_judged_anew_and_values_that_are_lost_become_absent(self):
         data = made(**changed("acc", 4, units.g(2.0)), meta=ImuMeta(acc_range=units.g(2.0)))
         corrected = data.corrected(meta=replace(data.meta, calibration="card"), acc=10.0 * data.acc)
         assert flagged(corrected, flags.ACC_CLIPPED) == [4]
@@ -384,8 +380,6 @@ class TestCorrected:
         assert np.shares_memory(corrected.gyr, data.gyr)
         assert corrected.meta.calibration == "card"
         assert data.meta.calibration is None
-
-    def test_values_that_are_lost_become_absent_and_what_is_not_there_is_not_corrected(self):
         lost = made().corrected(meta=ImuMeta(), **changed("acc", (4, 1), np.nan))
         assert flagged(lost, flags.ACC_ABSENT) == [4]
         with pytest.raises(ShapeError, match="no mag to correct, only gyr, acc"):

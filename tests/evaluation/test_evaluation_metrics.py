@@ -5,17 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from plumbob import rotations as rot
 from plumbob.evaluation.metrics import GIMBAL_GUARD, QUANTITIES, Stats, attitude_errors, wrap
-from plumbob.rotations import (
-    Frame,
-    change_frame,
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_normalize,
-    quat_rotate,
-)
 from tests.helpers import examples
 
 ABSOLUTE = ("total", "heading", "inclination")
@@ -28,7 +19,7 @@ def errors(q_est, q_ref):
 
 
 def turned(q_ref, rotvec):
-    return quat_multiply(quat_from_rotvec(np.asarray(rotvec)), q_ref)
+    return rot.quat_multiply(rot.quat_from_rotvec(np.asarray(rotvec)), q_ref)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-8, 1e-3, 0.5, 3.0])
@@ -47,8 +38,8 @@ def test_planted_heading_and_tilt(motion, t, angle):
 @given(quats, quats)
 def test_agrees_with_the_published_formulas(a, b):
     # [Laidig2021]: total 2 acos |w|, heading 2 atan |z / w|, inclination 2 acos √(w² + z²)
-    a, b = quat_normalize(np.array(a)), quat_normalize(np.array(b))
-    w, _, _, z = quat_multiply(a, quat_conjugate(b))
+    a, b = rot.quat_normalize(np.array(a)), rot.quat_normalize(np.array(b))
+    w, _, _, z = rot.quat_multiply(a, rot.quat_conjugate(b))
     found = errors(a, b)
     np.testing.assert_allclose(found["total"][0], 2 * np.arccos(min(1.0, abs(w))), atol=1e-7)
     np.testing.assert_allclose(found["inclination"][0], 2 * np.arccos(min(1.0, np.hypot(w, z))), atol=1e-7)
@@ -59,8 +50,8 @@ def test_agrees_with_the_published_formulas(a, b):
 @given(quats, quats)
 @examples(0.5)
 def test_inclination_is_the_angle_between_the_verticals_and_part_of_the_total(a, b):
-    a, b = quat_normalize(np.array(a)), quat_normalize(np.array(b))
-    up = [quat_rotate(quat_conjugate(q), [0.0, 0.0, 1.0]) for q in (a, b)]
+    a, b = rot.quat_normalize(np.array(a)), rot.quat_normalize(np.array(b))
+    up = [rot.quat_rotate(rot.quat_conjugate(q), [0.0, 0.0, 1.0]) for q in (a, b)]
     found = {name: values[0] for name, values in errors(a, b).items()}
     assert found["inclination"] == pytest.approx(np.arctan2(np.linalg.norm(np.cross(*up)), np.dot(*up)), abs=1e-12)
     made = np.cos(found["heading"] / 2) * np.cos(found["inclination"] / 2)
@@ -70,20 +61,20 @@ def test_inclination_is_the_angle_between_the_verticals_and_part_of_the_total(a,
 @given(quats, quats, angles)
 @examples(0.5)
 def test_nothing_changes_with_signs_nor_with_a_turn_of_the_world(a, b, yaw):
-    a, b = quat_normalize(np.array(a)), quat_normalize(np.array(b))
-    world = quat_from_rotvec([0.0, 0.0, yaw])
+    a, b = rot.quat_normalize(np.array(a)), rot.quat_normalize(np.array(b))
+    world = rot.quat_from_rotvec([0.0, 0.0, yaw])
     plain = errors(a, b)
-    for other in (errors(-a, b), errors(a, -b), errors(quat_multiply(world, a), quat_multiply(world, b))):
+    for other in (errors(-a, b), errors(a, -b), errors(rot.quat_multiply(world, a), rot.quat_multiply(world, b))):
         for name in ABSOLUTE:
             np.testing.assert_allclose(other[name], plain[name], atol=1e-7 if name == "heading" else 1e-12)
 
 
-@pytest.mark.parametrize("frame", [Frame.NED, Frame.NWU])
+@pytest.mark.parametrize("frame", [rot.Frame.NED, rot.Frame.NWU])
 def test_frames_agree(motion, t, frame):
     q_ref = motion(t)
     q_est = turned(q_ref, [0.02, -0.03, 0.05])
     here = errors(q_est, q_ref)
-    there = errors(*(change_frame(q, to=frame, from_=Frame.ENU) for q in (q_est, q_ref)))
+    there = errors(*(rot.change_frame(q, to=frame, from_=rot.Frame.ENU) for q in (q_est, q_ref)))
     for name in QUANTITIES:
         np.testing.assert_allclose(np.abs(there[name]), np.abs(here[name]), atol=1e-13)
 
@@ -91,7 +82,7 @@ def test_frames_agree(motion, t, frame):
 def test_euler_errors_are_signed_and_wrapped():
     est = np.radians([[-179.0, 10.0, 5.0], [179.0, -10.0, -178.0]])
     ref = np.radians([[178.0, 12.0, 4.0], [-178.0, -11.0, 179.0]])
-    found = errors(quat_from_euler_zyx(est), quat_from_euler_zyx(ref))
+    found = errors(rot.quat_from_euler_zyx(est), rot.quat_from_euler_zyx(ref))
     table = np.degrees(np.stack([found[k] for k in ("yaw", "pitch", "roll")], axis=1))
     np.testing.assert_allclose(table, [[3.0, -2.0, 1.0], [-3.0, 1.0, 3.0]], atol=1e-12)
 
@@ -103,8 +94,8 @@ def test_one_of_two_near_the_gimbal_is_enough(sign):
     inside, outside = sign * (guard + 0.1), sign * (guard - 0.1)
     pitch_est, pitch_ref = np.array([outside, outside, inside, inside]), np.array([outside, inside, outside, inside])
     zero = np.zeros(4)
-    q_est = quat_from_euler_zyx(np.radians(np.stack((zero + 3.0, pitch_est, zero), axis=1)))
-    q_ref = quat_from_euler_zyx(np.radians(np.stack((zero, pitch_ref, zero), axis=1)))
+    q_est = rot.quat_from_euler_zyx(np.radians(np.stack((zero + 3.0, pitch_est, zero), axis=1)))
+    q_ref = rot.quat_from_euler_zyx(np.radians(np.stack((zero, pitch_ref, zero), axis=1)))
     found = errors(q_est, q_ref)
     for name, value in (("yaw", 3.0), ("roll", 0.0)):
         assert np.isnan(found[name]).tolist() == [False, True, True, True]

@@ -13,7 +13,7 @@ from tests.helpers.io_samples import refused
 from tests.helpers.real_data import real
 
 
-def test_euroc_has_the_units_and_frames_of_its_head_lines(tmp_path):
+def test_euroc_has_the_units_and_frames_of_its_head_lines_and_its_truth_the_axes_of_the_imu(tmp_path):
     recording = read(asl(tmp_path / "MH_01_easy"))
     imu, track = recording.imu, recording.track
     assert recording.name == "MH_01_easy"
@@ -26,9 +26,6 @@ def test_euroc_has_the_units_and_frames_of_its_head_lines(tmp_path):
     assert known.sum() == 80 and not known[:10].any() and not known[90:].any()
     # at rest the specific force points up in the navigation frame
     np.testing.assert_allclose(quat_rotate(track.q_nb[known], imu.acc[known]), [[0, 0, made.G]] * 80, atol=1e-9)
-
-
-def test_the_truth_is_brought_to_axes_of_the_imu(tmp_path):
     plain = read(asl(tmp_path / "plain")).track.q_nb[50]
     about_z = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
     both = read(asl(tmp_path / "both", imu_turn=QUARTER, truth_turn=QUARTER)).track.q_nb[50]

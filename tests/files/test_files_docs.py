@@ -33,9 +33,6 @@ def test_the_examples_are_read(tmp_path):
     assert imu.acc[0] == pytest.approx([0.0, -4 / 4096 * G0, 4098 / 4096 * G0], rel=1e-14)
     assert imu.gyr[0] == pytest.approx(np.radians([0.003, 0.012, 0.110]), rel=1e-14)
     assert imu.mag[0] == pytest.approx([21.2, 1.1, -38.8], rel=1e-14)  # 1 G = 100 µT
-
-
-def test_the_logger_example(tmp_path):
     recording = example("A plain logger", tmp_path, "utf-8")
     imu, track = recording.imu, recording.track
     assert imu.t.tolist() == [0.0, 0.01]

@@ -12,27 +12,20 @@ import numpy as np
 import pytest
 
 import plumbob
+from plumbob import rotations as rot
 from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, DecodeError, ParameterError
 from plumbob.files.column_names import taken_apart
 from plumbob.files.draft import answer
 from plumbob.files.sniff import read_sample
-from plumbob.rotations import (
-    euler_zyx_from_quat,
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_multiply,
-    quat_rotate,
-    rotvec_from_quat,
-)
 from tests.helpers.io_samples import refused
 
 RATE = 100.0
 T = np.arange(600) / RATE
-Q = quat_from_euler_zyx(np.stack([0.5 * np.sin(0.7 * T), 0.3 + 0.2 * np.sin(0.9 * T), 0.4 * np.sin(0.5 * T)], 1))
-GYR = np.vstack([rotvec_from_quat(quat_multiply(quat_conjugate(Q[:-1]), Q[1:])) * RATE, np.zeros((1, 3))])
-ACC = quat_rotate(quat_conjugate(Q), [0.0, 0.0, G0])
-MAG = quat_rotate(quat_conjugate(Q), [0.0, 20.0, -43.0])
+Q = rot.quat_from_euler_zyx(np.stack([0.5 * np.sin(0.7 * T), 0.3 + 0.2 * np.sin(0.9 * T), 0.4 * np.sin(0.5 * T)], 1))
+GYR = np.vstack([rot.rotvec_from_quat(rot.quat_multiply(rot.quat_conjugate(Q[:-1]), Q[1:])) * RATE, np.zeros((1, 3))])
+ACC = rot.quat_rotate(rot.quat_conjugate(Q), [0.0, 0.0, G0])
+MAG = rot.quat_rotate(rot.quat_conjugate(Q), [0.0, 20.0, -43.0])
 DPS, G = np.degrees(GYR), ACC / G0
 UP = {"acc.sign": "specific-force"}
 
@@ -221,7 +214,7 @@ def test_what_a_file_says_is_taken_and_the_rest_is_answered(tmp_path, kind):
         assert np.abs(np.sum(recording.track.q_nb * Q, axis=1)) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_what_no_sensor_measures_is_missing(tmp_path):
+def test_what_no_sensor_measures_is_missing_and_columns_that_turn_as_gravity_does_are_rates(tmp_path):
     """Nines alone, far beyond all others, stand for no value; and no place on Earth is without a field."""
     head = "t_s," + names("a* [g]", "g* [dps]", "m* [uT]") + "\n"
     lines = rows(T, *G.T, *DPS.T, *(MAG * (T[:, None] > 1.0)).T).splitlines(True)
@@ -230,9 +223,6 @@ def test_what_no_sensor_measures_is_missing(tmp_path):
     assert np.flatnonzero(np.isnan(recording.imu.acc).any(axis=1)).tolist() == list(range(50, 400, 50))
     assert np.flatnonzero(np.isnan(recording.imu.mag).all(axis=1)).tolist() == list(range(101))
     assert any("mag: 101 samples of exactly zero left out" in str(note) for note in recording.notes)
-
-
-def test_columns_that_turn_as_gravity_does_are_rates(tmp_path):
     text = "t_s," + names("Acc.*") + ",Rotation.roll,Rotation.pitch,Rotation.yaw\n" + rows(T, *ACC.T, *DPS.T)
     (tmp_path / "a.csv").write_text(text, encoding="utf-8")
     assert (
@@ -388,7 +378,7 @@ def test_sentences_with_a_checksum(tmp_path):
 
 
 def test_angles_alone_are_a_track(tmp_path):
-    angles = np.degrees(euler_zyx_from_quat(Q))
+    angles = np.degrees(rot.euler_zyx_from_quat(Q))
     text = "".join(f"#YPR={yaw:.3f},{pitch:.3f},{roll:.3f}\n" for yaw, pitch, roll in angles)
     recording = drafted(tmp_path, "a.txt", text, {"time.rate": "100 Hz", "reference.frame": "ENU"})
     assert recording.imu is None
@@ -426,13 +416,10 @@ def test_blanks_where_another_sensor_has_its_row(tmp_path):
     assert any("rows of their own" in str(note) for note in recording.notes)
 
 
-def test_several_samples_in_a_line_are_refused(tmp_path):
+def test_several_samples_in_a_line_and_a_toml_of_another_kind_are_refused(tmp_path):
     line = '{"t":1,"acc":[{"x":0.1,"y":0.2,"z":9.8},{"x":0.1,"y":0.2,"z":9.7}]}\n'
     (tmp_path / "a.jsonl").write_text(line * 9)
     refused(plumbob.profile, tmp_path / "a.jsonl", match="holds several samples: .*Write a row for each sample")
-
-
-def test_a_toml_of_another_kind_is_not_taken_for_a_profile(tmp_path):
     path = tmp_path / "arm.csv"
     path.write_text(OPEN)
     (tmp_path / "arm.toml").write_text('kind = "chain"\n[[segment]]\nname = "base"\n')

@@ -29,7 +29,7 @@ def test_a_stream_of_like_rate_is_interpolated_on_the_gyroscopes_stamps():
     assert len(notes) == 1 and "interpolated linearly at those of gyr" in str(notes[0])
 
 
-def test_a_slow_stream_keeps_its_own_values_each_once():
+def test_a_slow_stream_keeps_its_own_values_and_a_fast_one_is_averaged_without_folding():
     gyr_ns = np.arange(1000) * 5 * MS
     mag_ns = np.arange(50) * 100 * MS + 2 * MS
     mag = 40 + np.arange(150).reshape(50, 3) / 100
@@ -39,9 +39,6 @@ def test_a_slow_stream_keeps_its_own_values_each_once():
     np.testing.assert_array_equal(imu.mag[known], mag)
     np.testing.assert_array_equal(np.flatnonzero(known), np.arange(50) * 20)  # 2 ms are nearer to 0 than to 5 ms
     assert "nearest row" in str(notes[0])
-
-
-def test_a_fast_stream_is_averaged_so_that_its_vibration_is_not_folded():
     gyr_ns, acc_ns = np.arange(500) * 10 * MS, np.arange(5000) * MS
     vibration = np.sin(2 * np.pi * 99.0 * acc_ns / 1e9)  # single samples at 100 Hz would show it at 1 Hz
     acc = np.column_stack([vibration, np.zeros(5000), np.full(5000, 9.81)])

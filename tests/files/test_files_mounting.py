@@ -68,9 +68,6 @@ def test_a_zone_is_declared_where_the_file_names_none(parse):
     zoned = parse(text, HEAD + ISO + 'zone = "+08:00"\n' + GYR)
     assert zoned.imu.meta.t0_ns == NOON * 10**9
     assert not any("UTC" in str(note) for note in zoned.notes)
-
-
-def test_date_and_time_in_two_columns_and_a_clock_alone(parse):
     both = ISO.replace('column = "t"', 'columns = ["d", "t"]')
     imu = parse(rows(["2024-05-01,12:30:05.1Z", "2024-05-01,12:30:05.3Z"], "d,t"), HEAD + both + GYR).imu
     assert (imu.t.tolist(), imu.meta.t0_ns) == ([0.0, 0.2], NOON * 10**9 + 100_000_000)

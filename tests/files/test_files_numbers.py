@@ -74,9 +74,6 @@ def test_progress_ends_at_the_size_and_numbers_are_the_same_when_they_are_read_a
     assert rows == 200
     assert told == sorted(told)
     assert told[-1] == numbers.size == numbers.path.stat().st_size
-
-
-def test_what_may_be_cut_is_left_out_and_said(text):
     for content, what in (("1 2\n3 4\n5 6", "line has no line end"), ("1 2 3", "number has nothing after it")):
         numbers = text(content)
         assert numbers.read().size == len(content.split()) - (2 if "\n" in content else 1)

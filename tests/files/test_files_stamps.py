@@ -55,16 +55,13 @@ def test_counters_and_clocks_that_begin_again_go_on(first, step, wraps, unit_ns,
     assert said in str(line.notes[0])
 
 
-def test_bursts_are_spread_over_the_time_between_them_and_a_gap_stays_one():
+def test_bursts_are_spread_a_gap_stays_one_and_a_stamp_that_is_wrong_moves_alone():
     steps = np.diff(time_line(np.repeat(np.arange(100) * 32.0, 16), MS).t_ns)  # sixteen samples of 500 Hz at a time
     assert steps == pytest.approx(2e6, rel=1e-3)
     stamps = np.floor(np.concatenate([np.arange(900), 12_000 + np.arange(900)]) / 0.9)
     steps = np.diff(time_line(stamps, MS).t_ns) / MS
     assert np.flatnonzero(steps > 5.0).tolist() == [899]
     assert steps[899] == pytest.approx(11_101 / 0.9, abs=2.0)
-
-
-def test_one_stamp_that_is_wrong_moves_alone():
     stamps = np.arange(1000.0)
     stamps[500] = 1e9
     assert time_line(stamps, MS).t_ns == pytest.approx(np.arange(1000) * MS, abs=MS)

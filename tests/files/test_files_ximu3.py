@@ -13,16 +13,13 @@ from tests.helpers.io_samples import refused
 VECTOR = bytes.fromhex("C940420F00000000000000003F000080BE0000000000000000000000000000803F0A")
 
 
-def test_the_vector_of_the_protocol(tmp_path):
+def test_the_vector_of_the_protocol_escapes_other_messages_and_junk(tmp_path):
     path = tmp_path / "a.ximu3"
     path.write_bytes(VECTOR + b"I,1010000,0.5,-0.25,0.0,0.0,0.0,1.0\r\n")
     imu = read(path).imu
     np.testing.assert_allclose(imu.t, [0.0, 0.01])
     np.testing.assert_allclose(imu.gyr, np.tile(np.deg2rad([0.5, -0.25, 0.0]), (2, 1)))
     np.testing.assert_allclose(imu.acc, np.tile([0.0, 0.0, G0], (2, 1)))
-
-
-def test_escapes_other_messages_and_junk(tmp_path):
     raw = b""
     for i in range(30):
         us = 0x0A0A + 0xDB * 256 * i  # stamps with line feeds and escapes in them

@@ -96,12 +96,9 @@ def test_smoother_live_with_a_card_is_that_of_calibrated_samples():
     np.testing.assert_array_equal(parts[0].take(data).q_nb, parts[1].take(whole).q_nb)
 
 
-def test_rate_of_a_sample_without_a_force_is_unknown_where_the_card_needs_one():
+def test_a_sample_without_the_force_or_the_temperature_that_the_card_needs():
     sample = ImuSample(0, gyr=[0.1, 0.2, 0.3], acc=[np.nan] * 3)
     assert np.isnan(card("g-sensitivity").correct(sample).gyr).all()
     assert np.isfinite(card("all").correct(sample).gyr).all()
-
-
-def test_sample_without_the_temperature_that_the_card_needs_is_refused():
     with pytest.raises(CalibrationError, match="corrects for temperature, but the sample has no temp_c"):
         card("temperature").correct(ImuSample(0, gyr=[0.1, 0.2, 0.3], acc=[0.0, 0.0, 9.8]))

@@ -119,16 +119,13 @@ def by_matrices(t, y, q, r, p_acc):
     return np.array(found)
 
 
-def test_two_states_are_the_matrix_equations_at_uneven_steps():
+def test_two_states_are_the_matrix_equations_settle_follow_a_ramp_and_go_on_over_missing_samples():
     y = uneven()[:, 0]
     assert not math.isnan(y[0])
     f = RateFilter("two_state", params={"jerk": 0.5, "noise": 0.01, "start": 3.0})
     expected = by_matrices(T, y, 0.25, 1e-4, 9.0)
     # 300 steps, each of which rounds a rate below 1 some four times
     np.testing.assert_allclose(f.process(T, y).rate, expected[:, 0], rtol=0, atol=300 * 4 * EPS)
-
-
-def test_two_states_settle_where_riccati_says():
     f = RateFilter("two_state", params={"jerk": 0.02, "noise": 0.05})
     f.process(even(3000), np.zeros(3000))
     q = 0.02**2 * np.array([[0.1**3 / 3.0, 0.1**2 / 2.0], [0.1**2 / 2.0, 0.1]])
@@ -138,18 +135,12 @@ def test_two_states_settle_where_riccati_says():
     after = (np.eye(2) - np.outer(k, [1.0, 0.0])) @ before
     x = f.state[0]
     np.testing.assert_allclose([x[P00], x[P01], x[P11]], [after[0, 0], after[0, 1], after[1, 1]], rtol=1e-9)
-
-
-def test_two_states_do_not_lag_behind_a_ramp():
-    """The scalar filter of as little noise is 0.57 °/s behind; what is left here is the start, forgotten with time."""
+    # The scalar filter of as little noise is 0.57 °/s behind; what is left here is the start, forgotten with time.
     f = RateFilter("two_state")
     ramp = deg(0.6) * even(1000)
     late = ramp - f.process(even(1000), ramp).rate
     assert np.abs(late[500:]).max() < 1e-6 * ramp_lag(steady_gain(1e-2), deg(0.6), 0.1)
     assert f.state[0, ACC] == pytest.approx(deg(0.6), rel=1e-6)
-
-
-def test_two_states_go_on_with_the_last_acceleration_while_samples_are_missing():
     f = RateFilter("two_state")
     f.process(even(1000), deg(0.6) * even(1000))
     found = f.process([101.0, 103.5], [np.nan, np.nan])
@@ -169,15 +160,12 @@ def test_average_is_the_mean_of_the_last_samples(n):
     np.testing.assert_allclose(found, full, rtol=0, atol=2 * min(n, 500) * 4.0 * EPS)
 
 
-def test_average_forgets_a_large_value_and_all_rounding():
+def test_average_forgets_a_large_value_and_all_rounding_and_holds_while_samples_are_missing():
     """The running sum is renewed once per window, so nothing is left of 90 rad/s after two of them."""
     y = np.full(100_000, 1e-3)
     y[50] = 90.0
     found = RateFilter("moving_average", params={"samples": 7}).process(even(y.size, 1e-3), y).rate
     assert np.abs(found[70:] - 1e-3).max() <= 8 * EPS * 1e-3
-
-
-def test_average_holds_while_samples_are_missing():
     found = RateFilter("moving_average", params={"samples": 2}).process(even(4), [1.0, np.nan, 3.0, 5.0])
     assert found.rate.tolist() == [1.0, 1.0, 2.0, 4.0]
     assert found.flags.tolist() == [0, HELD, 0, 0]
@@ -225,7 +213,7 @@ class TestEveryChannelFilter:
         found = RateFilter(name).process(T, np.full(T.size, 0.7)).rate
         assert np.abs(found - 0.7).max() <= 64 * EPS
 
-    def test_what_is_missing_is_held_flagged_and_soon_forgotten(self, name):
+    def test_what_is_missing_is_held_flagged_and_soon_forgotten_and_first_there_is_no_rate(self, name):
         rate = 0.3 + 0.01 * np.sin(T)
         bad = rate.copy()
         bad[100:103] = np.nan, np.inf, -1e30
@@ -234,8 +222,6 @@ class TestEveryChannelFilter:
         invalid = flags.GYR_HELD | flags.GYR_INVALID
         assert found.flags[99:104].tolist() == [0, HELD, invalid, invalid, 0]
         assert np.abs(found.rate - clean.rate).max() < 0.02  # the peak to peak of what was there
-
-    def test_before_the_first_good_sample_there_is_no_rate(self, name):
         found = RateFilter(name).process(even(4), [np.nan, np.inf, 0.5, 0.5])
         assert np.isnan(found.rate[:2]).all()
         assert found.rate[2:].tolist() == [0.5, 0.5]

@@ -84,9 +84,6 @@ def test_what_a_card_leaves_is_in_the_axes_of_the_body():
     u_b = calibrated(np.zeros(12))
     by_left = np.hstack([np.eye(3), np.kron(np.eye(3), u_b)])
     assert by_left @ wanted @ by_left.T == pytest.approx(slope @ model.covariance @ slope.T, rel=1e-6)
-
-
-def test_a_matrix_that_was_not_fitted_is_as_unknown_as_without_a_card():
     bias_only = TriadCalibration(np.eye(3), np.zeros(3), "m/s2", "m/s2", covariance=np.zeros((12, 12)))
     left, none = full_covariance(left_by("acc", bias_only, None)), full_covariance(uncalibrated("acc"))
     assert (left[3:, 3:] == none[3:, 3:]).all() and not left[:3].any()

@@ -6,20 +6,11 @@ import numpy as np
 import pytest
 
 from plumbob import Filter, Frame, ImuData
+from plumbob import rotations as rot
 from plumbob.core.constants import G0
 from plumbob.filters import ekf_quaternion
 from plumbob.filters.ekf_quaternion import P
 from plumbob.filters.layout import OWN, Q
-from plumbob.rotations import (
-    dcm_from_quat,
-    euler_zyx_from_quat,
-    quat_angle,
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_multiply,
-    quat_normalize,
-    quat_rotate,
-)
 from tests.helpers.filter_state import fresh_state, state_of
 from tests.helpers.jacobians import by_differences, rows_of
 from tests.helpers.motion import consistent, noisy_and_whole
@@ -49,23 +40,20 @@ def xi(q):
 
 def seen(q, d):
     """q* ⊗ d ⊗ q, quadratic in all four components, |q| not assumed to be 1."""
-    return quat_multiply(quat_multiply(quat_conjugate(q), [0.0, *d]), q)[1:]
+    return rot.quat_multiply(rot.quat_multiply(rot.quat_conjugate(q), [0.0, *d]), q)[1:]
 
 
-def test_the_direction_rows_by_differences():
+def test_the_direction_rows_and_the_prediction_by_differences():
     rng = np.random.default_rng(0)
     for _ in range(20):
-        q, d, s = quat_normalize(rng.normal(size=4)), rng.normal(size=3), rng.normal(size=3)
+        q, d, s = rot.quat_normalize(rng.normal(size=4)), rng.normal(size=3), rng.normal(size=3)
         rows = rows_of(ekf_quaternion.correct_direction, np.zeros(OWN), *q, *d, *s, 1.0)
         assert np.abs(rows - by_differences(lambda p, d=d: seen(p, d), q)).max() < 1e-8
-
-
-def test_the_prediction_by_differences():
-    """F = ∂(q + Δt/2 q ⊗ ω)/∂q, then q, and P with it, scaled by 1/|F q|."""
+    # F = ∂(q + Δt/2 q ⊗ ω)/∂q, then q, and P with it, scaled by 1/|F q|.
     rng = np.random.default_rng(1)
     for _ in range(20):
-        q, w, dt = quat_normalize(rng.normal(size=4)), rng.normal(size=3), 0.1
-        f = by_differences(lambda p, w=w, dt=dt: p + 0.5 * dt * quat_multiply(p, [0.0, *w]), q)
+        q, w, dt = rot.quat_normalize(rng.normal(size=4)), rng.normal(size=3), 0.1
+        f = by_differences(lambda p, w=w, dt=dt: p + 0.5 * dt * rot.quat_multiply(p, [0.0, *w]), q)
         assert np.abs(f - (np.eye(4) + 0.5 * dt * omega(w))).max() < 1e-8
         root = rng.normal(size=(4, 4))
         x = fresh_state("ekf_quaternion")
@@ -88,12 +76,12 @@ def by_the_paper(q, p, dt, gyr, acc, mag):
     p = f @ p @ f.T / scale**2 + gamma @ (1e-4 * np.eye(3)) @ gamma.T
     down, field = np.array([0.0, 0.0, 1.0]), np.array([math.cos(DIP), 0.0, math.sin(DIP)])
     z = np.concatenate((-acc / np.linalg.norm(acc), mag / np.linalg.norm(mag)))
-    expected = np.concatenate((dcm_from_quat(q).T @ down, dcm_from_quat(q).T @ field))
+    expected = np.concatenate((rot.dcm_from_quat(q).T @ down, rot.dcm_from_quat(q).T @ field))
     h = np.vstack([by_differences(lambda v, d=d: seen(v, d), q) for d in (down, field)])
     r = 1e-3 * np.eye(6)
     k = p @ h.T @ np.linalg.inv(h @ p @ h.T + r)
     left = np.eye(4) - k @ h
-    return quat_normalize(q + k @ (z - expected)), left @ p @ left.T + k @ r @ k.T
+    return rot.quat_normalize(q + k @ (z - expected)), left @ p @ left.T + k @ r @ k.T
 
 
 def test_the_kernel_is_the_paper_step_by_step():
@@ -105,23 +93,23 @@ def test_the_kernel_is_the_paper_step_by_step():
     for i in range(1, len(data)):
         q, p = by_the_paper(q, p, 0.1, data.gyr[i], data.acc[i], data.mag[i])
         # H by differences carries 1e-12 into K; the filter forgets, so errors do not add up
-        assert quat_angle(q, track.q_nb[i]) < 1e-10
+        assert rot.quat_angle(q, track.q_nb[i]) < 1e-10
     assert np.abs(full(state_of(f)[P : P + 10]) - p).max() < 1e-10 * np.abs(p).max()
 
 
 @pytest.mark.parametrize(("absent", "seen_n"), [("mag", [0.0, 0.0, 1.0]), ("acc", [math.cos(DIP), 0.0, math.sin(DIP)])])
 def test_an_absent_sensor_leaves_its_half_out(absent, seen_n):
     """From 5° of error about each axis, the direction that is seen is found, and the turn about it is left."""
-    q = np.tile(quat_from_euler_zyx([0.4, 0.1, -0.2]), (600, 1))
-    inverse, field = quat_conjugate(q), 50.0 * np.array([math.cos(DIP), 0.0, math.sin(DIP)])
-    arrays = {"acc": quat_rotate(inverse, [0.0, 0.0, -G0]), "mag": quat_rotate(inverse, field)}
+    q = np.tile(rot.quat_from_euler_zyx([0.4, 0.1, -0.2]), (600, 1))
+    inverse, field = rot.quat_conjugate(q), 50.0 * np.array([math.cos(DIP), 0.0, math.sin(DIP)])
+    arrays = {"acc": rot.quat_rotate(inverse, [0.0, 0.0, -G0]), "mag": rot.quat_rotate(inverse, field)}
     arrays[absent][1:] = np.nan  # the first sample has no step yet, so it corrects nothing
-    start = quat_multiply(quat_from_euler_zyx(np.radians([5.0, 5.0, 5.0])), q[0])
+    start = rot.quat_multiply(rot.quat_from_euler_zyx(np.radians([5.0, 5.0, 5.0])), q[0])
     data = ImuData(t=np.arange(600) / 10.0, gyr=np.zeros((600, 3)), **arrays)
     track = Filter("ekf_quaternion", frame=Frame.NED, init=start, params={"dip": DIP}).process(data)
-    left = np.cross(quat_rotate(track.q_nb[-1], quat_rotate(inverse[-1], seen_n)), seen_n)
+    left = np.cross(rot.quat_rotate(track.q_nb[-1], rot.quat_rotate(inverse[-1], seen_n)), seen_n)
     assert np.linalg.norm(left) < 1e-4  # the direction that is seen is right after 60 s, some thirty time constants
-    assert quat_angle(track.q_nb[-1], q[-1]) > math.radians(2.0)  # the turn about it is not
+    assert rot.quat_angle(track.q_nb[-1], q[-1]) > math.radians(2.0)  # the turn about it is not
 
 
 def test_covariance_stays_positive_definite_over_ten_minutes_with_and_without_sensors():
@@ -154,7 +142,7 @@ def static_errors(seed, n=301):
         mag=50.0 * np.array([math.cos(DIP), 0.0, math.sin(DIP)]) + 0.5 * rng.normal(size=(n, 3)),
     )
     track = Filter("ekf_quaternion", frame=Frame.NED, params={"dip": DIP}).process(data)
-    return np.degrees(euler_zyx_from_quat(track.q_nb)).std(axis=0)
+    return np.degrees(rot.euler_zyx_from_quat(track.q_nb)).std(axis=0)
 
 
 def test_the_static_table_as_another_program_computes_it():

@@ -84,14 +84,12 @@ class TestFirstReference:
         assert size == pytest.approx(EARTH[0], rel=1e-12)
         assert dip == pytest.approx(-math.sin(EARTH[1]), rel=1e-12)
 
-    def test_not_without_turning_whose_pauses_do_not_count(self):
+    def test_not_without_turning_whose_pauses_do_not_count_nor_does_a_field_that_does_not_last(self):
         compass = Compass()
         assert compass.see(60.0, EARTH, turning=0.99 * TURNING).all() and not compass.knows()
         assert compass.see(0.8 * FIRST_AFTER, EARTH).all() and compass.see(60.0, EARTH, turning=0.0).all()
         assert not compass.knows() and not compass.see(0.3 * FIRST_AFTER, EARTH)[-1] and compass.knows()
-
-    def test_a_field_that_does_not_last_is_none(self):
-        """What turns with the unit changes size and dip all the time, seen in the level frame."""
+        # What turns with the unit changes size and dip all the time, seen in the level frame.
         compass = Compass()
         for k in range(20):
             assert compass.see(0.8 * FIRST_AFTER, EARTH if k % 2 else MAGNET).all()
@@ -137,22 +135,18 @@ class TestDisturbance:
 
 
 class TestNewField:
-    def test_it_is_accepted_after_its_time_of_turning(self):
+    def test_it_is_accepted_after_its_time_of_turning_which_an_interruption_begins_again(self):
         compass = learned()
         when = first_after(compass.see(2.0 * NEW_AFTER, MAGNET)[10:], DT, False) + 10 * DT
         # the candidate begins anew while the smoothed field moves on, which is over after 5 τ_now
         assert NEW_AFTER - DT < when < NEW_AFTER + 5.0 * TAU_NOW + 2.0 * DT
         assert compass.x[AT + 4] == pytest.approx(MAGNET[0], rel=0.01)
         assert compass.see(5.0, EARTH)[-1]  # and the old one is now the disturbed one
-
-    def test_not_without_turning(self):
-        """What turns with the unit would be taken for the Earth's field."""
+        # What turns with the unit would be taken for the Earth's field.
         compass = learned()
         assert compass.see(10.0 * NEW_AFTER, MAGNET, turning=0.99 * TURNING)[10:].all()
         assert not compass.see(2.0, EARTH)[-1]
-
-    def test_an_interruption_begins_again(self):
-        """Nor does turning before it count."""
+        # Nor does turning before it count.
         compass = learned()
         compass.see(3.0 * NEW_AFTER, EARTH)
         assert compass.see(0.9 * NEW_AFTER, MAGNET)[10:].all()

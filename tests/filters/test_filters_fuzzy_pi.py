@@ -8,19 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob import Filter, Frame, ImuData, evaluate
+from plumbob import rotations as rot
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.filters.fuzzy_pi import SPACING, WOUND, conclusion, grades, regulate, wind
 from plumbob.filters.offline import Stage
 from plumbob.fleet.experiments.scenario import measure_scenario
-from plumbob.rotations import (
-    dcm_from_quat,
-    quat_angle,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_normalize,
-)
 from plumbob.simulation import Module, TriadErrors, simulate
 from tests.helpers import examples
 from tests.helpers.filter_state import state_of
@@ -34,8 +27,8 @@ ROWS = {"fuzzy": {"pi": False}, "pi": {"fuzzy": False}, "both": {}, "none": {"fu
 def by_the_paper(q, sums, dt, gyr, acc, mag, weights, table):
     """One step in NED as the corrected specification writes it, with matrices, and with all 49 rules in degrees."""
     bias = -weights[0] * DEG * table[2] * sums[1] - weights[1] * 0.02 * sums[0]
-    q = quat_multiply(q, quat_from_rotvec((gyr - bias) * dt))  # predicted to the time of the sample
-    c = dcm_from_quat(q)
+    q = rot.quat_multiply(q, rot.quat_from_rotvec((gyr - bias) * dt))  # predicted to the time of the sample
+    c = rot.dcm_from_quat(q)
     m = mag / np.linalg.norm(mag)
     h = c @ m
     reference = np.array([math.hypot(h[0], h[1]), 0.0, h[2]])
@@ -44,7 +37,7 @@ def by_the_paper(q, sums, dt, gyr, acc, mag, weights, table):
     wound = np.clip(sums[1] + dt * error / DEG, -3.0, 3.0)
     u_rules = DEG * np.array([by_all_rules(e, i, *table) for e, i in zip(error / DEG, wound, strict=True)])
     u = weights[0] * u_rules + weights[1] * (0.8 * error + 0.02 * total)
-    return quat_normalize(quat_multiply(q, quat_from_rotvec((u + bias) * dt))), (total, wound)
+    return rot.quat_normalize(rot.quat_multiply(q, rot.quat_from_rotvec((u + bias) * dt))), (total, wound)
 
 
 @pytest.mark.parametrize(("params", "weights", "table"), [
@@ -61,7 +54,7 @@ def test_the_kernel_is_the_paper_step_by_step(params, weights, table):
         mean_rate = 0.5 * (data.gyr[i - 1] + data.gyr[i])
         # each step from the filter's own last attitude: errors of 180° and rates of 1 rad/s make the loop no calm one
         q, sums = by_the_paper(track.q_nb[i - 1], sums, 0.1, mean_rate, data.acc[i], data.mag[i], weights, table)
-        assert quat_angle(q, track.q_nb[i]) < 1e-12
+        assert rot.quat_angle(q, track.q_nb[i]) < 1e-12
 
 
 # --- recovery -----------------------------------------------------------------------------------------------
@@ -72,7 +65,7 @@ def recovery(**params):
     n = 1500
     field = np.array([50.0 * math.cos(50.0 * DEG), 0.0, 50.0 * math.sin(50.0 * DEG)])  # of dip 50°
     level = {"gyr": np.zeros((n, 3)), "acc": np.tile([0.0, 0.0, -G0], (n, 1)), "mag": np.tile(field, (n, 1))}
-    start = quat_from_euler_zyx([math.radians(10.0), 0.0, 0.0])
+    start = rot.quat_from_euler_zyx([math.radians(10.0), 0.0, 0.0])
     f = Filter("fuzzy_pi", frame=Frame.NED, init=start, params=params)
     t = np.arange(n) / 10.0
     yaw = np.degrees(2.0 * np.abs(f.process(ImuData(t=t, **level)).q_nb[:, 3]))
@@ -116,7 +109,7 @@ def test_in_a_steady_turn_there_is_no_lag():
     run = simulate("arm", frame=Frame.NED, sensors="ideal", unit="random", seed=0)
     for params in ROWS.values():
         track = Filter("fuzzy_pi", frame=Frame.NED, params=params).process(run.imu)
-        assert quat_angle(track.q_nb, run.truth.q_nb).max() < 1e-9
+        assert rot.quat_angle(track.q_nb, run.truth.q_nb).max() < 1e-9
 
 
 def test_in_the_turn_with_the_noise_that_the_paper_states():
@@ -142,16 +135,16 @@ def test_a_bias_is_learned_by_the_integrals():
     """A bias of 0.05 °/s: the PI law learns any, the rules up to 0.02 · 3 deg s = 0.06 °/s, and both together."""
     bias = np.radians([0.05, -0.05, 0.02])
     n = 6000
-    q = np.tile(quat_from_euler_zyx([0.5, 0.1, -0.2]), (n, 1))
+    q = np.tile(rot.quat_from_euler_zyx([0.5, 0.1, -0.2]), (n, 1))
     data = ImuData(t=np.arange(n) / 10.0, gyr=np.tile(bias, (n, 1)), **seen_by(q, Frame.ENU))
     for name in ("fuzzy", "pi", "both"):
         track = Filter("fuzzy_pi", frame=Frame.ENU, params=ROWS[name]).process(data)
         # slowest poles, of the heading by rules: s² + g (0.3 s + 0.02), g = cos² 65°: −0.027 ± 0.053i 1/s; e⁻¹⁶ is left
         assert np.abs(track.bias_b[-1] - bias).max() < 1e-6, name
-        assert quat_angle(track.q_nb[-1], q[-1]) < 1e-5, name
+        assert rot.quat_angle(track.q_nb[-1], q[-1]) < 1e-5, name
     none = Filter("fuzzy_pi", frame=Frame.ENU, params=ROWS["none"]).process(data)
     assert not none.bias_b.any()
-    assert quat_angle(none.q_nb[-1], q[-1]) == pytest.approx(np.linalg.norm(bias) * data.t[-1], rel=1e-9)
+    assert rot.quat_angle(none.q_nb[-1], q[-1]) == pytest.approx(np.linalg.norm(bias) * data.t[-1], rel=1e-9)
 
 
 def test_rules_that_correct_a_large_error_less_than_a_small_one_are_refused():
@@ -208,9 +201,6 @@ def test_the_tables_by_hand():
     rows = {-3: [-9, -9, -9, -9, -6, -3, 0], 0: [-9, -6, -3, 0, 3, 6, 9], 2: [-3, 0, 3, 6, 9, 9, 9]}
     for i, row in rows.items():
         assert [conclusion(e, i, *SUM) for e in NUMBERS] == row
-
-
-def test_conclusions_stay_in_their_universe():
     assert [conclusion(e, 3, *STEEP) for e in NUMBERS] == pytest.approx([-8.94, -5.94, -2.94, 0.06, 3.06, 6.06, 9.0])
     assert conclusion(3, 3, 0.0, 9.0, 3.0) == 9.0
     assert conclusion(-3, -3, 0.0, 9.0, 3.0) == -9.0

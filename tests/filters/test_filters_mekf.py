@@ -8,21 +8,11 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from plumbob import Filter, Frame, ImuData, ImuMeta, NoiseCard, flags, simulate
+from plumbob import rotations as rot
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps
 from plumbob.data.cards import TriadNoise
 from plumbob.filters import mekf
-from plumbob.rotations import (
-    dcm_from_quat,
-    quat_angle,
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_normalize,
-    quat_rotate,
-    rotvec_from_quat,
-)
 from tests.helpers import slow_as_python
 from tests.helpers.filter_state import coefficients_of, fresh_state, state_of
 from tests.helpers.hand_motion import error_n
@@ -55,15 +45,17 @@ def state_with(p):
 def test_the_step_of_attitude_and_bias_is_linearised_right():
     """θ and δb before a step of 10 ms at 1.9 rad/s make θ after it; the cubic term of J is below (0.02)³/24 of Δt."""
     dt, rate, bias = 0.01, np.array([1.2, -0.7, 1.3]), np.array([0.02, -0.01, 0.03])
-    q = quat_from_euler_zyx([0.5, -0.4, 2.0])
-    after = quat_multiply(q, quat_from_rotvec((rate - bias) * dt))
+    q = rot.quat_from_euler_zyx([0.5, -0.4, 2.0])
+    after = rot.quat_multiply(q, rot.quat_from_rotvec((rate - bias) * dt))
 
     def error_after(e):
-        true = quat_multiply(quat_multiply(quat_from_rotvec(e[:3]), q), quat_from_rotvec((rate - bias - e[3:]) * dt))
-        return rotvec_from_quat(quat_multiply(true, quat_conjugate(after)))
+        true = rot.quat_multiply(
+            rot.quat_multiply(rot.quat_from_rotvec(e[:3]), q), rot.quat_from_rotvec((rate - bias - e[3:]) * dt)
+        )
+        return rot.rotvec_from_quat(rot.quat_multiply(true, rot.quat_conjugate(after)))
 
     jacobian = by_differences(error_after, np.zeros(6), step=1e-4)
-    r, u = dcm_from_quat(after), (rate - bias) * dt
+    r, u = rot.dcm_from_quat(after), (rate - bias) * dt
     effect = np.array([mekf.effect(dt, *u, *row) for row in r])
     assert np.abs(jacobian[:, :3] - np.eye(3)).max() < 1e-8 and np.abs(jacobian[:, 3:] + effect).max() < 1e-8
 
@@ -82,7 +74,7 @@ def test_the_step_of_the_velocity_is_linearised_right(up):
     dt, gravity = 0.01, np.array([0.0, 0.0, up * G0])
 
     def velocity_error(theta):
-        return dt * (quat_rotate(quat_from_rotvec(theta), gravity) - gravity)[:2]
+        return dt * (rot.quat_rotate(rot.quat_from_rotvec(theta), gravity) - gravity)[:2]
 
     jacobian = by_differences(velocity_error, np.zeros(3), step=1e-4)
     f = np.eye(N)
@@ -96,24 +88,24 @@ def test_the_step_of_the_velocity_is_linearised_right(up):
 @pytest.mark.parametrize("frame", [Frame.ENU, Frame.NED])
 def test_the_heading_s_measurement_is_linearised_right(frame):
     """The angle from the level field to north, at an attitude whose tilt is wrong and whose field points north."""
-    q = quat_from_euler_zyx([0.3, 0.2, -0.5])
+    q = rot.quat_from_euler_zyx([0.3, 0.2, -0.5])
     field_b = seen_by(q[np.newaxis], frame)["mag"][0]
     north = frame.north
 
     def to_north(q_nb):
-        h = quat_rotate(q_nb, field_b)
+        h = rot.quat_rotate(q_nb, field_b)
         return math.atan2(h[0] * north[1] - h[1] * north[0], h[0] * north[0] + h[1] * north[1])
 
-    wrong = quat_multiply(quat_from_rotvec([0.05, -0.03, 0.0]), q)
-    wrong = quat_multiply(quat_from_rotvec([0.0, 0.0, to_north(wrong)]), wrong)
+    wrong = rot.quat_multiply(rot.quat_from_rotvec([0.05, -0.03, 0.0]), q)
+    wrong = rot.quat_multiply(rot.quat_from_rotvec([0.0, 0.0, to_north(wrong)]), wrong)
     heard, x = [], state_with(np.zeros((N, N)))
     x[COV + mekf.HEADING] = 0.01
     names = {**mekf.follow_field.py_func.__globals__, "point_north": lambda x, *numbers: heard.append(numbers) or 0.0}
     look = type(mekf.follow_field.py_func)(mekf.follow_field.py_func.__code__, names)
-    look(coefficients_of(Filter("mekf", frame=frame)), x, 0.01, 0.0, *quat_rotate(wrong, field_b))
+    look(coefficients_of(Filter("mekf", frame=frame)), x, 0.01, 0.0, *rot.quat_rotate(wrong, field_b))
     lean_x, lean_y, seen, _ = heard[0]
     jacobian = by_differences(
-        lambda theta: [to_north(quat_multiply(quat_from_rotvec(-theta), wrong))], np.zeros(3), step=1e-5
+        lambda theta: [to_north(rot.quat_multiply(rot.quat_from_rotvec(-theta), wrong))], np.zeros(3), step=1e-5
     )[0]
     assert np.abs(jacobian - [lean_x, lean_y, 1.0]).max() < 1e-8
     assert seen == pytest.approx(0.0, abs=1e-12)
@@ -147,7 +139,7 @@ def test_an_update_is_the_textbook_s():
 def test_the_zero_rate_update_counts_the_noise_that_it_shares_with_the_turn():
     """With θ ← θ − Δt R n and z = b + n the two share −R PSD(n); the textbook's form with correlated noise."""
     p, noise, dt = some_covariance(3), 0.4, 0.01
-    r = dcm_from_quat(quat_from_euler_zyx([0.3, 0.2, -0.5]))
+    r = rot.dcm_from_quat(rot.quat_from_euler_zyx([0.3, 0.2, -0.5]))
     x = state_with(p)
     mekf.zero_rate(x, 1, 0.2, noise, dt, *r[:, 1])
     h = np.eye(N)[B + 1]
@@ -180,10 +172,10 @@ def matched(turning):
     phase, f = rng.uniform(0.0, 2 * np.pi, (SEEDS, 3, 1)), rng.uniform(0.05, 0.5, (SEEDS, 3, 1))
     rate = turning * np.sin(2 * np.pi * f * t + phase).transpose(2, 0, 1)
     q = np.empty((n, SEEDS, 4))
-    q[0] = quat_normalize(rng.normal(size=(SEEDS, 4)))
-    turns = quat_from_rotvec(rate / RATE)
+    q[0] = rot.quat_normalize(rng.normal(size=(SEEDS, 4)))
+    turns = rot.quat_from_rotvec(rate / RATE)
     for i in range(1, n):
-        q[i] = quat_multiply(q[i - 1], turns[i])
+        q[i] = rot.quat_multiply(q[i - 1], turns[i])
     bias = p.bias_start * rng.normal(size=(SEEDS, 3)) + np.cumsum(
         p.gyr_walk / math.sqrt(RATE) * rng.normal(size=(n, SEEDS, 3)), axis=0
     )
@@ -191,10 +183,10 @@ def matched(turning):
     gyr = rate + bias + np.sqrt(density2 * RATE) * rng.normal(size=(n, SEEDS, 3))
     level = np.gradient(coloured(rng, p.speed, p.speed_lasts, (SEEDS, 2, n)), axis=-1) * RATE
     force = np.concatenate((level, np.full((SEEDS, 1, n), G0)), axis=1).transpose(2, 0, 1)
-    acc = quat_rotate(quat_conjugate(q), force) + p.acc_noise * math.sqrt(RATE) * rng.normal(size=(n, SEEDS, 3))
+    acc = rot.quat_rotate(rot.quat_conjugate(q), force) + p.acc_noise * math.sqrt(RATE) * rng.normal(size=(n, SEEDS, 3))
     bend = p.mag_bend * rng.normal(size=(n, SEEDS))
     field = np.stack((FIELD_ENU[1] * np.sin(bend), FIELD_ENU[1] * np.cos(bend), np.full_like(bend, -43.0)), axis=-1)
-    mag = quat_rotate(quat_conjugate(q), field) + p.mag_noise * math.sqrt(RATE) * rng.normal(size=(n, SEEDS, 3))
+    mag = rot.quat_rotate(rot.quat_conjugate(q), field) + p.mag_noise * math.sqrt(RATE) * rng.normal(size=(n, SEEDS, 3))
     for k in range(SEEDS):
         yield ImuData(t=t, gyr=gyr[:, k], acc=acc[:, k], mag=mag[:, k]), q[-1, k], bias[-1, k]
 
@@ -246,7 +238,7 @@ def test_a_buoy_in_waves_keeps_its_horizon_and_knows_how_well():
     rows = run.imu.t > 60.0
     error = error_n(track.q_nb, run.truth.q_nb)[rows]
     assert np.sqrt(np.mean(error[:, :2] ** 2, axis=0)).max() < math.radians(0.2)
-    c_nb = dcm_from_quat(track.q_nb[rows])
+    c_nb = rot.dcm_from_quat(track.q_nb[rows])
     p_n = (c_nb @ track.cov_b[rows] @ np.swapaxes(c_nb, 1, 2))[:, :2, :2]
     nees = np.einsum("ni,ni->n", error[:, :2], np.linalg.solve(p_n, error[:, :2, np.newaxis])[..., 0])
     assert np.mean(nees < chi2.ppf(0.999, 2)) > 0.95
@@ -284,11 +276,11 @@ def test_rest_finds_the_bias_and_a_slow_turn_is_no_rest():
 def test_a_magnet_is_rejected():
     """Field turned by 40° and 30 % stronger for 15 s: heading within 1°; after 20 s of turning it would be a place."""
     data, q = consistent(4500)
-    turned = 1.3 * quat_rotate(quat_from_euler_zyx([0.7, 0.0, 0.0]), FIELD_ENU)
-    mag = np.concatenate((data.mag[:3000], quat_rotate(quat_conjugate(q[3000:]), turned)))
+    turned = 1.3 * rot.quat_rotate(rot.quat_from_euler_zyx([0.7, 0.0, 0.0]), FIELD_ENU)
+    mag = np.concatenate((data.mag[:3000], rot.quat_rotate(rot.quat_conjugate(q[3000:]), turned)))
     alive = 1e-9 * np.random.default_rng(0).normal(size=data.gyr.shape)
     track = Filter("mekf", frame=Frame.ENU).process(ImuData(t=data.t, gyr=data.gyr + alive, acc=data.acc, mag=mag))
-    assert quat_angle(track.q_nb, q)[3000:].max() < math.radians(1.0)
+    assert rot.quat_angle(track.q_nb, q)[3000:].max() < math.radians(1.0)
     gated = track.flags & flags.MAG_GATED != 0
     assert gated[3100:].mean() > 0.3  # the field is looked at in every third sample, at this rate
 
@@ -303,7 +295,7 @@ def test_a_gyroscope_s_bias_that_jumps_is_noticed_and_learned():
     track = Filter("mekf", frame=Frame.ENU).process(ImuData(t=data.t, **triads))
     assert (track.flags[3000:3500] & flags.INCONSISTENT != 0).any()
     assert tilt_between(track.q_nb[4000:], q[4000:]).max() < math.radians(1.0)
-    assert quat_angle(track.q_nb[6000:], q[6000:]).max() < math.radians(1.0)
+    assert rot.quat_angle(track.q_nb[6000:], q[6000:]).max() < math.radians(1.0)
 
 
 def test_a_clipped_gyroscope_makes_the_attitude_uncertain_and_it_begins_again():
@@ -315,7 +307,7 @@ def test_a_clipped_gyroscope_makes_the_attitude_uncertain_and_it_begins_again():
     words = np.where((np.abs(gyr) >= 0.49999).any(axis=1) & late, flags.GYR_CLIPPED, 0)
     same = {"t": data.t, "gyr": gyr, "acc": data.acc, "mag": data.mag, "meta": ImuMeta(gyr_range=3.0)}
     unsaid, said = (Filter("mekf", frame=Frame.ENU).process(ImuData(**same, **more)) for more in ({}, {"flags": words}))
-    assert quat_angle(said.q_nb, q).max() < 0.5 * quat_angle(unsaid.q_nb, q).max()
+    assert rot.quat_angle(said.q_nb, q).max() < 0.5 * rot.quat_angle(unsaid.q_nb, q).max()
 
 
 # --- parameters ---------------------------------------------------------------------------------------------

@@ -43,9 +43,6 @@ def test_a_clock_that_is_set_back_is_followed_as_before():
     track = Filter("integrate", frame=Frame.ENU, init=TRUTH[0]).process(stream, look=False)
     assert np.count_nonzero(track.flags & flags.TIME_FAULT) == 2
     assert quat_angle(track.q_nb[-1], TRUTH[-1]) > 0.1  # 0.5 s at up to 1.5 rad/s
-
-
-def test_a_saved_filter_knows_the_block_again():
     stream, _ = sent(10)
     first = Filter("vqf", frame=Frame.ENU)
     first.process(stream[: AT + 10], look=False)

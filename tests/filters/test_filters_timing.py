@@ -41,12 +41,9 @@ def test_differences_of_seconds_would_not_do():
     assert set(ticks(to_ns(t).tolist())[1:]) == {0.01}
 
 
-def test_late_and_repeated_samples_are_not_used_and_do_not_turn_the_clock_back():
+def test_late_samples_do_not_turn_the_clock_back_and_three_in_order_are_a_clock_that_was_set_back():
     assert ticks([0, 10, 30, 20, 40, 40, 40, 40, 40, 50]) == [0, 1e-8, 2e-8, LATE, 1e-8, LATE, LATE, LATE, LATE, 1e-8]
-
-
-def test_three_late_samples_in_order_are_a_clock_that_was_set_back():
-    """30 → 5, 10, 15: the third is taken; it stands for three intervals of 5 ns. Then the clock goes on from there."""
+    # 30 → 5, 10, 15: the third is taken; it stands for three intervals of 5 ns. Then the clock goes on from there.
     assert ticks([10, 20, 30, 5, 10, 15, 20]) == [0, 1e-8, 1e-8, LATE, LATE, 15e-9, 5e-9]
     assert ticks([10, 20, 30, 5, 10, 9, 11, 31]) == [0, 1e-8, 1e-8, LATE, LATE, LATE, LATE, 1e-9]
 

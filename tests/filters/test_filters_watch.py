@@ -128,10 +128,7 @@ def test_no_change_of_up_to_2047_digits_is_lost_in_rounding():
         change = (np.abs(np.rint(rest)) <= size) & ((j != 0.0) | (k > 0))
         least = min(least, float(np.abs(rest - np.rint(rest)).min(where=change, initial=1.0)))
     assert least > 100 * (2 * 4 * 0.5 * np.finfo(float).eps * 4.15 * 2**15)
-
-
-def test_noise_of_half_a_digit_is_alive():
-    """A sample is three zeros with erf(1/√2)³ = 0.32, and 25 in a row are with 0.32²⁵ = 4e-13; a digit of 0.5 mg."""
+    # A sample is three zeros with erf(1/√2)³ = 0.32, and 25 in a row are with 0.32²⁵ = 4e-13; a digit of 0.5 mg.
     rng = np.random.default_rng(1)
     stream = Stream()
     assert not any(stream.take(0.01, acc=tuple(0.005 * np.rint(0.5 * rng.normal(size=3)))) for _ in range(10_000))

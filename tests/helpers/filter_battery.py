@@ -9,20 +9,11 @@ from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from plumbob import Filter, Frame, ImuData, ImuSample, flags
+from plumbob import rotations as rot
 from plumbob.core.constants import G0
 from plumbob.filters import filter_names, load
 from plumbob.filters.layout import CLOCK, OWN
 from plumbob.filters.settling import UPRIGHT_FOR
-from plumbob.rotations import (
-    change_frame,
-    quat_angle,
-    quat_conjugate,
-    quat_from_dcm,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_rotate,
-)
 from tests.helpers import examples, slow_as_python
 from tests.helpers.filter_state import state_of, through_json
 from tests.helpers.motion import FIELD_ENU, consistent, noisy, seen_by, swinging, tilt_between, up_in_body
@@ -113,7 +104,7 @@ def pushed():
     force = 0.3 * np.sin(2.0 * np.pi * np.array([0.9, 1.1, 1.7]) * data.t[:, np.newaxis] + [0.0, 1.0, np.pi])
     push = np.where(data.t < 0.3, 1.0, np.where(data.t < 0.6, -1.0, 0.0))
     force[:, 0] += math.tan(math.radians(39.0)) * G0 * push
-    acc = data.acc + quat_rotate(quat_conjugate(q), force)
+    acc = data.acc + rot.quat_rotate(rot.quat_conjugate(q), force)
     return ImuData(t=data.t, gyr=data.gyr, acc=acc, mag=data.mag), q
 
 
@@ -163,26 +154,26 @@ class FilterBattery:
     )
     def test_the_first_sample_gives_the_attitude(self, name, frame, start):
         """Level, upside down, nose up, heading 180°, and two that are none of these: each sensor sees its truth."""
-        q = quat_from_euler_zyx(np.array([start], dtype=float))
+        q = rot.quat_from_euler_zyx(np.array([start], dtype=float))
         track = Filter(name, frame=frame).process(ImuData(t=[0.0], gyr=np.zeros((1, 3)), **seen_by(q, frame)))
-        assert quat_angle(track.q_nb[0], q[0]) < 1e-7  # atan2 near its branch loses half the digits at most
+        assert rot.quat_angle(track.q_nb[0], q[0]) < 1e-7  # atan2 near its branch loses half the digits at most
         assert not track.flags[0] & (flags.NOT_CONVERGED | flags.HEADING_FREE)
 
     def test_rest_keeps_the_attitude(self, name):
-        q = np.tile(quat_from_euler_zyx([0.4, -0.3, 0.2]), (6000, 1))
+        q = np.tile(rot.quat_from_euler_zyx([0.4, -0.3, 0.2]), (6000, 1))
         data = ImuData(t=np.arange(6000) / 100.0, gyr=np.zeros((6000, 3)), **seen_by(q, Frame.NED))
         track = Filter(name, frame=Frame.NED).process(data)
-        assert quat_angle(track.q_nb, q).max() < 1e-9 + CHATTER.get(name, 0.0)  # 6000 roundings of a few eps
+        assert rot.quat_angle(track.q_nb, q).max() < 1e-9 + CHATTER.get(name, 0.0)  # 6000 roundings of a few eps
         assert not (track.flags[:25] & flags.NOT_CONVERGED).any()  # then the same bits are those of stuck sensors
 
     def test_constant_rate_follows_the_closed_form(self, name):
         """q(t) = q0 exp(ωt); the first-order step is slow by ω³Δt²/12 (series of Δφ − 2 atan(Δφ/2))."""
         omega = np.array([0.3, -0.5, 0.9])
         t = np.arange(1000) / 100.0
-        q = quat_multiply(quat_from_euler_zyx([0.1, 0.2, 0.3]), quat_from_rotvec(t[:, None] * omega))
+        q = rot.quat_multiply(rot.quat_from_euler_zyx([0.1, 0.2, 0.3]), rot.quat_from_rotvec(t[:, None] * omega))
         alive = np.where(np.arange(1000) % 2, EPS, 0.0)[:, None]  # the same bits for long would be a stuck sensor
         data = ImuData(t=t, gyr=omega * (1.0 + alive), **seen_by(q, Frame.ENU))
-        error = quat_angle(Filter(name, frame=Frame.ENU).process(data).q_nb, q).max()
+        error = rot.quat_angle(Filter(name, frame=Frame.ENU).process(data).q_nb, q).max()
         speed = np.linalg.norm(omega)
         lag = speed * 0.01  # the PI filter compares with the attitude of the sample before
         bound = {
@@ -200,7 +191,7 @@ class FilterBattery:
         data, _ = consistent()
         enu = Filter(name, frame=Frame.ENU).process(data)
         same = Filter(name, frame=other).process(data)
-        apart = quat_angle(change_frame(same.q_nb, to=Frame.ENU, from_=other), enu.q_nb)
+        apart = rot.quat_angle(rot.change_frame(same.q_nb, to=Frame.ENU, from_=other), enu.q_nb)
         assert apart.max() < 1e-9 + CHATTER.get(name, 0.0)
 
     def test_the_error_falls_with_the_step_as_it_should(self, name):
@@ -208,7 +199,7 @@ class FilterBattery:
         errors = []
         for rate in (100.0, 200.0):
             data, q = swinging(rate)
-            errors.append(quat_angle(Filter(name, frame=Frame.ENU).process(data).q_nb, q).max())
+            errors.append(rot.quat_angle(Filter(name, frame=Frame.ENU).process(data).q_nb, q).max())
         if ORDER.get(name, 1) is None:
             assert max(errors) < 1e-7
         else:
@@ -235,12 +226,12 @@ class FilterBattery:
 
     def test_a_wrong_tilt_is_corrected_though_the_gyroscope_says_zero(self, name):
         """From 10° to less than 1° in a minute, twelve time constants of the slowest (5 s, complementary)."""
-        n, true = 3000, quat_from_euler_zyx([0.4, -0.3, 0.2])
+        n, true = 3000, rot.quat_from_euler_zyx([0.4, -0.3, 0.2])
         rng = np.random.default_rng(0)
         seen = seen_by(np.tile(true, (n, 1)), Frame.ENU)
         alive = {k: v + 1e-6 * rng.normal(size=(n, 3)) for k, v in seen.items()}  # the same bits for long were stuck
         gyr = np.where(np.arange(n) % 2, 1e-9, 0.0)[:, np.newaxis] * np.ones(3)
-        start = quat_multiply(quat_from_rotvec(math.radians(10.0) * np.array([0.6, -0.8, 0.0])), true)
+        start = rot.quat_multiply(rot.quat_from_rotvec(math.radians(10.0) * np.array([0.6, -0.8, 0.0])), true)
         data = ImuData(t=np.arange(n) / 50.0, gyr=gyr, **alive)
         end = Filter(name, frame=Frame.ENU, init=start).process(data).q_nb[-1]
         error = np.linalg.norm(up_in_body(end) - up_in_body(true))
@@ -249,8 +240,8 @@ class FilterBattery:
     def test_turning_the_field_about_the_vertical_leaves_the_tilt(self, name):
         """Where the body heads is nothing to the horizon, whatever there is to correct."""
         data, q = disturbed()
-        turned = quat_rotate(quat_from_euler_zyx([-1.234, 0.0, 0.0]), FIELD_ENU)
-        mag = quat_rotate(quat_conjugate(q), turned)
+        turned = rot.quat_rotate(rot.quat_from_euler_zyx([-1.234, 0.0, 0.0]), FIELD_ENU)
+        mag = rot.quat_rotate(rot.quat_conjugate(q), turned)
         a = Filter(name, frame=Frame.ENU).process(data)
         b = Filter(name, frame=Frame.ENU).process(ImuData(t=data.t, gyr=data.gyr, acc=data.acc, mag=mag))
         apart = np.linalg.norm(up_in_body(a.q_nb) - up_in_body(b.q_nb), axis=1).max()
@@ -258,10 +249,10 @@ class FilterBattery:
 
     def test_turning_the_world_about_the_vertical_turns_only_the_heading(self, name):
         data, q = disturbed()
-        yaw = quat_from_euler_zyx([1.234, 0.0, 0.0])
+        yaw = rot.quat_from_euler_zyx([1.234, 0.0, 0.0])
         a = Filter(name, frame=Frame.ENU, init=q[0], params={"mag": False}).process(data)
-        b = Filter(name, frame=Frame.ENU, init=quat_multiply(yaw, q[0]), params={"mag": False}).process(data)
-        assert quat_angle(quat_multiply(yaw, a.q_nb), b.q_nb).max() < 1e-9 + CHATTER.get(name, 0.0)
+        b = Filter(name, frame=Frame.ENU, init=rot.quat_multiply(yaw, q[0]), params={"mag": False}).process(data)
+        assert rot.quat_angle(rot.quat_multiply(yaw, a.q_nb), b.q_nb).max() < 1e-9 + CHATTER.get(name, 0.0)
 
     @pytest.mark.parametrize(
         "turn",
@@ -278,7 +269,7 @@ class FilterBattery:
             f, g = (Filter(name, frame=Frame.ENU, params=params) for _ in range(2))
             a = f.process(ImuData(t=t, **triads), covariance=True)
             b = g.process(ImuData(t=t, **{k: v @ turn.T for k, v in triads.items()}), covariance=True)
-            apart = quat_angle(b.q_nb, quat_multiply(a.q_nb, quat_from_dcm(turn.T))).max()
+            apart = rot.quat_angle(b.q_nb, rot.quat_multiply(a.q_nb, rot.quat_from_dcm(turn.T))).max()
             assert bool(apart < 1e-12) is (name not in AXES_MATTER)
             if name in AXES_MATTER:
                 continue
@@ -291,7 +282,7 @@ class FilterBattery:
         data, q = consistent(300)
         a = Filter(name, frame=Frame.ENU, init=q[0]).process(data, covariance=True)
         b = Filter(name, frame=Frame.ENU, init=-q[0]).process(data, covariance=True)
-        assert quat_angle(a.q_nb, b.q_nb).max() < 1e-12
+        assert rot.quat_angle(a.q_nb, b.q_nb).max() < 1e-12
         assert a.cov_b is None or np.abs(a.cov_b - b.cov_b).max() < 1e-15
 
     def test_declination_turns_the_heading_to_true_north(self, name):
@@ -299,8 +290,8 @@ class FilterBattery:
         d = 0.1
         magnetic = Filter(name, frame=Frame.NED).process(data)
         true = Filter(name, frame=Frame.NED, params={"declination": d}).process(data)
-        east = quat_from_euler_zyx([d, 0.0, 0.0])  # in NED a yaw grows from north to east
-        assert quat_angle(quat_multiply(east, magnetic.q_nb), true.q_nb).max() < 1e-9 + CHATTER.get(name, 0.0)
+        east = rot.quat_from_euler_zyx([d, 0.0, 0.0])  # in NED a yaw grows from north to east
+        assert rot.quat_angle(rot.quat_multiply(east, magnetic.q_nb), true.q_nb).max() < 1e-9 + CHATTER.get(name, 0.0)
         assert (magnetic.north, true.north) == ("magnetic", "true")
 
     def test_irregular_steps_follow_the_same_motion(self, name):
@@ -309,7 +300,7 @@ class FilterBattery:
         keep = np.sort(rng.choice(4000, 2000, replace=False))
         keep[0] = 0
         thin = ImuData(t=data.t[keep], gyr=data.gyr[keep], acc=data.acc[keep], mag=data.mag[keep])
-        error = quat_angle(Filter(name, frame=Frame.ENU).process(thin).q_nb, q[keep])
+        error = rot.quat_angle(Filter(name, frame=Frame.ENU).process(thin).q_nb, q[keep])
         assert error.max() < 0.02  # rad; a step of about 5 ms lags by ω̇Δt²/2 and ωΔt at up to 1.7 rad/s
 
     # --- what goes wrong ------------------------------------------------------------------------------------
@@ -324,7 +315,7 @@ class FilterBattery:
             track = Filter(name, frame=Frame.ENU).process(ImuData(t=data.t, **arrays))
             assert np.isfinite(track.q_nb).all()
             assert np.abs(np.linalg.norm(track.q_nb, axis=1) - 1.0).max() < 4 * EPS
-            excess = quat_angle(track.q_nb, clean.q_nb)
+            excess = rot.quat_angle(track.q_nb, clean.q_nb)
             assert excess.max() < math.radians(2.0), value  # reliability figure F1
 
     @given(stream=BAD_SAMPLES, begun=st.booleans())
@@ -351,7 +342,7 @@ class FilterBattery:
         arrays = {k: getattr(data, k).copy() for k in ("gyr", "acc", "mag")}
         arrays[channel][0] = np.nan
         track = Filter(name, frame=Frame.ENU).process(ImuData(t=data.t, **arrays))
-        assert np.isfinite(track.q_nb).all() and quat_angle(track.q_nb[1:], q[1:]).max() < 0.01
+        assert np.isfinite(track.q_nb).all() and rot.quat_angle(track.q_nb[1:], q[1:]).max() < 0.01
 
     def test_a_long_gap_is_flagged_and_not_integrated(self, name):
         data, q = consistent(400)
@@ -359,8 +350,8 @@ class FilterBattery:
         t[200:] += 60.0
         track = Filter(name, frame=Frame.ENU).process(ImuData(t=t, gyr=data.gyr, acc=data.acc, mag=data.mag))
         assert track.flags[200] & flags.GAP
-        assert quat_angle(track.q_nb[200], q[200]) < 1e-7 or not self.uses_acc(name)
-        assert quat_angle(track.q_nb, q).max() < 0.05
+        assert rot.quat_angle(track.q_nb[200], q[200]) < 1e-7 or not self.uses_acc(name)
+        assert rot.quat_angle(track.q_nb, q).max() < 0.05
 
     def test_a_repeated_or_late_sample_is_flagged_and_changes_nothing(self, name):
         data, _ = consistent(100)

@@ -5,15 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from plumbob import Frame, ImuData, ImuMeta
+from plumbob import rotations as rot
 from plumbob.core.constants import G0
-from plumbob.rotations import (
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_multiply,
-    quat_rotate,
-    quat_slerp,
-    rotvec_from_quat,
-)
 from tests.helpers.motion import FIELD_ENU
 
 CALIBRATED = ImuMeta(frame=Frame.ENU, calibration="by hand")
@@ -38,7 +31,7 @@ class Hand(NamedTuple):
 
     def in_body(self, vectors_n):
         """Vectors as the sensors see them."""
-        return quat_rotate(quat_conjugate(self.middle), vectors_n)
+        return rot.quat_rotate(rot.quat_conjugate(self.middle), vectors_n)
 
     def rows(self, which):
         return Hand(*(values[which] for values in self))
@@ -58,17 +51,17 @@ def by_hand(seconds=40.0, rate=100.0, *, rest=(), turn=1.0, speed=0.15, seed=0, 
     own = np.interp(t, fine, np.concatenate(([0.0], np.cumsum(moving[1:] * np.diff(fine)))))
     f, phase = rng.uniform(0.1, 0.5, (2, 3)), rng.uniform(0.0, 2.0 * np.pi, (2, 3))
     angles = turn * 0.45 * np.sin(2.0 * np.pi * f * own[:, np.newaxis, np.newaxis] + phase).sum(axis=1)
-    q = quat_from_euler_zyx(angles + rng.uniform(-0.5, 0.5, 3))
+    q = rot.quat_from_euler_zyx(angles + rng.uniform(-0.5, 0.5, 3))
     step = np.diff(t, prepend=2 * t[0] - t[1])[:, np.newaxis]
     gyr = np.zeros((t.size, 3))
-    gyr[1:] = rotvec_from_quat(quat_multiply(quat_conjugate(q[:-1]), q[1:])) / step[1:]
+    gyr[1:] = rot.rotvec_from_quat(rot.quat_multiply(rot.quat_conjugate(q[:-1]), q[1:])) / step[1:]
     gyr[0] = gyr[1]
-    middle = np.concatenate((q[:1], quat_slerp(q[:-1], q[1:], 0.5)))
+    middle = np.concatenate((q[:1], rot.quat_slerp(q[:-1], q[1:], 0.5)))
     velocity = speed * np.sin(2.0 * np.pi * rng.uniform(0.3, 0.9, 3) * own[:, np.newaxis] + rng.uniform(0.0, 6.0, 3))
     velocity *= np.interp(t, fine, moving)[:, np.newaxis]
     force = np.diff(velocity, axis=0, prepend=velocity[:1]) / step + [0.0, 0.0, G0]
-    back = quat_conjugate(middle)
-    seen = {"gyr": gyr, "acc": quat_rotate(back, force), "mag": quat_rotate(back, FIELD_ENU)}
+    back = rot.quat_conjugate(middle)
+    seen = {"gyr": gyr, "acc": rot.quat_rotate(back, force), "mag": rot.quat_rotate(back, FIELD_ENU)}
     wiggle = 0.1 / np.sqrt(rate) if noise is None else np.sqrt(rate) * 0.1  # the same density at any rate
     seen = {k: v + (0.0 if noise is None else noise[k] * wiggle) * rng.normal(size=v.shape) for k, v in seen.items()}
     return Hand(t, **seen, q=q, middle=middle)
@@ -76,7 +69,7 @@ def by_hand(seconds=40.0, rate=100.0, *, rest=(), turn=1.0, speed=0.15, seed=0, 
 
 def error_n(q_nb, truth):
     """Error of an attitude, a rotation vector in navigation axes, rad, (N, 3)."""
-    return rotvec_from_quat(quat_multiply(truth, quat_conjugate(q_nb)))
+    return rot.rotvec_from_quat(rot.quat_multiply(truth, rot.quat_conjugate(q_nb)))
 
 
 def rms_deg(error):

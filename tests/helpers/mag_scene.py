@@ -4,17 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from plumbob import rotations as rot
 from plumbob.core.constants import G0
 from plumbob.core.units import dps
-from plumbob.rotations import (
-    dcm_from_quat,
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_rotate,
-    rotvec_from_quat,
-)
 
 STRENGTH, DIP = 50.0, np.radians(60.0)
 FIELD_N = STRENGTH * np.array([np.cos(DIP), 0.0, np.sin(DIP)])
@@ -47,7 +39,7 @@ def unit_of(rng, *, turned=True):
     soft = axes @ np.diag(1.0 + rng.uniform(0.1, 0.2, 3) * rng.choice([-1.0, 1.0], 3)) @ axes.T
     if turned:
         skewed = np.eye(3) + np.radians(1.0) * np.triu(rng.choice([-1.0, 1.0], (3, 3)), 1)
-        soft = dcm_from_quat(quat_from_rotvec(np.radians(2.0) * _direction(rng))) @ skewed @ soft
+        soft = rot.dcm_from_quat(rot.quat_from_rotvec(np.radians(2.0) * _direction(rng))) @ skewed @ soft
     return Unit(soft, 10.0 * _direction(rng))
 
 
@@ -63,11 +55,13 @@ def attitudes(rng, count, tilt=None):
         return q / np.linalg.norm(q, axis=1, keepdims=True)
     nothing, heading, toward = np.zeros(count), *rng.uniform(0.0, 2.0 * np.pi, (2, count))
     lean = np.stack((np.cos(toward), np.sin(toward), nothing), axis=1) * rng.uniform(0.0, tilt, (count, 1))
-    return quat_multiply(quat_from_rotvec(np.stack((nothing, nothing, heading), axis=1)), quat_from_rotvec(lean))
+    return rot.quat_multiply(
+        rot.quat_from_rotvec(np.stack((nothing, nothing, heading), axis=1)), rot.quat_from_rotvec(lean)
+    )
 
 
 def in_body(q_nb, v_n=FIELD_N):
-    return quat_rotate(quat_conjugate(q_nb), v_n)
+    return rot.quat_rotate(rot.quat_conjugate(q_nb), v_n)
 
 
 def field(rng, unit, q_nb, *, sd=0.2, step=0.073):
@@ -84,8 +78,8 @@ def trajectory(rng, *, duration=60.0, rate=50.0, tilt=None):
     waves = np.sin(2.0 * np.pi * frequency * t + phase)
     lean = (np.radians(15.0) if tilt is None else tilt) / np.sqrt(2.0) * (0.6 * waves[:, 0] + 0.4 * waves[:, 1])
     yaw = 2.0 * np.pi * t / 20.0 + 0.5 * np.sin(2.0 * np.pi * t / 13.0)
-    q_nb = quat_from_euler_zyx(np.stack((yaw, *lean), axis=1))
-    within = rotvec_from_quat(quat_multiply(quat_conjugate(q_nb[:-1]), q_nb[1:])) * rate * fine
+    q_nb = rot.quat_from_euler_zyx(np.stack((yaw, *lean), axis=1))
+    within = rot.rotvec_from_quat(rot.quat_multiply(rot.quat_conjugate(q_nb[:-1]), q_nb[1:])) * rate * fine
     at = np.vstack((within[:1], 0.5 * (within[:-1] + within[1:]), within[-1:]))
     return t[::fine], q_nb[::fine], at[::fine]
 
@@ -96,8 +90,8 @@ def tumbling(rng, *, duration=120.0, rate=50.0):
     waves = [np.sin(2.0 * np.pi * (f * t[:, None] + rng.uniform(size=3))) for f in (0.03, 0.07, 0.13)]
     turning = sum(rng.normal(size=3) * wave for wave in waves)
     q_nb = [np.array([1.0, 0.0, 0.0, 0.0])]
-    for step in quat_from_rotvec(turning[:-1] / rate):
-        q_nb.append(quat_multiply(q_nb[-1], step))
+    for step in rot.quat_from_rotvec(turning[:-1] / rate):
+        q_nb.append(rot.quat_multiply(q_nb[-1], step))
     return t, np.array(q_nb), turning
 
 
@@ -117,7 +111,7 @@ def heading_rms(calibration, unit, *, tilt=TILTS):
     """Root mean square error, rad, of the heading with a true horizon over inclinations up to a limit."""
     q_nb = attitudes(np.random.default_rng(99), 2000, tilt)
     measured = field(np.random.default_rng(0), unit, q_nb, sd=0.0, step=0.0)
-    north, east, _ = quat_rotate(q_nb, (measured - calibration.bias) @ calibration.matrix.T).T
+    north, east, _ = rot.quat_rotate(q_nb, (measured - calibration.bias) @ calibration.matrix.T).T
     return float(np.sqrt(np.mean(np.arctan2(east, north) ** 2)))
 
 

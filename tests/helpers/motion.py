@@ -5,15 +5,8 @@ import functools
 import numpy as np
 
 from plumbob import Frame, ImuData
+from plumbob import rotations as rot
 from plumbob.core.constants import G0
-from plumbob.rotations import (
-    quat_chained,
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_rotate,
-)
 
 FIELD_ENU = np.array([0.0, 20.0, -43.0])  # µT; dip 65°, as in central Europe
 
@@ -32,7 +25,7 @@ def consistent(n=2000, rate=100.0, amplitude=1.0):
         return amplitude * np.sin(phases[0]) * np.cos(phases[1])
 
     turns = rates(tf + 0.5 / (rate * fine)) / (rate * fine)  # midpoint rule on a 16 times finer grid
-    q = quat_multiply(quat_from_rotvec(rng.normal(size=3)), quat_chained(turns)[:-1:fine])
+    q = rot.quat_multiply(rot.quat_from_rotvec(rng.normal(size=3)), rot.quat_chained(turns)[:-1:fine])
     return ImuData(t=t, gyr=rates(t), **seen_by(q, Frame.ENU)), q
 
 
@@ -50,15 +43,15 @@ def swinging(rate, seconds=10.0):
             yaw_rate * np.cos(pitch) * np.cos(roll) - pitch_rate * np.sin(roll),
         ]
     )
-    q = quat_from_euler_zyx(angles)
+    q = rot.quat_from_euler_zyx(angles)
     return ImuData(t=t, gyr=gyr, **seen_by(q, Frame.ENU)), q
 
 
 def seen_by(q_nb, frame):
     """Specific force and field of a body that does not accelerate."""
     field_n = FIELD_ENU[0] * frame.east + FIELD_ENU[1] * frame.north + FIELD_ENU[2] * frame.up
-    inverse = quat_conjugate(q_nb)
-    return {"acc": quat_rotate(inverse, G0 * frame.up), "mag": quat_rotate(inverse, field_n)}
+    inverse = rot.quat_conjugate(q_nb)
+    return {"acc": rot.quat_rotate(inverse, G0 * frame.up), "mag": rot.quat_rotate(inverse, field_n)}
 
 
 def noisy(n=600, seed=1):
@@ -85,7 +78,7 @@ def noisy_and_whole(n, rate):
 
 def up_in_body(q_nb, up=1.0):
     """The vertical in body axes, of a frame whose z axis points up or down: all that is tilt."""
-    return quat_rotate(quat_conjugate(q_nb), [0.0, 0.0, up])
+    return rot.quat_rotate(rot.quat_conjugate(q_nb), [0.0, 0.0, up])
 
 
 def tilt_between(q_nb, truth):

@@ -77,15 +77,12 @@ def test_a_planted_fault_is_found(test, channel, change, flag):
     assert judged(channel, change).tests[test] == flag
 
 
-def test_a_hole_is_a_gap_and_costs_good_samples():
+def test_a_hole_is_a_gap_clipped_samples_are_out_of_range_and_untrusted_attitudes_not_good():
     for seconds, gap, good in ((0.5, PASS, PASS), (5.0, SUSPECT, PASS), (45.0, FAIL, SUSPECT), (90.0, FAIL, FAIL)):
         found = judged("gyr", keep=~((T >= 100.0) & (T - seconds < 100.0)))
         assert (found.tests["gap"], found.tests["percent good"]) == (gap, good)
         assert found.good == pytest.approx(1.0 - seconds / LENGTH, abs=1e-3)
     assert judged("gyr", keep=slice(-250)).tests["gap"] == SUSPECT  # at the end
-
-
-def test_clipped_samples_are_out_of_range_and_attitudes_that_are_not_trusted_not_good():
     for count, flag in ((2, PASS), (30, SUSPECT), (600, FAIL)):
         assert judged("gyr", marks=(flags.GYR_CLIPPED, count)).tests["range"] == flag
     found = judged("attitude", marks=(flags.NOT_CONVERGED, T.size // 5))

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from plumbob import rotations as rot
 from plumbob.calibration.gyr.drift import chen2013
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps, to_deg, to_dps
@@ -12,15 +13,6 @@ from plumbob.data import ImuData
 from plumbob.filters import Filter
 from plumbob.noise import deviation
 from plumbob.papers.studies import errors_deg
-from plumbob.rotations import (
-    Frame,
-    dcm_from_quat,
-    euler_zyx_from_quat,
-    quat_angle,
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_multiply,
-)
 from plumbob.simulation import simulate
 
 # --- rod [Li2012], figures of papers.md 004 -----------------------------------------------------------------
@@ -35,10 +27,10 @@ def rod_angles(q):
 
 
 def test_angles_and_matrices_of_the_rod_as_printed():
-    q = quat_from_euler_zyx([0.9, -0.2, 0.3])
+    q = rot.quat_from_euler_zyx([0.9, -0.2, 0.3])
     assert rod_angles(q) == pytest.approx((-0.341, -0.2, -0.911), abs=5e-4)
-    assert rod_angles(quat_conjugate(q))[1] == pytest.approx(-0.114, abs=5e-4)
-    assert np.array(euler_zyx_from_quat(q)) == pytest.approx([0.9, -0.2, 0.3], abs=1e-12)
+    assert rod_angles(rot.quat_conjugate(q))[1] == pytest.approx(-0.114, abs=5e-4)
+    assert np.array(rot.euler_zyx_from_quat(q)) == pytest.approx([0.9, -0.2, 0.3], abs=1e-12)
     # The first, of angles, goes from navigation to body axes; here its rows are written out [Li2012] §2.1.
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (0.3, -0.2, 0.9))
     euler = np.array([
@@ -46,12 +38,12 @@ def test_angles_and_matrices_of_the_rod_as_printed():
         [-cr * sy + sr * sp * cy, cr * cy + sr * sp * sy, sr * cp],
         [sr * sy + cr * sp * cy, -sr * cy + cr * sp * sy, cr * cp],
     ])  # fmt: skip
-    assert np.abs(euler.T - dcm_from_quat(quat_from_euler_zyx([0.9, -0.2, 0.3]))).max() < 1e-12
+    assert np.abs(euler.T - rot.dcm_from_quat(rot.quat_from_euler_zyx([0.9, -0.2, 0.3]))).max() < 1e-12
     gravity = np.array([0.0, math.sin(deg(170.0)), math.cos(deg(170.0))])
     assert to_deg(math.atan(gravity[1] / gravity[2])) == pytest.approx(-10.0)  # [Li2012] (7)
     assert to_deg(math.atan2(gravity[1], gravity[2])) == pytest.approx(170.0)
     printed = np.array([math.cos(deg(54.0)), 0.0, math.sin(deg(54.0)), 0.0])  # [Li2012] (10)
-    assert to_deg(quat_angle(printed, np.array([1.0, 0.0, 0.0, 0.0]))) == pytest.approx(108.0)
+    assert to_deg(rot.quat_angle(printed, np.array([1.0, 0.0, 0.0, 0.0]))) == pytest.approx(108.0)
 
 
 @pytest.mark.parametrize(
@@ -62,10 +54,10 @@ def test_euler_angles_of_two_devices_cannot_be_exchanged(tilts, errors):
     """The y axis of the reference lies along the body's x axis: its pitch is nearly the body's roll [Li2012] §3.2."""
     from plumbob.papers.rod import by_rotation
 
-    q_nb = quat_from_euler_zyx(deg(np.array([[0.4, tilts[1], tilts[0]]])))
-    q_nr = quat_multiply(q_nb, quat_from_euler_zyx(deg(np.array([-90.0, 0.0, 0.0]))))
-    yaw, pitch, roll = euler_zyx_from_quat(q_nr).T
-    exchanged = quat_from_euler_zyx(np.stack((yaw + 0.5 * np.pi, -roll, pitch), axis=-1))
+    q_nb = rot.quat_from_euler_zyx(deg(np.array([[0.4, tilts[1], tilts[0]]])))
+    q_nr = rot.quat_multiply(q_nb, rot.quat_from_euler_zyx(deg(np.array([-90.0, 0.0, 0.0]))))
+    yaw, pitch, roll = rot.euler_zyx_from_quat(q_nr).T
+    exchanged = rot.quat_from_euler_zyx(np.stack((yaw + 0.5 * np.pi, -roll, pitch), axis=-1))
     assert np.abs(errors_deg(exchanged, q_nb)[0, [2, 1]]) == pytest.approx(errors, abs=0.06, rel=0.02)
     assert np.abs(errors_deg(by_rotation(q_nr), q_nb)).max() < 1e-9
 
@@ -180,18 +172,18 @@ def test_the_printed_rows_of_the_buoy_never_leave_the_identity_and_a_first_order
     assert np.linalg.norm(buoy_steps((0.62, 0.0, 0.0), 60_000)) == pytest.approx((1 + 0.25 * 0.0062**2) ** 30_000)
     for rate, lag in ((172.0, 0.013), (573.0, 0.48), (2000.0, 20.0)):
         q = buoy_steps((0.0, 0.0, deg(rate)), 100)
-        turned = quat_angle(q / np.linalg.norm(q), quat_from_euler_zyx([deg(rate), 0.0, 0.0]))
+        turned = rot.quat_angle(q / np.linalg.norm(q), rot.quat_from_euler_zyx([deg(rate), 0.0, 0.0]))
         assert to_deg(turned) == pytest.approx(lag, rel=0.05)
 
 
 def test_arctan_loses_half_of_the_circle_and_the_text_of_the_buoy_has_another_order_than_its_equations():
-    a, b, c, d = quat_from_euler_zyx([2.0, -0.3, 0.4])
+    a, b, c, d = rot.quat_from_euler_zyx([2.0, -0.3, 0.4])
     assert math.atan(2 * (b * c + a * d) / (a * a + b * b - c * c - d * d)) == pytest.approx(2.0 - math.pi)  # (6)
     turns = [np.zeros(4) for _ in range(3)]
     for turn, angle, axis in zip(turns, (1.1, -0.3, 0.4), (3, 1, 2), strict=True):  # Z-X-Y
         turn[0], turn[axis] = math.cos(0.5 * angle), math.sin(0.5 * angle)
-    q = quat_multiply(quat_multiply(turns[0], turns[1]), turns[2])
-    assert euler_zyx_from_quat(q)[::-1] == pytest.approx([-0.324, 0.381, 0.976], abs=5e-4)
+    q = rot.quat_multiply(rot.quat_multiply(turns[0], turns[1]), turns[2])
+    assert rot.euler_zyx_from_quat(q)[::-1] == pytest.approx([-0.324, 0.381, 0.976], abs=5e-4)
 
 
 def test_the_gate_of_the_buoy_passes_what_pythagoras_says():
@@ -210,8 +202,8 @@ def test_the_poles_of_the_buoy_s_loop_and_what_a_zero_rate_output_does_through_t
     assert peak == pytest.approx(1.6, abs=0.05)  # s, to its two digits: 5 °/s give 8°
     still = np.zeros((6000, 3))
     imu = ImuData(t=TS * np.arange(6000.0), gyr=still + [dps(1.0), 0.0, 0.0], acc=still - [0.0, 0.0, G0])
-    q = Filter("mahony", frame=Frame.NED, params={"mag": False}).process(imu).q_nb
-    assert to_deg(np.arccos(dcm_from_quat(q)[:, 2, 2]).max()) == pytest.approx(peak, rel=0.01)
+    q = Filter("mahony", frame=rot.Frame.NED, params={"mag": False}).process(imu).q_nb
+    assert to_deg(np.arccos(rot.dcm_from_quat(q)[:, 2, 2]).max()) == pytest.approx(peak, rel=0.01)
 
 
 def test_moduli_of_the_products_have_no_direction():
@@ -219,14 +211,14 @@ def test_moduli_of_the_products_have_no_direction():
     up, field = np.array([0.0, 0.0, -1.0]), np.array([math.cos(deg(50.0)), 0.0, math.sin(deg(50.0))])
     left = {}
     for printed in (True, False):
-        q, integral = quat_from_euler_zyx([0.0, 0.0, deg(10.0)]), np.zeros(3)
+        q, integral = rot.quat_from_euler_zyx([0.0, 0.0, deg(10.0)]), np.zeros(3)
         for _ in range(3000):
-            e = [np.cross(v, dcm_from_quat(q).T @ v) for v in (up, field)]
+            e = [np.cross(v, rot.dcm_from_quat(q).T @ v) for v in (up, field)]
             e = np.full(3, sum(np.linalg.norm(part) for part in e)) if printed else e[0] + e[1]
             integral += 0.03 * TS * e  # [Yu2018] (7)
             q = (np.eye(4) + 0.5 * TS * buoy_rows(*(0.5 * e + integral), printed=False)) @ q
             q /= np.linalg.norm(q)
-        left[printed] = to_deg(math.acos(dcm_from_quat(q)[2, 2]))
+        left[printed] = to_deg(math.acos(rot.dcm_from_quat(q)[2, 2]))
     assert left[False] < 0.5 and left[True] > 10.0
 
 

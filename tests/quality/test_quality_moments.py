@@ -13,8 +13,5 @@ def test_unknowns_of_any_size_are_solved_and_one_that_nothing_tells_stays_zero()
     a = np.stack([rows.T @ rows] * 2)
     found = solved(a, (a[0] @ x)[np.newaxis, :, np.newaxis] * [[[1.0]], [[2.0]]])[:, :, 0]
     np.testing.assert_allclose(found, [x, 2.0 * x], rtol=1e-8)  # the plain solution is singular: a row of zeros
-
-
-def test_two_unknowns_that_cannot_be_told_apart_share_the_answer():
     a = np.array([[4.0, 4.0], [4.0, 4.0]])
     np.testing.assert_allclose(solved(a, np.array([[8.0], [8.0]]))[:, 0], [1.0, 1.0], rtol=1e-3)

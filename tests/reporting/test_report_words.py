@@ -83,9 +83,6 @@ def test_every_label_of_a_page_has_its_chinese_word(subject, hand):
 def test_so_have_flags_grades_and_kinds_of_noise():
     rare = {name for name, _ in flags.MEANING.values()} | {*NOISE.values()} | {"GOOD", "FAIR", "POOR", "NOT GRADED"}
     assert rare <= chinese_labels().keys()
-
-
-def test_numbers_and_units_stay_and_so_does_what_is_no_label():
     assert said("Directions covered: 17 / 18", "zh") == "覆盖方向: 17 / 18"
     assert said("deviation, 68.3 % interval", "zh") == "偏差, 68.3 % 置信区间"
     assert said("bias [°/s]", "zh") == "零偏 [°/s]"

@@ -3,34 +3,23 @@
 import numpy as np
 import pytest
 
-from plumbob.simulation.signals import (
-    Driven,
-    Mixed,
-    Moves,
-    Polynomial,
-    Ramps,
-    Sine,
-    Sinusoids,
-    Stack,
-    WarmUp,
-    Windowed,
-    constant,
-    cycloid,
-    quintic,
-)
+from plumbob.simulation import signals
 
 RNG = np.random.default_rng(5)
 T = np.sort(RNG.uniform(0.3, 9.7, 200))
-WAVES = Sinusoids(RNG.uniform(0.5, 9.0, 6), RNG.normal(size=6), RNG.normal(size=6))
-WAVES3 = Sinusoids(RNG.uniform(0.5, 9.0, 6), RNG.normal(size=(6, 3)), RNG.normal(size=(6, 3)))
-MOVES = Moves((1.0, 4.0, 6.0), (2.0, 1.5, 3.0), (0.7, -1.1, 0.4))
+WAVES = signals.Sinusoids(RNG.uniform(0.5, 9.0, 6), RNG.normal(size=6), RNG.normal(size=6))
+WAVES3 = signals.Sinusoids(RNG.uniform(0.5, 9.0, 6), RNG.normal(size=(6, 3)), RNG.normal(size=(6, 3)))
+MOVES = signals.Moves((1.0, 4.0, 6.0), (2.0, 1.5, 3.0), (0.7, -1.1, 0.4))
 SIGNALS = {
-    "polynomial": Polynomial((1.0, -2.0, 0.5, 0.3)), "sinusoids": WAVES, "sinusoids of 3": WAVES3,
-    "quintic moves": MOVES, "cycloid moves of 3": Moves((1.0, 4.0), (2.0, 3.0), RNG.normal(size=(2, 3)), cycloid),
-    "sum": WAVES + MOVES, "scaled": 3.0 * WAVES, "windowed": Windowed(WAVES, MOVES),
-    "windowed 3": Windowed(WAVES3, MOVES), "ramps": Ramps((1.0, 3.0, 5.0, 9.0), (0.5, -1.0, -1.0, 2.0)),
-    "stack": Stack((WAVES, MOVES, constant(2.0))), "driven": Driven(0.0, 0.5, RNG.normal(size=(20, 2)), 6.0, 0.3),
-    "mixed": Mixed(WAVES3, RNG.normal(size=(2, 3))), "sine": Sine(WAVES), "warm-up": WarmUp(15.0, 3.0),
+    "polynomial": signals.Polynomial((1.0, -2.0, 0.5, 0.3)), "sinusoids": WAVES, "sinusoids of 3": WAVES3,
+    "quintic moves": MOVES,
+    "cycloid moves of 3": signals.Moves((1.0, 4.0), (2.0, 3.0), RNG.normal(size=(2, 3)), signals.cycloid),
+    "sum": WAVES + MOVES, "scaled": 3.0 * WAVES, "windowed": signals.Windowed(WAVES, MOVES),
+    "windowed 3": signals.Windowed(WAVES3, MOVES), "ramps": signals.Ramps((1.0, 3.0, 5.0, 9.0), (0.5, -1.0, -1.0, 2.0)),
+    "stack": signals.Stack((WAVES, MOVES, signals.constant(2.0))),
+    "driven": signals.Driven(0.0, 0.5, RNG.normal(size=(20, 2)), 6.0, 0.3),
+    "mixed": signals.Mixed(WAVES3, RNG.normal(size=(2, 3))), "sine": signals.Sine(WAVES),
+    "warm-up": signals.WarmUp(15.0, 3.0),
 }  # fmt: skip
 
 
@@ -48,7 +37,7 @@ def test_derivatives_are_those_of_the_value(name, closes_in):
     closes_in(lambda s: signal.at(s).rate, lambda s: signal.at(s).acc, t)
 
 
-@pytest.mark.parametrize("law", [quintic, cycloid])
+@pytest.mark.parametrize("law", [signals.quintic, signals.cycloid])
 def test_a_law_goes_from_rest_at_0_to_rest_at_1(law):
     way = law(np.array([0.0, 1.0]))
     # definition of a rest-to-rest law; 2π rounded makes sin(2π) of the order 1e-16
@@ -73,7 +62,7 @@ def test_moves_join_without_a_step_and_stay_where_they_arrive():
 def test_a_stroke_has_the_velocity_of_a_table_slide():
     v, duration = 2.0, 0.4
     t = np.linspace(0.0, duration, 401)
-    slide = Moves((1.0,), (duration,), (0.5 * v * duration,), cycloid).at(t + 1.0)
+    slide = signals.Moves((1.0,), (duration,), (0.5 * v * duration,), signals.cycloid).at(t + 1.0)
     # closed form: velocity v/2 (1 − cos(2πt/T)), its integral and its derivative
     turn = 2.0 * np.pi / duration
     np.testing.assert_allclose(slide.rate, 0.5 * v * (1.0 - np.cos(turn * t)), atol=1e-12)
@@ -90,8 +79,8 @@ def test_sinusoids_are_their_sum_phasors_rotating_pointers_and_ramps_areas_under
     np.testing.assert_allclose(WAVES.at(t).value, direct, atol=1e-12)  # definition
     omega, z = np.array([1.3, 4.0]), np.array([1.0 - 2.0j, 0.3 + 0.1j])
     direct = (z * np.exp(1j * np.outer(T, omega))).sum(axis=1).real
-    np.testing.assert_allclose(Sinusoids.from_phasors(omega, z).at(T).value, direct, atol=1e-13)  # definition
-    signal = Ramps((1.0, 3.0, 5.0), (0.0, 4.0, 4.0))
+    np.testing.assert_allclose(signals.Sinusoids.from_phasors(omega, z).at(T).value, direct, atol=1e-13)  # definition
+    signal = signals.Ramps((1.0, 3.0, 5.0), (0.0, 4.0, 4.0))
     value, rate, acc = signal.at(np.array([0.0, 2.0, 3.0, 4.0, 6.0]))
     # a triangle of 2 s and 4/s, then a rectangle that goes on after the last knot
     np.testing.assert_array_equal(value, [0.0, 1.0, 4.0, 8.0, 16.0])
@@ -102,7 +91,7 @@ def test_sinusoids_are_their_sum_phasors_rotating_pointers_and_ramps_areas_under
 def test_oscillator_answers_a_wave_with_its_transfer_function_and_rests_where_a_steady_force_holds_it():
     omega, damping, drive, step = 2.0 * np.pi * 6.0, 0.3, 2.0 * np.pi * 1.3, 1e-3
     knots = step * np.arange(10001)
-    found = Driven(0.0, step, 4.0 * np.cos(drive * knots)[:, np.newaxis], omega, damping).at(T[T > 4.0])
+    found = signals.Driven(0.0, step, 4.0 * np.cos(drive * knots)[:, np.newaxis], omega, damping).at(T[T > 4.0])
     # 1 / (ω² − w² + 2jζωw); what was left of the start has died out by exp(−0.3 ω 4) = 2e-20
     answer = 4.0 / (omega**2 - drive**2 + 2j * damping * omega * drive) * np.exp(1j * drive * T[T > 4.0])
     # straight lines between knots are wrong by (w h)² / 8 of the drive at most; a spring of ζ = 0.3 makes at most
@@ -111,6 +100,6 @@ def test_oscillator_answers_a_wave_with_its_transfer_function_and_rests_where_a_
     wanted = (answer, 1j * drive * answer, -(drive**2) * answer)
     for got, want, unit in zip(found, wanted, (omega**2, omega, 1.0), strict=True):
         np.testing.assert_allclose(got[:, 0], want.real, rtol=0.0, atol=wrong / unit)
-    found = Driven(1.0, 0.1, np.full((5, 1), 3.0), 10.0, 0.2).at(np.array([1.0, 1.23, 1.4]))
+    found = signals.Driven(1.0, 0.1, np.full((5, 1), 3.0), 10.0, 0.2).at(np.array([1.0, 1.23, 1.4]))
     np.testing.assert_allclose(found.value, 0.03, rtol=1e-12)  # drive / ω²
     np.testing.assert_allclose(found.rate, 0.0, atol=1e-12)

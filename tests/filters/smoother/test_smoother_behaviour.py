@@ -10,19 +10,9 @@ import numpy as np
 import pytest
 
 from plumbob import Frame, ImuData, ImuMeta, North, estimate, evaluate, flags, simulate
+from plumbob import rotations as rot
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother import Smoother, samples
-from plumbob.rotations import (
-    change_frame,
-    dcm_from_quat,
-    quat_angle,
-    quat_conjugate,
-    quat_from_dcm,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_rotate,
-)
 from tests.helpers.hand_motion import by_hand, error_n, rms_deg
 from tests.helpers.motion import consistent, heading_sd, tilt_between
 from tests.helpers.smoother_pieces import in_stretches
@@ -84,10 +74,10 @@ def test_rest_alone_gives_the_bias(bias):
 def test_a_slow_even_turn_is_not_rest(rate, bias):
     """The table of the teaching arm, which turns at a constant rate from first to last: the field shows it."""
     h = by_hand(60.0, turn=0.0, speed=0.0)
-    turn = quat_from_rotvec(h.t[:, np.newaxis] * [0.0, 0.0, dps(rate)])
-    q, middle = quat_multiply(turn, h.q), quat_multiply(turn, h.middle)
-    mag = quat_rotate(quat_conjugate(middle), quat_rotate(h.middle, h.mag))
-    axis = quat_rotate(quat_conjugate(q), [0.0, 0.0, dps(rate)])
+    turn = rot.quat_from_rotvec(h.t[:, np.newaxis] * [0.0, 0.0, dps(rate)])
+    q, middle = rot.quat_multiply(turn, h.q), rot.quat_multiply(turn, h.middle)
+    mag = rot.quat_rotate(rot.quat_conjugate(middle), rot.quat_rotate(h.middle, h.mag))
+    axis = rot.quat_rotate(rot.quat_conjugate(q), [0.0, 0.0, dps(rate)])
     off = dps(np.array([bias, -bias, bias]))
     track, _ = smoothed(h.imu(gyr=h.gyr + axis + off, mag=mag))
     assert not (track.flags & flags.AT_REST).any() and (rms_deg(error_n(track.q_nb, q)) < 3 * FINE).all()
@@ -98,8 +88,8 @@ def test_a_slow_turn_between_rests_is_not_rest_without_a_magnetometer_either():
     """What rests has the same rate each time; a turn of 2 °/s for 10 s has its own."""
     h = by_hand(60.0, turn=0.0, speed=0.0)
     angle = dps(2.0) * np.clip(h.t - 25.0, 0.0, 10.0)
-    q = quat_multiply(quat_from_rotvec(angle[:, np.newaxis] * [0.0, 0.0, 1.0]), h.q)
-    spin = quat_rotate(quat_conjugate(q), [0.0, 0.0, dps(2.0)]) * ((h.t > 25.0) & (h.t <= 35.0))[:, np.newaxis]
+    q = rot.quat_multiply(rot.quat_from_rotvec(angle[:, np.newaxis] * [0.0, 0.0, 1.0]), h.q)
+    spin = rot.quat_rotate(rot.quat_conjugate(q), [0.0, 0.0, dps(2.0)]) * ((h.t > 25.0) & (h.t <= 35.0))[:, np.newaxis]
     track, _ = smoothed(h.imu(gyr=h.gyr + spin, mag=None))
     resting = track.flags & flags.AT_REST != 0
     assert not resting[(h.t > 26.0) & (h.t < 34.0)].any() and resting[(h.t < 23.0) | (h.t > 37.0)].all()
@@ -115,7 +105,7 @@ def test_simulated_units_are_followed(scenario):
     tilt = tilt_between(track.q_nb, run.truth.q_nb)
     assert np.degrees(np.sqrt(np.mean(tilt**2))) < 1.0 / 3.0
     if track.north is not North.FREE:
-        assert np.degrees(np.sqrt(np.mean(quat_angle(track.q_nb, run.truth.q_nb) ** 2))) < 0.6
+        assert np.degrees(np.sqrt(np.mean(rot.quat_angle(track.q_nb, run.truth.q_nb) ** 2))) < 0.6
 
 
 # --- errors of the gyroscope --------------------------------------------------------------------------------
@@ -305,7 +295,7 @@ def test_without_a_field_the_tilt_is_right_and_the_heading_free(rest):
     off, _ = smoothed(h.imu(), mag=False)
     assert (off.q_nb == none.q_nb).all()
     steep, remarks = smoothed(h.imu(mag=h.in_body([0.0, 0.0, -48.0])))
-    assert steep.north is North.FREE and quat_angle(steep.q_nb, none.q_nb).max() < 1e-12
+    assert steep.north is North.FREE and rot.quat_angle(steep.q_nb, none.q_nb).max() < 1e-12
     assert "no field of the recording gives a heading" in remarks
 
 
@@ -325,11 +315,11 @@ def test_every_frame_gives_the_same_attitude(moved, frame):
     h, enu = moved
     other = Smoother(frame=frame).process(h.imu())
     assert other.frame is frame
-    assert quat_angle(change_frame(other.q_nb, to=Frame.ENU, from_=frame), enu.q_nb).max() < 1e-7
+    assert rot.quat_angle(rot.change_frame(other.q_nb, to=Frame.ENU, from_=frame), enu.q_nb).max() < 1e-7
     assert (other.cov_b == enu.cov_b).all()
 
 
-def test_a_declination_turns_headings_and_nothing_else(moved):
+def test_a_declination_and_another_north_turn_headings_alone_and_the_date_does_not_matter(moved):
     """East positive: magnetic north lies east of true north, so that the body's true heading is larger."""
     h, magnetic = moved
     known = ImuData(t=h.t, gyr=h.gyr, acc=h.acc, mag=h.mag, meta=ImuMeta(declination=0.2, calibration="by hand"))
@@ -338,24 +328,19 @@ def test_a_declination_turns_headings_and_nothing_else(moved):
         Smoother(frame="ENU").process(known),
     ):
         assert (magnetic.north, track.north) == (North.MAGNETIC, North.TRUE)
-        expected = quat_multiply(quat_from_rotvec([0.0, 0.0, -0.2]), magnetic.q_nb)  # clockwise from above
-        assert quat_angle(track.q_nb, expected).max() < 1e-7 and (track.cov_b == magnetic.cov_b).all()
-
-
-def test_another_north_turns_headings_and_leaves_the_tilt(moved):
-    """The field of the place turned by 57° about the vertical; errors of the tilt turn a steep field otherwise then."""
+        expected = rot.quat_multiply(rot.quat_from_rotvec([0.0, 0.0, -0.2]), magnetic.q_nb)  # clockwise from above
+        assert rot.quat_angle(track.q_nb, expected).max() < 1e-7 and (track.cov_b == magnetic.cov_b).all()
+    # The field of the place turned by 57° about the vertical; errors of the tilt turn a steep field otherwise then.
     h, one = moved
-    yaw = quat_from_rotvec([0.0, 0.0, 1.0])
-    field = quat_rotate(h.middle, h.mag)
-    other = Smoother(frame="ENU").process(h.imu(mag=quat_rotate(quat_conjugate(h.middle), quat_rotate(yaw, field))))
-    away = np.degrees(np.abs(error_n(other.q_nb, quat_multiply(quat_conjugate(yaw), one.q_nb))).max(axis=0))
+    yaw = rot.quat_from_rotvec([0.0, 0.0, 1.0])
+    field = rot.quat_rotate(h.middle, h.mag)
+    other = Smoother(frame="ENU").process(
+        h.imu(mag=rot.quat_rotate(rot.quat_conjugate(h.middle), rot.quat_rotate(yaw, field)))
+    )
+    away = np.degrees(np.abs(error_n(other.q_nb, rot.quat_multiply(rot.quat_conjugate(yaw), one.q_nb))).max(axis=0))
     assert (away < [0.05, 0.05, 1.0]).all()
-
-
-def test_when_a_recording_was_made_does_not_matter(moved):
-    h, one = moved
     other = Smoother(frame="ENU").process(h.imu(t=h.t + 4096.0))  # a power of two: stamps keep their digits
-    assert quat_angle(other.q_nb, one.q_nb).max() < deg(0.01)
+    assert rot.quat_angle(other.q_nb, one.q_nb).max() < deg(0.01)
 
 
 @pytest.mark.parametrize("axes", [(1, 2, 0), (2, 0, 1)])
@@ -363,17 +348,17 @@ def test_how_the_axes_sit_in_the_body_does_not_matter(moved, axes):
     h, one = moved
     turn = np.eye(3)[list(axes)]
     other = Smoother(frame="ENU").process(h.imu(gyr=h.gyr @ turn.T, acc=h.acc @ turn.T, mag=h.mag @ turn.T))
-    back = quat_multiply(other.q_nb, quat_from_dcm(turn))
-    assert quat_angle(back, one.q_nb).max() < deg(0.01)
+    back = rot.quat_multiply(other.q_nb, rot.quat_from_dcm(turn))
+    assert rot.quat_angle(back, one.q_nb).max() < deg(0.01)
 
 
 def test_upside_down_and_nose_up_are_attitudes_as_all_others():
     for euler in itertools.product((0.0, math.pi / 2, math.pi), (0.0, math.pi / 2), (0.0, math.pi)):
         h = by_hand(10.0, seed=14)
-        turn = quat_from_euler_zyx(np.array(euler))
-        dcm = dcm_from_quat(turn)
+        turn = rot.quat_from_euler_zyx(np.array(euler))
+        dcm = rot.dcm_from_quat(turn)
         track = Smoother(frame="ENU").process(h.imu(gyr=h.gyr @ dcm, acc=h.acc @ dcm, mag=h.mag @ dcm))
-        assert quat_angle(track.q_nb, quat_multiply(h.q, turn)).max() < deg(3.0)
+        assert rot.quat_angle(track.q_nb, rot.quat_multiply(h.q, turn)).max() < deg(3.0)
 
 
 @pytest.mark.parametrize("rate", [20.0, 50.0, 400.0, None])
@@ -388,9 +373,9 @@ def test_a_latency_turns_the_attitude_ahead():
     """By its own rate: 20 ms at the rates of the motion, up to about 3 rad/s."""
     h = by_hand(30.0, seed=17)
     late, usual = smoothed(h.imu(), latency=0.02)[0], smoothed(h.imu())[0]
-    turned = quat_multiply(usual.q_nb, quat_from_rotvec(0.02 * (h.gyr - usual.bias_b)))
-    assert quat_angle(late.q_nb, turned).max() < 0.02 * 0.01 * 3.0  # scale and misalignment of a hundredth
-    assert quat_angle(late.q_nb, usual.q_nb).max() > 0.01
+    turned = rot.quat_multiply(usual.q_nb, rot.quat_from_rotvec(0.02 * (h.gyr - usual.bias_b)))
+    assert rot.quat_angle(late.q_nb, turned).max() < 0.02 * 0.01 * 3.0  # scale and misalignment of a hundredth
+    assert rot.quat_angle(late.q_nb, usual.q_nb).max() > 0.01
 
 
 # --- stretches ----------------------------------------------------------------------------------------------
@@ -410,9 +395,9 @@ def test_a_long_recording_in_stretches_is_as_the_whole(stretched, monkeypatch):
     monkeypatch.setattr(samples, "LONG", 1e9)
     whole, _ = smoothed(h.imu(gyr=h.gyr + off))
     assert (parts.q_nb != whole.q_nb).any() and is_fine(parts, h)
-    assert np.degrees(quat_angle(parts.q_nb, whole.q_nb)).max() < 2 * FINE
-    steps, true_steps = (quat_multiply(q[1:], quat_conjugate(q[:-1])) for q in (parts.q_nb, h.q))
-    assert np.degrees(quat_angle(steps, true_steps)).max() < 2 * FINE
+    assert np.degrees(rot.quat_angle(parts.q_nb, whole.q_nb)).max() < 2 * FINE
+    steps, true_steps = (rot.quat_multiply(q[1:], rot.quat_conjugate(q[:-1])) for q in (parts.q_nb, h.q))
+    assert np.degrees(rot.quat_angle(steps, true_steps)).max() < 2 * FINE
 
 
 def test_a_free_heading_goes_on_from_stretch_to_stretch(stretched):
@@ -421,13 +406,9 @@ def test_a_free_heading_goes_on_from_stretch_to_stretch(stretched):
     e = error_n(track.q_nb, h.q)[:, 2]
     assert np.degrees(np.abs(np.diff(np.unwrap(e)))).max() < 0.2  # of 2π that each stretch could choose by itself
     assert np.degrees(np.ptp(np.unwrap(e))) < 3.0
-
-
-def test_a_field_that_is_wrong_for_most_of_a_stretch_is_not_taken_for_that_of_the_place(stretched):
-    """The third stretch sees 60 to 140 s, and another field for more than half of that; without what was before, 20°.
-
-    What is wrong for most of a stretch widens what is believed of a field, so that it still pulls, by less than half.
-    """
+    # The third stretch sees 60 to 140 s, and another field for more than half of that; without what was before, 20°.
+    # What is wrong for most of a stretch widens what is believed of a field, so that it still pulls, by less than
+    # half.
     h = by_hand(200.0, seed=20)
     imu, spell = wrong_for(h, 77.0, 118.0, (20.0, 0.0, 10.0))
     e = errors(smoothed(imu)[0], h)
@@ -466,7 +447,7 @@ def test_a_rate_that_falls_to_a_tenth_is_no_row_of_gaps(lag):
     smoother = Smoother(frame=Frame.ENU, params={"lag": lag})
     track = smoother.process(few)
     assert smoother.remarks == ()
-    assert np.degrees(quat_angle(track.q_nb, q[kept])[500:].max()) < 2.0
+    assert np.degrees(rot.quat_angle(track.q_nb, q[kept])[500:].max()) < 2.0
 
 
 @pytest.mark.parametrize("lag", ["0 s", "off"])
@@ -478,6 +459,6 @@ def test_an_accelerometer_that_is_silent_in_motion_costs_nothing_beside_a_good_g
         acc = np.where(((data.t > 30.0) & (data.t < 30.0 + missing))[:, np.newaxis], np.nan, data.acc)
         imu = ImuData(t=data.t, gyr=data.gyr, acc=acc, mag=data.mag)
         track = Smoother(frame="ENU", params={"lag": lag}).process(imu)
-        return np.degrees(quat_angle(track.q_nb[2500:], truth[2500:])).max()
+        return np.degrees(rot.quat_angle(track.q_nb[2500:], truth[2500:])).max()
 
     assert max(worst(5.0), worst(20.0)) < worst(0.0) + 0.2

@@ -78,7 +78,7 @@ def test_what_lacks_a_sensor_is_refused(hand, recorded, words):
         Smoother(frame="ENU").process(recorded(hand))
 
 
-def test_a_stream_has_no_smoother_of_the_whole(tmp_path):
+def test_a_stream_has_no_smoother_of_the_whole_and_a_session_without_a_name_one_without_a_lag(tmp_path):
     """Nor is it a Filter; each says what to do."""
     with pytest.raises(ParameterError, match=r"has a class of its own: plumbob\.FixedLag\(frame=\.\.\.\) takes single"):
         Filter("smoother", frame="ENU")
@@ -89,9 +89,6 @@ def test_a_stream_has_no_smoother_of_the_whole(tmp_path):
         load_session(tmp_path / "s.toml")
     with pytest.raises(PlumbobError):
         Smoother(frame="ENU").process(GOOD[:1])
-
-
-def test_a_session_that_estimates_without_a_name_has_the_smoother_without_a_lag(tmp_path):
     asked = SESSION.replace('filter = "mahony"', "").replace('params = { kp = 0.5, gate = "0.08 g" }', "")
     (tmp_path / "s.toml").write_text(asked, encoding="utf-8")
     (tmp_path / "imu9.toml").write_text(FORMAT, encoding="utf-8")

@@ -177,7 +177,7 @@ def test_a_bias_that_jumps_in_motion_is_found_by_the_seconds_that_contradict_all
     np.testing.assert_allclose(track.bias_b[-1], dps(rate), atol=dps(0.5))
 
 
-def test_a_field_that_no_place_has_is_not_believed_from_the_first_sample_on():
+def test_the_first_samples_have_the_tilt_of_the_force_and_believe_no_field_that_no_place_has():
     """A level part of 60 µT for 4 s; the largest of the WMM 2025 is 42 µT."""
     h = by_hand(30.0, seed=2)
     magnet = h.in_body(np.where(h.t[:, np.newaxis] < 4.0, [50.0, 10.0, 0.0], 0.0) * np.ones((h.t.size, 3)))
@@ -185,9 +185,6 @@ def test_a_field_that_no_place_has_is_not_believed_from_the_first_sample_on():
     free = (track.flags & np.uint32(flags.HEADING_FREE)) != 0
     assert free[h.t < 3.9].all() and not free[h.t > 8.0].any()
     assert rms_deg(error_n(track.q_nb, h.q)[h.t > 10.0]).max() < 3.0
-
-
-def test_the_first_samples_have_the_tilt_of_the_first_force():
     h = by_hand(1.0, rest=((0.0, 1.0),), seed=3)
     track, _ = followed(h.imu())
     first = h.t < live.SOONEST - 0.01

@@ -8,21 +8,13 @@ import numpy as np
 import pytest
 
 from plumbob import ImuData
+from plumbob import rotations as rot
 from plumbob.core.constants import G0
 from plumbob.filters.smoother import Params, sweeps
 from plumbob.filters.smoother.inertial import kinds
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, ModelVariances, V, start_covariance
 from plumbob.filters.smoother.sweeps import AGAIN, FADE, HEADING, INVERSE, KIND, LASTING, LIFT, MOVING, RESTING, TIME
-from plumbob.rotations import (
-    quat_chained,
-    quat_conjugate,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_normalize,
-    quat_rotate,
-    rotvec_from_quat,
-)
 from tests.helpers import in_the_other_mode
 from tests.helpers.hand_motion import by_hand
 from tests.helpers.jacobians import by_differences
@@ -52,17 +44,17 @@ def samples_of_a_step(rng, still):
     """Eleven samples of 5 ms with rates to 3 rad/s, and forces; where `still`, such that nothing is accelerated."""
     t = np.concatenate(([0.0], np.cumsum(rng.uniform(0.003, 0.007, 10))))
     gyr, acc, mag = rng.uniform(-3.0, 3.0, (11, 3)), rng.normal(0.0, 4.0, (11, 3)), rng.normal(size=(11, 3))
-    q, x = quat_normalize(rng.normal(size=4)), np.zeros(SIZE)
+    q, x = rot.quat_normalize(rng.normal(size=4)), np.zeros(SIZE)
     x[B : B + 3], x[A : A + 3], x[M:] = rng.normal(0, 0.05, 3), rng.normal(0, 0.05, 3), rng.normal(0, 0.01, 9)
     if still:
-        acc[1:] = quat_rotate(quat_conjugate(attitudes(t, gyr, q, x)[1]), [0.0, 0.0, G0]) + x[A : A + 3]
+        acc[1:] = rot.quat_rotate(rot.quat_conjugate(attitudes(t, gyr, q, x)[1]), [0.0, 0.0, G0]) + x[A : A + 3]
     return t, gyr, acc, mag, q, x
 
 
 def attitudes(t, gyr, q, x):
     """Attitude behind the last sample, and in the middle of each; the true model, by the package's rotations alone."""
     halves = 0.5 * np.diff(t)[:, np.newaxis] * (gyr[1:] @ (np.eye(3) - x[M:].reshape(3, 3)).T - x[B : B + 3])
-    way = quat_multiply(q, quat_chained(np.repeat(halves, 2, axis=0)))
+    way = rot.quat_multiply(q, rot.quat_chained(np.repeat(halves, 2, axis=0)))
     return way[-1], way[1::2]
 
 
@@ -82,15 +74,17 @@ def true_errors(samples):
     def run(e):
         change = np.zeros(SIZE)
         change[B : B + 3], change[A:] = e[B : B + 3], e[A:]
-        end, middles = attitudes(t, gyr, quat_multiply(quat_from_rotvec(e[:3]), q), x + change)
+        end, middles = attitudes(t, gyr, rot.quat_multiply(rot.quat_from_rotvec(e[:3]), q), x + change)
         force = acc[1:] - (x + change)[A : A + 3]
-        return end, e[V : V + 2] + np.diff(t) @ quat_rotate(middles, force)[:, :2]
+        return end, e[V : V + 2] + np.diff(t) @ rot.quat_rotate(middles, force)[:, :2]
 
     end, velocity = run(np.zeros(SIZE))
 
     def errors(e):
         other, moved = run(e)
-        return np.concatenate((rotvec_from_quat(quat_multiply(other, quat_conjugate(end))), moved - velocity))
+        return np.concatenate(
+            (rot.rotvec_from_quat(rot.quat_multiply(other, rot.quat_conjugate(end))), moved - velocity)
+        )
 
     return errors
 
@@ -223,7 +217,7 @@ def test_backward_is_rauch_tung_and_striebel_s(seed):
     sweeps.backward(q, x, np.ascontiguousarray(p[:, :KEPT]), gain, term, step, *later, q_s, x_s, cov_s)
     scale = np.abs(smoothed).max()
     assert scale > 0.05
-    assert np.abs(rotvec_from_quat(q_s) - smoothed[:, :3]).max() < 1e-10 * max(scale, 1.0)
+    assert np.abs(rot.rotvec_from_quat(q_s) - smoothed[:, :3]).max() < 1e-10 * max(scale, 1.0)
     assert np.abs(x_s[:, 3:] - (x + smoothed)[:, 3:KEPT]).max() < 1e-10 and (x_s[:, :3] == 0.0).all()
     assert np.abs(cov_s - spread[:, :6, :6]).max() < 1e-10
     assert np.abs(spread[0, :6, :6] - p[0, :6, :6]).max() > 0.1  # smoothing did something

@@ -14,21 +14,13 @@ from pathlib import Path
 import pytest
 
 from plumbob.core.errors import LineError, ParameterError
-from plumbob.live.transports.serial_line import (
-    EVERY_NS,
-    TIOCGICOUNT,
-    Overruns,
-    SerialSource,
-    check_port,
-    find_port,
-    list_ports,
-)
+from plumbob.live.transports import serial_line
 from plumbob.live.transports.transport import NoLine
 
 
 @pytest.fixture
 def opened(line, collect):
-    with SerialSource(str(line.link), 115200) as source:
+    with serial_line.SerialSource(str(line.link), 115200) as source:
         collect(source, lambda got: got.kinds == ["opened"])
         yield source
 
@@ -80,7 +72,7 @@ def test_unplugged_and_plugged_in_again_leaves_nothing_behind(opened, line, coll
 
 
 def test_a_renamed_port_is_found_by_its_pattern_and_an_absent_one_is_an_error_or_waited_for(line, tmp_path, collect):
-    with SerialSource(str(tmp_path / "tty*"), 9600) as source:
+    with serial_line.SerialSource(str(tmp_path / "tty*"), 9600) as source:
         collect(source, lambda got: got.kinds == ["opened"])
         line.pull()
         line.link = tmp_path / "ttyOTHER"
@@ -89,8 +81,8 @@ def test_a_renamed_port_is_found_by_its_pattern_and_an_absent_one_is_an_error_or
         assert "ttyOTHER" in got.events[-1].text
     line.pull()
     with pytest.raises(LineError, match=r"There is no serial port .*; the ports of this machine: "):
-        SerialSource(str(line.link), 9600).open()
-    with SerialSource(str(line.link), 9600, wait=True) as waiting:
+        serial_line.SerialSource(str(line.link), 9600).open()
+    with serial_line.SerialSource(str(line.link), 9600, wait=True) as waiting:
         assert [event.kind for event in waiting.read(0)] == ["absent"]
         start, cpu = time.monotonic(), time.process_time()
         while time.monotonic() - start < 0.5:
@@ -121,10 +113,10 @@ def test_bytes_come_before_the_loss_that_follows_them(opened, line, monkeypatch)
 
 
 def test_a_second_reader_is_refused(opened, line):
-    second = SerialSource(str(line.link), 9600)
+    second = serial_line.SerialSource(str(line.link), 9600)
     with pytest.raises(LineError, match="in use by another program"):
         second.open()
-    with SerialSource(str(line.link), 9600, exclusive=False, gather=0) as third:
+    with serial_line.SerialSource(str(line.link), 9600, exclusive=False, gather=0) as third:
         assert [event.kind for event in third.read(0)] == ["opened"]
     opened.close()
     with second:
@@ -143,7 +135,7 @@ def test_refusals_of_the_system_say_what_to_do(line, monkeypatch, number, said):
 
     monkeypatch.setattr(serial, "Serial", refuse)
     with pytest.raises(LineError, match=said):
-        SerialSource(str(line.link), 9600).open()
+        serial_line.SerialSource(str(line.link), 9600).open()
 
 
 @pytest.mark.parametrize(("baud", "options"), [
@@ -155,14 +147,14 @@ def test_refusals_of_the_system_say_what_to_do(line, monkeypatch, number, said):
 ])  # fmt: skip
 def test_usual_and_odd_speeds_and_forms(line, baud, options):
     """A pseudo-terminal takes any, and has no modem lines, which pyserial would set."""
-    with SerialSource(str(line.link), baud, **options) as source:
+    with serial_line.SerialSource(str(line.link), baud, **options) as source:
         assert [event.kind for event in source.read(0)] == ["opened"]
 
 
 def test_what_can_never_be_right():
     for wrong in ({"baud": 0}, {"bytesize": 9}, {"parity": "X"}, {"stopbits": 3}, {"gather": 5.0}):
         with pytest.raises(ParameterError):
-            SerialSource("/dev/ttyX", **{"baud": 9600, **wrong})
+            serial_line.SerialSource("/dev/ttyX", **{"baud": 9600, **wrong})
 
 
 @pytest.mark.parametrize("pause", [0.0, 0.01], ids=["fast reader", "slow reader"])
@@ -223,7 +215,7 @@ class Driver:
     error = None
 
     def __call__(self, fd, request, argument):
-        assert (fd, request, len(argument)) == (7, TIOCGICOUNT, 80)
+        assert (fd, request, len(argument)) == (7, serial_line.TIOCGICOUNT, 80)
         self.asked += 1
         if self.error:
             raise self.error
@@ -234,21 +226,21 @@ class Driver:
 def test_only_what_is_new_is_told_by_a_driver_with_counters():
     driver = Driver()
     driver.overrun = driver.frame = 5  # from before the port was opened
-    counters = Overruns(7, "ttyX", ioctl=driver)
+    counters = serial_line.Overruns(7, "ttyX", ioctl=driver)
     assert counters.ask(0) == []
     driver.overrun, driver.buf_overrun, driver.parity = 7, 10, 3
-    assert counters.ask(EVERY_NS - 1) == []
-    dropped, damaged = counters.ask(EVERY_NS)
+    assert counters.ask(serial_line.EVERY_NS - 1) == []
+    dropped, damaged = counters.ask(serial_line.EVERY_NS)
     assert (dropped.kind, dropped.count, dropped.text) == ("dropped", 12, "ttyX: the driver could not keep 12 bytes.")
     assert (damaged.kind, damaged.count) == ("damaged", 3)
     assert "baud" in damaged.text
-    assert counters.ask(2 * EVERY_NS) == []
+    assert counters.ask(2 * serial_line.EVERY_NS) == []
     driver.error = OSError(errno.EIO, "gone")
-    assert counters.ask(3 * EVERY_NS) == []
+    assert counters.ask(3 * serial_line.EVERY_NS) == []
     driver = Driver()
     driver.error = OSError(errno.ENOTTY, "no")
-    counters = Overruns(7, "pty", ioctl=driver)
-    assert counters.ask(0) == counters.ask(EVERY_NS) == []
+    counters = serial_line.Overruns(7, "pty", ioctl=driver)
+    assert counters.ask(0) == counters.ask(serial_line.EVERY_NS) == []
     assert driver.asked == 1
 
 
@@ -268,12 +260,12 @@ PORTS = [
 
 
 def find(port):
-    return find_port(port, lambda: PORTS)
+    return serial_line.find_port(port, lambda: PORTS)
 
 
 def kind_of(port, ports, words):
     with pytest.raises(NoLine, match=words) as no:
-        find_port(port, lambda: ports)
+        serial_line.find_port(port, lambda: ports)
     return no.value.kind
 
 
@@ -294,7 +286,7 @@ def test_by_path_pattern_and_usb_identity_and_ports_of_this_machine(tmp_path, mo
     ):
         assert kind_of(port, PORTS, words) == kind
     assert kind_of("none", [], "the ports of this machine: none") == "absent"
-    assert all(port.device for port in list_ports())
+    assert all(port.device for port in serial_line.list_ports())
     for port in ("", "auto:", "auto:403:6001", "auto:0403", "auto:0403:6001:"):
         with pytest.raises(ParameterError):
-            check_port(port)
+            serial_line.check_port(port)
