@@ -210,12 +210,10 @@ def filter_loops(name: str, step: Kernel[..., int]) -> Loops:
 def _try_out(name: str, module: FilterModule) -> None:
     """Refuse the module of another package that cannot take one sample with its defaults."""
     try:
-        own = describe(module.Params)
-        if twice := {p.name for p in own} & {p.name for p in describe(CommonParams)}:
-            raise ParameterError(
-                f"every filter has the parameter {', '.join(sorted(twice))}; Params needs another name"
-            )
-        params = build(module.Params, {p.name: p.default for p in own}, of=name)
+        defaults = {p.name: p.default for p in describe(module.Params)}
+        if twice := ", ".join(p.name for p in describe(CommonParams) if p.name in defaults):
+            raise ParameterError(f"every filter has the parameter {twice}; Params needs another name")
+        params = build(module.Params, defaults, of=name)
         c, x = _coefficients(module, params, CommonParams(), Frame.ENU), np.zeros(OWN + module.STATE)
         x[Q] = 1.0
         word = module.step(c, x, 0.01, 0, 0.0, 0.0, 0.0, 0.0, 0.0, G0, 20.0, 0.0, -40.0)
