@@ -39,7 +39,7 @@ def profile(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     out = getattr(args, "out", None) or profile_beside(Path(path.name.strip("-") or "lines") if is_line(path) else path)
     draft = call(out=out, answers=dict(map(answer, getattr(args, "answers", []))))
     is_open = bool(hasattr(args, "accept") and draft.questions)
-    way = "with --set" if is_open else "in an editor"
+    way = "with --set KEY=VALUE" if is_open else "in an editor"
     head = f"{'not written' if is_open else out}: {counted(len(draft.questions), 'question')} to answer {way}"
     lines = [head, *listed(f"{key}: {why}" for key, why in draft.questions)]
     values = {"profile": None if is_open else str(out), **draft.summary()}

@@ -603,8 +603,9 @@ class _DraftWriter:
             ask = False
             self._evidence.append((dotted, why))
         if ask:
+            guess = ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
             value = ["?", *value] if isinstance(value, tuple) else f"? {value}".rstrip()
-            self._questions.append((dotted, why))
+            self._questions.append((dotted, f"{guess}? {why}".rstrip() if guess else why))
         text = json.dumps(list(value) if isinstance(value, tuple) else value, ensure_ascii=False)
         line = f"{key} = {text.replace(chr(127), '')}"
         self._lines.append(f"{line:<38}  # {_one_line(why)}" if why else line)
