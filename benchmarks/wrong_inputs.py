@@ -28,7 +28,7 @@ from scipy.optimize import least_squares
 import plumbob as pb
 from benchmarks import formats
 from plumbob.core.constants import G0
-from plumbob.quality.arrangement import BIN
+from plumbob.quality.arrangement import BIN, inflation, widening
 from plumbob.quality.derotated import rotations
 from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_multiply
 from tests.helpers import file_kinds as kinds
@@ -51,6 +51,10 @@ TIME = r"\btime:|time\.unit|stamps?\b|clock|\bgaps?\b|sampling rate|jitter|the u
 PLACES = {"wrong": {"place": "-34.0,151.0", "date": "2025-06-01"}, "field": {"strength": 49.9, "dip": "67.6 deg"}}
 """A place in the south, and the field of the motions: that of 52° north."""
 UNITS = {"gyr": "deg/s", "acc": "m/s^2", "mag": "uT"}
+SHOWS = 25.0
+"""Sum of squares, in variances, by which a file shows that it is wrong: five standard deviations."""
+ZERO_RATE = float(np.radians(20.0))
+"""Bias of the rates of a unit without a card, rad/s (MPU-6000: ±20 °/s, PS-MPU-6000A, 6.1)."""
 Columns = Callable[[np.ndarray], np.ndarray]
 
 
@@ -267,48 +271,82 @@ def errors(wrong: pb.AttitudeTrack, right: pb.AttitudeTrack) -> np.ndarray:
     return np.degrees(np.sqrt(np.mean(angles**2, axis=1)))
 
 
-def shown(wrong: Motion, right: Motion) -> bool:
-    """Whether a file shows that it is wrong, computed."""
+def hidden(wrong: Motion, right: Motion, late: bool) -> str:
+    """Why a file does not show that it is wrong, computed; empty where it does."""
     steps = np.diff(wrong.t_ns)
     if (steps <= 0).any() or steps.max() > 20 * np.median(steps) or not 1e5 < np.median(steps) < 5e8:
-        return True
+        return ""
     for name in (n for n in SENSORS if getattr(right, n) is not None):
         new, old = (getattr(m, name) for m in (wrong, right))
         held = [(v[1:] == v[:-1]).sum(axis=0) for v in (new, old)]
         low, high = {"gyr": (0.0, 10.0), "acc": (0.85 * G0, 1.15 * G0), "mag": (20.0, 70.0)}[name]
         sizes = [np.median(np.linalg.norm(v, axis=1)) for v in (new, old)]
         if np.isnan(new).any() or (held[0] > held[1] + 100).any() or (low < sizes[1] < high) > (low < sizes[0] < high):
-            return True
-    return unrest(right, wrong) > 25.0
+            return ""
+    more, before = unrest(right, wrong)
+    if more > SHOWS and not (late and more < before):
+        return ""
+    bias = "a bias of the rates, as units without a card have it, makes up for it"
+    feigned = "pushes in step with the turning feign delays as long" if late else bias
+    return feigned if before else "gravity wanders as much where the right rates turn it back as where none do"
 
 
-def unrest(usual: Motion, wrong: Motion) -> float:
-    """Sum of squares, in variances, by which gravity and field turn more in space, each with the bias that suits."""
+def unrest(usual: Motion, wrong: Motion) -> tuple[float, float]:
+    """Sum of squares, in variances, by which gravity and field turn more in space, and that of the right input.
 
-    def turned(bias: np.ndarray, of: Motion, size: int) -> tuple[np.ndarray, np.ndarray]:
-        """Changes of both vectors from window to window, and their slopes by the bias: it turns all that follows."""
+    Each has the bias that suits.
+
+    What the right rates do not bring to rest says nothing of wrong ones: a sensor counts whose vector, turned back by
+    them, does not wander more than if it were not turned back at all. Changes from window to window that are alike
+    count as the fewer independent ones that they stand for.
+    """
+
+    def turned(bias: np.ndarray, of: Motion, v: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+        """Changes (n, 3) of a vector from window to window, and their slopes by the bias: it turns all that follows."""
         dt = float(np.median(np.diff(of.t_ns))) / 1e9
         dcm = rotations(of.gyr + bias, dt / BIN)
-        angle, parts = dt * np.cumsum(dcm, axis=0), []
-        for v in (of.acc, of.mag) if of.mag is not None else (of.acc,):
-            still = np.einsum("nij,nj->ni", dcm, v)[:, :, None] / np.median(np.linalg.norm(v, axis=1))
-            both = np.concatenate((still, np.cross(angle, still, axis=1)), axis=2)
-            parts.append(np.diff(both[: len(v) // size * size].reshape(-1, size, 3, 4).mean(axis=1), axis=0))
-        rows = np.concatenate(parts).reshape(-1, 4)
-        return rows[:, 0], rows[:, 1:]
+        still = np.einsum("nij,nj->ni", dcm, v)[:, :, None] / np.median(np.linalg.norm(v, axis=1))
+        both = np.concatenate((still, np.cross(dt * np.cumsum(dcm, axis=0), still, axis=1)), axis=2)
+        rows = np.diff(both[: len(v) // size * size].reshape(-1, size, 3, 4).mean(axis=1), axis=0)
+        return rows[:, :, 0], rows[:, :, 1:].reshape(-1, 3)
 
-    def suited(of: Motion, size: int, start: np.ndarray, sd: float) -> np.ndarray:
-        return np.asarray(least_squares(
-            lambda b: np.append(turned(b, of, size)[0] / sd, b / 0.1), start,
-            lambda b: np.concatenate((turned(b, of, size)[1] / sd, np.eye(3) / 0.1)), ftol=1e-3,
-        ).x)  # fmt: skip
+    def suited(of: Motion, names: list[str], size: int, starts: list[np.ndarray], sd: dict[str, float]) -> float:
+        """Least sum of squares of some sensors, by the bias that suits best from some starts."""
 
-    most = 0.0
+        def residuals(b: np.ndarray) -> np.ndarray:
+            parts = [turned(b, of, getattr(of, n), size)[0].ravel() / sd[n] for n in names]
+            return np.concatenate([*parts, b / ZERO_RATE])
+
+        def slopes(b: np.ndarray) -> np.ndarray:
+            return np.concatenate(
+                [*(turned(b, of, getattr(of, n), size)[1] / sd[n] for n in names), np.eye(3) / ZERO_RATE]
+            )
+
+        fits = [least_squares(residuals, start, slopes, ftol=1e-3) for start in starts]
+        return min(float(np.sum(np.minimum(fit.fun**2, 25.0))) for fit in fits)
+
+    most, none = (0.0, 0.0), usual._replace(gyr=np.zeros_like(usual.gyr))
     for size in (25, 100):
-        start = suited(usual, size, np.zeros(3), 1.0)
-        sd = float(np.hypot(0.02, 1.5 * np.median(np.abs(turned(start, usual, size)[0]))))
-        changes = [turned(suited(of, size, start, sd), of, size)[0] / sd for of in (usual, wrong)]
-        most = max(most, float(np.subtract(*(np.sum(np.minimum(change**2, 25.0)) for change in reversed(changes)))))
+        left = {
+            n: turned(np.zeros(3), usual, getattr(usual, n), size)[0]
+            for n in SENSORS
+            if n != "gyr" and getattr(usual, n) is not None
+        }
+        alone = {n: inflation(of) for n, of in left.items()}
+        sd = {
+            n: float(np.hypot(0.02, 1.5 * np.median(np.abs(of)))) * alone[n] ** 0.5 * widening(of.size / alone[n], 3)
+            for n, of in left.items()
+        }
+        names = [
+            n
+            for n in left
+            if suited(usual, [n], size, [np.zeros(3)], sd) < suited(none, [n], size, [np.zeros(3)], sd) + SHOWS
+        ]
+        if names:
+            # a steady rate may be a bias: also that which turns it round
+            starts = [np.zeros(3), -2.0 * wrong.gyr.mean(axis=0), (usual.gyr - wrong.gyr).mean(axis=0)]
+            before = suited(usual, names, size, starts[:1], sd)
+            most = max(most, (suited(wrong, names, size, starts, sd) - before, before))
     return most
 
 
@@ -320,7 +358,7 @@ def judged(fault: Fault, form: str, motion: str, mag: bool) -> tuple[str, str]:
         results = [pb.evaluate(before[0], one) for one in (truth, truth.with_attitude(fault.truth(truth.q_nb)))]
         bad = float(np.degrees(np.subtract(*(one.stats["total"].rmse for one in reversed(results))))) > 2.0
         fresh = [line for line in results[1].notes if line not in results[0].notes]
-        return _outcome(fault, bad, fresh, [], lambda: True)
+        return _outcome(fault, bad, fresh, [], str)
     wrong = fault.edit(right)
     try:
         with tempfile.TemporaryDirectory() as folder:
@@ -334,12 +372,13 @@ def judged(fault: Fault, form: str, motion: str, mag: bool) -> tuple[str, str]:
     fresh, called = ([line for line in lines if re.sub(r"\d+", "", line) not in known] for lines in after[1:])
     lean, turn = errors(after[0], before[0])
     bad = lean > 2.0 or (mag and turn > 5.0)
-    outcome, lines = _outcome(fault, bad, fresh, called, lambda: "place" in fault.run or shown(wrong, right))
+    why = str if "place" in fault.run else lambda: hidden(wrong, right, "delay" in fault.words)
+    outcome, lines = _outcome(fault, bad, fresh, called, why)
     return outcome, f"{lean:.1f}°, {turn:.1f}°: {lines}"
 
 
 def _outcome(
-    fault: Fault, bad: bool, fresh: list[str], called: list[str], is_shown: Callable[[], bool]
+    fault: Fault, bad: bool, fresh: list[str], called: list[str], why_hidden: Callable[[], str]
 ) -> tuple[str, str]:
     """Of new lines, and those of `doctor` among them."""
     fresh = [str(line) for line in fresh]
@@ -349,7 +388,9 @@ def _outcome(
         return "misleading", lines
     if not bad:
         return "right", lines
-    return "flagged" if any(named) else "misleading" if fresh else f"silent{'' if is_shown() else ', not shown'}", lines
+    if fresh:
+        return "flagged" if any(named) else "misleading", lines
+    return ("silent, not shown", f"{lines}: {why}") if (why := why_hidden()) else ("silent", lines)
 
 
 def draws(count: int, seed: int) -> Iterator[tuple[str, str, str, bool]]:

@@ -140,6 +140,8 @@ def test_info_shows_the_values_of_a_card(folder):
     for name, value in ("N white noise [°/√h]", 0.3), ("B bias instability [°/h]", 12.0), ("K random walk [°/h/√h]", 0):
         assert [*map(float, rows[name])] == [value] * 3
     assert answer("info noise.json", cwd=folder)["card"]["source"] == "static.parquet"
-    for content in ("{", "[]", '{"kind": "x"}'):
+    for content in ("{", "3", '{"values": [1, 2, 3]}', '{"kind": "x"}'):
         (folder / "a.json").write_text(content)
         assert "is not a card" in typed("info a.json", cwd=folder, code=1).stderr
+    (folder / "a.json").write_text('[{"t": 0, "ax": 1}]')
+    assert "needs --profile" in typed("info a.json", cwd=folder, code=1).stderr  # a log is an array

@@ -121,3 +121,20 @@ def test_the_statistics_of_a_triad_are_those_of_its_usable_samples():
     expected[30_001] = 2 if known[30_001] and known[30_000] else expected[30_001]
     assert np.array_equal(found.repeats, expected)
     assert statistics(imu, "gyr") is found, "who asks again is not made to wait again"
+
+
+def test_ends_of_a_range_that_nobody_declared():
+    rng = np.random.default_rng(1)
+    swing = np.outer(np.sin(2.6 * T), [2.0, 1.2, 0.1])
+    noisy = swing + 0.01 * rng.standard_normal((N, 3))
+    steady = np.where(np.abs(swing) < 0.8, 0.0, np.sign(swing))  # turns to and fro at one speed, with rests
+    axes = {
+        "xy": np.clip(noisy, -1.0, 1.0), "x": np.clip(noisy, -1.5, 1.6), "y": np.clip(noisy, -3.0, [3.0, 0.9, 3.0]),
+        "": noisy,
+    }  # fmt: skip
+    for ends, gyr in axes.items():
+        assert "".join(statistics(ImuData(t=T, gyr=gyr), "gyr").piles) == ends
+    few = slice(0, 500)  # one swing: visited once, but at one size on both sides
+    assert "".join(statistics(ImuData(t=T[few], gyr=np.clip(noisy, -1.0, 1.0)[few]), "gyr").piles) == "xy"
+    for gyr in (np.round(swing, 2), np.round(10.0 * swing) / 10.0, steady[few]):  # coarse apexes, coarse plateaus
+        assert not statistics(ImuData(t=T[: len(gyr)], gyr=gyr), "gyr").piles

@@ -39,7 +39,7 @@ SENSORS = [  # name, cell of a row of units, sensor, axis, unit by our name
     ("lsm6ds3_x", "", "", "x", ""),  # parts with two sensors say nothing
     ("Accel X, g (LGR S/N: 10)", "", "acc", "x", "g"), ("Ускорение X, м/с²", "", "acc", "x", "m/s2"),
     ("in_anglvel_x", "", "gyr", "x", ""), ("Hoeksnelheid X (graden/s)", "", "gyr", "x", "deg/s"),
-    ("I[0].pqr[1]", "", "gyr", "1", ""),
+    ("I[0].pqr[1]", "", "gyr", "1", ""), ("gx_LSB", "", "gyr", "x", ""), ("ay_raw", "", "acc", "y", ""),
     ("rotationRate.alpha", "", "gyr", "z", ""),  # W3C Device Orientation, 5.3: about z
 ]  # fmt: skip
 OTHERS = [

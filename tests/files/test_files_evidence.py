@@ -475,6 +475,9 @@ def test_thousands_are_told_by_the_numbers_themselves(tmp_path: Path, sign: str,
     layout = read_sample(file).layout
     assert layout.thousands == sign.replace("\u202f", " ")
     assert layout.decimal == ("," if cell.endswith(",5") else ".")
+    rows = "".join(f'"{1 + i // 1000},{i % 1000:03d}",0.1,9.{i % 10}\n' for i in range(0, 2000, 10))  # as in 1,000 ms
+    file.write_text("t_ms,gx_dps,ax_mps2\n" + rows)
+    assert read_sample(file).layout.thousands == ","
 
 
 def test_accelerometer_and_gyroscope_are_those_of_one_unit(tmp_path: Path) -> None:

@@ -173,6 +173,9 @@ def test_each_unit_has_its_own_card_and_mount_and_a_file_of_mounts_calibrates(ca
     assert {name: unit["calibration"] for name, unit in shown.items()} == {
         name: unit.meta.calibration for name, unit in array.units.items()
     }
+    for given, scale in ((None, 1.02), (card("arm 7 u4", 1.5), 1.5)):  # that of its session, or the one that is given
+        made = plumbob.estimate(calibrated, filter="mahony", frame="ENU", unit="u4", calibration=given)
+        assert made.imu.gyr.tobytes() == apply_card(card("arm 7 u4", scale), bare.units["u4"]).gyr.tobytes()
     again = read_array(calibrated, mounts={"u4": UnitMount(lever_b=(1.0, 0.0, 0.0))})
     assert again.mounts["u4"].lever_b == (1.0, 0.0, 0.0)
     assert again.mounts["u2"] == array.mounts["u2"]  # who is not named stays as the session says

@@ -8,6 +8,7 @@ import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import Quantity
+from plumbob.data import plausibility
 from plumbob.noise import artefacts
 from plumbob.noise.static import FEWEST_SAMPLES, StaticCheck, bridged, judge
 from plumbob.simulation.errors import flicker, random_walk
@@ -302,11 +303,11 @@ def test_noise_of_few_levels_is_not_clipped():
     for sd in (1.0, 1.5, 3.0, 10.0):
         for seed, offset in enumerate(np.linspace(0.0, 0.5, 6)):
             values = np.round(sd * white(seed) + offset)
-            assert artefacts.clipped(values) == []
+            assert plausibility.clipped({"": values}) == {}
             assert report(values).findings == ()
     slow = np.round(np.convolve(white(3), np.ones(40), "same"))
     slow[3000:3030] = slow.max() + 1.0
-    assert artefacts.clipped(slow) == []  # for long, but once
+    assert plausibility.clipped({"": slow}) == {}  # for long, but once
     assert kinds(report(np.round(0.2 * white() + 30.0 * np.exp(-T / 5.0)))) == ["coarse"]  # rests at its last level
 
 

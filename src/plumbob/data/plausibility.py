@@ -1,10 +1,10 @@
 """What contradicts the declared units and signs: sizes of readings at rest, and gravity that turns with the rate."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from typing import Final
+from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -36,6 +36,50 @@ STUCK_SAMPLES: Final = 50
 .82 of the samples and all three in .56: so many times once in 3e12."""
 
 
+RATIO: Final = 2.0  # of a pile to the next level; the tail of noise thins
+APEX: Final = 3.0
+"""The same where the body moves: a smooth apex stays in its outermost step up to 1 / (√2 − 1) times as long as in the
+next one."""
+FEWEST_VISITS: Final = 8  # of a pile; slow noise may stay at its outermost level for long, but not again and again
+CLIPPED_SHARE: Final = 1e-4  # part of all samples that a pile has
+
+
+class Pile(NamedTuple):
+    """An outermost value, and how often it occurs."""
+
+    value: float
+    size: int
+
+
+def clipped(columns: Mapping[str, Floats], *, moving: bool = False) -> dict[str, list[Pile]]:
+    """Piles at the smallest and at the largest value of some channels that hold noise, or of axes that move.
+
+    Each is visited again and again; or, in motion, all are at one size, as the range of all axes and signs is, and last
+    as no other value: steady turns and rest, written coarsely, last alike. Of noise much smaller than a converter's
+    step any level can be the outermost: do not ask then.
+    """
+    piles, ratio, sizes = list[tuple[str, Pile, int, bool]](), APEX if moving else RATIO, list[float]()
+    for name, values in columns.items():
+        levels, counts = np.unique(values, return_counts=True)
+        if levels.size < 3:
+            continue
+        starts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+        firsts, runs = values[starts], np.diff(starts, append=values.size)
+        others = int(runs[(firsts != levels[0]) & (firsts != levels[-1])].max())
+        for i, k in ((0, 1), (-1, -2)):
+            size, visits = int(counts[i]), int(np.count_nonzero(firsts == levels[i]))
+            lasting = moving and size > APEX * visits * others
+            sizes += [abs(float(levels[i]))] * lasting
+            if size > ratio * counts[k] and size >= CLIPPED_SHARE * values.size:
+                piles.append((name, Pile(float(levels[i]), size), visits, lasting))
+    made: dict[str, list[Pile]] = {}
+    for name, pile, visits, lasting in piles:
+        alike = sum(abs(abs(pile.value) - size) <= 1e-4 * size for size in sizes)  # −32768 and 32767
+        if visits >= FEWEST_VISITS or (lasting and alike > 1):
+            made.setdefault(name, []).append(pile)
+    return made
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Statistics:
     """What the usable samples of a triad are, in its unit."""
@@ -48,6 +92,8 @@ class Statistics:
     # (N,), of each sample of the recording, which axes repeat their last known value to the bit, as bits 0 to 2,
     # `ALL_AXES` being all of them; or `NOT_KNOWN`
     repeats: NDArray[np.uint8]
+    piles: Mapping[str, Sequence[Pile]]  # by axis, where it ends as at the end of a range
+    piled: int  # how many values of an axis lie at such ends
 
 
 _MEASURED: Final[WeakKeyDictionary[ImuData, dict[str, Statistics]]] = WeakKeyDictionary()
@@ -62,12 +108,11 @@ def stuck_runs(repeats: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def statistics(imu: ImuData, name: str) -> Statistics:
     """Measure a triad, in one pass; who asks again about the same recording is not made to wait again."""
-    measured = _MEASURED.setdefault(imu, {})
-    if name in measured:
-        return measured[name]
+    if (before := _MEASURED.setdefault(imu, {}).get(name)) is not None:
+        return before
     count, at, sizes, repeats = 0, 0, np.empty(len(imu)), np.full(len(imu), NOT_KNOWN, dtype=np.uint8)
     total, square, last = np.zeros(3), np.zeros(3), np.full((1, 3), np.nan)
-    middle = last[0]
+    middle, ends, at_ends = last[0], np.full((2, 3), -np.inf), np.zeros((2, 3), dtype=np.int64)
     for part in imu.only(name).chunks(BLOCK):
         values = part.usable(name)
         finite = known_rows(values)
@@ -76,14 +121,24 @@ def statistics(imu: ImuData, name: str) -> Statistics:
             repeats[at : at + len(values)][finite] = same[:, 0] + 2 * same[:, 1] + 4 * same[:, 2]
             sizes[count : count + len(samples)] = norms(samples)
             middle, last = middle if count else samples.mean(axis=0), samples[-1:]
+            outer = np.stack((samples.max(axis=0), -samples.min(axis=0)))
+            many = np.stack([np.count_nonzero(samples == end, axis=0) for end in (outer[0], -outer[1])])
+            at_ends = np.where(outer < ends, at_ends, many + at_ends * (outer == ends))
+            ends = np.maximum(ends, outer)
             off = samples - middle  # squares about a value near the mean lose no digits
             total, square, count = total + off.sum(axis=0), square + (off * off).sum(axis=0), count + len(samples)
         at += len(values)
     off = total / max(count, 1)
     std = np.sqrt(np.maximum(square / max(count, 1) - off * off, 0.0))
-    std = std if count else middle
-    measured[name] = Statistics(count, middle + off, std, median(sizes[:count]), repeats)
-    return measured[name]
+    piled = np.flatnonzero(np.any(at_ends >= max(FEWEST_VISITS, CLIPPED_SHARE * count), axis=0))
+    triad = imu.usable(name) if piled.size else np.empty((0, 3))
+    columns = {"xyz"[i]: triad[known_rows(triad), i] for i in piled}  # hardly ever one
+    piles = clipped(columns, moving=True) if columns else {}
+    made = _MEASURED[imu][name] = Statistics(
+        count, middle + off, std if count else middle, median(sizes[:count]), repeats, piles,
+        sum(pile.size for of in piles.values() for pile in of),
+    )  # fmt: skip
+    return made
 
 
 def doubts(imu: ImuData) -> tuple[Finding, ...]:

@@ -17,6 +17,7 @@ from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.findings import Finding, as_findings, info, lasting, warning
 from plumbob.core.text import FactsText
 from plumbob.core.time import quantile
+from plumbob.core.units import QUANTITY_BY_TRIAD
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray
 from plumbob.data.imu import TRIAD_FLAGS
@@ -216,6 +217,10 @@ def findings(imu: ImuData) -> tuple[Finding, ...]:
         for name in imu.triads:
             if count := int(np.count_nonzero(bits & np.uint32(TRIAD_FLAGS[name][place]))):
                 notes.append(warning(code, sensor=name, count=count, samples=len(imu)))
+            elif place == 1 and (piles := (stats := statistics(imu, name)).piles):
+                values = tuple(f"{axis} {pile.value:.4g}" for axis, of in piles.items() for pile in of)
+                numbers = {"values": values, "unit": QUANTITY_BY_TRIAD[name].value, "count": stats.piled}
+                notes.append(warning("samples.piled", sensor=name, samples=len(imu), **numbers))
     if count := int(np.count_nonzero(bits & np.uint32(flags.GAP))):
         longest = int(np.diff(imu.t_ns).max()) / 1e9
         notes.append(warning("samples.gaps", count=count, samples=len(imu), longest=longest))

@@ -356,7 +356,7 @@ def estimate(
         default its first samples. To the smoother the tilt is then known to a degree, unless the first seconds
         contradict it; the heading counts where no field gives one.
     calibration : CalibrationCard or path, optional
-        Card of this unit, applied first.
+        Card of this unit, applied first, in place of that of a recorded line's session.
     noise : NoiseCard or path, optional
         Noise of this unit, for a filter that takes its parameters from it.
     place, date : str, optional
@@ -400,7 +400,7 @@ def estimate(
     notes: list[Finding] = []
     written = None if out is None else check.path("out", out)
     native = written is not None and written.suffix.lower() == ".parquet"
-    label, source, imu = opened_samples(recording, profile, unit, whole=keep and not native)
+    label, source, imu = opened_samples(recording, profile, unit, whole=keep and not native, carded=calibration is None)
     named, settings = lagged(filter, lag, params, causal=causal)
     stage = Stage(named or SMOOTHER, dict(settings or {}), noise=given_noise(noise), init=init)
     frame = navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
@@ -460,8 +460,12 @@ def opened_samples(
     unit: str | None,
     *,
     whole: bool,
+    carded: bool = False,
 ) -> tuple[str, Recording, ImuData]:
-    """What messages call it, the recording, and its samples; ShapeError if it holds no sensor data."""
+    """What messages call it, the recording, and its samples, by its session's card if `carded`.
+
+    ShapeError if it holds no sensor data.
+    """
     if isinstance(given, ImuData):
         given = unsaved(given, "the samples")
     if isinstance(given, Recording):
@@ -469,7 +473,8 @@ def opened_samples(
     else:
         files = [check.path("recording", file) for file in as_list(given)]
         described = None if profile is None else Path(profile)
-        source = read(files[0] if len(files) == 1 else files, profile=described, whole=whole, unit=unit).of_unit(None)
+        path = files[0] if len(files) == 1 else files
+        source = read(path, profile=described, whole=whole, unit=unit, calibrated=carded).of_unit(None)
         label, source = str(files[0]), replace(source, name=files[0].name)
     if source.imu is None:
         raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")

@@ -138,7 +138,7 @@ def filter_rates(
     DecodeError
         If a file cannot be read.
     """
-    label, source, imu = opened_samples(recording, profile, unit, whole=True)
+    label, source, imu = opened_samples(recording, profile, unit, whole=True, carded=calibration is None)
     if imu.gyr is None:
         raise ShapeError(f"{label} has no gyroscope, whose rates are filtered.")
     smoother = RateFilter(filter, channels=3, params=params)

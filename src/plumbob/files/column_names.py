@@ -215,6 +215,8 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
     plain = re.sub("[µμ]", "u", plain.replace("²", "2").replace("°", "deg"))
     words = [word.lower() for word in _WORD.findall(plain)]
     suffix = ""
+    if len(words) > 1 and words[-1] in {"lsb", "raw", "counts", "adc"}:
+        words.pop()  # counts, as no unit says
     if not stated and len(words) > 1:
         for count in (3, 2, 1):
             text = " ".join(words[-count:])

@@ -109,6 +109,7 @@ FORMATS: Final = (
         "text", TABLES, "formats.read_table", takes_profile=True,
         writers=tuple((suffix, "text.write_csv") for suffix in (".csv", ".txt")),
     ),
+    FileFormat("text", (".json",), "formats.read_table", takes_profile=True, accepts="sniff.is_array"),
     FileFormat(
         "arrays", ARRAYS, "foreign.tables.read", takes_profile=True,
         writers=((".mat", "arrays.write_mat"), (".nc", "arrays.write_netcdf")),
@@ -305,7 +306,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
     with reading(file):
         for kind in kinds:
             is_empty = kind.takes_profile and file.stat().st_size == 0
-            if not is_empty and kind.claims(file):
+            if not is_empty and ((described and kind.takes_profile) or kind.claims(file)):
                 return kind
             tried.append(kind.name)
     names = ", ".join(tried)

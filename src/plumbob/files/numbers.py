@@ -345,19 +345,10 @@ class Numbers:
 
 
 def open_numbers(path: str | os.PathLike[str], *, kind: str | None = None, columns: int | None = None) -> Numbers:
-    """Open a file of numbers.
+    """Open a file of numbers; `kind` and `columns` as the suffix and the file do not say them.
 
-    Parameters
-    ----------
-    path : path
-        NumPy's ``.npy``; raw little-endian values, where the suffix (``.f32``, ``.i16``, …) or `kind` says their type;
-        or text: numbers between blanks, commas or semicolons, one row a line or all on one line, with lines of comment
-        that begin with # or %.
-    kind : str, optional
-        ``"npy"``, ``"text"`` or a raw type, where the suffix does not say it.
-    columns : int, optional
-        Numbers in a row: needed for raw values; elsewhere the file must agree. A text of a single line is one column
-        without it.
+    It is NumPy's ``.npy``; raw little-endian values, whose type the suffix (``.f32``, ``.i16``, …) or `kind` says; or
+    text with a row a line or all on one line, which is one column unless `columns` are given, and comments (#, %).
     """
     file = existing_file(path)
     kind = _kind(file, kind)

@@ -68,6 +68,7 @@ SENTENCES: Final = {
     "VNQMR": ("q_x", "q_y", "q_z", "q_w", *_NINE),
     "VNIMU": (*_NINE, "temp (degC)", "pressure (kPa)"),
     "YPR": ("yaw (deg)", "pitch (deg)", "roll (deg)"),
+    "PASHR": ("utc", "heading (deg)", "roll (deg)", "pitch (deg)", "heave (m)", *("sd",) * 3, "fix", "imu"),
 }  # fields of sentences whose makers publish them: VectorNav's (UM001, output formats), and those of Razor's firmware
 # what a log or a prompt writes before the first number of a row
 _WORDS_BEFORE: Final = re.compile(r"(?!.*\d:\d\d)(.*?[^\w\s.+-]\s*|.*[^\W\d].*?\s)(?=[-+.\d])")
@@ -120,6 +121,11 @@ class _SniffedTable:
     def score(self) -> tuple[int, int]:
         """Rows, then cells in them that are numbers, times or missing."""
         return (len(self.rows), self.readable)
+
+
+def is_array(path: Path) -> bool:
+    """Whether JSON is an array, as logs are; cards and settings are objects."""
+    return text_bytes(path, READ).removeprefix(codecs.BOM_UTF8).lstrip().startswith(b"[")
 
 
 def read_sample(path: Path) -> Sample:
@@ -376,7 +382,8 @@ def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
     for sign in (sign for sign in ",.' " if sign != decimal):
         groups = [cell for cell in said if sign in cell]
         others = [cell for cell in said if sign not in cell and NUMBER[decimal].fullmatch(cell)]
-        proven = any(cell.count(sign) > 1 or decimal in cell for cell in groups) or any(map(str.isdigit, others))
+        proven = any(cell.count(sign) > 1 for cell in groups) or any(map(str.isdigit, others))
+        proven = proven or any(decimal in cell for cell in said)
         proven = proven and not any(re.match(r"[-+]?\d{4}", cell) for cell in others)
         if groups and proven and all(map(grouped(sign, decimal).fullmatch, groups)):
             return sign

@@ -21,36 +21,6 @@ from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 
 Parts = list[tuple[float, float]]  # intervals, first and end
-RATIO: Final = 2.0  # of a pile to the next level; the tail of noise thins
-FEWEST: Final = 8  # visits of a pile; slow noise may stay at its outermost level for long, but not again and again
-CLIPPED_SHARE: Final = 1e-4  # part of all samples that a pile has
-
-
-class Pile(NamedTuple):
-    """Outermost value, how often it occurs, and how often the next one inside it does."""
-
-    value: float
-    size: int
-    inside: int
-
-
-def clipped(values: Floats) -> list[Pile]:
-    """Piles at the smallest and at the largest value.
-
-    Of noise much smaller than a converter's step any level can be the outermost: do not ask then.
-    """
-    levels, counts = np.unique(values, return_counts=True)
-    if levels.size < 3:
-        return []
-    ends = [Pile(float(levels[i]), int(counts[i]), int(counts[k])) for i, k in ((0, 1), (-1, -2))]
-    piles = []
-    for pile in ends:
-        there = values == pile.value
-        visits = int(np.count_nonzero(there[1:] & ~there[:-1])) + int(there[0])
-        if pile.size > RATIO * pile.inside and pile.size >= CLIPPED_SHARE * values.size and visits >= FEWEST:
-            piles.append(pile)
-    return piles
-
 
 # Of runs of equal values that are alike: of coarse noise, whose runs halve in number with each length, 38 % last for
 # two or three samples.

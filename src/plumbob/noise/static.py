@@ -23,13 +23,13 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.findings import Finding, warning
 from plumbob.core.units import Quantity, deg, dps
+from plumbob.data.plausibility import clipped
 from plumbob.noise.artefacts import (
     ChannelWatch,
     Parts,
     Spikes,
     Stillness,
     between,
-    clipped,
     find_step,
     hold_length,
     interleaved,
@@ -350,7 +350,7 @@ class StaticCheck:
         if step > 0.0 and (levels < FEWEST_LEVELS or sd < 0.5 * step):
             scatter = self._text(sd)
             yield _remark("rest.coarse", name, refuses=False, levels=levels, step=self._text(step, 6), scatter=scatter)
-        if piles := [] if sd < step else clipped(values):
+        if piles := [] if sd < step else clipped({"": values}).get(""):
             (times, value), *other = [(pile.size, self._text(pile.value, 6)) for pile in piles]
             more = dict(zip(("other_times", "other"), *other, strict=True)) if other else {}
             yield _remark("rest.clipped", name, times=times, value=value, count=values.size, **more)

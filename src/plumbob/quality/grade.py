@@ -307,7 +307,8 @@ def _losses(
             every_row = name != "mag" and usual == 1.0
             holes = rows[rows > (1.0 if every_row else GAP_FACTOR * usual)] - usual
             lost[name] = float(holes.sum() / present.size)
-        clipped[name] = float(np.count_nonzero(words & np.uint32(TRIAD_FLAGS[name][1]))) / len(imu)
+        at_ends = np.count_nonzero(words & np.uint32(TRIAD_FLAGS[name][1])) or statistics(imu, name).piled
+        clipped[name] = float(at_ends) / len(imu)
     names = tuple(name for name in imu.triads if imu.meta.full_scale(name) is None and not clipped[name])
     no_range = [info("criterion.no_range", names=names)] if names else []
     for name, shares, limits, also, more in (

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, UnknownFormatError
 from plumbob.core.findings import Finding, as_json, warnings
 from plumbob.core.text import FactsText, counted, visible
 from plumbob.core.time import timing
@@ -106,7 +107,7 @@ def info(
         name, recording = what.name, what if unit is None else what.of_unit(unit)
     elif isinstance(what, Sequence) and not isinstance(what, str):
         name, recording = str(what[0]), read(what, profile=profile)
-    elif (file := check.path("what", what)).suffix.lower() == ".json" and profile is None:
+    elif (file := check.path("what", what)).suffix.lower() == ".json" and profile is None and not _is_log(file):
         return _card(file)
     else:
         small = not file.is_file() or file.stat().st_size < READ_WHOLE
@@ -140,6 +141,15 @@ def _grade_lines(grade: "Grade", *, full: bool) -> Iterator[str]:
             yield f"{'':14} rule: {criterion.rule}"
         if criterion.advice:
             yield f"{'':14} {criterion.advice}"
+
+
+def _is_log(file: Path) -> bool:
+    """Whether JSON holds samples: an array, or what a profile beside it describes."""
+    from plumbob.files.formats import kind_of
+
+    with suppress(UnknownFormatError):
+        return bool(kind_of(file))
+    return False
 
 
 def _card(file: Path) -> Info:

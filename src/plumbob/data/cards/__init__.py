@@ -53,4 +53,7 @@ def open_card(path: str | Path) -> "CalibrationCard | NoiseCard":
             card: CalibrationCard | NoiseCard = cls.from_text(text, str(path))
             return card
     kinds = f"'{CalibrationCard.KIND}' or '{NoiseCard.KIND}'"
-    raise DecodeError(f"{path} is not a card: its 'kind' must be {kinds}; 'plumbob profile' describes logs.")
+    raise DecodeError(
+        f"{path} is not a card: its 'kind' must be {kinds}; a log is an array of objects with a sample each, and "
+        "'plumbob profile' describes it."
+    )
