@@ -525,14 +525,15 @@ class Filter(AttitudeEstimator):
             If it is not a sample.
         """
         try:
+            t_ns, marks = sample.t_ns, sample.flags  # first: a dict has values, too
             values = sample.values if self._correct is None else self._correct(sample).values
         except AttributeError:
             if isinstance(sample, ImuSample):
                 raise
             raise ShapeError(f"update takes an ImuSample, but got {type(sample).__name__}.") from None
         if not self._whose:
-            return self._single(self._s, sample.t_ns, sample.flags, values)
-        word: int = self._run(self._single, self._s, sample.t_ns, sample.flags, values)
+            return self._single(self._s, t_ns, marks, values)
+        word: int = self._run(self._single, self._s, t_ns, marks, values)
         self._run(_require_unit, self._q[np.newaxis])
         return word
 
