@@ -49,17 +49,6 @@ def test_every_format_with_sensors_is_read_back(name, tmp_path):
                 assert np.allclose(got, values, rtol=slack, atol=slack, equal_nan=True), (message.name, triad)
 
 
-@pytest.mark.parametrize("rate", [(), ("--rate", "100 Hz")])
-def test_rows_keep_their_time_where_frames_are_missing(buoy, tmp_path, rate):
-    """Frames of 31 bytes at 100 Hz (catalogue, buoy): 3 and then 40 of them are missing."""
-    raw = (buoy / "sea.bin").read_bytes()
-    (tmp_path / "cut.bin").write_bytes(raw[: 31 * 100] + raw[31 * 103 : 31 * 500] + raw[31 * 540 :])
-    ok("decode", "cut.bin", "--format", "buoy", *rate, "--out", "cut.csv", cwd=tmp_path)
-    t = read(tmp_path / "cut.csv").imu.t
-    planted = np.delete(np.arange(1200), [*range(100, 103), *range(500, 540)]) / 100.0
-    assert t == pytest.approx(planted, abs=1e-9)
-
-
 @pytest.mark.parametrize("suffix", ["csv", "txt", "parquet"])
 def test_every_verb_reads_it(buoy, suffix):
     file = f"{suffix}.{suffix}"

@@ -64,7 +64,7 @@ class DecodedTable:
 
     def write(self, path: Path, counts: "Counts", unit: str | None, *, overwrite: bool) -> None:
         """Write all as the suffix says, described as a recording of a unit: beside a text, inside Parquet."""
-        profile = profile_text(self.form, self.form.message(self.message), unit, self.rate, bool(self.skipped))
+        profile = profile_text(self.form, self.form.message(self.message), unit, TIME if self.rate else "")
         if path.suffix in TEXTS:
             beside = [profile_beside(path)] if profile else []
             with replacing_all(path, *beside, overwrite=overwrite) as (temporary, *described):
@@ -109,11 +109,8 @@ class DecodedTable:
             yield columns
 
 
-def profile_text(form: "Format", message: "Message", unit: str | None, rate: float | None, skips: bool) -> str:
-    """Profile of a decoded table, which has a column of time if there is a `rate`; empty without a triad of a unit.
-
-    Time is that of the frames' counter where it `skips` some, for rows do not count those.
-    """
+def profile_text(form: "Format", message: "Message", unit: str | None, time: str) -> str:
+    """Profile of a decoded table whose time, s, is the column `time`; empty where there is no triad of a unit."""
     from plumbob.protocols.decode import format_title, prefix_by_unit
 
     units = prefix_by_unit(message)
@@ -137,17 +134,10 @@ def profile_text(form: "Format", message: "Message", unit: str | None, rate: flo
         tables["flags"] = {"column": f"{prefix}flags", "words": True}
     top = {"separator": ",", "device": form.name, "unit_check": False}
     lines = [f"# Written by 'plumbob decode' for the table of the same name: {what}."]
+    rate, device = form.framing.rate, "of the device; a lost frame makes all behind it early"
     hint = 'as in "100 Hz": the bytes do not say it, and decode --rate writes it here'
-    counter, usual = message.of_role("counter"), rate or form.framing.rate
-    if skips and counter is not None and usual is not None:
-        clock = [f"column = {toml_text(titles[counter.name])}  # frames, of which some are missing", 'unit = "s"']
-        clock += [f"unit_per_count = {1.0 / usual!r}"]
-    elif rate is not None:
-        clock = [f"column = {toml_text(TIME)}", 'unit = "s"']
-    elif usual is not None:
-        clock = [f'rate = "{usual!r} Hz"  # of the device']
-    else:
-        clock = [f'rate = "?"  # frames per second, {hint}']
+    clock = [f'rate = "?"  # frames per second, {hint}'] if rate is None else [f'rate = "{rate!r} Hz"  # {device}']
+    clock = [f"column = {toml_text(time)}", 'unit = "s"'] if time else clock
     lines += [*toml_lines({"": top, "header": {"names": True}, "time": {}}), *clock]
     return "\n".join([*lines, *toml_lines(tables)]) + "\n"
 
