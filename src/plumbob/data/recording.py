@@ -219,8 +219,10 @@ def findings(imu: ImuData) -> tuple[Finding, ...]:
                 notes.append(warning(code, sensor=name, count=count, samples=len(imu)))
             elif place == 1 and (piles := (stats := statistics(imu, name)).piles):
                 values = tuple(f"{axis} {pile.value:.4g}" for axis, of in piles.items() for pile in of)
-                numbers = {"values": values, "unit": QUANTITY_BY_TRIAD[name].value, "count": stats.piled}
-                notes.append(warning("samples.piled", sensor=name, samples=len(imu), **numbers))
+                unit, samples = QUANTITY_BY_TRIAD[name].value, len(imu)
+                notes.append(
+                    warning("samples.piled", sensor=name, values=values, unit=unit, count=stats.piled, samples=samples)
+                )
     if count := int(np.count_nonzero(bits & np.uint32(flags.GAP))):
         longest = int(np.diff(imu.t_ns).max()) / 1e9
         notes.append(warning("samples.gaps", count=count, samples=len(imu), longest=longest))

@@ -152,8 +152,8 @@ def _of_package(name: str, what: Any) -> FileFormat:
             try:
                 module.write(temporary, recording)
                 if not temporary.exists() or not temporary.stat().st_size:
-                    raise ParameterError("write(path, recording) wrote nothing")
-            except OSError:  # as a disk that is full
+                    raise ValueError("write(path, recording) wrote nothing")
+            except (OSError, PlumbobError):  # as a disk that is full
                 raise
             except Exception as error:
                 raise DecodeError(str(EXTENSIBLE.unusable(name, error, f"cannot write {path}"))) from error

@@ -679,10 +679,15 @@ class _Body:
         """Blocks of whole lines, with the number of their first line."""
         line, skipped = self.head.line, self.head.start
         for text in self.again():
-            block, cut = ended(text[skipped:], self.layout, line)
+            if skipped >= len(text):
+                skipped -= len(text)
+                continue
+            lines, cut = ended(text[skipped:], self.layout, line)
             self.cut += () if self.cut else cut
-            yield block, line
-            line, skipped = line + block.count("\n"), 0
+            skipped = 0
+            for block in in_blocks(lines):
+                yield block, line
+                line += block.count("\n")
 
     def rows(self) -> Iterator[tuple[int, str]]:
         """Rows of numbers with the numbers of their lines."""
@@ -699,12 +704,14 @@ def _body(source: bytes | Path, layout: TextLayout) -> _Body:
     """Body of a text, which is in memory at once only where its form asks for it."""
 
     def again() -> Iterator[str]:
-        return text_blocks(source, encoding)
+        return text_blocks(source, encoding) if has_more else iter((first,))
 
     encoding = layout.encoding
+    blocks = text_blocks(source, encoding)
+    first, has_more = next(blocks), next(blocks, None) is not None
     if not (layout.separator == JSON or layout.channels or layout.cells or layout.end):
         try:
-            return _Body(again, find_head(next(again()), layout), layout)
+            return _Body(again, find_head(first, layout), layout)
         except DecodeError:  # the head may be longer than a block
             pass
     text = "".join(again())

@@ -195,8 +195,6 @@ def _single(s: Floats, t_ns: int, word: int, values: Floats) -> int:
 def filter_loops(name: str, step: Kernel[..., int]) -> Loops:
     """Batch and single-sample entries of a filter, compiled around its step."""
     module = load(name)
-    if EXTENSIBLE.whose(name):
-        _try_out(name, module)
     look_on = see_field if hasattr(module, "COVARIANCE") else look
     take = specialise(_take, f"take_{name}", step=step, look=look_on)
     row = specialise(_row, f"row_{name}", _take=take)
@@ -367,7 +365,9 @@ class Filter(AttitudeEstimator):
                 "update, and plumbob.estimate(recording) smooths a whole recording."
             )
         self._loops = filter_loops(name, self.module.step)
-        self._whose = EXTENSIBLE.whose(name)  # the package that may have errors of its own
+        if whose := EXTENSIBLE.whose(name):
+            _try_out(name, self.module)
+        self._whose = whose  # the package that may have errors of its own
         if params is not None and not isinstance(params, Mapping):
             example = '{"kp": 0.5, "gate": "0.08 g"}'
             raise ParameterError(f"params must be values by name, as in {example}, but it is {check.said(params)}.")
