@@ -44,7 +44,7 @@ def frames():
 
 
 def record(folder, form, data, *words):
-    """Record what a server sends for half a second."""
+    """Record what a server sends within two seconds; half a one was too short on a loaded machine."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(10.0)  # where the recorder refuses to start
 
@@ -59,7 +59,7 @@ def record(folder, form, data, *words):
         (folder / "unit.toml").write_text(form)
         (folder / "s.toml").write_text(SESSION.format(port=server.getsockname()[1]))
         try:
-            return call("record", "s.toml", "--duration", "0.5s", *words, cwd=folder)
+            return call("record", "s.toml", "--duration", "2s", *words, cwd=folder)
         finally:
             ended.set()
             thread.join()
