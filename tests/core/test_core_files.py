@@ -20,8 +20,8 @@ from plumbob.cli.main import main
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import MAX_TEXT, replacing, write_text
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadCalibration, TriadNoise, open_card
-from plumbob.files.mcap import repair, verdict
-from plumbob.files.mcap.layout import pack
+from plumbob.files.mcap import repair
+from plumbob.files.mcap.writer import RecordingPart
 from plumbob.files.profile import load_profile
 from plumbob.files.text import read_spans
 from plumbob.live.sources import CaptureSource
@@ -157,7 +157,7 @@ def test_a_signal_in_the_middle_leaves_what_was_there_and_a_sentence(tmp_path, m
     formats.write(tmp_path / "a.parquet", imu())
     out = tmp_path / "a.mcap"
     out.write_bytes(BEFORE)
-    monkeypatch.setattr(verdict, "pack", lambda *what: (pack(*what), os.kill(os.getpid(), number))[0])
+    monkeypatch.setattr(RecordingPart, "write", lambda *_: os.kill(os.getpid(), number))
     assert main(["convert", str(tmp_path / "a.parquet"), str(out), "--force"]) == 128 + number
     assert capsys.readouterr().err == f"plumbob convert: ended by {name}; not written: {out}.\n"
     assert (out.read_bytes(), names(tmp_path)) == (BEFORE, ["a.mcap", "a.parquet"])

@@ -80,7 +80,7 @@ def records_of(raw):
 
 
 def chunks_of(raw):
-    return [(at, length) for opcode, at, length in records_of(raw) if opcode == layout.CHUNK]
+    return [(at, length) for opcode, at, length in records_of(raw) if opcode == layout.Opcode.CHUNK]
 
 
 def flipped(raw, place, bits=1):

@@ -63,7 +63,7 @@ def test_single_bit_flips_never_give_a_wrong_row(whole, tmp_path):
         judge(tmp_path / "a.mcap", made.flipped(raw, bit // 8, 1 << bit % 8), rows)
 
 
-BARE = layout.MESSAGE_HEAD.pack(layout.MESSAGE, 22 + 3, 1, 10, made.OFFSET, made.OFFSET) + b"lie"
+BARE = layout.MESSAGE_HEAD.pack(layout.Opcode.MESSAGE, 22 + 3, 1, 10, made.OFFSET, made.OFFSET) + b"lie"
 JUNK = (b"\0" * 5000, b"junk", random.Random(3).randbytes(5000))
 SINGLE = [  # what is done to a file and its second chunk; whether that is lost; where damage begins, its size; words
     *((lambda raw, at, _, k=k: made.flipped(raw, at + k, 0xFF), True, 0, None, "") for k in range(9)),  # opcode, length
@@ -211,7 +211,7 @@ def test_a_bomb_is_not_inflated(tmp_path, compression, claimed):
     writer.start()
     raw = buffer.getvalue()
     head = layout.CHUNK_HEAD.pack(
-        layout.CHUNK, layout.chunk_length(len(compression), len(stored)), 0, 0, claimed, 1, len(compression)
+        layout.Opcode.CHUNK, layout.chunk_length(len(compression), len(stored)), 0, 0, claimed, 1, len(compression)
     )
     chunk = head + compression.encode() + struct.pack("<Q", len(stored)) + stored
     (tmp_path / "a.mcap").write_bytes(raw + chunk)
@@ -229,7 +229,7 @@ def test_schemas_and_channels_that_nobody_uses_take_bounded_memory(tmp_path):
     chunks = []
     for number in range(30):
         body = struct.pack("<HI", number + 1, 1) + b"s" + struct.pack("<II", 0, 4 << 20) + bytes(4 << 20)
-        record = struct.pack("<BQ", layout.SCHEMA, len(body)) + body
+        record = struct.pack("<BQ", layout.Opcode.SCHEMA, len(body)) + body
         chunks.append(layout.chunk_record(record, zstandard.compress(record), "zstd", 0, 0))
     (tmp_path / "a.mcap").write_bytes(buffer.getvalue() + b"".join(chunks))
     log, got, peak = read_within(tmp_path / "a.mcap")
@@ -248,15 +248,15 @@ def whole_chunk(path):
 
 FALSE = {
     "footers whose summary is all before them": lambda rest: (
-        layout.RECORD_HEAD.pack(layout.FOOTER, 20) + layout.FOOTER_BODY.pack(8, 0, 1) + layout.MAGIC
+        layout.RECORD_HEAD.pack(layout.Opcode.FOOTER, 20) + layout.FOOTER_BODY.pack(8, 0, 1) + layout.MAGIC
     ),
-    "ends of the data": lambda rest: layout.RECORD_HEAD.pack(layout.DATA_END, 4) + layout.CRC.pack(1),
+    "ends of the data": lambda rest: layout.RECORD_HEAD.pack(layout.Opcode.DATA_END, 4) + layout.CRC.pack(1),
     "chunks up to the end of the file": lambda rest: (
-        layout.CHUNK_HEAD.pack(layout.CHUNK, layout.chunk_length(0, rest - 48), 0, 0, 1 << 20, 1, 0)
+        layout.CHUNK_HEAD.pack(layout.Opcode.CHUNK, layout.chunk_length(0, rest - 48), 0, 0, 1 << 20, 1, 0)
         + layout.SIZE.pack(rest - 48)
     ),
     "words of the part up to the end of the file": lambda rest: (
-        layout.RECORD_HEAD.pack(layout.METADATA, rest - 9) + struct.pack("<I", 7) + b"plumbob"
+        layout.RECORD_HEAD.pack(layout.Opcode.METADATA, rest - 9) + struct.pack("<I", 7) + b"plumbob"
     ),
 }
 
@@ -303,9 +303,9 @@ def forged(raw, rng, share=0.7):
     out, changed = bytearray(raw[:8]), []
     for opcode, at, length in made.records_of(raw):
         record = raw[at : at + length]
-        if opcode == layout.CHUNK:
+        if opcode == layout.Opcode.CHUNK:
             changed.append(rng.random() < share)
-        if opcode == layout.CHUNK and changed[-1]:
+        if opcode == layout.Opcode.CHUNK and changed[-1]:
             _, _, first, last, _, _, name = layout.CHUNK_HEAD.unpack_from(record)
             content = bytearray(zstandard.decompress(record[layout.CHUNK_HEAD.size + name + 8 :]))
             for _ in range(rng.randrange(1, 5)):

@@ -72,7 +72,7 @@ def test_a_crash_between_chunks_loses_nothing(tmp_path):
     """Cut after the last index: no end, but no torn row either."""
     rows = made.record(tmp_path / "a.mcap", count=40)
     raw = (tmp_path / "a.mcap").read_bytes()
-    end = [at for opcode, at, _ in made.records_of(raw) if opcode == layout.METADATA][1]
+    end = [at for opcode, at, _ in made.records_of(raw) if opcode == layout.Opcode.METADATA][1]
     (tmp_path / "c.mcap").write_bytes(raw[:end])
     verdict, got = check(tmp_path / "c.mcap", tmp_path / "out.mcap", rows)
     assert got == rows

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
@@ -76,7 +77,7 @@ def _start(path: Path, count: int, at: int = 0) -> bytes:
 def _is_ros_mcap(path: Path) -> bool:
     head = _start(path, 64)
     profile = len(layout.MAGIC) + layout.RECORD_HEAD.size
-    if not head.startswith(layout.MAGIC + bytes([layout.HEADER])):
+    if not head.startswith(layout.MAGIC + bytes([Opcode.HEADER])):
         return False
     if head[profile : profile + 8] in {b"\x04\0\0\0ros1", b"\x04\0\0\0ros2"}:
         return True

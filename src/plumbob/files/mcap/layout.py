@@ -8,33 +8,21 @@ import json
 import re
 import struct
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal, Self
+from typing import Final, Literal, NamedTuple, Self
+
+from mcap import records
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 
 from plumbob.core.errors import ParameterError
 
-if TYPE_CHECKING:
-    from mcap.data_stream import ReadDataStream
-    from mcap.records import McapRecord
-
 MAGIC: Final = b"\x89MCAP0\r\n"
-HEADER: Final = 0x01
-FOOTER: Final = 0x02
-SCHEMA: Final = 0x03
-CHANNEL: Final = 0x04
-MESSAGE: Final = 0x05
-CHUNK: Final = 0x06
-MESSAGE_INDEX: Final = 0x07
-CHUNK_INDEX: Final = 0x08
-STATISTICS: Final = 0x0B
-METADATA: Final = 0x0C
-METADATA_INDEX: Final = 0x0D
-SUMMARY_OFFSET: Final = 0x0E
-DATA_END: Final = 0x0F
 RECORD_HEAD: Final = struct.Struct("<BQ")  # opcode, length of what follows
 MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 CHUNK_HEAD: Final = struct.Struct("<BQQQQII")  # opcode, length, first, last, plain size, CRC, length of compression
@@ -47,10 +35,8 @@ DATA_END_SIZE: Final = RECORD_HEAD.size + CRC.size
 SEQUENCES: Final = 1 << 32  # sequence numbers of messages are 32 bits wide on disk, and start over
 
 
-def encode(record: "McapRecord") -> bytes:
+def encode(record: records.McapRecord) -> bytes:
     """Bytes of a record of the MCAP library, with opcode and length."""
-    from mcap.data_stream import RecordBuilder
-
     builder = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())  # type: ignore[no-untyped-call]
@@ -60,7 +46,7 @@ def chunk_record(content: bytes, stored: bytes, compression: str, first: int, la
     """Chunk of `content`, which is `stored` compressed; `first` and `last` are log times, ns."""
     name = compression.encode()
     sizes = chunk_length(len(name), len(stored)), first, last, len(content), zlib.crc32(content), len(name)
-    return b"".join((CHUNK_HEAD.pack(CHUNK, *sizes), name, SIZE.pack(len(stored)), stored))
+    return b"".join((CHUNK_HEAD.pack(Opcode.CHUNK, *sizes), name, SIZE.pack(len(stored)), stored))
 
 
 def chunk_length(name: int, stored: int) -> int:
@@ -71,7 +57,7 @@ def chunk_length(name: int, stored: int) -> int:
 def index_records(entries: Mapping[int, Sequence[int]]) -> dict[int, bytes]:
     """Message index record of each channel, of log times and offsets in the chunk's content, in turn."""
     return {
-        channel: INDEX_HEAD.pack(MESSAGE_INDEX, 6 + 8 * len(flat), channel, 8 * len(flat))
+        channel: INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + 8 * len(flat), channel, 8 * len(flat))
         + struct.pack(f"<{len(flat)}Q", *flat)
         for channel, flat in entries.items()
     }
@@ -163,10 +149,8 @@ class Channel:
     recording: str = ""  # the recording it belongs to; empty in a file that Plumbob has not written
     epoch_offset_ns: int = 0  # what was added to the monotonic clock to get the times in the file, ns
 
-    def records(self, number: int) -> tuple[bytes, bytes]:
-        """Schema record (empty without a schema) and channel record; schema and channel have the same number."""
-        from mcap import records
-
+    def declared(self, number: int) -> "ChannelRecords":
+        """The channel as it is declared under a number, which is that of its schema, too."""
         schema, of = b"", self.schema
         if of is not None:
             schema = encode(records.Schema(id=number, name=of.name, encoding=of.encoding, data=bytes(of.data)))
@@ -178,13 +162,11 @@ class Channel:
             metadata={**self.metadata, **origin},
             schema_id=number if of is not None else 0,
         )
-        return schema, encode(channel)
+        return ChannelRecords(number, self.topic, (schema, encode(channel)))
 
     @classmethod
     def parse(cls, body: bytes, schema: Schema | None) -> Self:
         """Channel from the body of its record; ValueError, struct.error or McapError if that is damaged."""
-        from mcap import records
-
         record = records.Channel.read(_stream(body))
         metadata = dict(record.metadata)
         return cls(
@@ -197,25 +179,27 @@ class Channel:
         )
 
 
+class ChannelRecords(NamedTuple):
+    """A channel as chunks and the end of a file repeat it."""
+
+    number: int
+    topic: str
+    records: tuple[bytes, bytes]  # of its schema, empty without one, and its own
+
+
 def parse_schema(body: bytes) -> Schema:
     """Schema from the body of its record; raises as `Channel.parse` does."""
-    from mcap import records
-
     record = records.Schema.read(_stream(body))
     return Schema(record.name, record.encoding, record.data)
 
 
-def _stream(body: bytes) -> "ReadDataStream":
-    from mcap.data_stream import ReadDataStream
-
+def _stream(body: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(body))
 
 
 CHUNK_BYTES: Final = 1 << 20  # A chunk is closed at this size, however short its time
 MESSAGE_BYTES: Final = 8 << 20  # largest message that is taken
 PLAIN_BYTES: Final = CHUNK_BYTES + MESSAGE_BYTES + (1 << 20)  # no chunk of ours is larger than this before compression
-ZSTD_LEVEL: Final = 3
-Compress = Callable[[bytes], bytes]
 
 
 @dataclass(slots=True)
@@ -226,21 +210,24 @@ class OpenChunk:
     pieces: list[bytes] = field(default_factory=list)
     size: int = 0
     rows: int = 0
-    entries: dict[int, list[int]] = field(default_factory=dict)
-    lows: dict[int, int] = field(default_factory=dict)
+    channels: dict[int, ChannelRecords] = field(default_factory=dict)
+    entries: dict[int, list[int]] = field(default_factory=dict)  # per channel, log time and offset of each row in turn
+    starts: dict[str, int] = field(default_factory=dict)  # per topic, the sequence number of its first row
 
-    def introduce(self, channel: int, sequence: int, records: tuple[bytes, bytes]) -> None:
-        """Take in the schema and channel records of a channel, whose first row here has that sequence number."""
-        self.entries[channel] = []
-        self.lows[channel] = sequence
-        self.pieces.extend(records)
-        self.size += len(records[0]) + len(records[1])
+    def is_due(self, t_ns: int, longest_ns: int) -> bool:
+        """Whether it is to be written before a row of this time comes."""
+        return abs(t_ns - self.t_ns) >= longest_ns or self.size >= CHUNK_BYTES
 
-    def add(self, channel: int, sequence: int, log_time: int, data: bytes) -> None:
-        """Take in a row of a channel that has been introduced."""
-        head = MESSAGE_HEAD.pack(MESSAGE, 22 + len(data), channel, sequence % SEQUENCES, log_time, log_time)
+    def add(self, channel: ChannelRecords, sequence: int, log_time: int, data: bytes) -> None:
+        """Take in a row; the first of a channel brings its schema and channel records."""
+        number = channel.number
+        if number not in self.channels:
+            self.channels[number], self.starts[channel.topic], self.entries[number] = channel, sequence, []
+            self.pieces += channel.records
+            self.size += sum(map(len, channel.records))
+        head = MESSAGE_HEAD.pack(Opcode.MESSAGE, 22 + len(data), number, sequence % SEQUENCES, log_time, log_time)
         self.pieces += (head, data)
-        self.entries[channel] += (log_time, self.size)
+        self.entries[number] += (log_time, self.size)
         self.size += 31 + len(data)
         self.rows += 1
 
@@ -254,37 +241,13 @@ class OpenChunk:
         """Latest log time, ns."""
         return max(max(flat[::2]) for flat in self.entries.values())
 
-    def counts(self) -> dict[int, int]:
-        """Rows per channel."""
-        return {channel: len(flat) // 2 for channel, flat in self.entries.items()}
+    def counts(self) -> dict[str, int]:
+        """Rows per topic."""
+        return {channel.topic: len(self.entries[number]) // 2 for number, channel in self.channels.items()}
 
-
-@dataclass(frozen=True, slots=True)
-class PackedChunk:
-    """A chunk as it goes to disk."""
-
-    record: bytes
-    indexes: dict[int, bytes]  # message index record of each channel, which follow it
-    plain_size: int
-    stored_size: int
-    compression: str
-
-
-def pack(chunk: OpenChunk, compression: str, compress: Compress) -> PackedChunk:
-    """Join, check-sum and compress a chunk."""
-    content = b"".join(chunk.pieces)
-    stored = compress(content)
-    record = chunk_record(content, stored, compression, chunk.first, chunk.last)
-    return PackedChunk(record, index_records(chunk.entries), len(content), len(stored), compression)
-
-
-def compressor(name: str) -> tuple[str, Compress]:
-    """Name of a compression in MCAP, and the function that does it; a zstd frame has a checksum of its own."""
-    if name == "none":
-        return "", bytes
-    from zstandard import ZstdCompressor
-
-    return "zstd", ZstdCompressor(level=ZSTD_LEVEL, write_checksum=True).compress
+    def ends(self) -> dict[str, int]:
+        """Per topic, one more than the last sequence number."""
+        return {topic: self.starts[topic] + count for topic, count in self.counts().items()}
 
 
 NAME: Final = "plumbob"  # name of the metadata record
@@ -312,8 +275,6 @@ class PartInfo:
 
     def record(self) -> bytes:
         """Bytes of the metadata record."""
-        from mcap.records import Metadata
-
         fields = {
             "recording": self.recording,
             "part": str(self.part),
@@ -326,16 +287,13 @@ class PartInfo:
         }
         entries = {**self.metadata, **{RESERVED + key: value for key, value in fields.items()}}
         crc = _checksum(entries)
-        return encode(Metadata(NAME, {**entries, f"{RESERVED}crc32": crc}))
+        return encode(records.Metadata(NAME, {**entries, f"{RESERVED}crc32": crc}))
 
     @classmethod
     def parse(cls, body: bytes) -> Self | None:
         """Info from the body of a metadata record; None if it is another's record or its CRC does not hold."""
-        from mcap.exceptions import McapError
-        from mcap.records import Metadata
-
         try:
-            record = Metadata.read(_stream(body))
+            record = records.Metadata.read(_stream(body))
         except (McapError, ValueError, struct.error):
             return None
         entries = dict(record.metadata)

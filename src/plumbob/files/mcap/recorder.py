@@ -16,7 +16,7 @@ from typing import Final, Self
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.event import Event
 from plumbob.files.mcap import layout, writer
-from plumbob.files.mcap.layout import CHUNK_BYTES, MESSAGE_BYTES, Channel, OpenChunk, Rules, Schema, State
+from plumbob.files.mcap.layout import MESSAGE_BYTES, Channel, ChannelRecords, OpenChunk, Rules, Schema, State
 from plumbob.files.mcap.scan import identify
 from plumbob.files.mcap.writer import Backlog, Writer
 
@@ -59,7 +59,7 @@ class Recorder:
         self._options = (rotate, rotate_bytes, reserve, fsync, compression)
         self._backlog = Backlog(backlog)
         self._recording = secrets.token_hex(16)
-        self._channels: dict[int, tuple[str, tuple[bytes, bytes]]] = {}
+        self._channels: dict[int, ChannelRecords] = {}
         self._next: dict[int, int] = {}
         self._chunk: OpenChunk | None = None
         self._writer: Writer | None = None
@@ -99,7 +99,7 @@ class Recorder:
         self.alone = bool(existing) and before is None
         part = layout.PartInfo(self._recording, rules.first, self._offset, metadata=dict(self.metadata), follows=before)
         part = replace(part, boot=writer.boot_id())
-        thread = Writer(rules, part, self._backlog, self._channels, self._take_drops, self._tell)
+        thread = Writer(rules, part, self._backlog, self._take_drops, self._tell)
         try:
             thread.start()
         except FileExistsError:
@@ -114,12 +114,12 @@ class Recorder:
         self, topic: str, encoding: str, schema: Schema | None = None, metadata: Mapping[str, str] | None = None
     ) -> int:
         """Declare a channel, before or after the start, and return its number; ParameterError if the topic is taken."""
-        if any(name == topic for name, _ in self._channels.values()):
+        if any(other.topic == topic for other in self._channels.values()):
             raise ParameterError(f"the recording {self._path.name} has a channel '{topic}' already.")
         _refuse_reserved(metadata or {})
         number = len(self._next) + 1
         channel = Channel(topic, encoding, schema, metadata or {}, self._recording, self._offset)
-        self._channels[number] = (topic, channel.records(number))
+        self._channels[number] = channel.declared(number)
         self._next[number] = 0
         return number
 
@@ -130,24 +130,24 @@ class Recorder:
         if not isinstance(data, bytes):  # the writing thread could not say whose fault it was
             raise ParameterError(f"a row of a recording must be bytes, but it is {type(data).__name__}; encode it.")
         t_ns = index(t_ns)
-        sequence = self._next[channel]
+        declared, sequence = self._channels[channel], self._next[channel]
         self._next[channel] = sequence + 1
         self.written += 1
         log_time = t_ns + self._offset
         if len(data) > MESSAGE_BYTES or not 0 <= log_time < _TIMES:
-            self._drop({channel: 1}, f"a row of {len(data)} bytes at {log_time} ns cannot be stored")
+            self._drop(
+                {self._channels[channel].topic: 1}, f"a row of {len(data)} bytes at {log_time} ns cannot be stored"
+            )
             return
         chunk = self._chunk
-        if chunk is None or abs(t_ns - chunk.t_ns) >= self._every_ns or chunk.size >= CHUNK_BYTES:
+        if chunk is None or chunk.is_due(t_ns, self._every_ns):
             self._hand_over()
             chunk = self._chunk = OpenChunk(t_ns)
-        if channel not in chunk.entries:
-            chunk.introduce(channel, sequence, self._channels[channel][1])
-        chunk.add(channel, sequence, log_time, data)
+        chunk.add(declared, sequence, log_time, data)
 
     def tick(self, t_ns: int) -> None:
         """Send off the rows gathered if they are due at this time; to be called often, also when nothing comes."""
-        if self._chunk is not None and abs(t_ns - self._chunk.t_ns) >= self._every_ns:
+        if self._chunk is not None and self._chunk.is_due(t_ns, self._every_ns):
             self._hand_over()
 
     def take_events(self) -> list[Event]:
@@ -220,13 +220,12 @@ class Recorder:
         else:
             self._drop(chunk.counts(), "the disk is too slow or does not respond, and no more rows may wait")
 
-    def _drop(self, counts: Mapping[int, int], why: str) -> None:
+    def _drop(self, counts: Mapping[str, int], why: str) -> None:
         """Count rows that are lost; say so at once, and how many more there were when rows find room again."""
         self._untold += sum(counts.values())
         self._lost += sum(counts.values())
         with self._drops_lock:
-            for channel, rows in counts.items():
-                topic = self._channels[channel][0]
+            for topic, rows in counts.items():
                 self._drops[topic] = self._drops.get(topic, 0) + rows
         if not self._overflowing:
             self._tell_drops(f"rows are dropped: {why}")

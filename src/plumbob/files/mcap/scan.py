@@ -17,6 +17,7 @@ from typing import BinaryIO, Final, Self
 from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import existing_file, reading
@@ -63,18 +64,18 @@ class RecordParser:
                 after = at + 9 + length
                 if after > end:
                     raise BrokenRecordError("a record in it extends beyond its end")
-                if opcode == layout.MESSAGE:
+                if opcode == Opcode.MESSAGE:
                     if length < 22:
                         raise BrokenRecordError("a message in it is too short")
                     _, _, channel, sequence, log_time, _ = message(content, at)
                     parsed.rows.append((channel, sequence, log_time, content[at + 31 : after]))
                     parsed.entries.setdefault(channel, []).extend((log_time, at))
-                elif opcode == layout.SCHEMA:
+                elif opcode == Opcode.SCHEMA:
                     number, body = _number(content, at), content[at + 9 : after]
                     if stay and schemas.get(number) != body:
                         self._keep(len(body))
                     schemas[number] = body
-                elif opcode == layout.CHANNEL:
+                elif opcode == Opcode.CHANNEL:
                     parsed.channels[_number(content, at)] = self._channel(content[at + 9 : after], schemas)
                 at = after
         except struct.error as error:
@@ -207,7 +208,7 @@ def next_landmark(
 ) -> tuple[int, int | None]:
     """Offset, from `start` on, of the next `is_good` record or the end of the data, with that of its summary."""
     for at, opcode in _candidates(source, start, _LANDMARK):
-        if opcode != layout.FOOTER:
+        if opcode != Opcode.FOOTER:
             if is_good(at):
                 return at, None
         elif (summary := summary_start(source, at, checked)) is not None and summary >= start:
@@ -250,13 +251,13 @@ def rows_by_topic(source: FileBytes, at: int, end: int) -> dict[str, int]:
     try:
         while True:
             opcode, length = layout.RECORD_HEAD.unpack(source.read(at, layout.RECORD_HEAD.size))
-            if opcode not in (layout.SCHEMA, layout.CHANNEL, layout.STATISTICS) or length > min(_LARGEST, end - at):
+            if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS) or length > min(_LARGEST, end - at):
                 return {}
             body = ReadDataStream(BytesIO(source.read(at + layout.RECORD_HEAD.size, length)))
-            if opcode == layout.CHANNEL:
+            if opcode == Opcode.CHANNEL:
                 channel = records.Channel.read(body)
                 topics[channel.id] = channel.topic
-            elif opcode == layout.STATISTICS:
+            elif opcode == Opcode.STATISTICS:
                 counts = records.Statistics.read(body).channel_message_counts
                 return {topics[channel]: count for channel, count in counts.items() if channel in topics}
             at += layout.RECORD_HEAD.size + length
@@ -283,7 +284,7 @@ class Damage:
         return f"{self.path.name}: {self.size} bytes at {self.offset}: {self.what}{cost}"
 
 
-_DATA_END = layout.RECORD_HEAD.pack(layout.DATA_END, layout.CRC.size)
+_DATA_END = layout.RECORD_HEAD.pack(Opcode.DATA_END, layout.CRC.size)
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,7 +328,7 @@ class Scan:
         at = len(layout.MAGIC)
         if source.read(0, at) != layout.MAGIC:
             yield self._damage(0, min(at, source.size), "the first bytes are not those of MCAP")
-            if source.read(at, 1) != bytes([layout.HEADER]):  # nothing says that records begin there
+            if source.read(at, 1) != bytes([Opcode.HEADER]):  # nothing says that records begin there
                 at = 0
         while at < source.size:
             try:
@@ -351,20 +352,20 @@ class Scan:
         after = at + layout.RECORD_HEAD.size + length
         if at == self.summary_at:
             return [], self._summary(at)
-        if opcode == layout.CHUNK:
+        if opcode == Opcode.CHUNK:
             return self._block(at)
         if after > self._source.size:
             raise BrokenRecordError("a record extends beyond the end of the file")
-        if opcode == layout.DATA_END:
+        if opcode == Opcode.DATA_END:
             return self._data_end(at, length), after
-        if opcode == layout.FOOTER and not self._ours:  # the other program wrote no end of data
+        if opcode == Opcode.FOOTER and not self._ours:  # the other program wrote no end of data
             return [], self._summary(at)
         blocks: list[RowBlock | Damage] = []
-        if opcode == layout.METADATA and self._ours:
+        if opcode == Opcode.METADATA and self._ours:
             blocks = self._metadata(at, length)
-        elif self._ours and not (opcode == layout.HEADER and at == len(layout.MAGIC)):
+        elif self._ours and not (opcode == Opcode.HEADER and at == len(layout.MAGIC)):
             raise BrokenRecordError("this is not a record that the recorder writes here")
-        elif opcode in (layout.SCHEMA, layout.CHANNEL, layout.MESSAGE) and not self._ours:
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE) and not self._ours:
             content = self._parser.parse(self._source.read(at, 9 + length), self._schemas)  # outside chunks
             self.unchecked += len(content.rows)
             blocks = self._foreign_rows(at, content)
@@ -384,7 +385,7 @@ class Scan:
     def info_at(self, at: int) -> PartInfo | None:
         """What a part says about itself at an offset; None without a whole word of the wanted recording."""
         opcode, length = layout.RECORD_HEAD.unpack(self._source.read(at, 9).ljust(9, b"\0"))
-        complete = opcode == layout.METADATA and length <= self._source.size - at and self._source.may_search(length)
+        complete = opcode == Opcode.METADATA and length <= self._source.size - at and self._source.may_search(length)
         info = PartInfo.parse(self._source.read(at + 9, length)) if complete else None
         return None if info is None or (self._recording and info.recording != self._recording) else info
 
@@ -444,7 +445,7 @@ class Scan:
             raise BrokenRecordError("the file ends within a chunk")
         opcode, length, first, last, size, crc, name_size = layout.CHUNK_HEAD.unpack(head)
         after = at + layout.RECORD_HEAD.size + length
-        if opcode != layout.CHUNK:
+        if opcode != Opcode.CHUNK:
             raise BrokenRecordError("this is not a chunk")
         if size > (PLAIN_BYTES if self._ours else min(FOREIGN_BYTES, FREE_BYTES + MAX_RATIO * length)):
             raise BrokenRecordError(f"a chunk claims {size} bytes, more than is plausible")
@@ -561,5 +562,5 @@ def _header(source: FileBytes) -> tuple[bytes, int]:
     opcode, length = layout.RECORD_HEAD.unpack_from(head)
     body = source.read(at + layout.RECORD_HEAD.size, min(length, 1 << 16))
     profile = int.from_bytes(body[:4], "little")
-    valid = opcode == layout.HEADER and length == len(body)
+    valid = opcode == Opcode.HEADER and length == len(body)
     return body[profile + 8 : profile + 8 + len(_OWN)] if valid else b"", at + layout.RECORD_HEAD.size + length

@@ -1,7 +1,8 @@
 """Judge a recording: whether every row is there; and write what is whole of a damaged one to a new file."""
 
+import os
 import secrets
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from os import PathLike
@@ -11,23 +12,22 @@ from typing import Any, Final
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import replacing, require_other, require_place
 from plumbob.core.text import FactsText, counted, visible
-from plumbob.files.mcap.layout import CHUNK_BYTES, Channel, OpenChunk, PartInfo, Schema, compressor, pack
+from plumbob.files.mcap.layout import Channel, ChannelRecords, OpenChunk, PartInfo, Schema
 from plumbob.files.mcap.log import Log, LogMessage, open_log
 from plumbob.files.mcap.scan import Damage
-from plumbob.files.mcap.writer import RecordingPart, is_locked, open_empty
+from plumbob.files.mcap.writer import RecordingPart, is_locked
 
 CHUNK_NS: Final = 10**9  # longest time of a chunk, ns: what a damaged place costs at most
 _TIMES: Final = 1 << 64
 
 
 @contextmanager
-def whole_part(file: Path, info: PartInfo) -> Iterator[tuple[RecordingPart, Callable[[OpenChunk], None]]]:
-    """Give the only part of a recording, in an empty file, to be finished, and what writes a chunk to it."""
-    part = RecordingPart(file, info, open_empty)
-    compression, compress = compressor("zstd")
+def whole_part(file: Path, info: PartInfo) -> Iterator[RecordingPart]:
+    """Give the only part of a recording, to be finished, in an empty file as `replacing` gives it."""
+    part = RecordingPart(file, info, create=lambda there: os.open(there, os.O_RDWR))
     part.begin()
     try:
-        yield part, lambda chunk: part.write(chunk, pack(chunk, compression, compress))
+        yield part
     finally:
         part.close(keep=True)
 
@@ -43,28 +43,25 @@ def write_rows(
 ) -> None:
     """Write a complete recording in one file: rows of time, ns, topic and content, in the order of time."""
     info = PartInfo(secrets.token_hex(16), 1, epoch_offset_ns, metadata=metadata)
-    names = {topic: number for number, topic in enumerate(topics, 1)}
-    records = {
-        names[topic]: Channel(topic, encoding, schema, {}, info.recording, epoch_offset_ns).records(names[topic])
-        for topic, (encoding, schema) in topics.items()
+    channels = {
+        topic: Channel(topic, encoding, schema, {}, info.recording, epoch_offset_ns).declared(number)
+        for number, (topic, (encoding, schema)) in enumerate(topics.items(), 1)
     }
     target = replacing(Path(path), overwrite=overwrite, seeks=True)
-    with target as temporary, whole_part(temporary, info) as (part, write):
-        ends, chunk = dict.fromkeys(names, 0), None  # rows of each topic
+    with target as temporary, whole_part(temporary, info) as part:
+        ends, chunk = dict.fromkeys(topics, 0), None  # rows of each topic
         for t_ns, topic, data in rows:
             if not 0 <= t_ns + epoch_offset_ns < _TIMES:
                 raise ParameterError(f"a time of {t_ns / 1e9:g} s cannot be stored in MCAP, which counts from 1970.")
-            if chunk is not None and (t_ns - chunk.t_ns >= CHUNK_NS or chunk.size >= CHUNK_BYTES):
-                write(chunk)
+            if chunk is not None and chunk.is_due(t_ns, CHUNK_NS):
+                part.write(chunk)
                 chunk = None
-            chunk, number = chunk or OpenChunk(t_ns), names[topic]
-            if number not in chunk.entries:
-                chunk.introduce(number, ends[topic], records[number])
-            chunk.add(number, ends[topic], t_ns + epoch_offset_ns, data)
+            chunk = chunk or OpenChunk(t_ns)
+            chunk.add(channels[topic], ends[topic], t_ns + epoch_offset_ns, data)
             ends[topic] += 1
         if chunk is not None:
-            write(chunk)
-        part.finish(records, ends, {})
+            part.write(chunk)
+        part.finish(ends, {})
 
 
 @dataclass(repr=False)
@@ -231,19 +228,15 @@ def _rewrite(log: Log, target: Path, verdict: Verdict) -> None:
     first = PartInfo(recording, 1, 0, metadata=log.metadata)
     if info is not None:
         first = replace(info, recording=recording, ends=None, dropped={}, metadata=log.metadata)
-    numbers: dict[str, int] = {}
-    records: dict[int, tuple[bytes, bytes]] = {}
-    with whole_part(target, first) as (part, write):
+    channels: dict[str, ChannelRecords] = {}
+    with whole_part(target, first) as part:
         for rows in log.blocks():
             verdict.count(rows)
             chunk = OpenChunk(rows[0].t_ns)
             for row in rows:
-                number = numbers.setdefault(row.channel.topic, len(numbers) + 1)
-                if number not in records:
-                    records[number] = row.channel.records(number)
-                if number not in chunk.entries:
-                    chunk.introduce(number, row.sequence, records[number])
-                chunk.add(number, row.sequence, row.t_ns + row.channel.epoch_offset_ns, row.data)
-            write(chunk)
+                if row.topic not in channels:
+                    channels[row.topic] = row.channel.declared(len(channels) + 1)
+                chunk.add(channels[row.topic], row.sequence, row.t_ns + row.channel.epoch_offset_ns, row.data)
+            part.write(chunk)
         verdict.conclude(log)
-        part.finish(records, log.ends, log.missing)
+        part.finish(log.ends, log.missing)

@@ -2,28 +2,34 @@
 
 import errno
 import os
+import shutil
 import sys
 import threading
 import time
 import zlib
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
+
+from mcap import records
+from mcap.opcode import Opcode
 
 from plumbob.core.files import lock, sync_folder
 from plumbob.core.text import counted
 from plumbob.files.mcap import layout
-from plumbob.files.mcap.layout import OpenChunk, PackedChunk, PartInfo, Rules, State, compressor, pack
+from plumbob.files.mcap.layout import ChannelRecords, OpenChunk, PartInfo, Rules, State
 
 if sys.platform != "win32":
     import fcntl
 
+ZSTD_LEVEL: Final = 3
+
 
 def create_locked(path: Path) -> int:
     """Create a file that is not there yet, locked against other recorders; return its descriptor."""
-    fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR | getattr(os, "O_CLOEXEC", 0), 0o644)
+    fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
     try:
         lock(fd)
         sync_folder(path.parent)
@@ -34,9 +40,13 @@ def create_locked(path: Path) -> int:
     return fd
 
 
-def open_empty(path: Path) -> int:
-    """Open a file that is there and empty, as `plumbob.core.files.replacing` gives it; return its descriptor."""
-    return os.open(path, os.O_RDWR | getattr(os, "O_CLOEXEC", 0))
+def compressor(name: str) -> tuple[str, Callable[[bytes], bytes]]:
+    """Name of a compression in MCAP, and the function that does it; a zstd frame has a checksum of its own."""
+    if name == "none":
+        return "", bytes
+    from zstandard import ZstdCompressor
+
+    return "zstd", ZstdCompressor(level=ZSTD_LEVEL, write_checksum=True).compress
 
 
 def write_all(fd: int, data: bytes, offset: int) -> None:
@@ -66,8 +76,7 @@ def is_full(error: OSError) -> bool:
 
 def free_bytes(folder: Path) -> int:
     """Bytes that may still be written to the disk of a folder."""
-    stat = os.statvfs(folder)
-    return stat.f_bavail * stat.f_frsize
+    return shutil.disk_usage(folder).free
 
 
 def boot_id() -> str:
@@ -80,141 +89,121 @@ def boot_id() -> str:
 
 def default_reserve(folder: Path) -> int:
     """The smaller of 1 GiB and 5 % of the disk, bytes."""
-    stat = os.statvfs(folder)
-    return min(1 << 30, int(0.05 * stat.f_blocks * stat.f_frsize))
-
-
-@dataclass(slots=True)
-class Contents:
-    """What has been written to a part so far."""
-
-    counts: dict[int, int] = field(default_factory=dict)  # rows per channel
-    ends: dict[int, int] = field(default_factory=dict)  # per channel, one more than the last sequence number
-    chunk_indexes: bytearray = field(default_factory=bytearray)  # chunk index records
-    infos: list[tuple[int, int]] = field(default_factory=list)  # offset and length of each metadata record
-    chunks: int = 0
-    rows: int = 0
-    first: int = 1 << 64
-    last: int = 0
-
-    def note(self, chunk: OpenChunk, packed: PackedChunk, offset: int) -> None:
-        """A chunk stands at `offset`, its message indexes behind it."""
-        from mcap.records import ChunkIndex
-
-        at, offsets = offset + len(packed.record), {}
-        for channel, record in packed.indexes.items():
-            offsets[channel] = at
-            at += len(record)
-        self.chunk_indexes += layout.encode(
-            ChunkIndex(
-                chunk_start_offset=offset,
-                chunk_length=len(packed.record),
-                message_start_time=chunk.first,
-                message_end_time=chunk.last,
-                message_index_offsets=offsets,
-                message_index_length=at - offset - len(packed.record),
-                compression=packed.compression,
-                compressed_size=packed.stored_size,
-                uncompressed_size=packed.plain_size,
-            )
-        )
-        for channel, count in chunk.counts().items():
-            self.counts[channel] = self.counts.get(channel, 0) + count
-            self.ends[channel] = chunk.lows[channel] + count
-        self.chunks += 1
-        self.rows += chunk.rows
-        self.first, self.last = min(self.first, chunk.first), max(self.last, chunk.last)
-
-
-def closing(contents: Contents, channels: Mapping[int, tuple[bytes, bytes]], offset: int, data_crc: int) -> bytes:
-    """Everything from the end of the data, at `offset`, to the end of the file; `channels` are records by number."""
-    from mcap import records
-
-    data_end = layout.encode(records.DataEnd(data_crc))
-    start = offset + len(data_end)
-    used = [channels[channel] for channel in sorted(contents.counts)]
-    statistics = records.Statistics(
-        attachment_count=0,
-        channel_count=len(used),
-        channel_message_counts=dict(sorted(contents.counts.items())),
-        chunk_count=contents.chunks,
-        message_count=contents.rows,
-        message_start_time=contents.first if contents.rows else 0,
-        message_end_time=contents.last,
-        metadata_count=len(contents.infos),
-        schema_count=sum(bool(schema) for schema, _ in used),
-    )
-    groups = {
-        layout.SCHEMA: b"".join(schema for schema, _ in used),
-        layout.CHANNEL: b"".join(channel for _, channel in used),
-        layout.STATISTICS: layout.encode(statistics),
-        layout.CHUNK_INDEX: bytes(contents.chunk_indexes),
-        layout.METADATA_INDEX: b"".join(
-            layout.encode(records.MetadataIndex(offset=at, length=length, name="plumbob"))
-            for at, length in contents.infos
-        ),
-    }
-    summary, offsets = b"", b""
-    for opcode, group in groups.items():
-        at = start + len(summary)
-        offset_record = records.SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(group))
-        offsets += layout.encode(offset_record) if group else b""
-        summary += group
-    footer = layout.RECORD_HEAD.pack(layout.FOOTER, layout.FOOTER_BODY.size)
-    places = layout.FOOTER_BODY.pack(start, start + len(summary), 0)[:-4]
-    checked = summary + offsets + footer + places
-    return data_end + checked + layout.CRC.pack(zlib.crc32(checked)) + layout.MAGIC
+    return min(1 << 30, int(0.05 * shutil.disk_usage(folder).total))
 
 
 class RecordingPart:
     """A file that holds whole chunks only, and says so at its end if it gets there; `create` gives its descriptor."""
 
-    def __init__(self, path: Path, info: PartInfo, create: Callable[[Path], int] = create_locked) -> None:
+    def __init__(
+        self, path: Path, info: PartInfo, compression: str = "zstd", create: Callable[[Path], int] = create_locked
+    ) -> None:
         self.path = path
         self.info = info
-        self._create = create
-        self.contents = Contents()
         self.size = 0
+        self.synced = (0, 0)  # size, rows
+        self.t_ns: int | None = None  # when its first chunk was opened
+        self.ends: dict[str, int] = {}  # per topic, one more than the last sequence number
+        self.chunk_indexes = bytearray()  # records of the chunks
+        self.contents = records.Statistics(0, 0, {}, 0, 0, 0, 0, 0, 0)  # of what has been written so far
+        self._channels: dict[int, ChannelRecords] = {}
+        self._infos: list[records.MetadataIndex] = []
+        self._compression = compression
+        self._create = create
         self._fd = -1
         self._crc = 0
-        self.synced = (0, 0)  # size, rows
 
     def begin(self) -> None:
         """Create the file and write its beginning; leave none behind where the system refuses (OSError)."""
-        from mcap.records import Header
-
+        self._compression, self._compress = compressor(self._compression)
         self._fd = self._create(self.path)
         try:
-            self._append(layout.MAGIC + layout.encode(Header(profile="", library="plumbob recording 1")))
+            self._append(layout.MAGIC + layout.encode(records.Header(profile="", library="plumbob recording 1")))
             self._append_info(self.info)
             self.sync()
         except OSError:
             self.close(keep=False)
             raise
 
-    def write(self, chunk: OpenChunk, packed: PackedChunk) -> None:
+    def write(self, chunk: OpenChunk) -> None:
         """Append a chunk and its message indexes; on OSError the file ends as before."""
-        offset = self.size
-        self._append(packed.record + b"".join(packed.indexes.values()))
-        self.contents.note(chunk, packed, offset)
+        content, offset = b"".join(chunk.pieces), self.size
+        stored, first, last = self._compress(content), chunk.first, chunk.last
+        record = layout.chunk_record(content, stored, self._compression, first, last)
+        at, offsets, indexes = offset + len(record), {}, layout.index_records(chunk.entries)
+        for channel, index in indexes.items():
+            offsets[channel] = at
+            at += len(index)
+        self._append(b"".join((record, *indexes.values())))
+        self.chunk_indexes += layout.encode(
+            records.ChunkIndex(
+                chunk_start_offset=offset,
+                chunk_length=len(record),
+                message_start_time=first,
+                message_end_time=last,
+                message_index_offsets=offsets,
+                message_index_length=at - offset - len(record),
+                compression=self._compression,
+                compressed_size=len(stored),
+                uncompressed_size=len(content),
+            )
+        )
+        so_far = self.contents
+        for channel, flat in chunk.entries.items():
+            counts = so_far.channel_message_counts
+            counts[channel] = counts.get(channel, 0) + len(flat) // 2
+        so_far.message_start_time = min(so_far.message_start_time, first) if so_far.message_count else first
+        so_far.message_end_time = max(so_far.message_end_time, last)
+        so_far.message_count += chunk.rows
+        so_far.chunk_count += 1
+        self._channels |= chunk.channels
+        self.ends |= chunk.ends()
+        self.t_ns = chunk.t_ns if self.t_ns is None else self.t_ns
 
-    def finish(
-        self, channels: Mapping[int, tuple[bytes, bytes]], ends: dict[str, int], dropped: dict[str, int]
-    ) -> None:
+    def finish(self, ends: Mapping[str, int], dropped: Mapping[str, int]) -> None:
         """Write what was said first once more, the index, the footer; on OSError it ends with its whole chunks."""
         size, crc = self.size, self._crc
         try:
             self._append_info(replace(self.info, ends=ends, dropped=dropped))
-            self._append(closing(self.contents, channels, self.size, self._crc))
+            self._append(self._closing())
         except OSError:
             self.size, self._crc = size, crc
             self.cut()
             raise
 
+    def _closing(self) -> bytes:
+        """Everything from the end of the data to the end of the file."""
+        counts = dict(sorted(self.contents.channel_message_counts.items()))
+        used = [self._channels[channel].records for channel in counts]
+        statistics = replace(
+            self.contents,
+            channel_count=len(used),
+            channel_message_counts=counts,
+            metadata_count=len(self._infos),
+            schema_count=sum(bool(schema) for schema, _ in used),
+        )
+        groups = {
+            Opcode.SCHEMA: b"".join(schema for schema, _ in used),
+            Opcode.CHANNEL: b"".join(channel for _, channel in used),
+            Opcode.STATISTICS: layout.encode(statistics),
+            Opcode.CHUNK_INDEX: bytes(self.chunk_indexes),
+            Opcode.METADATA_INDEX: b"".join(map(layout.encode, self._infos)),
+        }
+        data_end = layout.encode(records.DataEnd(self._crc))
+        start = self.size + len(data_end)
+        summary, offsets = b"", b""
+        for opcode, group in groups.items():
+            place = records.SummaryOffset(opcode, group_start=start + len(summary), group_length=len(group))
+            offsets += layout.encode(place) if group else b""
+            summary += group
+        footer = layout.encode(records.Footer(start, start + len(summary), 0))[: -layout.CRC.size]
+        checked = summary + offsets + footer
+        return data_end + checked + layout.CRC.pack(zlib.crc32(checked)) + layout.MAGIC
+
     def sync(self) -> None:
         """Wait until the disk has everything; raises OSError if it does not take it."""
         os.fsync(self._fd)
-        self.synced = (self.size, self.contents.rows)
+        self.synced = (self.size, self.contents.message_count)
 
     def close(self, keep: bool) -> None:
         """Close the file, and remove it unless it is to be kept."""
@@ -226,7 +215,7 @@ class RecordingPart:
     def _append_info(self, info: PartInfo) -> None:
         offset = self.size
         self._append(info.record())
-        self.contents.infos.append((offset, self.size - offset))
+        self._infos.append(records.MetadataIndex(offset, self.size - offset, layout.NAME))
 
     def _append(self, data: bytes) -> None:
         try:
@@ -253,17 +242,12 @@ class Backlog:
         self._chunks: deque[OpenChunk] = deque()
         self._bytes = 0
         self._changed = threading.Condition()
-        self._closing = False
-
-    @property
-    def closing(self) -> bool:
-        """Whether nothing more will come."""
-        return self._closing
+        self.closing = False  # whether nothing more will come
 
     def put(self, chunk: OpenChunk) -> bool:
         """Append a chunk; False, and nothing is done, where there is no room or it is closed."""
         with self._changed:
-            if self._closing or self._bytes + chunk.size > self._limit:
+            if self.closing or self._bytes + chunk.size > self._limit:
                 return False
             self._chunks.append(chunk)
             self._bytes += chunk.size
@@ -273,14 +257,14 @@ class Backlog:
     def head(self, timeout: float) -> OpenChunk | None:
         """Oldest chunk, which stays; wait at most `timeout` s for one."""
         with self._changed:
-            if not self._chunks and not self._closing:
+            if not self._chunks and not self.closing:
                 self._changed.wait(timeout)
             return self._chunks[0] if self._chunks else None
 
     def pause(self, timeout: float) -> None:
         """Wait `timeout` s, or until nothing more will come."""
         with self._changed:
-            self._changed.wait_for(lambda: self._closing, timeout)
+            self._changed.wait_for(lambda: self.closing, timeout)
 
     def pop(self) -> None:
         """Remove the oldest chunk."""
@@ -304,7 +288,7 @@ class Backlog:
     def close(self) -> None:
         """Say that nothing more will come."""
         with self._changed:
-            self._closing = True
+            self.closing = True
             self._changed.notify_all()
 
 
@@ -316,8 +300,7 @@ MARGIN: Final = 16 << 20  # more than the reserve before a stopped recording goe
 class Writer:
     """Writes chunks of the backlog, the only one who touches the disk; `info` is what each part says of itself.
 
-    `channels` holds topic and records by number, and grows; `take_drops` gives rows per topic that had no room since
-    then.
+    `take_drops` gives rows per topic that had no room since then.
     """
 
     def __init__(
@@ -325,7 +308,6 @@ class Writer:
         rules: Rules,
         info: PartInfo,
         backlog: Backlog,
-        channels: "dict[int, tuple[str, tuple[bytes, bytes]]]",
         take_drops: Callable[[], dict[str, int]],
         tell: Callable[[str, str, int], None],
     ) -> None:
@@ -335,15 +317,12 @@ class Writer:
         self._rules = rules
         self._info = info
         self._backlog = backlog
-        self._channels = channels
         self._take_drops = take_drops
         self._tell = tell
         self._thread = threading.Thread(target=self._run, name="plumbob recorder", daemon=True)
-        self._compression, self._compress = compressor(rules.compression)
         self._part: RecordingPart | None = None
         self._number = rules.first - 1
-        self._part_t_ns: int | None = None
-        self._next: dict[int, int] = {}
+        self._next: dict[str, int] = {}
         self._unsynced: list[OpenChunk] = []
         self._sync_at = 0.0
         self._look_at = 0.0
@@ -422,7 +401,7 @@ class Writer:
                 return
         assert self._part is not None
         try:
-            self._part.write(chunk, pack(chunk, self._compression, self._compress))
+            self._part.write(chunk)
         except OSError as error:
             self._end_part()
             self._stop(_reason(error))
@@ -432,10 +411,7 @@ class Writer:
 
     def _acknowledge(self, chunk: OpenChunk) -> None:
         self.acknowledged += chunk.rows
-        if self._part_t_ns is None:
-            self._part_t_ns = chunk.t_ns
-        for channel, count in chunk.counts().items():
-            self._next[channel] = chunk.lows[channel] + count
+        self._next |= chunk.ends()
         if self._rules.fsync is not None:
             if not self._unsynced:
                 self._sync_at = time.monotonic() + self._rules.fsync
@@ -451,11 +427,10 @@ class Writer:
         number = self._number + 1
         while layout.part_path(self._rules.path, number).exists():
             number += 1
-        starts = {self._channels[channel][0]: count for channel, count in self._next.items()}
-        info = replace(self._info, part=number, starts=starts)
-        part = RecordingPart(layout.part_path(self._rules.path, number), info)
+        info = replace(self._info, part=number, starts=dict(self._next))
+        part = RecordingPart(layout.part_path(self._rules.path, number), info, self._rules.compression)
         part.begin()
-        self._part, self._number, self._part_t_ns = part, number, None
+        self._part, self._number = part, number
 
     def _reopen(self) -> bool:
         """Try to go on after a stop, at most once in `RETRY` seconds unless the recording is closing."""
@@ -475,22 +450,20 @@ class Writer:
         """Whether the part is to end before this chunk."""
         assert self._part is not None
         rules, part = self._rules, self._part
-        if not part.contents.rows or self._part_t_ns is None:
+        if not part.contents.message_count or part.t_ns is None:
             return False
         return (
-            (rules.rotate is not None and chunk.t_ns - self._part_t_ns >= rules.rotate * 1e9)
+            (rules.rotate is not None and chunk.t_ns - part.t_ns >= rules.rotate * 1e9)
             or (rules.rotate_bytes is not None and part.size >= rules.rotate_bytes)
-            or len(part.contents.chunk_indexes) >= INDEX_BYTES
+            or len(part.chunk_indexes) >= INDEX_BYTES
         )
 
     def _end_part(self, keep_empty: bool = False) -> None:
         """End the part as well as the disk allows; rows that the disk does not confirm go back to the backlog."""
         part, self._part = self._part, None
         assert part is not None
-        records = {channel: records for channel, (_, records) in list(self._channels.items())}
-        ends = {self._channels[channel][0]: end for channel, end in part.contents.ends.items()}
         try:
-            part.finish(records, ends, self._take_drops())
+            part.finish(part.ends, self._take_drops())
         except OSError as error:
             self._tell(
                 "unfinished", f"{part.path.name} has no index, since it could not be written: {_reason(error)}", 0
@@ -503,7 +476,7 @@ class Writer:
         self._close(part, keep_empty)
 
     def _close(self, part: RecordingPart, keep_empty: bool) -> None:
-        self._barren = not part.contents.rows
+        self._barren = not part.contents.message_count
         part.close(keep=keep_empty or not self._barren)
         if self._barren and not keep_empty:
             self._number -= 1
@@ -523,12 +496,12 @@ class Writer:
 
     def _take_back(self, part: RecordingPart, error: OSError) -> None:
         """After a failed fsync nobody knows what the disk has: write those rows once more, elsewhere."""
-        part.size, part.contents.rows = part.synced  # what the disk has confirmed stays in the file
+        part.size, part.contents.message_count = part.synced  # what the disk has confirmed stays in the file
         part.cut()
         for chunk in self._unsynced:
             self.acknowledged -= chunk.rows
-            for channel, low in chunk.lows.items():
-                self._next[channel] = min(self._next[channel], low)
+            for topic, start in chunk.starts.items():
+                self._next[topic] = min(self._next[topic], start)
         self._backlog.put_back(self._unsynced)
         self._unsynced = []
         self._stop(_reason(error))
