@@ -6,7 +6,7 @@ Entry points are looked for where no other name will do, and each is imported wh
 import re
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeVar
@@ -40,19 +40,17 @@ class ExtensibleTable(Generic[T]):
         """What entry points load; a note says of those that no name can mean why. A name of two packages is refused."""
         from importlib.metadata import entry_points
 
-        loaders: dict[str, _Loader] = {}
-        entries = entry_points()
-        for group in sorted(entries.groups):
-            if group.startswith("plumbob.") and group[8:-1] not in _HOMES:
-                whose = ", ".join(sorted({_whose(entry) for entry in entries.select(group=group)}))
-                groups = ", ".join(f"plumbob.{kind}s" for kind in _HOMES)
-                _note(f"nothing is made of the entry points '{group}' {whose}; the groups that are known are {groups}.")
+        loaders, entries = dict[str, _Loader](), entry_points()
+        for group in (g for g in sorted(entries.groups) if g.startswith("plumbob.") and g[8:-1] not in _HOMES):
+            whose = ", ".join(sorted({_whose(entry) for entry in entries.select(group=group)}))
+            groups = ", ".join(f"plumbob.{kind}s" for kind in _HOMES)
+            note(f"nothing is made of the entry points '{group}' {whose}; the groups that are known are {groups}.")
         for entry in sorted(entries.select(group=f"plumbob.{self._kind}s"), key=_whose):
             whose, called = _whose(entry), f"the {self._title} '{entry.name}' {_whose(entry)}"
             if not _NAME.fullmatch(entry.name):
-                _note(f"{called} is not used: names {_NAMES_HAVE}.")
+                note(f"{called} is not used: names {_NAMES_HAVE}.")
             elif entry.name in self._builtin():
-                _note(f"{called} is not used, but Plumbob's own: the name is taken.")
+                note(f"{called} is not used, but Plumbob's own: the name is taken.")
             elif entry.name in loaders:
                 loaders[entry.name] = (f"{loaders[entry.name][0]} and {whose}", _refuse_twice)
             else:
@@ -104,7 +102,7 @@ class ExtensibleTable(Generic[T]):
                 meaning = self.find(name)
             except ParameterError as error:
                 meaning = None
-                _note(str(error))
+                note(str(error))
             if meaning is not None:
                 yield name, meaning
 
@@ -143,7 +141,9 @@ def _refuse_twice() -> None:
     raise ParameterError("both have this name; uninstall one of them")
 
 
-def _note(text: str) -> None:
+@cache
+def note(text: str) -> None:
+    """Say something, once."""
     import logging
 
     logging.getLogger("plumbob").warning("note: %s", text)

@@ -1,6 +1,5 @@
 """Files: `read` and `write` choose the format by the suffix; `FORMATS` lists what there is."""
 
-import logging
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnknownFormatError
-from plumbob.core.extensions import ExtensibleTable
+from plumbob.core.extensions import ExtensibleTable, note
 from plumbob.core.files import ARRAYS, TABLES, existing_file, reading, replacing, sidecars
 from plumbob.core.findings import Finding, as_findings, lasting
 from plumbob.data import AttitudeTrack, ImuData
@@ -144,7 +143,7 @@ def _of_package(name: str, what: Any) -> FileFormat:
         try:
             return bool(module.accepts(path))
         except Exception as error:  # a file that it cannot look at is not its own
-            logging.getLogger("plumbob").warning("note: %s", EXTENSIBLE.unusable(name, error, f"cannot tell {path}"))
+            note(str(EXTENSIBLE.unusable(name, error, f"cannot tell {path}")))
             return False
 
     def writer(path: Path, recording: Recording, overwrite: bool) -> None:

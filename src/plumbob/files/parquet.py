@@ -373,7 +373,7 @@ def _load(
         stored_columns = ((name, part[name]) for name in sorted(names) for _, part in _batches(file, (name,)))
     checksum = zlib.crc32(header.dump(content))
     for _, values in stored_columns:  # in the order of their names, each in one piece or several
-        checksum = zlib.crc32(values.astype(values.dtype.newbyteorder("<"), copy=False).data, checksum)
+        checksum = zlib.crc32(np.ascontiguousarray(values, values.dtype.newbyteorder("<")).data, checksum)
     if crc != f"{checksum:08x}":
         raise DecodeError("its content does not fit its checksum: the file is damaged; use an intact copy.")
     return content, columns

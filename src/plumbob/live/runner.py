@@ -84,14 +84,18 @@ def run_stream(
             if behind and items:
                 items, behind = [replace(behind, t_ns=items[0].t_ns), *items], None
             for item in items:
-                _feed(stream, item, sinks, recording)
+                if recording:
+                    recording.on_item(item)
+                hand_on(stream, stream.feed(item), item.t_ns, sinks, recording)
+                if isinstance(item, Event):
+                    _on_events([item], sinks)
             if each:
                 each()
             if until_lost and any(isinstance(item, Event) and item.kind == "lost" for item in items):
                 break
             if recording:
                 _on_events(recording.tick(clock()), sinks)
-        _hand_on(stream.finish(), clock(), sinks, recording)
+        hand_on(stream, stream.finish(), clock(), sinks, recording)
     finally:
         source.close()
         if recording:
@@ -127,21 +131,15 @@ class _TolerantSink(Sink):
             self._recording.failures.append(Event(self._clock(), "failed", what))
 
 
-def _feed(stream: Stream, item: Received | Event, sinks: Sequence[Sink], recording: Keeper | None) -> None:
-    if recording:
-        recording.on_item(item)
-    part = stream.feed(item)
-    if stream.broken:
+def hand_on(
+    stream: Stream, part: ItemResult | None, now_ns: int, sinks: Sequence[Sink], recording: Keeper | None
+) -> None:
+    """Hand on what a stream made; that its filter failed is noted in the recording once, and ends a run without one."""
+    if (failure := stream.failure) is not None:
         if recording is None:
-            raise stream.broken
-        recording.failures.append(Event(item.t_ns, "failed", str(stream.broken)))
-        stream.broken = None
-    _hand_on(part, item.t_ns, sinks, recording)
-    if isinstance(item, Event):
-        _on_events([item], sinks)
-
-
-def _hand_on(part: ItemResult | None, now_ns: int, sinks: Sequence[Sink], recording: Keeper | None) -> None:
+            raise failure
+        recording.failures.append(Event(now_ns, "failed", str(failure)))
+        stream.failure = None
     if part is None:
         return
     for sink in sinks:

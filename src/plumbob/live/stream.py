@@ -141,7 +141,7 @@ class Stream:
         self._last_ns: int | None = None
         self._newest: ItemResult | None = None
         self._shift_ns = 0
-        self.broken: ParameterError | None = None  # why there is no filter any more; samples go on
+        self.failure: ParameterError | None = None  # why there is no filter any more, until it is told; samples go on
         self._begin()
 
     def _begin(self) -> None:
@@ -262,7 +262,7 @@ class Stream:
         try:
             return self.filter.process(imu, covariance=self._covariance, look=False), t_ns
         except ParameterError as error:  # of another package's filter
-            self.filter, self.broken = None, error
+            self.filter, self.failure = None, error
             return None, t_ns[:0]
 
     def _start(self, frames: Frames, imu: ImuData) -> None:

@@ -10,6 +10,7 @@ from typing import Any, Final
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.event import Event
 from plumbob.files.mcap.layout import SUFFIX, dated, existing_parts
+from plumbob.live.runner import hand_on
 from plumbob.live.session import RecordSpec
 from plumbob.live.sinks import RecordingSink, TextSink, epoch_offset_ns
 from plumbob.live.stream import ItemResult, Stream
@@ -115,9 +116,7 @@ class Switch:
             return
         self._sink.on_item(item)
         if self._second is not None and self._second is not self._stream:
-            part = self._second.feed(item)
-            if part is not None:
-                self._sink.on_part(part, item.t_ns)
+            hand_on(self._second, self._second.feed(item), item.t_ns, (), self._sink)
 
     def on_part(self, part: ItemResult, now_ns: int) -> None:
         """Keep what the line made of it."""
@@ -154,9 +153,7 @@ class Switch:
         sink, second = self._sink, self._second
         assert sink is not None
         if second is not None and second is not self._stream:
-            rest = second.finish()
-            if rest is not None:
-                sink.on_part(rest, now_ns)
+            hand_on(second, second.finish(), now_ns, (), sink)
         self._events += sink.close()
         self._sink = self._second = None
         facts = {**_recorder_facts(sink), "failed": bool(sink.failures)}
