@@ -8,12 +8,12 @@ import json
 import re
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
-from typing import Final, Literal, NamedTuple, Self
+from typing import Any, Final, Literal, NamedTuple, Self
 
 from mcap import records
 from mcap.data_stream import ReadDataStream, RecordBuilder
@@ -165,14 +165,15 @@ class Channel:
         return ChannelRecords(number, self.topic, (schema, encode(channel)))
 
     @classmethod
-    def parse(cls, body: bytes, schema: Schema | None) -> Self:
-        """Channel from the body of its record; ValueError, struct.error or McapError if that is damaged."""
-        record = records.Channel.read(_stream(body))
+    def parse(cls, body: bytes, schema: bytes) -> Self:
+        """Channel from the bodies of its record and its schema's, empty without one; raises `UNREADABLE`."""
+        record = records.Channel.read(stream(body))
+        of = records.Schema.read(stream(schema)) if schema else None
         metadata = dict(record.metadata)
         return cls(
             topic=record.topic,
             encoding=record.message_encoding,
-            schema=schema,
+            schema=None if of is None else Schema(of.name, of.encoding, of.data),
             recording=metadata.pop(RECORDING_KEY, ""),
             epoch_offset_ns=int(metadata.pop(OFFSET_KEY, "0")),
             metadata=metadata,
@@ -187,13 +188,12 @@ class ChannelRecords(NamedTuple):
     records: tuple[bytes, bytes]  # of its schema, empty without one, and its own
 
 
-def parse_schema(body: bytes) -> Schema:
-    """Schema from the body of its record; raises as `Channel.parse` does."""
-    record = records.Schema.read(_stream(body))
-    return Schema(record.name, record.encoding, record.data)
+UNREADABLE: Final = (McapError, ValueError, struct.error)
+"""Errors of the MCAP library at the body of a record that is damaged."""
 
 
-def _stream(body: bytes) -> ReadDataStream:
+def stream(body: bytes) -> ReadDataStream:
+    """The body of a record as the MCAP library reads it."""
     return ReadDataStream(BytesIO(body))
 
 
@@ -275,17 +275,11 @@ class PartInfo:
 
     def record(self) -> bytes:
         """Bytes of the metadata record."""
-        fields = {
-            "recording": self.recording,
-            "part": str(self.part),
-            "epoch_offset_ns": str(self.epoch_offset_ns),
-            "starts": _text(self.starts),
-            "ends": _text(self.ends),
-            "dropped": _text(self.dropped),
-            **({} if self.follows is None else {"follows": self.follows}),
-            **({"boot": self.boot} if self.boot else {}),
+        fields = {key: getattr(self, key) for key in _FIELDS}
+        texts = {
+            key: _FIELDS[key][0](value) for key, value in fields.items() if key not in _LATER or value != _LATER[key]
         }
-        entries = {**self.metadata, **{RESERVED + key: value for key, value in fields.items()}}
+        entries = {**self.metadata, **{RESERVED + key: text for key, text in texts.items()}}
         crc = _checksum(entries)
         return encode(records.Metadata(NAME, {**entries, f"{RESERVED}crc32": crc}))
 
@@ -293,26 +287,15 @@ class PartInfo:
     def parse(cls, body: bytes) -> Self | None:
         """Info from the body of a metadata record; None if it is another's record or its CRC does not hold."""
         try:
-            record = records.Metadata.read(_stream(body))
-        except (McapError, ValueError, struct.error):
+            record = records.Metadata.read(stream(body))
+            entries = dict(record.metadata)
+            if record.name != NAME or entries.pop(f"{RESERVED}crc32", None) != _checksum(entries):
+                return None
+            texts = {key: entries.pop(RESERVED + key) for key in _FIELDS if RESERVED + key in entries}
+            fields = {key: _FIELDS[key][1](text) for key, text in texts.items()}
+        except UNREADABLE:
             return None
-        entries = dict(record.metadata)
-        if record.name != NAME or entries.pop(f"{RESERVED}crc32", None) != _checksum(entries):
-            return None
-        fields = {key: entries.pop(RESERVED + key) for key in _KEYS if RESERVED + key in entries}
-        if len(fields) != len(_KEYS):
-            return None
-        follows, boot = entries.pop(f"{RESERVED}follows", None), entries.pop(f"{RESERVED}boot", "")
-        try:
-            ends = None if fields["ends"] == "null" else _numbers(fields["ends"])
-            starts, dropped = _numbers(fields["starts"]), _numbers(fields["dropped"])
-            part, offset = int(fields["part"]), int(fields["epoch_offset_ns"])
-            return cls(fields["recording"], part, offset, starts, ends, dropped, entries, follows, boot)
-        except ValueError:
-            return None
-
-
-_KEYS: Final = ("recording", "part", "epoch_offset_ns", "starts", "ends", "dropped")
+        return None if _FIELDS.keys() - _LATER - fields.keys() else cls(**fields, metadata=entries)
 
 
 def _text(numbers: Mapping[str, int] | None) -> str:
@@ -327,6 +310,15 @@ def _numbers(text: str) -> dict[str, int]:
     if not isinstance(numbers, dict) or not all(type(value) is int and value >= 0 for value in numbers.values()):
         raise ValueError
     return numbers
+
+
+_FIELDS: Final[dict[str, tuple[Callable[[Any], str], Callable[[str], Any]]]] = {
+    "recording": (str, str), "part": (str, int), "epoch_offset_ns": (str, int), "starts": (_text, _numbers),
+    "ends": (_text, lambda text: None if text == "null" else _numbers(text)), "dropped": (_text, _numbers),
+    "follows": (str, str), "boot": (str, str),
+}  # fmt: skip
+"""Fields of `PartInfo` besides the user's metadata, with what makes text of each, and what reads that again."""
+_LATER: Final = {"follows": None, "boot": ""}  # which are left out where they have these values
 
 
 def _checksum(entries: Mapping[str, str]) -> str:

@@ -8,27 +8,28 @@ import re
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Final, Self
+from typing import Any, BinaryIO, Final, Self
 
 from mcap import records
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import existing_file, reading
 from plumbob.files.mcap import layout
-from plumbob.files.mcap.layout import PLAIN_BYTES, Channel, PartInfo, parse_schema
+from plumbob.files.mcap.layout import PLAIN_BYTES, Channel, PartInfo
 
 FOREIGN_BYTES: Final = 256 << 20  # larger chunks of other programs are not inflated
 FREE_BYTES: Final = 16 << 20
 MAX_RATIO: Final = 16  # a chunk of another may state `FREE_BYTES` and this many times its size
 _KEPT_BYTES: Final = 64 << 20  # schemas and channels that are kept of one file, in bytes
 _KINDS: Final = 4096
+_SUMMARY_BYTES: Final = 1 << 26  # largest summary whose statistics are looked at
 Row = tuple[int, int, int, bytes]  # channel number, sequence as on disk, log time in ns, data
 
 
@@ -37,13 +38,17 @@ class BrokenRecordError(ValueError):
 
 
 @dataclass(slots=True)
-class Content:
-    """What a chunk holds, or a stretch of records outside chunks."""
+class RowBlock:
+    """Rows that stand together in a file and are whole: those of a chunk, or of a stretch of records outside chunks."""
 
-    channels: dict[int, Channel] = field(default_factory=dict)  # that it declares
+    channels: dict[int, Channel] = field(default_factory=dict)  # that are declared there, or before it
     rows: list[Row] = field(default_factory=list)  # messages, in order
     # the message index: per channel, log time and offset of its messages in turn
     entries: dict[int, list[int]] = field(default_factory=dict)
+    counts: dict[int, int] = field(default_factory=dict)  # rows per channel by the statistics of a summary
+    offset: int = 0  # of a chunk
+    after: int = 0  # and where it ends
+    times_hold: bool = True  # whether the times at its head are those of its rows
 
 
 class RecordParser:
@@ -53,10 +58,10 @@ class RecordParser:
         self._known: dict[tuple[bytes, bytes], Channel] = {}
         self._kept = 0
 
-    def parse(self, content: bytes, schemas: dict[int, bytes] | None = None) -> Content:
+    def parse(self, content: bytes, schemas: dict[int, bytes] | None = None) -> RowBlock:
         """Schemas, channels and messages of whole records; `schemas`, bodies of those known from elsewhere, grow."""
         stay = schemas is not None
-        parsed, schemas, at, end = Content(), {} if schemas is None else schemas, 0, len(content)
+        block, schemas, at, end = RowBlock(), {} if schemas is None else schemas, 0, len(content)
         head, message = layout.RECORD_HEAD.unpack_from, layout.MESSAGE_HEAD.unpack_from
         try:
             while at < end:
@@ -68,19 +73,22 @@ class RecordParser:
                     if length < 22:
                         raise BrokenRecordError("a message in it is too short")
                     _, _, channel, sequence, log_time, _ = message(content, at)
-                    parsed.rows.append((channel, sequence, log_time, content[at + 31 : after]))
-                    parsed.entries.setdefault(channel, []).extend((log_time, at))
+                    block.rows.append((channel, sequence, log_time, content[at + 31 : after]))
+                    block.entries.setdefault(channel, []).extend((log_time, at))
                 elif opcode == Opcode.SCHEMA:
                     number, body = _number(content, at), content[at + 9 : after]
                     if stay and schemas.get(number) != body:
                         self._keep(len(body))
                     schemas[number] = body
                 elif opcode == Opcode.CHANNEL:
-                    parsed.channels[_number(content, at)] = self._channel(content[at + 9 : after], schemas)
+                    block.channels[_number(content, at)] = self._channel(content[at + 9 : after], schemas)
+                elif opcode == Opcode.STATISTICS:
+                    statistics = records.Statistics.read(layout.stream(content[at + 9 : after]))
+                    block.counts = statistics.channel_message_counts
                 at = after
-        except struct.error as error:
+        except (struct.error, McapError) as error:
             raise BrokenRecordError("a record in it is cut off") from error
-        return parsed
+        return block
 
     def _keep(self, size: int) -> None:
         self._kept += size
@@ -93,8 +101,8 @@ class RecordParser:
         if channel is None:
             self._keep(len(schema) + len(body))
             try:
-                channel = Channel.parse(body, parse_schema(schema) if schema else None)
-            except (McapError, ValueError, struct.error) as error:
+                channel = Channel.parse(body, schema)
+            except layout.UNREADABLE as error:
                 raise BrokenRecordError("a channel in it cannot be read") from error
             if len(self._known) >= _KINDS:
                 self._known.clear()
@@ -108,45 +116,31 @@ def _number(content: bytes, at: int) -> int:
 
 def inflate(stored: bytes, compression: bytes, size: int) -> bytes:
     """Content of a chunk; BrokenRecordError unless it is `size` bytes, and never more is unpacked."""
-    if compression == b"":
-        content = stored
-    elif compression == b"zstd":
-        content = _inflate_zstd(stored, size)
-    elif compression == b"lz4":
-        content = _inflate_lz4(stored, size)
-    else:
-        raise BrokenRecordError(f"the compression {compression!r} is not known")
-    if len(content) != size:
-        raise BrokenRecordError(f"the chunk does not inflate to the {size} bytes that it states")
-    return content
-
-
-def _inflate_zstd(stored: bytes, size: int) -> bytes:
-    from zstandard import ZstdDecompressor, ZstdError
-
-    pieces = []
+    pieces, remaining, reader = [], size, _reader(stored, compression)
     try:
-        with ZstdDecompressor(max_window_size=1 << 27).stream_reader(stored, read_across_frames=True) as reader:
-            while size >= 0 and (piece := reader.read(min(size + 1, 1 << 20))):
-                pieces.append(piece)
-                size -= len(piece)
-    except (ZstdError, MemoryError) as error:
-        raise BrokenRecordError("the chunk cannot be decompressed") from error
-    return b"".join(pieces)
-
-
-def _inflate_lz4(stored: bytes, size: int) -> bytes:
-    from lz4.frame import LZ4FrameDecompressor
-
-    pieces, reader, rest = [], LZ4FrameDecompressor(), stored
-    try:
-        while size >= 0 and not reader.eof and (piece := reader.decompress(rest, min(size + 1, 1 << 20))):
+        while remaining >= 0 and (piece := reader.read(min(remaining + 1, 1 << 20))):
             pieces.append(piece)
-            size -= len(piece)
-            rest = b""
-    except (RuntimeError, EOFError, MemoryError) as error:
+            remaining -= len(piece)
+    except Exception as error:  # each compression has errors of its own
         raise BrokenRecordError("the chunk cannot be decompressed") from error
+    if remaining:
+        raise BrokenRecordError(f"the chunk does not inflate to the {size} bytes that it states")
     return b"".join(pieces)
+
+
+def _reader(stored: bytes, compression: bytes) -> Any:
+    """Stream of what a chunk unpacks to."""
+    if compression == b"zstd":
+        from zstandard import ZstdDecompressor
+
+        return ZstdDecompressor(max_window_size=1 << 27).stream_reader(stored, read_across_frames=True)
+    if compression == b"lz4":
+        from lz4.frame import LZ4FrameFile
+
+        return LZ4FrameFile(BytesIO(stored))
+    if compression:
+        raise BrokenRecordError(f"the compression {compression!r} is not known")
+    return BytesIO(stored)
 
 
 WINDOW: Final = 1 << 20
@@ -242,29 +236,6 @@ def _candidates(source: FileBytes, start: int, pattern: re.Pattern[bytes]) -> It
         start, step = start + step, min(2 * step, WINDOW)
 
 
-_LARGEST = 1 << 24
-
-
-def rows_by_topic(source: FileBytes, at: int, end: int) -> dict[str, int]:
-    """Rows per topic by the statistics of a summary whose CRC holds, up to its end; empty where it has none."""
-    topics: dict[int, str] = {}
-    try:
-        while True:
-            opcode, length = layout.RECORD_HEAD.unpack(source.read(at, layout.RECORD_HEAD.size))
-            if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS) or length > min(_LARGEST, end - at):
-                return {}
-            body = ReadDataStream(BytesIO(source.read(at + layout.RECORD_HEAD.size, length)))
-            if opcode == Opcode.CHANNEL:
-                channel = records.Channel.read(body)
-                topics[channel.id] = channel.topic
-            elif opcode == Opcode.STATISTICS:
-                counts = records.Statistics.read(body).channel_message_counts
-                return {topics[channel]: count for channel, count in counts.items() if channel in topics}
-            at += layout.RECORD_HEAD.size + length
-    except (McapError, ValueError, struct.error):  # its CRC holds, but no recorder wrote that
-        return {}
-
-
 @dataclass(frozen=True, slots=True)
 class Damage:
     """A place where a file does not hold what was written."""
@@ -285,22 +256,6 @@ class Damage:
 
 
 _DATA_END = layout.RECORD_HEAD.pack(Opcode.DATA_END, layout.CRC.size)
-
-
-@dataclass(frozen=True, slots=True)
-class RowBlock:
-    """Rows that stand together in a file and are whole."""
-
-    offset: int
-    channels: dict[int, Channel]
-    rows: list[Row]
-
-
-@dataclass(frozen=True, slots=True)
-class _Chunk:
-    content: Content
-    after: int
-    times_hold: bool
 
 
 class Scan:
@@ -366,9 +321,9 @@ class Scan:
         elif self._ours and not (opcode == Opcode.HEADER and at == len(layout.MAGIC)):
             raise BrokenRecordError("this is not a record that the recorder writes here")
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE) and not self._ours:
-            content = self._parser.parse(self._source.read(at, 9 + length), self._schemas)  # outside chunks
-            self.unchecked += len(content.rows)
-            blocks = self._foreign_rows(at, content)
+            block = self._parser.parse(self._source.read(at, 9 + length), self._schemas)  # outside chunks
+            self.unchecked += len(block.rows)
+            blocks = self._foreign_rows(block)
         return blocks, after
 
     def _metadata(self, at: int, length: int) -> list[RowBlock | Damage]:
@@ -398,26 +353,26 @@ class Scan:
 
     # --- rows ---------------------------------------------------------------------------------------------------
 
-    def _foreign_rows(self, at: int, content: Content) -> list[RowBlock | Damage]:
+    def _foreign_rows(self, block: RowBlock) -> list[RowBlock | Damage]:
         """Rows of other programs' files, whose channels may have been declared earlier."""
-        self._channels.update(content.channels)
-        rows = [row for row in content.rows if row[0] in self._channels]
-        self.orphans += len(content.rows) - len(rows)
-        return [RowBlock(at, self._channels, rows)] if rows else []
+        self._channels.update(block.channels)
+        rows = [row for row in block.rows if row[0] in self._channels]
+        self.orphans += len(block.rows) - len(rows)
+        return [replace(block, channels=self._channels, rows=rows)] if rows else []
 
     def _block(self, at: int) -> tuple[list[RowBlock | Damage], int]:
         chunk = self.chunk(at)
         if not self._ours:
-            return self._foreign_rows(at, chunk.content), chunk.after
-        blocks: list[RowBlock | Damage] = [RowBlock(at, chunk.content.channels, chunk.content.rows)]
+            return self._foreign_rows(chunk), chunk.after
+        blocks: list[RowBlock | Damage] = [chunk]
         if not chunk.times_hold:
             blocks.append(self._damage(at + 9, 16, "the times at a chunk's head are wrong; its rows are whole"))
         after, damage = self._index(chunk)
         return blocks + damage, after
 
-    def _index(self, chunk: _Chunk) -> tuple[int, list[RowBlock | Damage]]:
+    def _index(self, chunk: RowBlock) -> tuple[int, list[RowBlock | Damage]]:
         """Compare the message indexes behind a chunk with what they must be; they have no CRC."""
-        index = b"".join(layout.index_records(chunk.content.entries).values())
+        index = b"".join(layout.index_records(chunk.entries).values())
         there = self._source.read(chunk.after, len(index))
         end = chunk.after + len(there)
         if there == index or not there:
@@ -432,13 +387,13 @@ class Scan:
         """Whether a chunk that is wanted, and whole, stands at an offset."""
         unchecked = self.unchecked
         try:
-            return bool(self.chunk(at).content.rows)
+            return bool(self.chunk(at).rows)
         except BrokenRecordError:
             return False
         finally:
             self.unchecked = unchecked
 
-    def chunk(self, at: int) -> _Chunk:
+    def chunk(self, at: int) -> RowBlock:
         """Read a chunk and check it; BrokenRecordError where it is not whole, or not of this recording."""
         head = self._source.read(at, layout.CHUNK_HEAD.size)
         if len(head) < layout.CHUNK_HEAD.size:
@@ -466,15 +421,15 @@ class Scan:
                 raise BrokenRecordError("the CRC of a chunk does not match")
         else:
             self.unchecked += 1
-        parsed = self._parser.parse(content, None if self._ours else self._schemas)
+        block = self._parser.parse(content, None if self._ours else self._schemas)
         if self._ours:
-            self._belongs(parsed)
-        times = [row[2] for row in parsed.rows]
-        return _Chunk(parsed, after, not times or (first, last) == (min(times), max(times)))
+            self._belongs(block)
+        times = [row[2] for row in block.rows]
+        return replace(block, offset=at, after=after, times_hold=not times or (first, last) == (min(times), max(times)))
 
-    def _belongs(self, content: Content) -> None:
-        of = content.channels.values()
-        if not content.rows or not content.entries.keys() <= content.channels.keys():
+    def _belongs(self, block: RowBlock) -> None:
+        of = block.channels.values()
+        if not block.rows or not block.entries.keys() <= block.channels.keys():
             raise BrokenRecordError("a chunk is not self-contained")
         if len({channel.topic for channel in of}) < len(of):
             raise BrokenRecordError("a chunk has two channels of one topic")
@@ -504,7 +459,10 @@ class Scan:
         if (footer := next(footers, None)) is None:
             raise BrokenRecordError("the summary is damaged, or bytes follow the end")
         self.clean = True
-        self.counts = rows_by_topic(self._source, at, footer) if self._ours else {}
+        if self._ours and footer - at <= _SUMMARY_BYTES:
+            with suppress(BrokenRecordError):  # its CRC holds, but no recorder wrote that
+                summary = self._parser.parse(self._source.read(at, footer - at))
+                self.counts = {channel.topic: summary.counts.get(i, 0) for i, channel in summary.channels.items()}
         return footer + layout.FOOTER_SIZE + len(layout.MAGIC)
 
 
@@ -539,7 +497,7 @@ def identify(path: Path) -> Identity:
         at, summary = next_landmark(source, 0, scan.is_chunk, checked=True)
         recording = None
         if at < source.size and summary is None:  # that of the first whole chunk
-            recording = next(iter(scan.chunk(at).content.channels.values())).recording
+            recording = next(iter(scan.chunk(at).channels.values())).recording
         if recording is None and magic != layout.MAGIC:
             raise DecodeError(
                 f"{path} is not an MCAP file: it begins with {magic!r}, not with {layout.MAGIC!r}, and holds no "
