@@ -8,7 +8,7 @@ begins with -1 (Imu.msg), and values of zero; a covariance that is not known is 
 of its sample, or its time where UTC is not known; samples of the magnetometer and the thermometer are messages of their
 own, where they have a value.
 
-Messages and bags are written by the package rosbags, which needs no ROS.
+Bags are written by the package rosbags, which needs no ROS.
 """
 
 import heapq
@@ -31,22 +31,22 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import ros
 from plumbob.files.foreign.ros_bags import METADATA
+from plumbob.protocols.attitude.ros2 import CDR, ROS1, header_and_numbers
 from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_multiply, quat_to_xyzw
 
 _LAST_NS: Final = (1 << 31) * 10**9  # stamps of ROS 2 have 32 bits with a sign for seconds
-_UNKNOWN: Final = np.zeros(9)
 _SIGNS: Final = np.array([1.0, -1.0, -1.0])
 _HALF_TURN: Final = np.array([0.0, 1.0, 0.0, 0.0])  # between forward-left-up and forward-right-down
 _ABSENT: Final = np.array([-1.0, *[0.0] * 8])
 
 
 class _Row(NamedTuple):
-    """A message: when, on which topic, of which type, and what makes it."""
+    """A message: when, on which topic, of which type, and its bytes."""
 
     t_ns: int
     topic: str
     kind: str
-    message: Any
+    data: bytes
 
 
 def write_bag(path: Path, recording: Recording, overwrite: bool = False) -> None:
@@ -54,12 +54,11 @@ def write_bag(path: Path, recording: Recording, overwrite: bool = False) -> None
     store = _store("ROS1_NOETIC")
     from rosbags.rosbag1 import Writer
 
-    rows = _rows(recording, store, first=True)
+    rows = _rows(recording, ROS1)
     with replacing(path, overwrite=overwrite, seeks=True) as temporary:
         temporary.unlink()  # the writer insists on a name that is free
         with Writer(temporary) as bag:
-            add = partial(bag.add_connection, typestore=store)
-            _send(rows, add, bag.write, store.serialize_ros1)
+            _send(rows, partial(bag.add_connection, typestore=store), bag.write)
 
 
 def write_rosbag2(path: Path, recording: Recording, overwrite: bool = False) -> None:
@@ -67,13 +66,12 @@ def write_rosbag2(path: Path, recording: Recording, overwrite: bool = False) -> 
     store = _store("ROS2_HUMBLE")
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-    rows = _rows(recording, store)
+    rows = _rows(recording)
     with replacing_folder(path, overwrite=overwrite, known=is_rosbag2) as folder:
         bag = Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP)
         bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         with bag:
-            add = partial(bag.add_connection, typestore=store)
-            _send(rows, add, bag.write, store.serialize_cdr)
+            _send(rows, partial(bag.add_connection, typestore=store), bag.write)
 
 
 def is_rosbag2(path: Path) -> bool:
@@ -87,7 +85,7 @@ def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> Non
     store = _store("ROS2_HUMBLE")
     from mcap.writer import Writer
 
-    rows = _rows(recording, store)
+    rows = _rows(recording)
     with replacing(path, overwrite=overwrite, seeks=True) as temporary, temporary.open("wb") as file:
         mcap = Writer(file)
         mcap.start(profile="ros2", library="plumbob")
@@ -98,9 +96,9 @@ def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> Non
             return mcap.register_channel(topic, "cdr", schema, {"offered_qos_profiles": ""})
 
         def write(channel: int, t_ns: int, data: bytes) -> None:
-            mcap.add_message(channel, t_ns, bytes(data), t_ns)
+            mcap.add_message(channel, t_ns, data, t_ns)
 
-        _send(rows, add, write, store.serialize_cdr)
+        _send(rows, add, write)
         mcap.finish()  # type: ignore[no-untyped-call]
 
 
@@ -115,14 +113,12 @@ def _store(name: str) -> Any:
     return get_typestore(Stores[name])
 
 
-def _send(
-    rows: Iterable[_Row], add: Callable[..., Any], write: Callable[..., Any], serialize: Callable[..., Any]
-) -> None:
+def _send(rows: Iterable[_Row], add: Callable[..., Any], write: Callable[..., Any]) -> None:
     channels: dict[str, Any] = {}
     for row in rows:
         if row.topic not in channels:
             channels[row.topic] = add(row.topic, row.kind)
-        write(channels[row.topic], row.t_ns, serialize(row.message, row.kind))
+        write(channels[row.topic], row.t_ns, row.data)
 
 
 def turned(recording: Recording) -> tuple[Recording, list[str]]:
@@ -145,9 +141,8 @@ def turned(recording: Recording) -> tuple[Recording, list[str]]:
     return replace(recording, imu=imu, track=track), [note]
 
 
-def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Row]:
+def _rows(recording: Recording, encoding: str = CDR) -> Iterator[_Row]:
     """Messages in the order of time; their stamps are judged before the first is made."""
-    make = _RosMessages(store, first)
     recording, _ = turned(recording)
     track = recording.track
     if recording.array is not None:
@@ -160,17 +155,23 @@ def _rows(recording: Recording, store: Any, first: bool = False) -> Iterator[_Ro
         units = {"/imu": (frame, recording.imu)}
     else:
         assert track is not None
-        stamps = _stamps(to_ns(track.t))
-        return make.imu("/imu/data", stamps, "imu_link", None, track)
+        return _messages(encoding, "/imu/data", "Imu", "imu_link", to_ns(track.t), _imu_numbers(None, track))
     streams = []
     for topic, (frame, imu) in units.items():
-        stamps = _stamps(imu.t_ns + imu.meta.t0_ns)
+        stamps = imu.t_ns + imu.meta.t0_ns
         attitude = track if track is not None and np.array_equal(track.t, imu.t) else None
-        streams.append(make.imu(f"{topic}/{'data_raw' if attitude is None else 'data'}", stamps, frame, imu, attitude))
-        if imu.mag is not None:
-            streams.append(make.mag(f"{topic}/mag", stamps, frame, imu.mag))
-        if imu.temp_c is not None:
-            streams.append(make.temperature(f"{topic}/temperature", stamps, frame, imu.temp_c))
+        name, numbers = f"{topic}/{'data_raw' if attitude is None else 'data'}", _imu_numbers(imu, attitude)
+        streams.append(_messages(encoding, name, "Imu", frame, stamps, numbers))
+        fields = None if imu.mag is None else from_si(imu.mag, "T")
+        temperatures = None if imu.temp_c is None else imu.temp_c[:, np.newaxis]
+        for name, kind, values, covs in (
+            ("mag", "MagneticField", fields, 9),
+            ("temperature", "Temperature", temperatures, 1),
+        ):
+            if values is not None:  # a message where there is a value; its covariance is not known
+                some = ~np.isnan(values).all(axis=1)
+                numbers = np.pad(values[some], ((0, 0), (0, covs)))
+                streams.append(_messages(encoding, f"{topic}/{name}", kind, frame, stamps[some], numbers))
     return heapq.merge(*streams, key=lambda row: row.t_ns)
 
 
@@ -180,88 +181,35 @@ def _name(text: str) -> str:
     return name if re.match(r"[A-Za-z]", name) else f"u{name}"
 
 
-def _stamps(t_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    if int(t_ns[0]) < 0 or int(t_ns[-1]) >= _LAST_NS:
+def _messages(
+    encoding: str, topic: str, kind: str, frame: str, stamps: NDArray[np.int64], numbers: Floats
+) -> Iterator[_Row]:
+    """A message of sensor_msgs for each row of numbers (N, K)."""
+    if stamps.size and (int(stamps[0]) < 0 or int(stamps[-1]) >= _LAST_NS):
         raise ClockError("its times lie before 1970 or after 2038, which ROS stamps cannot hold.")
-    return t_ns
+    rows = zip(stamps.tolist(), numbers.astype("<f8"), strict=True)
+    return (
+        _Row(t_ns, topic, f"sensor_msgs/msg/{kind}", header_and_numbers(encoding, t_ns, frame, row.tobytes()))
+        for t_ns, row in rows
+    )
 
 
-class _RosMessages:
-    """Messages of a version of ROS, one for each row of arrays."""
-
-    def __init__(self, store: Any, first: bool) -> None:
-        self._types = {name.rpartition("/")[2]: kind for name, kind in store.types.items() if _NEEDED.fullmatch(name)}
-        self._first = first
-
-    def _header(self, t_ns: int, frame: str) -> Any:
-        stamp = self._types["Time"](sec=t_ns // 10**9, nanosec=t_ns % 10**9)
-        counter = {"seq": 0} if self._first else {}
-        return self._types["Header"](stamp=stamp, frame_id=frame, **counter)
-
-    def imu(
-        self, topic: str, stamps: NDArray[np.int64], frame: str, imu: ImuData | None, track: AttitudeTrack | None
-    ) -> Iterator[_Row]:
-        """Rates, specific forces, and an orientation where there is one."""
-        kind, vector, quaternion = self._types["Imu"], self._types["Vector3"], self._types["Quaternion"]
-        gyr = _triads(None if imu is None else imu.gyr, len(stamps))
-        acc = _triads(None if imu is None else imu.acc, len(stamps))
-        for t_ns, (rate, rate_cov), (force, force_cov), (xyzw, cov) in zip(
-            stamps.tolist(), gyr, acc, _orientations(track, len(stamps)), strict=True
-        ):
-            message = kind(
-                header=self._header(t_ns, frame),
-                orientation=quaternion(*xyzw),
-                orientation_covariance=cov,
-                angular_velocity=vector(*rate),
-                angular_velocity_covariance=rate_cov,
-                linear_acceleration=vector(*force),
-                linear_acceleration_covariance=force_cov,
-            )
-            yield _Row(t_ns, topic, "sensor_msgs/msg/Imu", message)
-
-    def mag(self, topic: str, stamps: NDArray[np.int64], frame: str, mag: Floats) -> Iterator[_Row]:
-        """Fields, T, where there is one."""
-        some = ~np.isnan(mag).all(axis=1)
-        kind, vector = self._types["MagneticField"], self._types["Vector3"]
-        for t_ns, field in zip(stamps[some].tolist(), from_si(mag[some], "T").tolist(), strict=True):
-            message = kind(
-                header=self._header(t_ns, frame), magnetic_field=vector(*field), magnetic_field_covariance=_UNKNOWN
-            )
-            yield _Row(t_ns, topic, "sensor_msgs/msg/MagneticField", message)
-
-    def temperature(self, topic: str, stamps: NDArray[np.int64], frame: str, temp_c: Floats) -> Iterator[_Row]:
-        """Temperatures, °C, where there is one."""
-        some = np.isfinite(temp_c)
-        for t_ns, value in zip(stamps[some].tolist(), temp_c[some].tolist(), strict=True):
-            message = self._types["Temperature"](header=self._header(t_ns, frame), temperature=value, variance=0.0)
-            yield _Row(t_ns, topic, "sensor_msgs/msg/Temperature", message)
-
-
-_NEEDED: Final = re.compile(
-    r"builtin_interfaces/msg/Time|std_msgs/msg/Header|geometry_msgs/msg/(Vector3|Quaternion)"
-    r"|sensor_msgs/msg/(Imu|MagneticField|Temperature)"
-)
-
-
-def _triads(values: Floats | None, count: int) -> Iterator[tuple[list[float], Floats]]:
-    """Values of each row and their covariance; zeros, said to be absent, where there is none at all."""
-    if values is None:
-        yield from (([0.0] * 3, _ABSENT) for _ in range(count))
-        return
-    absent: NDArray[np.bool_] = np.asarray(np.isnan(values).all(axis=1))
-    filled = np.where(absent[:, np.newaxis], 0.0, values)
-    yield from zip(filled.tolist(), (_ABSENT if gone else _UNKNOWN for gone in absent.tolist()), strict=True)
-
-
-def _orientations(track: AttitudeTrack | None, count: int) -> Iterator[tuple[list[float], Floats]]:
-    """Quaternion xyzw in ENU and its covariance about the axes of the world, of each row."""
+def _imu_numbers(imu: ImuData | None, track: AttitudeTrack | None) -> Floats:
+    """Quaternions xyzw in ENU, rates and specific forces, with their covariances about the axes of world and body."""
+    count = len(imu if track is None else track)  # type: ignore[arg-type]
+    parts: list[Floats] = []
     if track is None:
-        yield from (([0.0, 0.0, 0.0, 1.0], _ABSENT) for _ in range(count))
-        return
-    q_nb = change_frame(track.q_nb, to=Frame.ENU, from_=track.frame)
-    covs: Iterable[Floats] = (_UNKNOWN for _ in range(count))
-    if track.cov_b is not None:
-        c_nb = dcm_from_quat(q_nb)
-        covs = np.nan_to_num(c_nb @ track.cov_b @ np.swapaxes(c_nb, 1, 2)).reshape(-1, 9)
-    for xyzw, cov, valid in zip(quat_to_xyzw(q_nb).tolist(), covs, track.known.tolist(), strict=True):
-        yield (xyzw, cov) if valid else ([0.0, 0.0, 0.0, 1.0], _ABSENT)
+        parts += [np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)), np.tile(_ABSENT, (count, 1))]
+    else:
+        q_nb = change_frame(track.q_nb, to=Frame.ENU, from_=track.frame)
+        covs = np.zeros((count, 9))
+        if track.cov_b is not None:
+            c_nb = dcm_from_quat(q_nb)
+            covs = np.nan_to_num(c_nb @ track.cov_b @ np.swapaxes(c_nb, 1, 2)).reshape(-1, 9)
+        valid = track.known[:, np.newaxis]
+        parts += [np.where(valid, quat_to_xyzw(q_nb), [0.0, 0.0, 0.0, 1.0]), np.where(valid, covs, _ABSENT)]
+    for triad in (None, None) if imu is None else (imu.gyr, imu.acc):
+        values = np.full((count, 3), np.nan) if triad is None else triad
+        absent = np.isnan(values).all(axis=1, keepdims=True)
+        parts += [np.where(absent, 0.0, values), np.where(absent, _ABSENT, 0.0)]
+    return np.concatenate(parts, axis=1)

@@ -7,7 +7,6 @@ sensor_msgs/msg/Imu]. CDR here is little-endian, aligned behind its four bytes o
 """
 
 import struct
-from collections.abc import Sequence
 from typing import IO, Any, Final, cast
 
 import numpy as np
@@ -16,6 +15,8 @@ from plumbob.core.constants import ROS_LINE, ROS_STAMPED
 from plumbob.protocols.attitude import AttitudeSample
 from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_from_rotvec, quat_multiply
 
+CDR: Final = "cdr"
+ROS1: Final = "ros1"
 TYPE: Final = "sensor_msgs/msg/Imu"
 DEFINITION: Final = f"""\
 std_msgs/Header header
@@ -44,28 +45,24 @@ _FLU: Final = np.array([1.0, -1.0, -1.0])
 
 def imu(a: AttitudeSample, frame_id: str = "imu_link") -> bytes:
     """The message; an attitude that is not reliable is absent from it."""
-    quaternion: Sequence[float] = (0.0, 0.0, 0.0, 1.0)
-    cov: Sequence[float] = _ABSENT
+    values = [0.0, 0.0, 0.0, 1.0, *_ABSENT]
     if a.reliable and a.q_nb is not None:
         half = quat_from_rotvec(np.array([np.pi, 0.0, 0.0]))
         q = change_frame(a.q_nb, to=Frame.ENU, from_=Frame.NED)
         w, x, y, z = quat_multiply(q, half).tolist()
-        quaternion, c_nb = (x, y, z, w), dcm_from_quat(q)
+        c_nb = dcm_from_quat(q)
         cov = _UNKNOWN if a.cov_b is None else (c_nb @ np.reshape(a.cov_b, (3, 3)) @ c_nb.T).ravel().tolist()
-    rates, rate_cov = _vector(a.rates_b)
-    force, force_cov = _vector(a.acc_b)
-    seconds, ns = divmod(a.t_ns, 1_000_000_000)
-    name = frame_id.encode() + b"\0"
-    head = struct.pack("<iII", seconds, ns, len(name)) + name
-    head += b"\0" * (-len(head) % 8)
-    values = (*quaternion, *cov, *rates, *rate_cov, *force, *force_cov)
-    return b"\0\1\0\0" + head + struct.pack(f"<{len(values)}d", *values)
+        values = [x, y, z, w, *cov]
+    for frd in (a.rates_b, a.acc_b):
+        values += (0.0, 0.0, 0.0, *_ABSENT) if frd is None else (*(np.asarray(frd) * _FLU + 0.0).tolist(), *_UNKNOWN)
+    return header_and_numbers(CDR, a.t_ns, frame_id, struct.pack(f"<{len(values)}d", *values))
 
 
-def _vector(frd: Sequence[float] | None) -> tuple[Sequence[float], Sequence[float]]:
-    if frd is None:
-        return (0.0, 0.0, 0.0), _ABSENT
-    return (np.asarray(frd) * _FLU + 0.0).tolist(), _UNKNOWN
+def header_and_numbers(encoding: str, t_ns: int, frame_id: str, numbers: bytes) -> bytes:
+    """A message of std_msgs/Header and float64, in `CDR`, or in `ROS1`: without padding, behind a counter."""
+    name = frame_id.encode() + (b"\0" if encoding == CDR else b"")
+    head = struct.pack("<iII", *divmod(t_ns, 1_000_000_000), len(name)) + name
+    return b"\0\1\0\0" + head + bytes(-len(head) % 8) + numbers if encoding == CDR else bytes(4) + head + numbers
 
 
 class _Drain:
