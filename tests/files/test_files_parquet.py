@@ -244,9 +244,12 @@ def test_what_is_no_recording_or_another_than_its_header_says_is_refused(tmp_pat
     refused(read_parquet, path, match=match, error=error, name=str(path))
 
 
-def test_a_forged_file_is_read_where_nothing_is_wrong(tmp_path):
+def test_a_forged_file_is_read_and_a_fault_of_the_program_is_not_called_damage(tmp_path, monkeypatch):
     pq.write_table(sealed(BOTH, CONTENT), tmp_path / "a.parquet")
     assert_same(CASES["both"], read_parquet(tmp_path / "a.parquet"))
+    monkeypatch.delattr(header, "load")
+    with pytest.raises(AttributeError):
+        read_parquet(tmp_path / "a.parquet")
 
 
 def integer(value):

@@ -144,6 +144,8 @@ def profile_text(form: "Format", message: "Message", unit: str | None, time: str
 
 def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     """Recording of a Parquet table that carries its profile; errors as of `text.read_text`."""
+    import pyarrow as pa
+
     from plumbob.files.profile import parse_profile
     from plumbob.files.text import table_recording
     from plumbob.files.text_table import TextTable
@@ -151,8 +153,9 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     text = (parquet.metadata.metadata or {})[KEY].decode("utf-8", "replace")
     profile = parse_profile(text, origin="in its metadata")
     refs = [str(ref) for ref in profile.used]
-    if missing := [ref for ref in refs if ref not in parquet.schema_arrow.names]:
-        raise DecodeError(f"it has no column {missing[0]}, which its own profile names; decode the bytes again.")
+    if wrong := [ref for ref in refs if parquet.schema_arrow.names.count(ref) != 1]:
+        which = f"{'several columns' if wrong[0] in parquet.schema_arrow.names else 'no column'} {wrong[0]}"
+        raise DecodeError(f"it has {which}, which its own profile names; decode the bytes again.")
     rows = parquet.metadata.num_rows
     if rows < 1 or 8 * rows * len(refs) > (16 << 20) + _MOST_BYTES * file.stat().st_size:
         raise DecodeError(f"it claims {rows} rows in {file.stat().st_size} bytes, which cannot be; decode again.")
@@ -162,6 +165,6 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     numbers: dict[Any, Any] = {
         ref: np.asarray(column_numbers(table.column(ref)), dtype=np.float64) for ref in refs if ref not in words
     }
-    texts: dict[Any, Any] = {ref: table.column(ref).to_pylist() for ref in words}
+    texts: dict[Any, Any] = {ref: table.column(ref).cast(pa.string()).to_pylist() for ref in words}
     decoded = TextTable(numbers, Decimal(0), rows, (), texts, lambda row: row + 1)
     return table_recording(profile, decoded, file.stem, info("source.profile_inside"))

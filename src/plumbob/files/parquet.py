@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, PlumbobError, one_line
+from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.files import existing_file, read_in_parts, reading, replacing, require_room
 from plumbob.core.findings import lasting
 from plumbob.core.time import is_gap, to_ns, to_s
@@ -279,22 +279,18 @@ class Stored(ImuData):
     @property
     def t_ns(self) -> NDArray[np.int64]:
         """Time since the start, integer ns."""
-        stamps = np.empty(self._rows, dtype=np.int64)
-        for rows, part in self._times():
-            stamps[rows] = part
-        return stamps
+        return self._times(np.empty(self._rows, dtype=np.int64), lambda stamps: stamps)
 
     @property
     def t(self) -> Floats:
         """Time since the start, s."""
-        seconds = np.empty(self._rows)
-        for rows, part in self._times():
-            seconds[rows] = to_s(part)
-        return seconds
+        return self._times(np.empty(self._rows), to_s)
 
-    def _times(self) -> Iterator[tuple[slice, NDArray[np.int64]]]:
+    def _times(self, times: NDArray[Any], convert: Callable[[NDArray[np.int64]], NDArray[Any]]) -> NDArray[Any]:
+        """Times filled in from the file, part by part."""
         for at, columns in read_in_parts(self._file, _batches(self._file, (TIME,))):
-            yield slice(at, at + columns[TIME].size), columns[TIME]
+            times[at : at + columns[TIME].size] = convert(columns[TIME])
+        return times
 
     gyr: Any = _of_all("gyr")
     acc: Any = _of_all("acc")
@@ -383,8 +379,10 @@ def _load(
 def _open(file: Path, **how: Any) -> "Iterator[pq.ParquetFile]":
     """File whose table of contents, whose size stands before the last four bytes, is not larger than that of a year.
 
-    Whatever Arrow finds wrong in it, when it opens the file or later, is said in one line.
+    Whatever Arrow finds wrong in it, when it opens the file or later, is said in one line; other errors stay what they
+    are.
     """
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
     size = file.stat().st_size
@@ -400,9 +398,7 @@ def _open(file: Path, **how: Any) -> "Iterator[pq.ParquetFile]":
         limits: Any = {"thrift_string_size_limit": _CONTENTS_BYTES, "thrift_container_size_limit": _THRIFT_ITEMS}
         with pq.ParquetFile(file, **limits, **how) as parquet:
             yield parquet
-    except PlumbobError:
-        raise
-    except Exception as error:  # Arrow has a dozen types for damaged input
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # of all of Arrow's, two are Python's own
         raise DecodeError(
             f"it is not a Parquet file, or it is cut or damaged ({one_line(error)[:160].rstrip('.')}); use an intact "
             "copy."

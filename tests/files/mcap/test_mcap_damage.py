@@ -9,6 +9,7 @@ import tracemalloc
 import lz4.frame
 import pytest
 import zstandard
+from mcap import records
 from mcap.writer import CompressionType, Writer
 
 from plumbob.core.errors import DecodeError
@@ -210,10 +211,7 @@ def test_a_bomb_is_not_inflated(tmp_path, compression, claimed):
     writer = Writer(buffer)
     writer.start()
     raw = buffer.getvalue()
-    head = layout.CHUNK_HEAD.pack(
-        layout.Opcode.CHUNK, layout.chunk_length(len(compression), len(stored)), 0, 0, claimed, 1, len(compression)
-    )
-    chunk = head + compression.encode() + struct.pack("<Q", len(stored)) + stored
+    chunk = layout.encode(records.Chunk(compression, stored, 0, 0, uncompressed_crc=1, uncompressed_size=claimed))
     (tmp_path / "a.mcap").write_bytes(raw + chunk)
     log, got, peak = read_within(tmp_path / "a.mcap")
     assert got == []
@@ -247,10 +245,8 @@ def whole_chunk(path):
 
 
 FALSE = {
-    "footers whose summary is all before them": lambda rest: (
-        layout.RECORD_HEAD.pack(layout.Opcode.FOOTER, 20) + layout.FOOTER_BODY.pack(8, 0, 1) + layout.MAGIC
-    ),
-    "ends of the data": lambda rest: layout.RECORD_HEAD.pack(layout.Opcode.DATA_END, 4) + layout.CRC.pack(1),
+    "footers whose summary is all before them": lambda rest: layout.encode(records.Footer(8, 0, 1)) + layout.MAGIC,
+    "ends of the data": lambda rest: layout.encode(records.DataEnd(1)),
     "chunks up to the end of the file": lambda rest: (
         layout.CHUNK_HEAD.pack(layout.Opcode.CHUNK, layout.chunk_length(0, rest - 48), 0, 0, 1 << 20, 1, 0)
         + layout.SIZE.pack(rest - 48)
