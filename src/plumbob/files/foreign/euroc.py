@@ -32,7 +32,7 @@ from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns
 from plumbob.core.units import QUANTITY_BY_TRIAD, is_name
-from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.data import ImuData, ImuMeta
 from plumbob.data.array import UnitMount
 from plumbob.data.recording import Recording
 from plumbob.files.column_names import taken_apart
@@ -180,12 +180,18 @@ def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> No
             rate = 1.0 / float(np.median(np.diff(imu.t))) if len(imu) > 1 else 0.0
             sensor = _YAML.format(kind="imu", comment="", data=_pose(mount))
             sensor += f"rate_hz: {float(imu.meta.rate_nominal or rate)!r}\n"
-            _write(folder / "mav0" / f"imu{number}", sensor, _IMU, _samples(imu))
+            assert imu.gyr is not None and imu.acc is not None
+            samples = _lines(imu.t_ns + imu.meta.t0_ns, imu.gyr, imu.acc, valid=_complete(imu))
+            _write(folder / "mav0" / f"imu{number}", sensor, _IMU, samples)
         if (track := recording.track) is not None:
             t0_ns = next((imu.meta.t0_ns for imu in units.values()), 0)
             state = folder / "mav0" / "state_groundtruth_estimate0"
             sensor = _YAML.format(kind="visual-inertial", comment=_UNKNOWN, data=_pose(UnitMount()))
-            _write(state, sensor, _STATE, _states(track, t0_ns))
+            q_nb = change_frame(track.q_nb, to=Frame.ENU, from_=track.frame)
+            zero = np.zeros((len(track), 3))
+            bias_b = zero if track.bias_b is None else np.nan_to_num(track.bias_b)
+            lines = _lines(to_ns(track.t) + t0_ns, zero, q_nb, zero, bias_b, zero, valid=track.known)
+            _write(state, sensor, _STATE, lines)
 
 
 def is_euroc(path: Path) -> bool:
@@ -229,18 +235,7 @@ def _write(folder: Path, sensor: str, columns: Mapping[str, str], lines: Iterabl
         file.writelines(lines)
 
 
-def _samples(imu: ImuData) -> Iterator[str]:
-    assert imu.gyr is not None and imu.acc is not None
-    mask = _complete(imu)
-    table = np.concatenate((imu.gyr, imu.acc), axis=1)[mask].tolist()
-    for t_ns, row in zip((imu.t_ns + imu.meta.t0_ns)[mask].tolist(), table, strict=True):
-        yield f"{t_ns},{','.join(map(repr, row))}\n"
-
-
-def _states(track: AttitudeTrack, t0_ns: int) -> Iterator[str]:
-    valid = track.known
-    q_nb = change_frame(track.q_nb, to=Frame.ENU, from_=track.frame)[valid].tolist()
-    bias = np.zeros((len(track), 3)) if track.bias_b is None else np.nan_to_num(track.bias_b)
-    zeros = ",".join(["0.0"] * 3)
-    for t_ns, q, b in zip((to_ns(track.t) + t0_ns)[valid].tolist(), q_nb, bias[valid].tolist(), strict=True):
-        yield f"{t_ns},{zeros},{','.join(map(repr, q))},{zeros},{','.join(map(repr, b))},{zeros}\n"
+def _lines(t_ns: NDArray[np.int64], *columns: Floats, valid: NDArray[np.bool_]) -> Iterator[str]:
+    """Rows of stamps and of columns (N, k) beside each other, where they are valid."""
+    for stamp, row in zip(t_ns[valid].tolist(), np.concatenate(columns, axis=1)[valid].tolist(), strict=True):
+        yield f"{stamp},{','.join(map(repr, row))}\n"

@@ -14,9 +14,10 @@ settings say so.
 """
 
 from array import array
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,40 +34,44 @@ _DEVICE_ID, _CONFIGURATION, _PRODUCT_CODE, _OUTPUT_CONFIGURATION = 0x01, 0x0D, 0
 _MASTER: Final = 0xFF
 _LONG: Final = 0xFF
 _PART: Final = 1 << 20
-_VECTORS: Final = {0x4010: "VelInc", 0x4020: "Acc", 0x4040: "Acc", 0x8020: "Gyr", 0x8040: "Gyr", 0xC020: "Mag"}
 _QUATERNION, _MATRIX, _EULER = 0x2010, 0x2020, 0x2030
 _COUNTER, _TIME, _UTC, _STATUS = 0x1020, 0x1060, 0x1010, 0xE020
-_SNAPSHOTS: Final = (0xC810, 0xC820)
 _FRAMES: Final = {0x0: "ENU", 0x4: "NED", 0x8: "NWU"}
-_UTC_PARTS: Final = ("Nano", "Year", "Month", "Day", "Hour", "Minute", "Second", "Valid")
-_COLUMNS: Final[dict[int, tuple[str, ...]]] = {
-    0x0810: ("Temperature",),
-    _COUNTER: ("PacketCounter",),
-    _TIME: ("SampleTimeFine",),
-    _UTC: tuple(f"UTC_{part}" for part in _UTC_PARTS),
-    _QUATERNION: tuple(f"Quat_q{k}" for k in range(4)),
-    _MATRIX: tuple(f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3)),
-    _EULER: ("Roll", "Pitch", "Yaw"),
-    0x8030: tuple(f"OriInc_q{k}" for k in range(4)),
-    **{kind: tuple(f"{name}_{axis}" for axis in "XYZ") for kind, name in _VECTORS.items()},
-    _STATUS: ("StatusWord",),
-}  # columns that MT Manager makes of a block in its export
-_CHOICES: Final = ((0x8020, 0x8040, 0x8030), (0x4020, 0x4040, 0x4010), (_QUATERNION, _MATRIX, _EULER))
-_NAMES: Final = {
-    0x1070: "SampleTimeCoarse", 0x2010: "quaternion", 0x2020: "matrix", 0x2030: "Euler angles", 0x3010: "pressure",
-    0x4010: "velocity increments", 0x4020: "acceleration", 0x4030: "FreeAcceleration", 0x4040: "AccelerationHR",
-    0x5020: "altitude", 0x5040: "latitude and longitude", 0x7010: "GNSS solution", 0x7020: "GNSS satellites",
-    0x8020: "rate of turn", 0x8030: "orientation increments", 0x8040: "RateOfTurnHR", 0xA010: "raw counts",
-    0xC810: "Awinda snapshots", 0xC820: "full snapshots", 0xD010: "velocity",
-}  # fmt: skip
-_WHOLE: Final[dict[int, list[tuple[str, str]]]] = {
-    _COUNTER: [("PacketCounter", ">u2")],
-    _TIME: [("SampleTimeFine", ">u4")],
-    _UTC: list(zip(_UTC_PARTS, (">u4", ">u2", "u1", "u1", "u1", "u1", "u1", "u1"), strict=True)),
-    _STATUS: [("StatusWord", ">u4")],
+
+
+class _Kind(NamedTuple):
+    """What a block is called, the columns that MT Manager makes of it in its export, and types that it always has."""
+
+    name: str
+    columns: Sequence[str]
+    types: Sequence[str] = ()
+
+
+_UTC_COLUMNS: Final = [f"UTC_{part}" for part in ("Nano", "Year", "Month", "Day", "Hour", "Minute", "Second", "Valid")]
+_KINDS: Final = {  # blocks that are read, by identity without its lowest digit
+    0x0810: _Kind("block", ["Temperature"]),
+    _UTC: _Kind("block", _UTC_COLUMNS, [">u4", ">u2", *["u1"] * 6]),
+    _COUNTER: _Kind("block", ["PacketCounter"], [">u2"]),
+    _TIME: _Kind("block", ["SampleTimeFine"], [">u4"]),
+    _QUATERNION: _Kind("quaternion", [f"Quat_q{k}" for k in range(4)]),
+    _MATRIX: _Kind("matrix", [f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3)]),
+    _EULER: _Kind("Euler angles", ["Roll", "Pitch", "Yaw"]),
+    0x4010: _Kind("velocity increments", ["VelInc_X", "VelInc_Y", "VelInc_Z"]),
+    0x4020: _Kind("acceleration", ["Acc_X", "Acc_Y", "Acc_Z"]),
+    0x4040: _Kind("AccelerationHR", ["Acc_X", "Acc_Y", "Acc_Z"]),
+    0x8020: _Kind("rate of turn", ["Gyr_X", "Gyr_Y", "Gyr_Z"]),
+    0x8030: _Kind("orientation increments", [f"OriInc_q{k}" for k in range(4)]),
+    0x8040: _Kind("RateOfTurnHR", ["Gyr_X", "Gyr_Y", "Gyr_Z"]),
+    0xC020: _Kind("block", ["Mag_X", "Mag_Y", "Mag_Z"]),
+    _STATUS: _Kind("block", ["StatusWord"], [">u4"]),
 }
-_FRACTIONS: Final = {0: (">f4", 1.0), 1: (">i4", 2.0**-20), 3: (">f8", 1.0)}
-_SIZES: Final = {0: 4, 1: 4, 2: 6, 3: 8}
+_NAMES: Final = {
+    0x1070: "SampleTimeCoarse", 0x3010: "pressure", 0x4030: "FreeAcceleration", 0x5020: "altitude",
+    0x5040: "latitude and longitude", 0x7010: "GNSS solution", 0x7020: "GNSS satellites", 0xA010: "raw counts",
+    0xC810: "Awinda snapshots", 0xC820: "full snapshots", 0xD010: "velocity",
+} | {identity: kind.name for identity, kind in _KINDS.items()}  # fmt: skip
+_CHOICES: Final = ((0x8020, 0x8040, 0x8030), (0x4020, 0x4040, 0x4010), (_QUATERNION, _MATRIX, _EULER))
+_NUMBERS: Final[tuple[Any, ...]] = (">f4", ">i4", [("part", ">u4"), ("whole", ">i2")], ">f8")  # by precision
 _Block = tuple[int, int, int]  # identity, place in the data, and size
 
 
@@ -303,7 +308,7 @@ def _legacy(
 def _legacy_blocks(mode: int, settings: int) -> tuple[list[_Block], int]:
     """Blocks that a mode and its settings put one after another, under the identities of MTData2, and their bytes."""
     precision = settings >> 8 & 3
-    word = _SIZES[precision]
+    word = np.dtype(_NUMBERS[precision]).itemsize
     kind = precision | (0x4 if settings & 0x8000_0000 else 0x8)
     orientation = {0x0: (_QUATERNION | kind, 4 * word), 0x4: (_EULER | kind, 3 * word), 0x8: (_MATRIX | kind, 9 * word)}
     parts: list[tuple[bool, int, int]] = [
@@ -334,14 +339,14 @@ def _legacy_blocks(mode: int, settings: int) -> tuple[list[_Block], int]:
 
 def _fill(unit: XbusUnit, data: NDArray[np.uint8], groups: list[_Group], rate: float | None) -> None:
     """Columns of the blocks that are taken, a row for each packet; what is not taken is a note."""
-    held: dict[int, int] = {}
+    held = Counter[int]()
     for group in groups:
-        for identity in {kind for kind, _, _ in group.blocks}:
-            held[identity] = held.get(identity, 0) + group.rows.size
+        held.update(dict.fromkeys((kind for kind, _, _ in group.blocks), group.rows.size))
     frame = _frame(held)
-    there = {identity & ~0xF for identity in held if identity & ~0xF not in _CHOICES[2] or identity & 0xC == frame}
-    taken: set[int] = {choice for choices in _CHOICES for choice in [c for c in choices if c in there][:1]}
-    taken |= {identity & ~0xF for identity in held} & ({0x0810, 0xC020, _STATUS} | {_COUNTER, _TIME, _UTC})
+    usable = {identity for identity in held if identity & ~0xF not in _CHOICES[2] or identity & 0xC == frame}
+    taken = {identity & ~0xF for identity in usable} & _KINDS.keys()
+    for choices in _CHOICES:  # the first of those that say the same
+        taken -= {*[choice for choice in choices if choice in taken][1:]}
     rows = np.sort(np.concatenate([np.empty(0, np.int64), *(group.rows for group in groups)]))
     wrong: set[int] = set()
     for group in groups:
@@ -349,26 +354,22 @@ def _fill(unit: XbusUnit, data: NDArray[np.uint8], groups: list[_Group], rate: f
         once: set[int] = set()
         for identity, at, size in group.blocks:
             what = identity & ~0xF
-            if what not in taken or what in once or (what in _CHOICES[2] and identity & 0xC != frame):
+            if what not in taken or what in once or identity not in usable:
                 continue
             values = _values(data, group.begins + at, identity, size)
             if values is None:
                 wrong.add(identity)
                 continue
             once.add(what)
-            for column, part in zip(_COLUMNS[what], values.T, strict=True):
-                if column not in unit.columns:
-                    unit.columns[column] = np.full(rows.size, np.nan)
-                unit.columns[column][places] = part
+            for column, part in zip(_KINDS[what].columns, values.T, strict=True):
+                unit.columns.setdefault(column, np.full(rows.size, np.nan))[places] = part
     if wrong:
         unit.notes.append(warning("reading.damage_block_size", blocks=_listed(wrong)))
-    unused = {identity for identity in held if identity & ~0xF not in taken or identity & ~0xF not in _COLUMNS}
-    if unused:
+    if unused := {identity for identity in held if identity & ~0xF not in taken}:
         unit.notes.append(info("source.left_out", names=_listed(unused)))
     if not {"Gyr_X", "OriInc_q0", "Acc_X", "VelInc_X", "Mag_X"} & unit.columns.keys():
-        snapshots = (
-            "; only Xsens' software takes snapshots apart" if {kind & ~0xF for kind in held} & {*_SNAPSHOTS} else ""
-        )
+        packed = {identity & ~0xF for identity in held} & {0xC810, 0xC820}
+        snapshots = "; only Xsens' software takes snapshots apart" if packed else ""
         raise DecodeError(
             f"unit {unit.head.get('deviceid', '1')} has no rate, acceleration or magnetic field; it has "
             f"{_listed(held)}{snapshots}. Export the log as text with MT Manager (File, Export)."
@@ -378,36 +379,29 @@ def _fill(unit: XbusUnit, data: NDArray[np.uint8], groups: list[_Group], rate: f
     _timed(unit, rate)
 
 
-def _frame(held: dict[int, int]) -> int | None:
+def _frame(held: Mapping[int, int]) -> int | None:
     """Digit of the frame in which most attitudes of the best kind are."""
     for what in _CHOICES[2]:
-        counts = {identity & 0xC: count for identity, count in sorted(held.items()) if identity & ~0xF == what}
-        if counts:
+        if counts := {identity & 0xC: count for identity, count in sorted(held.items()) if identity & ~0xF == what}:
             return max(counts, key=lambda digit: counts[digit])
     return None
 
 
 def _values(data: NDArray[np.uint8], places: NDArray[np.int64], identity: int, size: int) -> Floats | None:
     """Numbers (N, k) of a block; None where its size is not that of its kind."""
-    what, precision = identity & ~0xF, identity & 3
-    width = len(_COLUMNS[what])
-    layout: Any
-    if what in _WHOLE:
-        layout = np.dtype(_WHOLE[what])
-        if size != layout.itemsize:
-            return None
-        fields = records(data, places, layout)
-        values = np.column_stack([fields[name].astype(np.float64) for name in layout.names])
-        if what == _UTC:
-            values[(fields["Valid"] & 0x04) == 0] = np.nan
-        return values
-    if size != width * _SIZES[precision]:
+    kind, precision = _KINDS[identity & ~0xF], identity & 3
+    types = kind.types or [_NUMBERS[precision]] * len(kind.columns)
+    layout = np.dtype([*zip(kind.columns, types, strict=True)])
+    if size != layout.itemsize:
         return None
-    if precision == 2:
-        fields = records(data, places, np.dtype([("v", [("part", ">u4"), ("whole", ">i2")], (width,))]))["v"]
-        return np.asarray(fields["whole"] + fields["part"] * 2.0**-32)
-    number, scale = _FRACTIONS[precision]
-    return np.asarray(records(data, places, np.dtype([("v", number, (width,))]))["v"].astype(np.float64) * scale)
+    fields = records(data, places, layout)
+    columns = [fields[name] for name in kind.columns]
+    if not kind.types and precision == 2:
+        columns = [column["whole"] + column["part"] * 2.0**-32 for column in columns]
+    values = np.column_stack(columns).astype(np.float64) * (2.0**-20 if not kind.types and precision == 1 else 1.0)
+    if identity & ~0xF == _UTC:
+        values[(fields["UTC_Valid"] & 0x04) == 0] = np.nan
+    return values
 
 
 def _timed(unit: XbusUnit, rate: float | None) -> None:

@@ -11,7 +11,9 @@ otherwise (Fusion, README).
 """
 
 import re
-from collections.abc import Mapping
+import struct
+from array import array
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -94,55 +96,43 @@ def _convention(answers: str) -> tuple[Frame, North, str]:
 def _of_log(raw: bytes, notes: list[Note]) -> tuple[_Messages, str]:
     """Messages by their letter, and the answers to commands."""
     answers: list[str] = []
-    bodies: dict[str, list[bytes]] = {letter: [] for letter in NUMBERS}
-    texts: dict[str, list[list[float]]] = {letter: [] for letter in NUMBERS}
+    rows = {letter: array("d") for letter in NUMBERS}  # time in µs and numbers, one message after another
     others = junk = 0
     lines = raw.split(b"\n")
     if lines.pop():
         notes.append(warning("reading.cut_last_message"))
     for line in lines:
         letter = chr(line[0] & 0x7F) if line else ""
-        if letter not in NUMBERS:
-            if line[:1] == b"{":
-                answers.append(line.decode("utf-8", "replace"))
-            is_other = line[:1] == b"{" or (letter != "" and letter in "IMQRALEHTBWSNFPKCY")
-            others, junk = others + is_other, junk + (not is_other)
-        elif line[0] & 0x80:
-            body = line if 0xDB not in line else line.replace(b"\xdb\xdc", b"\n").replace(b"\xdb\xdd", b"\xdb")
-            if len(body) == 9 + 4 * NUMBERS[letter]:
-                bodies[letter].append(body)
-            else:
-                junk += 1
-        elif numbers := _numbers(line, NUMBERS[letter]):
-            texts[letter].append(numbers)
-        else:
-            junk += 1
+        if letter in NUMBERS:
+            numbers = (_binary if line[0] & 0x80 else _ascii)(line, NUMBERS[letter])
+            rows[letter].extend(numbers)
+            junk += not numbers
+            continue
+        if line[:1] == b"{":
+            answers.append(line.decode("utf-8", "replace"))
+        is_other = line[:1] == b"{" or (letter != "" and letter in "IMQRALEHTBWSNFPKCY")
+        others, junk = others + is_other, junk + (not is_other)
     if others:
         notes.append(info("source.messages_left_out", others=others))
     if junk:
         notes.append(warning("reading.damage_ximu3", junk=junk))
-    return _joined(bodies, texts), "\n".join(answers)
+    tables = {letter: np.frombuffer(rows[letter]).reshape(-1, 1 + count) for letter, count in NUMBERS.items()}
+    return {letter: (_ns(table[:, 0]), table[:, 1:]) for letter, table in tables.items() if len(table)}, "\n".join(
+        answers
+    )
 
 
-def _joined(bodies: Mapping[str, list[bytes]], texts: Mapping[str, list[list[float]]]) -> _Messages:
-    """Binary and ASCII messages of each letter together."""
-    messages: _Messages = {}
-    for letter, count in NUMBERS.items():
-        layout = np.dtype([("id", "u1"), ("us", "<u8"), ("values", "<f4", (count,))])
-        rows = np.frombuffer(b"".join(bodies[letter]), layout)
-        table = np.array(texts[letter], dtype=np.float64).reshape(-1, 1 + count)
-        us = np.concatenate([rows["us"].astype(np.float64), table[:, 0]])
-        if us.size:
-            values = np.concatenate([rows["values"].reshape(-1, count).astype(np.float64), table[:, 1:]])
-            messages[letter] = (_ns(us), values)
-    return messages
+def _binary(line: bytes, count: int) -> Sequence[float]:
+    """Time and numbers of a binary message; none where it is not one."""
+    body = line.replace(b"\xdb\xdc", b"\n").replace(b"\xdb\xdd", b"\xdb") if 0xDB in line else line
+    return struct.unpack_from(f"<Q{count}f", body, 1) if len(body) == 9 + 4 * count else ()
 
 
-def _numbers(line: bytes, count: int) -> list[float] | None:
-    """Time and numbers of an ASCII message; None where it is not one."""
+def _ascii(line: bytes, count: int) -> Sequence[float]:
+    """Time and numbers of an ASCII message; none where it is not one."""
     cells = line.rstrip(b"\r").split(b",")[1:]
     if len(cells) != 1 + count or not all(re.fullmatch(rb"-?\d{1,19}(\.\d{1,12})?", cell) for cell in cells):
-        return None
+        return ()
     return [float(cell) for cell in cells]
 
 
