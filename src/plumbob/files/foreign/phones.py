@@ -69,7 +69,7 @@ def _app_reader(parts: Parts) -> Callable[[Parts], Recording] | None:
             return _sensor_logger
         if _is_sensorlog(names):
             return _sensorlog
-        if _is_phyphox(name, names):
+        if _phyphox_triads(name, names):
             return _phyphox
     return None
 
@@ -116,41 +116,32 @@ _PHYPHOX_COLUMN: Final = re.compile(r"(?:(?P<what>.*) )?(?P<axis>[xyz]) \((?P<un
 _PHYPHOX_UNITS: Final = {"rad/s": "gyr", "m/s^2": "acc", "m/s²": "acc", "µt": "mag", "μt": "mag", "ut": "mag"}
 
 
-def _is_phyphox(name: str, names: tuple[str, ...]) -> bool:
-    """Whether all names are as the app writes them: in its units, and axes behind a sensor's name in small letters."""
-    if not names or not names[0].endswith(" (s)") or not _phyphox_triads(name, names):
-        return False
-    axes = [_PHYPHOX_COLUMN.fullmatch(column) for column in names[1:]]
-    return all(
-        match["unit"].lower() in _PHYPHOX_UNITS and (match["axis"].islower() or not match["what"])
-        for match in axes
-        if match
-    )
-
-
 def _phyphox_triads(name: str, names: tuple[str, ...]) -> list[tuple[str, list[str]]]:
     """Which triads the columns are, with their names; ``"acc?"`` where it is not known whether with gravity.
 
-    An experiment may keep its sensors in one table, or name columns plainly and say 'without g' in the table's name.
+    None unless all names are as the app writes them: in its units, and axes behind a sensor's name in small letters. An
+    experiment may keep its sensors in one table, or name columns plainly and say 'without g' in the table's name.
     """
+    if not names or not names[0].endswith(" (s)"):
+        return []
     groups: dict[tuple[str, str], dict[str, str]] = {}
-    for column in names[1:]:
-        match = _PHYPHOX_COLUMN.fullmatch(column)
-        if match is not None and match["unit"].lower() in _PHYPHOX_UNITS:
-            key = (match["what"] or "", _PHYPHOX_UNITS[match["unit"].lower()])
-            groups.setdefault(key, {})[match["axis"].lower()] = column
-    triads = []
+    for match in filter(None, map(_PHYPHOX_COLUMN.fullmatch, names[1:])):
+        what, axis, kind = match["what"] or "", match["axis"], _PHYPHOX_UNITS.get(match["unit"].lower())
+        if kind is None or (what and not axis.islower()):
+            return []
+        groups.setdefault((what, kind), {})[axis.lower()] = match[0]
+    triads, stem = [], PurePosixPath(name).stem
     for (what, kind), axes in groups.items():
         if len(axes) == 3:
-            plain = re.match(r"(raw )?acc", (what or PurePosixPath(name).stem).lower()) is not None
-            plain = plain and re.search("without|linear", f"{what} {PurePosixPath(name).stem}".lower()) is None
+            plain = re.match(r"(raw )?acc", (what or stem).lower()) is not None
+            plain = plain and re.search("without|linear", f"{what} {stem}".lower()) is None
             triads.append((kind if kind != "acc" or plain else "acc?", [axes[letter] for letter in "xyz"]))
     return triads
 
 
 def _phyphox(parts: Parts) -> Recording:
     headers = {name: names_in(parts.start(name)) for name in _tables(parts)}
-    headers = {name: names for name, names in headers.items() if _is_phyphox(name, names)}
+    headers = {name: names for name, names in headers.items() if _phyphox_triads(name, names)}
     _require_one_place(headers)
     events = _phyphox_events(parts)
     log = _log("phyphox: rad/s, m/s² with gravity (specific force) and µT, as its columns say")
