@@ -143,14 +143,6 @@ def _left_out(topics: Iterable[Topic], used: Iterable[Topic]) -> list[Note]:
     return [info("source.left_out", names=_listed(rest))] if rest else []
 
 
-def _stamps(topic: Topic, table: MessageTable) -> tuple[NDArray[np.int64], list[Note]]:
-    """When each message was measured, ns; what was done about stamps that are not set."""
-    unset = int(np.count_nonzero(table.stamped == 0))
-    if unset < max(2, len(table.stamped)):
-        return table.stamped, []
-    return table.logged, [f"{topic.name}: no stamp is set; times are those at which the recorder took each message"]
-
-
 @dataclass
 class _RosImu:
     """One IMU as it was read."""
@@ -183,24 +175,20 @@ def _is_one(several: list[Topic], tables: list[MessageTable]) -> bool:
 
 def _of_imus(several: list[Topic], topics: list[Topic], name: str) -> Recording:
     tables = [ros_bags.table(topic) for topic in several]
-    if len(several) > 1 and _is_one(several, tables):
-        units = [_unit(topic, table, topics) for topic, table in zip(several, tables, strict=True)]
-        parts = [Recording(imu=unit.imu, notes=tuple(unit.notes)) for unit in units if unit.imu is not None]
-        together = joined_recordings(parts, name)
-        used = [topic for unit in units for topic in unit.used]
-        why = info("source.ros_joined", topics=_listed(several))
-        return replace(together, notes=(info("source.ros"), why, *together.notes, *_left_out(topics, used)))
-    if len(several) > 1:
-        first = _stamps(several[0], tables[0])[0]
-        for topic, table in zip(several, tables, strict=True):
-            if not np.array_equal(_stamps(topic, table)[0], first):
-                raise ParameterError(
-                    f"it holds several IMUs, whose stamps differ: {_listed(several)}. Name one with --unit "
-                    f"{several[0].name} (in Python, unit='{several[0].name}')."
-                )
+    is_one = len(several) > 1 and _is_one(several, tables)
+    if not is_one and any(not np.array_equal(table.t_ns, tables[0].t_ns) for table in tables):
+        raise ParameterError(
+            f"it holds several IMUs, whose stamps differ: {_listed(several)}. Name one with --unit "
+            f"{several[0].name} (in Python, unit='{several[0].name}')."
+        )
     units = [_unit(topic, table, topics) for topic, table in zip(several, tables, strict=True)]
     used = [topic for unit in units for topic in unit.used]
-    notes = [info("source.ros"), *(line for unit in units for line in unit.notes), *_left_out(topics, used)]
+    omitted = _left_out(topics, used)
+    if is_one:
+        parts = [Recording(imu=unit.imu, notes=tuple(unit.notes)) for unit in units if unit.imu is not None]
+        together, why = joined_recordings(parts, name), info("source.ros_joined", topics=_listed(several))
+        return replace(together, notes=(info("source.ros"), why, *together.notes, *omitted))
+    notes = [info("source.ros"), *(line for unit in units for line in unit.notes), *omitted]
     if any(topic.kind in {MAG, TEMPERATURE} and topic not in used for topic in topics):
         notes.append(info("source.ros_one_magnetometer"))
     if len(units) == 1:
@@ -214,7 +202,7 @@ def _of_imus(several: list[Topic], topics: list[Topic], name: str) -> Recording:
 
 def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> _RosImu:
     """Samples and orientation of one IMU, and of the magnetometer and thermometer in its frame."""
-    stamps, notes = _stamps(topic, table)
+    stamps, notes = table.t_ns, [*table.notes]
     if len(table.frames) > 1:
         raise DecodeError(f"{topic.name}: its messages are in the frames {', '.join(table.frames[:5])}, not in one.")
     meta, used = ImuMeta(device=next(iter(table.frames), topic.name), frame=_world(table)), [topic]
@@ -225,17 +213,14 @@ def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> _RosImu:
         log.add(key, stamps, values)
     for key in sorted({"gyr", "acc"} - set(log.streams)):
         notes.append(info("source.ros_absent", name=topic.name, key=key))
-    track = _orientation(topic, table, stamps, notes)
+    track = _orientation(topic, table, notes)
     if not log.streams:
         if track is None:
             raise DecodeError(f"{topic.name} holds neither rates, accelerations nor orientations: all are absent.")
         return _RosImu(None, track, used, notes)
-    if mag := _in_frame(MAG, topic, table, topics):
-        numbers = mag[1].numbers
-        _add("mag", *mag, to_si(_present(numbers[:, :3], numbers[:, 3]), "T"), log, stamps, used)
-    if temperature := _in_frame(TEMPERATURE, topic, table, topics):
-        numbers = temperature[1].numbers[:, 0]
-        _add("temp_c", *temperature, np.where(np.isfinite(numbers), numbers, np.nan), log, stamps, used)
+    for key, kind in (("mag", MAG), ("temp_c", TEMPERATURE)):
+        if beside := _in_frame(kind, topic, table, topics):
+            _add(key, *beside, log, stamps, used)
     made = log.joined()
     return _RosImu(made.imu, track, used, notes + list(made.notes))
 
@@ -260,16 +245,14 @@ def _in_frame(kind: str, imu: Topic, table: MessageTable, topics: list[Topic]) -
 
 
 def _add(
-    key: str,
-    topic: Topic,
-    table: MessageTable,
-    values: Floats,
-    log: SensorLog,
-    rows: NDArray[np.int64],
-    used: list[Topic],
+    key: str, topic: Topic, table: MessageTable, log: SensorLog, rows: NDArray[np.int64], used: list[Topic]
 ) -> None:
     """Take in a stream unless it cannot be in its unit; one whose stamps are all among the IMU's stays at these."""
-    stamps, notes = _stamps(topic, table)[0], log.notes
+    stamps, numbers, notes = table.t_ns, table.numbers, log.notes
+    if key == "mag":
+        values = to_si(_present(numbers[:, :3], numbers[:, 3]), "T")
+    else:
+        values = np.where(np.isfinite(numbers[:, 0]), numbers[:, 0], np.nan)
     if not np.isfinite(values.reshape(len(values), -1)).all(axis=1).any():
         notes.append(info("source.topic_empty", name=topic.name))
         return
@@ -290,9 +273,7 @@ def _add(
     log.add(key, stamps, values)
 
 
-def _orientation(
-    topic: Topic, table: MessageTable, stamps: NDArray[np.int64], notes: list[Note]
-) -> AttitudeTrack | None:
+def _orientation(topic: Topic, table: MessageTable, notes: list[Note]) -> AttitudeTrack | None:
     """Orientation that an IMU tells, where it tells one."""
     numbers = table.numbers
     xyzw = _present(numbers[:, :4], numbers[:, 4])
@@ -303,7 +284,7 @@ def _orientation(
     if (numbers[:, :4] == (0.0, 0.0, 0.0, 1.0)).all() and not numbers[:, 4:13].any():
         notes.append(info("source.ros_orientation_default", name=topic.name))
         return None
-    return _track(topic, table, stamps, xyzw, notes, cov_n=numbers[:, 4:13].reshape(-1, 3, 3))
+    return _track(topic, table, xyzw, notes, cov_n=numbers[:, 4:13].reshape(-1, 3, 3))
 
 
 def _world(table: MessageTable) -> Frame:
@@ -314,7 +295,6 @@ def _world(table: MessageTable) -> Frame:
 def _track(
     topic: Topic,
     table: MessageTable,
-    stamps: NDArray[np.int64],
     xyzw: Floats,
     notes: list[Note],
     *,
@@ -322,7 +302,7 @@ def _track(
     start: int | None = None,
 ) -> AttitudeTrack:
     """Track of quaternions, unknown where not of norm 1; its time begins at the stamp `start`, ns, or its first."""
-    line = time_line(stamps)
+    line = time_line(table.t_ns)
     notes += (finding.on(topic.name) for finding in line.notes)
     some = ~np.isnan(xyzw).all(axis=1)
     wrong = ~(np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= 1e-3)
@@ -353,12 +333,12 @@ def _track(
 
 def _of_pose(topic: Topic, topics: list[Topic], name: str) -> Recording:
     table = ros_bags.table(topic)
-    stamps, notes = _stamps(topic, table)
+    notes = [*table.notes]
     imus = [other for other in topics if other.kind == IMU]
     leading = _without_raw(imus)[:1] or [other for other in topics if other.kind in POSES]
-    start = min(int(_stamps(lead, ros_bags.table(lead))[0][0]) for lead in leading)
+    start = min(int(ros_bags.table(lead).t_ns[0]) for lead in leading)
     at = POSES[topic.kind]
-    track = _track(topic, table, stamps, table.numbers[:, at : at + 4], notes, start=start)
+    track = _track(topic, table, table.numbers[:, at : at + 4], notes, start=start)
     head = [] if imus else [info("source.ros_pose_alone")]
     frames = info("source.ros_pose", topic=topic.name, frames=", ".join(table.frames) or "a frame without a name")
     zero = info("source.ros_zero_of_imu" if imus else "source.ros_zero_of_poses", stamp=start)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import MAX_TEXT, require_room
-from plumbob.core.findings import Finding, warning
+from plumbob.core.findings import Finding, Note, warning
 from plumbob.core.text import counted
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.scan import BrokenRecordError, FileBytes, RowBlock, Scan, inflate
@@ -78,12 +78,12 @@ class Topic:
 
 
 class MessageTable(NamedTuple):
-    """Messages of a topic as arrays: stamps of header and recorder (N,), ns, numbers (N, K), names of the frames."""
+    """Messages of a topic as arrays."""
 
-    stamped: NDArray[np.int64]
-    logged: NDArray[np.int64]
-    numbers: Floats
-    frames: tuple[str, ...]
+    t_ns: NDArray[np.int64]  # when each was measured, or when the recorder took it where no stamp is set (N,)
+    notes: list[Note]  # whether that is so
+    numbers: Floats  # (N, K)
+    frames: tuple[str, ...]  # names of all that are named
 
 
 @dataclass(slots=True)
@@ -343,9 +343,11 @@ def table(topic: Topic) -> MessageTable:
         tails.append(tail)
     width = LAYOUTS[topic.kind].numbers
     numbers = np.frombuffer(b"".join(tails), dtype="<f8").reshape(-1, width).astype(np.float64)
-    return MessageTable(
-        np.array(stamps, dtype=np.int64), np.array(topic.logged, dtype=np.int64), numbers, tuple(filter(None, frames))
-    )
+    t_ns, notes = stamps, list[Note]()
+    if stamps.count(0) >= max(2, len(stamps)):
+        t_ns = topic.logged
+        notes += [f"{topic.name}: no stamp is set; times are those at which the recorder took each message"]
+    return MessageTable(np.array(t_ns, dtype=np.int64), notes, numbers, tuple(filter(None, frames)))
 
 
 _ADVICE: Final = "the message is damaged, or its type was changed where the bag was recorded."
