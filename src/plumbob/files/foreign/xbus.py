@@ -39,7 +39,7 @@ _COUNTER, _TIME, _UTC, _STATUS = 0x1020, 0x1060, 0x1010, 0xE020
 _FRAMES: Final = {0x0: "ENU", 0x4: "NED", 0x8: "NWU"}
 
 
-class _Kind(NamedTuple):
+class _BlockKind(NamedTuple):
     """What a block is called, the columns that MT Manager makes of it in its export, and types that it always has."""
 
     name: str
@@ -49,21 +49,21 @@ class _Kind(NamedTuple):
 
 _UTC_COLUMNS: Final = [f"UTC_{part}" for part in ("Nano", "Year", "Month", "Day", "Hour", "Minute", "Second", "Valid")]
 _KINDS: Final = {  # blocks that are read, by identity without its lowest digit
-    0x0810: _Kind("block", ["Temperature"]),
-    _UTC: _Kind("block", _UTC_COLUMNS, [">u4", ">u2", *["u1"] * 6]),
-    _COUNTER: _Kind("block", ["PacketCounter"], [">u2"]),
-    _TIME: _Kind("block", ["SampleTimeFine"], [">u4"]),
-    _QUATERNION: _Kind("quaternion", [f"Quat_q{k}" for k in range(4)]),
-    _MATRIX: _Kind("matrix", [f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3)]),
-    _EULER: _Kind("Euler angles", ["Roll", "Pitch", "Yaw"]),
-    0x4010: _Kind("velocity increments", ["VelInc_X", "VelInc_Y", "VelInc_Z"]),
-    0x4020: _Kind("acceleration", ["Acc_X", "Acc_Y", "Acc_Z"]),
-    0x4040: _Kind("AccelerationHR", ["Acc_X", "Acc_Y", "Acc_Z"]),
-    0x8020: _Kind("rate of turn", ["Gyr_X", "Gyr_Y", "Gyr_Z"]),
-    0x8030: _Kind("orientation increments", [f"OriInc_q{k}" for k in range(4)]),
-    0x8040: _Kind("RateOfTurnHR", ["Gyr_X", "Gyr_Y", "Gyr_Z"]),
-    0xC020: _Kind("block", ["Mag_X", "Mag_Y", "Mag_Z"]),
-    _STATUS: _Kind("block", ["StatusWord"], [">u4"]),
+    0x0810: _BlockKind("block", ["Temperature"]),
+    _UTC: _BlockKind("block", _UTC_COLUMNS, [">u4", ">u2", *["u1"] * 6]),
+    _COUNTER: _BlockKind("block", ["PacketCounter"], [">u2"]),
+    _TIME: _BlockKind("block", ["SampleTimeFine"], [">u4"]),
+    _QUATERNION: _BlockKind("quaternion", [f"Quat_q{k}" for k in range(4)]),
+    _MATRIX: _BlockKind("matrix", [f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3)]),
+    _EULER: _BlockKind("Euler angles", ["Roll", "Pitch", "Yaw"]),
+    0x4010: _BlockKind("velocity increments", ["VelInc_X", "VelInc_Y", "VelInc_Z"]),
+    0x4020: _BlockKind("acceleration", ["Acc_X", "Acc_Y", "Acc_Z"]),
+    0x4040: _BlockKind("AccelerationHR", ["Acc_X", "Acc_Y", "Acc_Z"]),
+    0x8020: _BlockKind("rate of turn", ["Gyr_X", "Gyr_Y", "Gyr_Z"]),
+    0x8030: _BlockKind("orientation increments", [f"OriInc_q{k}" for k in range(4)]),
+    0x8040: _BlockKind("RateOfTurnHR", ["Gyr_X", "Gyr_Y", "Gyr_Z"]),
+    0xC020: _BlockKind("block", ["Mag_X", "Mag_Y", "Mag_Z"]),
+    _STATUS: _BlockKind("block", ["StatusWord"], [">u4"]),
 }
 _NAMES: Final = {
     0x1070: "SampleTimeCoarse", 0x3010: "pressure", 0x4030: "FreeAcceleration", 0x5020: "altitude",
