@@ -734,7 +734,7 @@ def norms(triad: Floats) -> Floats:
     """Magnitude of each sample of a triad, (N,)."""
     # An absurd value gives an infinite norm, which a median leaves out; a signalling NaN is a NaN like any other.
     with np.errstate(over="ignore", invalid="ignore"):
-        norm: Floats = np.sqrt(np.sum(triad * triad, axis=1))
+        norm: Floats = np.sqrt(triad[:, 0] ** 2 + triad[:, 1] ** 2 + triad[:, 2] ** 2)
     return norm
 
 

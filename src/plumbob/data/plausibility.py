@@ -109,23 +109,23 @@ def statistics(imu: ImuData, name: str) -> Statistics:
     if (before := _MEASURED.setdefault(imu, {}).get(name)) is not None:
         return before
     count, at, sizes, repeats = 0, 0, np.empty(len(imu)), np.full(len(imu), NOT_KNOWN, dtype=np.uint8)
-    total, square, last = np.zeros(3), np.zeros(3), np.full((1, 3), np.nan)
-    middle, ends, at_ends = last[0], np.full((2, 3), -np.inf), np.zeros((2, 3), dtype=np.int64)
+    total, square, last = np.zeros(3), np.zeros(3), np.full((3, 1), np.nan)
+    middle, ends, at_ends = last, np.full((2, 3), -np.inf), np.zeros((2, 3), dtype=np.int64)
     for part in imu.only(name).chunks(BLOCK):
         values = part.usable(name)
         finite = known_rows(values)
-        if len(samples := values[finite]):
-            same = (samples == np.concatenate((last, samples[:-1]))).view(np.uint8)
-            repeats[at : at + len(values)][finite] = same[:, 0] + 2 * same[:, 1] + 4 * same[:, 2]
-            sizes[count : count + len(samples)] = norms(samples)
-            middle, last = middle if count else samples.mean(axis=0), samples[-1:]
-            signed = np.stack((samples.T, -samples.T))  # each axis in one piece, which takes half the time
-            outer = signed.max(axis=2)
-            many = np.count_nonzero(signed == outer[:, :, None], axis=2)
+        axes = np.ascontiguousarray(values[finite].T)  # each in one piece, which is looked through ten times as fast
+        if size := axes.shape[1]:
+            same = (axes == np.concatenate((last, axes[:, :-1]), axis=1)).view(np.uint8)
+            repeats[at : at + len(values)][finite] = same[0] + 2 * same[1] + 4 * same[2]
+            sizes[count : count + size] = norms(axes.T)
+            middle, last = middle if count else axes.mean(axis=1, keepdims=True), axes[:, -1:]
+            outer = np.stack((axes.max(axis=1), -axes.min(axis=1)))
+            many = np.stack([np.count_nonzero(axes == end[:, None], axis=1) for end in (outer[0], -outer[1])])
             at_ends = np.where(outer < ends, at_ends, many + at_ends * (outer == ends))
             ends = np.maximum(ends, outer)
-            off = samples - middle  # squares about a value near the mean lose no digits
-            total, square, count = total + off.sum(axis=0), square + (off * off).sum(axis=0), count + len(samples)
+            off = axes - middle  # squares about a value near the mean lose no digits
+            total, square, count = total + off.sum(axis=1), square + (off * off).sum(axis=1), count + size
         at += len(values)
     off = total / max(count, 1)
     std = np.sqrt(np.maximum(square / max(count, 1) - off * off, 0.0))
@@ -134,7 +134,7 @@ def statistics(imu: ImuData, name: str) -> Statistics:
     columns = {"xyz"[i]: triad[known_rows(triad), i] for i in piled}  # hardly ever one
     piles = clipped(columns, moving=True) if columns else {}
     made = _MEASURED[imu][name] = Statistics(
-        count, middle + off, std if count else middle, median(sizes[:count]), repeats, piles,
+        count, middle[:, 0] + off, std if count else middle[:, 0], median(sizes[:count]), repeats, piles,
         sum(pile.size for of in piles.values() for pile in of),
     )  # fmt: skip
     return made
@@ -285,8 +285,8 @@ def turning(imu: ImuData) -> Turning:
 
 def _means(values: Floats, size: int) -> Floats:
     """Means of windows of `size` samples; NaN where fewer than half of them are known."""
-    windows = values[: values.shape[0] // size * size].reshape(-1, size, values.shape[1])
+    windows = np.ascontiguousarray(values[: len(values) // size * size].T).reshape(values.shape[1], -1, size)
     finite = np.isfinite(windows)
-    count = finite.sum(axis=1)
-    total = np.where(finite, windows, 0.0).sum(axis=1)
-    return np.where(2 * count >= size, total / np.maximum(count, 1), np.nan)
+    count = finite.sum(axis=2)
+    total = np.where(finite, windows, 0.0).sum(axis=2)
+    return np.where(2 * count >= size, total / np.maximum(count, 1), np.nan).T

@@ -367,12 +367,10 @@ def _rest(imu: ImuData) -> _Still | None:
     if t.size // size < 3:
         return None
     names = [name for name in ("acc", "gyr") if name in imu.triads]
-    blocks: dict[str, list[tuple[Floats, Floats]]] = {name: [] for name in names}
+    blocks: dict[str, list[rests.BlockMoments]] = {name: [] for name in names}
     for part in imu.only(*names).chunks(size * max(1, BLOCK // size)):
-        count = len(part) // size
         for name in names:
-            values = part.usable(name)[: count * size].reshape(count, size, 3)
-            blocks[name].append((values.mean(axis=1), values.std(axis=1, ddof=1)))
+            blocks[name].append(rests.BlockMoments.measured(part.usable(name), len(part) // size, size))
     moments = {name: rests.BlockMoments(*map(np.concatenate, zip(*of, strict=True))) for name, of in blocks.items()}
     quiet = rests.at_rest(moments["acc"], moments.get("gyr"), size)
     long = [(a, b) for a, b in check.runs(quiet) if (b - a) * size * step >= REST[1]]

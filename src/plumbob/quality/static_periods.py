@@ -24,8 +24,7 @@ TURNED: Final = float(dps(1.0))
 """Mean rate over that of the quiet blocks above which the unit turned, rad/s."""
 _LOUDEST = (0.5, float(dps(5.0)))  # scatter at rest of the worst MEMS parts, m/s² and rad/s
 _QUIET = 0.1
-FEWEST: Final = 4
-"""Fewest samples of a block."""
+FEWEST: Final = 4  # samples of a block
 
 
 class BlockMoments(NamedTuple):
@@ -33,6 +32,12 @@ class BlockMoments(NamedTuple):
 
     mean: Floats
     sd: Floats
+
+    @classmethod
+    def measured(cls, values: Floats, count: int, size: int) -> "BlockMoments":
+        """Those of `count` blocks of `size` samples, of values (N, 3)."""
+        blocks = np.ascontiguousarray(values[: count * size].T).reshape(3, count, size)  # each axis in one piece
+        return cls(blocks.mean(axis=2).T, blocks.std(axis=2, ddof=1).T)
 
 
 def stills(t: Floats, acc: Floats, gyr: Floats | None = None, *, least: float = 1.0) -> list[slice]:
@@ -53,7 +58,8 @@ def stills(t: Floats, acc: Floats, gyr: Floats | None = None, *, least: float = 
     count = t.size // max(1, size)
     if count < 3:
         return []
-    quiet = at_rest(_moments(acc, count, size), None if gyr is None else _moments(gyr, count, size), size)
+    turning = None if gyr is None else BlockMoments.measured(gyr, count, size)
+    quiet = at_rest(BlockMoments.measured(acc, count, size), turning, size)
     need = max(1, round(least / (size * float(np.median(np.diff(t))))))
     return [slice(a * size, b * size) for a, b in runs(quiet) if b - a >= need]
 
@@ -87,8 +93,3 @@ def at_rest(acc: BlockMoments, gyr: BlockMoments | None, size: float) -> NDArray
         with np.errstate(invalid="ignore"):
             quiet &= np.abs(gyr.mean - bias).max(axis=1) <= TURNED
     return quiet
-
-
-def _moments(values: Floats, count: int, size: int) -> BlockMoments:
-    blocks = values[: count * size].reshape(count, size, 3)
-    return BlockMoments(blocks.mean(axis=1), blocks.std(axis=1, ddof=1))
