@@ -231,7 +231,7 @@ def _opened(what: Any, unit: str | None, profile: str | Path | None, note: Calla
         return Recording(track=what)
     if isinstance(what, Recording):
         return what.of_unit(unit)
-    described = profile is not None and kind_of(what, described=True).takes_profile
+    described = profile is not None and "profile" in kind_of(what, described=True).takes
     recording = read(what, profile=profile if described else None, unit=unit).of_unit(None)
     for line in warnings(recording.notes) if note is not None else ():
         note(f"{Path(what).name}: {line}")  # type: ignore[misc]

@@ -30,10 +30,9 @@ class FileFormat:
     # its reader, or module and function of it, as ``"parquet.read_parquet"``; of a path, and a profile where it takes
     # one
     reader: str | Callable[..., Any]
-    # whether the reader also takes whether all is to be in memory; otherwise samples may stay in the file
-    takes_in_memory: bool = False
-    takes_profile: bool = False  # whether a profile describes such files
-    takes_unit: bool = False  # whether the reader itself chooses one of several units, whose clocks may differ
+    # what its reader takes behind the path: ``profile``, which describes such files; ``unit``, where it chooses one of
+    # several itself, whose clocks may differ; ``in_memory``, as otherwise samples may stay in the file
+    takes: tuple[str, ...] = ()
     # As `reader`: whether a path is of this format, by its content; asked where several formats share a suffix, or it
     # is a folder. None: the suffix says it all.
     accepts: str | Callable[..., Any] | None = None
@@ -71,7 +70,9 @@ def refuse_stream(path: Path) -> Recording:
     raise DecodeError(f"{path} is a recording of a line: read it alone, in Python with plumbob.read.")
 
 
-def _foreign(name: str, module: str, *suffixes: str, takes_unit: bool = False, most: int | None = None) -> FileFormat:
+def _foreign(
+    name: str, module: str, *suffixes: str, takes: tuple[str, ...] = (), most: int | None = None
+) -> FileFormat:
     """A format of `plumbob.files.foreign`, whose files have `most` bytes; a suffix of "" is a folder."""
 
     def reader(path: Path, *unit: str | None) -> Recording:
@@ -80,37 +81,37 @@ def _foreign(name: str, module: str, *suffixes: str, takes_unit: bool = False, m
             recording: Recording = _named(f"foreign.{module}.read")(file, *unit)
             return recording
 
-    return FileFormat(name, suffixes, reader, accepts=f"foreign.{module}.accepts", takes_unit=takes_unit)
+    return FileFormat(name, suffixes, reader, accepts=f"foreign.{module}.accepts", takes=takes)
 
 
 _IN_MEMORY: Final = 2 << 30  # bytes of a log at most that is kept in memory while it is searched
 FORMATS: Final = (
     FileFormat(
-        "native", (".parquet",), "parquet.read_parquet", takes_in_memory=True,
+        "native", (".parquet",), "parquet.read_parquet", takes=("in_memory",),
         writers=((".parquet", "parquet.write_parquet"),),
     ),
-    _foreign("ROS", "ros", ".bag", ".db3", ".mcap", "", takes_unit=True),
+    _foreign("ROS", "ros", ".bag", ".db3", ".mcap", "", takes=("unit",)),
     FileFormat("recording", (".mcap",), "formats.refuse_stream"),  # of a line, or samples for viewers
-    _foreign("ULog", "ulog", ".ulg", ".ulog", takes_unit=True, most=_IN_MEMORY),
-    _foreign("DataFlash", "ardupilot", ".bin", ".log", ".tlog", takes_unit=True, most=_IN_MEMORY),
+    _foreign("ULog", "ulog", ".ulg", ".ulog", takes=("unit",), most=_IN_MEMORY),
+    _foreign("DataFlash", "ardupilot", ".bin", ".log", ".tlog", takes=("unit",), most=_IN_MEMORY),
     _foreign("EuRoC", "euroc", "", ".csv"),
     _foreign("KITTI", "kitti", ""),
     _foreign("RepoIMU", "repoimu", ".csv", most=_IN_MEMORY),
     _foreign("phone", "phones", ".zip", ".csv", ".txt", ""),
-    _foreign("Xsens", "xsens", ".txt", ".csv", ".mtb", takes_unit=True, most=_IN_MEMORY),
-    _foreign("APDM", "apdm", ".h5", ".hdf5", takes_unit=True),
+    _foreign("Xsens", "xsens", ".txt", ".csv", ".mtb", takes=("unit",), most=_IN_MEMORY),
+    _foreign("APDM", "apdm", ".h5", ".hdf5", takes=("unit",)),
     replace(
-        _foreign("OpenSim", "opensim", ".sto", ".mot", takes_unit=True, most=_IN_MEMORY),
+        _foreign("OpenSim", "opensim", ".sto", ".mot", takes=("unit",), most=_IN_MEMORY),
         writers=((".sto", "foreign.opensim.write_sto"),),
     ),
     _foreign("x-IMU3", "ximu3", ".ximu3", ".csv", "", most=_IN_MEMORY),
     FileFormat(
-        "text", TABLES, "formats.read_table", takes_profile=True,
+        "text", TABLES, "formats.read_table", takes=("profile",),
         writers=tuple((suffix, "text.write_csv") for suffix in (".csv", ".txt")),
     ),
-    FileFormat("text", (".json",), "formats.read_table", takes_profile=True, accepts="sniff.is_array"),
+    FileFormat("text", (".json",), "formats.read_table", takes=("profile",), accepts="sniff.is_array"),
     FileFormat(
-        "arrays", ARRAYS, "foreign.tables.read", takes_profile=True,
+        "arrays", ARRAYS, "foreign.tables.read", takes=("profile",),
         writers=((".mat", "arrays.write_mat"), (".nc", "arrays.write_netcdf")),
     ),
 )  # fmt: skip
@@ -162,7 +163,7 @@ def _of_package(name: str, what: Any) -> FileFormat:
 
 
 _ALONE: Final = {
-    suffix[1:]: kind for kind in FORMATS if not (kind.accepts or kind.takes_profile) for suffix in kind.suffixes
+    suffix[1:]: kind for kind in FORMATS if not kind.accepts and "profile" not in kind.takes for suffix in kind.suffixes
 }  # suffixes that other packages cannot have, because what ends so is of that format, whatever is in it
 EXTENSIBLE: Final = ExtensibleTable[FileFormat]("file", "file format", lambda: _ALONE, _of_package)
 
@@ -170,11 +171,11 @@ EXTENSIBLE: Final = ExtensibleTable[FileFormat]("file", "file format", lambda: _
 def _of_suffix(suffix: str) -> Iterator[FileFormat]:
     """Formats of a suffix, "" for a folder, as they are asked; other packages are looked at where Plumbob's refuse."""
     usual = _BUILTIN.get(suffix, [])
-    yield from (kind for kind in usual if not kind.takes_profile)
+    yield from (kind for kind in usual if "profile" not in kind.takes)
     if suffix[1:] not in _ALONE:
         others = EXTENSIBLE.usable([suffix[1:]]) if usual else [("", EXTENSIBLE.find(suffix[1:]))]
         yield from (kind for _, kind in others if kind)
-    yield from (kind for kind in usual if kind.takes_profile)
+    yield from (kind for kind in usual if "profile" in kind.takes)
 
 
 def read(
@@ -192,16 +193,11 @@ def read(
         return _together(path, profile)
     kind = kind_of(path, described=profile is not None)
     file = Path(path)
-    if profile is not None and not kind.takes_profile:
+    if profile is not None and "profile" not in kind.takes:
         raise ParameterError(f"{file} describes itself ({kind.name}), so it takes no profile; leave --profile out.")
-    reader: Callable[..., Recording] = _named(kind.reader)
-    if kind.takes_profile:
-        recording = reader(file, profile)
-    elif kind.takes_unit:
-        recording, unit = reader(file, unit), None
-    else:
-        recording = reader(file, whole) if kind.takes_in_memory else reader(file)
-    if unit is not None:
+    options = {"profile": profile, "unit": unit, "in_memory": whole}
+    recording: Recording = _named(kind.reader)(file, *(options[name] for name in kind.takes))
+    if unit is not None and "unit" not in kind.takes:
         return recording.of_unit(unit)
     return replace(recording, notes=(*recording.notes, *all_findings(recording)))
 
@@ -299,13 +295,13 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
             from plumbob.files.arrow import holds_recording
 
             usual = [] if suffix == ".parquet" and holds_recording(file) else usual
-            kinds = [kind for kind in usual if kind.takes_profile] or [*kinds]
+            kinds = [kind for kind in usual if "profile" in kind.takes] or [*kinds]
             kinds = kinds or [kind for kind in FORMATS if kind.name == "text"]
     tried = []
     with reading(file):
         for kind in kinds:
-            is_empty = kind.takes_profile and file.stat().st_size == 0
-            if not is_empty and ((described and kind.takes_profile) or kind.claims(file)):
+            by_profile = "profile" in kind.takes
+            if not (by_profile and file.stat().st_size == 0) and ((described and by_profile) or kind.claims(file)):
                 return kind
             tried.append(kind.name)
     names = ", ".join(tried)

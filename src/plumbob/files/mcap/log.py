@@ -1,6 +1,7 @@
 """Read a recording: every row that is whole, in the order of the files, and a list of what is not."""
 
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
@@ -113,8 +114,7 @@ class Log:
     @property
     def lost(self) -> dict[str, int]:
         """Rows per topic that are missing, as sequence numbers tell, besides those that the recorder dropped."""
-        missing = {topic: sequence.missing - self.dropped.get(topic, 0) for topic, sequence in self._sequences.items()}
-        return {topic: count for topic, count in missing.items() if count > 0}
+        return dict(Counter(self.missing) - self.dropped)
 
     @property
     def missing(self) -> dict[str, int]:
@@ -156,7 +156,7 @@ class Log:
 
     def _start(self) -> None:
         self.damage: list[Damage] = []  # what is wrong with the files, as far as they have been read
-        self.dropped: dict[str, int] = {}  # rows per topic that the recorder gave up itself, and said so
+        self.dropped: Counter[str] = Counter()  # rows per topic that the recorder gave up itself, and said so
         self.unchecked = 0  # chunks, and messages outside chunks, without a CRC; only in files of other programs
         self.clean = True  # whether every part has its end, known once all has been read; a crash leaves none
         self._sequences: dict[str, SequenceGaps] = {}
@@ -198,8 +198,7 @@ class Log:
             self._settle({topic: info.starts.get(topic, 0) + count for topic, count in scan.counts.items()})
         if info is None or info.ends is None:
             return
-        for topic, count in info.dropped.items():
-            self.dropped[topic] = self.dropped.get(topic, 0) + count
+        self.dropped.update(info.dropped)
         self._settle(info.ends)
 
     def _settle(self, reached: Mapping[str, int]) -> None:
@@ -215,10 +214,9 @@ class Log:
     def _chunk_rows(self, path: Path, block: RowBlock) -> list[LogMessage]:
         """Rows of a chunk, unless they have come before."""
         lows: dict[int, int] = {}
-        counts: dict[int, int] = {}
         for number, sequence, _, _ in block.rows:
             lows.setdefault(number, sequence)
-            counts[number] = counts.get(number, 0) + 1
+        counts = {number: len(flat) // 2 for number, flat in block.entries.items()}
         offset = self._time_offset(block)
         channels = {number: self._joined(block.channels[number]) for number in lows}
         sequences = {number: self._sequence(channels[number].topic) for number in lows}
@@ -275,13 +273,11 @@ class Log:
 
     def _attribute(self, before: Mapping[str, int]) -> None:
         """Rows that are newly known to be missing belong to the last damage that may have held rows."""
-        new = {topic: count - before.get(topic, 0) for topic, count in self.missing.items()}
-        new = {topic: count for topic, count in new.items() if count > 0}
+        new = Counter(self.missing) - Counter(before)
         may_have_held = (i for i in reversed(range(self._run.damages, len(self.damage))) if not self.damage[i].certain)
         if new and (place := next(may_have_held, None)) is not None:
             damage = self.damage[place]
-            lost = {topic: damage.lost.get(topic, 0) + new.get(topic, 0) for topic in {**damage.lost, **new}}
-            self.damage[place] = replace(damage, lost=lost)
+            self.damage[place] = replace(damage, lost=dict(Counter(damage.lost) + new))
 
 
 def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:

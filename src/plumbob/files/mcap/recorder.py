@@ -3,7 +3,7 @@
 import secrets
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -65,7 +65,7 @@ class Recorder:
         self._writer: Writer | None = None
         self._events: deque[Event] = deque()
         self._lost = 0
-        self._drops: dict[str, int] = {}
+        self._drops: Counter[str] = Counter()
         self._drops_lock = threading.Lock()
         self._untold = 0
         self._overflowing = False
@@ -225,8 +225,7 @@ class Recorder:
         self._untold += sum(counts.values())
         self._lost += sum(counts.values())
         with self._drops_lock:
-            for topic, rows in counts.items():
-                self._drops[topic] = self._drops.get(topic, 0) + rows
+            self._drops.update(counts)
         if not self._overflowing:
             self._tell_drops(f"rows are dropped: {why}")
         self._overflowing = True
@@ -239,7 +238,7 @@ class Recorder:
 
     def _take_drops(self) -> dict[str, int]:
         with self._drops_lock:
-            drops, self._drops = self._drops, {}
+            drops, self._drops = self._drops, Counter()
         return drops
 
     def _tell(self, kind: str, text: str, count: int) -> None:

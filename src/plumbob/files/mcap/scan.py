@@ -276,57 +276,58 @@ class Scan:
         self._damaged = False
         self.summary_at: int | None = None  # where the summary begins; None until the end of the data has come
         self._crc, self._crc_end = 0, 0
+        self._items: list[RowBlock | Damage] = []  # that are to be given next
 
     def items(self) -> Iterator[RowBlock | Damage]:
         """Blocks and damages in the order of the file."""
         source = self._source
         at = len(layout.MAGIC)
         if source.read(0, at) != layout.MAGIC:
-            yield self._damage(0, min(at, source.size), "the first bytes are not those of MCAP")
+            self._damage(0, min(at, source.size), "the first bytes are not those of MCAP")
             if source.read(at, 1) != bytes([Opcode.HEADER]):  # nothing says that records begin there
                 at = 0
         while at < source.size:
             try:
-                blocks, after = self._record(at)
+                after = self._record(at)
             except BrokenRecordError as error:
                 after, self.summary_at = next_landmark(source, at + 1, self._is_good, checked=self._ours)
-                blocks = [self._damage(at, after - at, str(error), certain=False)]
-            yield from blocks
-            at = after
+                self._damage(at, after - at, str(error), certain=False)
+            yield from self._items
+            self._items, at = [], after
+        yield from self._items  # of a file without a byte
 
-    def _damage(self, offset: int, size: int, what: str, certain: bool = True) -> Damage:
+    def _damage(self, offset: int, size: int, what: str, certain: bool = True) -> None:
         self._damaged = True
-        return Damage(self._source.path, offset, size, what, certain=certain)
+        self._items.append(Damage(self._source.path, offset, size, what, certain=certain))
 
-    def _record(self, at: int) -> tuple[list[RowBlock | Damage], int]:
-        """What stands at an offset, and the offset behind it."""
+    def _record(self, at: int) -> int:
+        """Take in what stands at an offset; the offset behind it."""
         head = self._source.read(at, layout.RECORD_HEAD.size)
         if len(head) < layout.RECORD_HEAD.size:
             raise BrokenRecordError("the file ends within a record")
         opcode, length = layout.RECORD_HEAD.unpack(head)
-        after = at + layout.RECORD_HEAD.size + length
+        after: int = at + layout.RECORD_HEAD.size + length
         if at == self.summary_at:
-            return [], self._summary(at)
+            return self._summary(at)
         if opcode == Opcode.CHUNK:
             return self._block(at)
         if after > self._source.size:
             raise BrokenRecordError("a record extends beyond the end of the file")
         if opcode == Opcode.DATA_END:
-            return self._data_end(at, length), after
-        if opcode == Opcode.FOOTER and not self._ours:  # the other program wrote no end of data
-            return [], self._summary(at)
-        blocks: list[RowBlock | Damage] = []
-        if opcode == Opcode.METADATA and self._ours:
-            blocks = self._metadata(at, length)
+            self._data_end(at, length)
+        elif opcode == Opcode.FOOTER and not self._ours:  # the other program wrote no end of data
+            return self._summary(at)
+        elif opcode == Opcode.METADATA and self._ours:
+            self._metadata(at, length)
         elif self._ours and not (opcode == Opcode.HEADER and at == len(layout.MAGIC)):
             raise BrokenRecordError("this is not a record that the recorder writes here")
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE) and not self._ours:
             block = self._parser.parse(self._source.read(at, 9 + length), self._schemas)  # outside chunks
             self.unchecked += len(block.rows)
-            blocks = self._foreign_rows(block)
-        return blocks, after
+            self._foreign_rows(block)
+        return after
 
-    def _metadata(self, at: int, length: int) -> list[RowBlock | Damage]:
+    def _metadata(self, at: int, length: int) -> None:
         """What the part says about itself."""
         info = self.info_at(at)
         if info is not None:
@@ -334,8 +335,7 @@ class Scan:
         elif not self._goes_on(at + layout.RECORD_HEAD.size + length):
             raise BrokenRecordError("the part's metadata is damaged")
         else:
-            return [self._damage(at, 9 + length, "the part's metadata is damaged; no row is lost")]
-        return []
+            self._damage(at, 9 + length, "the part's metadata is damaged; no row is lost")
 
     def info_at(self, at: int) -> PartInfo | None:
         """What a part says about itself at an offset; None without a whole word of the wanted recording."""
@@ -353,35 +353,36 @@ class Scan:
 
     # --- rows ---------------------------------------------------------------------------------------------------
 
-    def _foreign_rows(self, block: RowBlock) -> list[RowBlock | Damage]:
+    def _foreign_rows(self, block: RowBlock) -> None:
         """Rows of other programs' files, whose channels may have been declared earlier."""
         self._channels.update(block.channels)
         rows = [row for row in block.rows if row[0] in self._channels]
         self.orphans += len(block.rows) - len(rows)
-        return [replace(block, channels=self._channels, rows=rows)] if rows else []
+        self._items += [replace(block, channels=self._channels, rows=rows)] if rows else []
 
-    def _block(self, at: int) -> tuple[list[RowBlock | Damage], int]:
+    def _block(self, at: int) -> int:
         chunk = self.chunk(at)
         if not self._ours:
-            return self._foreign_rows(chunk), chunk.after
-        blocks: list[RowBlock | Damage] = [chunk]
+            self._foreign_rows(chunk)
+            return chunk.after
+        self._items.append(chunk)
         if not chunk.times_hold:
-            blocks.append(self._damage(at + 9, 16, "the times at a chunk's head are wrong; its rows are whole"))
-        after, damage = self._index(chunk)
-        return blocks + damage, after
+            self._damage(at + 9, 16, "the times at a chunk's head are wrong; its rows are whole")
+        return self._index(chunk)
 
-    def _index(self, chunk: RowBlock) -> tuple[int, list[RowBlock | Damage]]:
-        """Compare the message indexes behind a chunk with what they must be; they have no CRC."""
+    def _index(self, chunk: RowBlock) -> int:
+        """Compare the message indexes behind a chunk with what they must be; they have no CRC. Where they end."""
         index = b"".join(layout.index_records(chunk.entries).values())
         there = self._source.read(chunk.after, len(index))
         end = chunk.after + len(there)
-        if there == index or not there:
-            return end, []
         if len(there) < len(index) and index.startswith(there):
-            return end, [self._damage(chunk.after, len(there), "the file ends within a message index; no row is torn")]
-        if self._goes_on(end):
-            return end, [self._damage(chunk.after, len(there), "a message index is damaged; no row is lost")]
-        return chunk.after, []
+            if there:
+                self._damage(chunk.after, len(there), "the file ends within a message index; no row is torn")
+        elif there != index:
+            if not self._goes_on(end):
+                return chunk.after
+            self._damage(chunk.after, len(there), "a message index is damaged; no row is lost")
+        return end
 
     def is_chunk(self, at: int) -> bool:
         """Whether a chunk that is wanted, and whole, stands at an offset."""
@@ -438,19 +439,18 @@ class Scan:
 
     # --- the end ------------------------------------------------------------------------------------------------
 
-    def _data_end(self, at: int, length: int) -> list[RowBlock | Damage]:
+    def _data_end(self, at: int, length: int) -> None:
         if length != layout.CRC.size:
             raise BrokenRecordError("the end of the data cannot be read")
         (crc,) = layout.CRC.unpack(self._source.read(at + layout.RECORD_HEAD.size, length))
         self.summary_at = at + layout.DATA_END_SIZE
         if crc == 0 and not self._ours:
-            return []
+            return
         for _, window in self._source.windows(self._crc_end, at):  # of everything before, which only grows
             self._crc = zlib.crc32(window, self._crc)
         self._crc_end = at
         if self._crc != crc and not self._damaged:
-            return [self._damage(0, at, "the CRC of all data does not hold, though that of every chunk does")]
-        return []
+            self._damage(0, at, "the CRC of all data does not hold, though that of every chunk does")
 
     def _summary(self, at: int) -> int:
         """Offset behind the end of the file proper, whose summary begins here."""

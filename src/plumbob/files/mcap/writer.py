@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 import zlib
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -107,6 +107,7 @@ class RecordingPart:
         self.chunk_indexes = bytearray()  # records of the chunks
         self.contents = records.Statistics(0, 0, {}, 0, 0, 0, 0, 0, 0)  # of what has been written so far
         self._channels: dict[int, ChannelRecords] = {}
+        self._counts: Counter[int] = Counter()  # rows per channel
         self._infos: list[records.MetadataIndex] = []
         self._compression = compression
         self._create = create
@@ -149,9 +150,7 @@ class RecordingPart:
             )
         )
         so_far = self.contents
-        for channel, flat in chunk.entries.items():
-            counts = so_far.channel_message_counts
-            counts[channel] = counts.get(channel, 0) + len(flat) // 2
+        self._counts.update({channel: len(flat) // 2 for channel, flat in chunk.entries.items()})
         so_far.message_start_time = min(so_far.message_start_time, first) if so_far.message_count else first
         so_far.message_end_time = max(so_far.message_end_time, last)
         so_far.message_count += chunk.rows
@@ -173,7 +172,7 @@ class RecordingPart:
 
     def _closing(self) -> bytes:
         """Everything from the end of the data to the end of the file."""
-        counts = dict(sorted(self.contents.channel_message_counts.items()))
+        counts = dict(sorted(self._counts.items()))
         used = [self._channels[channel].records for channel in counts]
         statistics = replace(
             self.contents,
