@@ -20,8 +20,7 @@ LOUDER: Final = 3.0
 """Scatter of a block over that of the quiet ones above which the unit was touched."""
 MOVED: Final = 0.05
 """Change of the mean specific force from block to block that noise does not make, m/s²: 0.3° of tilt."""
-TURNED: Final = float(dps(1.0))
-"""Mean rate over that of the quiet blocks above which the unit turned, rad/s."""
+TURNED: Final = float(dps(1.0))  # mean rate over that of the quiet blocks above which the unit turned, rad/s
 _LOUDEST = (0.5, float(dps(5.0)))  # scatter at rest of the worst MEMS parts, m/s² and rad/s
 _QUIET = 0.1
 FEWEST: Final = 4  # samples of a block
