@@ -51,8 +51,8 @@ _SLOW, _FAST = 0.5, 1.5
 class Readings:
     """What one sensor said, by its own clock."""
 
-    t_ns: ArrayLike  # stamps (N,), ns, of a clock that all streams of a recording share
-    values: ArrayLike  # (N, 3) or (N,), SI: rad/s, m/s², µT, °C; NaN where there is none
+    t_ns: NDArray[np.int64]  # stamps (N,), ns, of a clock that all streams of a recording share
+    values: Floats  # (N, 3) or (N,), SI: rad/s, m/s², µT, °C; NaN where there is none
 
 
 class Joined(NamedTuple):
@@ -107,9 +107,8 @@ def joined_recordings(parts: Sequence[Recording], name: str) -> Recording:
             ranges[f"{triad}_range"] = getattr(imu.meta, f"{triad}_range")
         if imu.temp_c is not None:
             streams.setdefault("temp_c", Readings(stamps, imu.temp_c))
-    stamps_by_sensor = [np.asarray(stream.t_ns, dtype=np.int64) for stream in streams.values()]
-    begin = max(int(stamps.min()) for stamps in stamps_by_sensor)
-    end = min(int(stamps.max()) for stamps in stamps_by_sensor)
+    begin = max(int(stream.t_ns.min()) for stream in streams.values())
+    end = min(int(stream.t_ns.max()) for stream in streams.values())
     if begin >= end:
         raise ClockError(
             f"the sensors do not overlap in time: one begins {(begin - end) / 1e9:.6g} s after another has ended. "
@@ -233,16 +232,16 @@ class SensorLog:
     attitudes: list[LoggedAttitude] = field(default_factory=list)
     losses: list[Note] = field(default_factory=list)  # notes that come last: what of the file is cut or damaged
 
-    def add(self, sensor: str, t_ns: ArrayLike, values: Any, unit: str = "", *, valid: Any = None) -> None:
+    def add(self, sensor: str, t_ns: NDArray[np.int64], values: Any, unit: str = "", *, valid: Any = None) -> None:
         """Add a sensor's stream, of rows that are `valid` alone, in a unit or in SI."""
-        t_ns, values = np.asarray(t_ns), np.asarray(values, dtype=np.float64)
+        values = np.asarray(values, dtype=np.float64)
         if valid is not None:
             t_ns, values = t_ns[valid], values[valid]
         self.streams[sensor] = Readings(t_ns, to_si(values, unit) if unit else values)
 
     def require_gyroscope(self, where: str) -> None:
         """Refuse a log without angular rates, which lead the rows."""
-        if "gyr" not in self.streams or not np.asarray(self.streams["gyr"].t_ns).size:
+        if "gyr" not in self.streams or not self.streams["gyr"].t_ns.size:
             raise DecodeError(f"it holds no samples of a gyroscope ({where}); log them, or take another file.")
 
     def joined(self) -> Joined:

@@ -214,12 +214,10 @@ def _sensor_logger(parts: Parts) -> Recording:
     log = _log("Sensor Logger")
     log.epoch_ns, notes = 0, log.notes
     data = {stem: stream for stem, table in sheets.items() if (stream := _logger_stream(table, notes)) is not None}
-    for kind, title in (("gyr", "Gyroscope"), ("mag", "Magnetometer")):
-        for stem in (title, f"{title}Uncalibrated"):
-            if stem in data:
-                log.streams[kind] = data[stem]
-                notes.append(info("source.logger_part", kind=kind, stem=stem, unit="rad/s" if kind == "gyr" else "µT"))
-                break
+    for kind, title, unit in (("gyr", "Gyroscope", "rad/s"), ("mag", "Magnetometer", "µT")):
+        for stem in [stem for stem in (title, f"{title}Uncalibrated") if stem in data][:1]:
+            log.streams[kind] = data[stem]
+            notes.append(info("source.logger_part", kind=kind, stem=stem, unit=unit))
     if force := _logger_force(data, meta, notes):
         log.streams["acc"] = force
     notes.append(info("source.clock_of_phone"))
@@ -250,24 +248,21 @@ def _logger_force(data: Mapping[str, Readings], meta: Mapping[str, str], notes: 
     if "TotalAcceleration" in data and platform != "ios":  # only Android has it [UNITS.md]
         notes.append(info("source.logger_total"))
         return data["TotalAcceleration"]
-    if not {"Accelerometer", "AccelerometerUncalibrated"} & set(data):
-        return None
-    if {"Accelerometer", "Gravity"} <= set(data):
+    user, gravity, raw = (data.get(stem) for stem in ("Accelerometer", "Gravity", "AccelerometerUncalibrated"))
+    if user and gravity:
         sign, why = _logger_sign(platform, meta)
         notes.append(info("source.logger_with_gravity", why=why))
-        user, gravity = data["Accelerometer"], data["Gravity"]
-        t, gravity_t = np.asarray(user.t_ns, dtype=np.int64), np.asarray(gravity.t_ns, dtype=np.int64)
-        field = np.asarray(gravity.values)
-        if not np.array_equal(t, gravity_t):
-            field = interpolated(t, time_line(gravity_t).t_ns, field)
-        return Readings(t, sign * (np.asarray(user.values) + field))
-    if "AccelerometerUncalibrated" in data:
+        field = gravity.values
+        if not np.array_equal(user.t_ns, gravity.t_ns):
+            field = interpolated(user.t_ns, time_line(gravity.t_ns).t_ns, field)
+        return Readings(user.t_ns, sign * (user.values + field))
+    if raw:
         sign, why = _logger_sign(platform, meta)
-        raw = data["AccelerometerUncalibrated"]
         unit = "g" if sign < 0.0 else "m/s2"
         notes.append(info("source.logger_uncalibrated", unit=unit, why=why))
-        return Readings(raw.t_ns, sign * units.to_si(np.asarray(raw.values), unit))
-    notes.append(warning("source.no_gravity"))
+        return Readings(raw.t_ns, sign * units.to_si(raw.values, unit))
+    if user:
+        notes.append(warning("source.no_gravity"))
     return None
 
 
@@ -326,7 +321,7 @@ def _sensorlog(parts: Parts) -> Recording:
             notes.append(info("source.columns_empty", kind=kind, columns=columns[0]))
             continue
         log.epoch_ns = began if log.epoch_ns is None else log.epoch_ns
-        log.add(kind, stream.t_ns, sign * np.asarray(stream.values), unit)
+        log.add(kind, stream.t_ns, sign * stream.values, unit)
         notes.append(info("source.sensorlog_form", kind=kind, form=form.format("X, Y, Z")))
     notes.append(info("source.sensorlog_clock"))
     if any(name.startswith("motionQuaternion") for name in table.names):

@@ -166,12 +166,7 @@ def _add_streams(log: SensorLog, columns: Columns, stamps: NDArray[np.int64]) ->
         if set(names) <= columns.keys():
             values[kind] = vectors(columns, *names)
         elif kind in _INCREMENTS and set(_INCREMENTS[kind]) <= columns.keys():
-            increments = vectors(columns, *_INCREMENTS[kind])
-            values[kind] = (
-                _mean_rates(increments, stamps, log.notes)
-                if kind == "gyr"
-                else _mean_forces(increments, values.get("gyr"), stamps, log.notes)
-            )
+            values[kind] = _means(vectors(columns, *_INCREMENTS[kind]), values.get("gyr"), stamps, log.notes)
     for kind in [kind for kind, samples in values.items() if not np.isfinite(samples).any()]:
         del values[kind]
         log.notes.append(info("source.columns_empty", kind=kind, columns=_TRIADS[kind][0]))
@@ -188,28 +183,26 @@ def _add_streams(log: SensorLog, columns: Columns, stamps: NDArray[np.int64]) ->
         log.notes.append(RELATIVE_NOTE)
 
 
-def _mean_rates(turns: Floats, stamps: NDArray[np.int64], notes: list[Note]) -> Floats:
-    """Mean rates of turn (N, 3), rad/s, over the sample before each row, of increments of orientation (N, 4)."""
-    there = np.isfinite(turns).all(axis=1)
-    rates = np.full((len(turns), 3), np.nan)
-    if there.any():
-        step = _step(stamps[there])
-        rates[there] = rotvec_from_quat(turns[there]) / step
+def _means(increments: Floats, gyr: Floats | None, stamps: NDArray[np.int64], notes: list[Note]) -> Floats:
+    """Means (N, 3) over the sample before each row of its increments.
+
+    Of orientations (N, 4) they are rates of turn, rad/s; of velocities (N, 3) specific forces, m/s², in the axes at the
+    end of each sample.
+    """
+    there = np.isfinite(increments).all(axis=1)
+    means = np.full((len(increments), 3), np.nan)
+    if not there.any():
+        return means
+    step, changes = _step(stamps[there]), increments[there]
+    if changes.shape[1] == len("wxyz"):
+        means[there] = rotvec_from_quat(changes) / step
         notes.append(info("source.orientation_increments", step=step))
-    return rates
-
-
-def _mean_forces(changes: Floats, gyr: Floats | None, stamps: NDArray[np.int64], notes: list[Note]) -> Floats:
-    """Mean specific forces (N, 3), m/s², in the axes at the end of each sample, of increments of velocity (N, 3)."""
-    there = np.isfinite(changes).all(axis=1)
-    forces = np.full((len(changes), 3), np.nan)
-    if there.any():
-        step = _step(stamps[there])
-        back = np.zeros_like(changes[there]) if gyr is None else -step * np.nan_to_num(gyr[there])
-        forces[there] = quat_rotate(quat_from_rotvec(back), changes[there]) / step
+    else:
+        back = np.zeros_like(changes) if gyr is None else -step * np.nan_to_num(gyr[there])
+        means[there] = quat_rotate(quat_from_rotvec(back), changes) / step
         axes = "at its beginning, as no rate is known" if gyr is None else "at its end"
         notes.append(info("source.velocity_increments", step=step, axes=axes))
-    return forces
+    return means
 
 
 def _step(stamps: NDArray[np.int64]) -> float:
