@@ -62,13 +62,7 @@ _EARLIEST_US, _LATEST_US = 946_684_800 * 10**6, 4_102_444_800 * 10**6
 _BITS: Final = {"acc": 0x007, "gyr": 0x038, "mag": 0x1C0}  # `HIGHRES_IMU_UPDATED_FLAGS`
 
 
-@dataclass
-class _Packets:
-    """Where packets of one kind and system begin, and when they came."""
-
-    places: "array[int]" = field(default_factory=lambda: array("q"))
-    lengths: "array[int]" = field(default_factory=lambda: array("q"))
-    came_us: "array[int]" = field(default_factory=lambda: array("q"))
+_Packets = dict[tuple[int, int], "array[int]"]  # by system and message: where each begins, its length, when it came, µs
 
 
 def starts(start: bytes) -> bool:
@@ -119,9 +113,9 @@ def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
     return log.recording(name, none="attitude: none at the samples' times (ATTITUDE_QUATERNION, ATTITUDE)")
 
 
-def _scanned(raw: bytes) -> tuple[dict[tuple[int, int], _Packets], int]:
-    """Packets of known kinds, by system and message number; bytes that are not packets are counted."""
-    messages: dict[tuple[int, int], _Packets] = {}
+def _scanned(raw: bytes) -> tuple[_Packets, int]:
+    """Packets of known kinds; bytes that are not packets are counted."""
+    messages: _Packets = {}
     at, size, skipped = 0, len(raw), 0
     while at + 17 <= size:
         begin = at + 8
@@ -142,18 +136,17 @@ def _scanned(raw: bytes) -> tuple[dict[tuple[int, int], _Packets], int]:
             at, skipped = at + 1, skipped + 1
             continue
         if number in _KINDS:
-            packets = messages.setdefault((system, number), _Packets())
-            packets.places.append(begin)
-            packets.lengths.append(length)
-            packets.came_us.append(came)
+            messages.setdefault((system, number), array("q")).extend((begin, length, came))
         at = end
     return messages, skipped + size - at
 
 
-def _checked(data: NDArray[np.uint8], number: int, packets: _Packets) -> tuple[NDArray[Any], NDArray[np.int64], int]:
+def _checked(
+    data: NDArray[np.uint8], number: int, packets: "array[int]"
+) -> tuple[NDArray[Any], NDArray[np.int64], int]:
     """Records of the packets whose CRC is right, when they came, and how many are wrong."""
     kind = _KINDS[number]
-    places, lengths = (np.frombuffer(column, np.int64) for column in (packets.places, packets.lengths))
+    places, lengths, came_us = np.frombuffer(packets, np.int64).reshape(-1, 3).T
     payload = np.zeros((places.size, kind.layout.itemsize), np.uint8)
     right = np.zeros(places.size, dtype=bool)
     versions = data[places]
@@ -167,8 +160,7 @@ def _checked(data: NDArray[np.uint8], number: int, packets: _Packets) -> tuple[N
             right[part] = of_rows("crc16-mcrf4xx", closed) == packet["crc"]
             taken = min(length, kind.layout.itemsize)  # what is cut off at the end is zero; what is longer, extensions
             payload[part, :taken] = packet["covered"][:, head - 1 : head - 1 + taken]
-    came = np.frombuffer(packets.came_us, np.int64)[right]
-    return payload[right].view(kind.layout)[:, 0], came, int(np.count_nonzero(~right))
+    return payload[right].view(kind.layout)[:, 0], came_us[right], int(np.count_nonzero(~right))
 
 
 def _chosen(tables: dict[tuple[int, int], Any], unit: str | None, log: SensorLog) -> tuple[int, int]:

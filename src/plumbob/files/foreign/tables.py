@@ -264,7 +264,7 @@ class Hdf5Arrays(_Container):
         """Load arrays, each in its own type."""
         size = self._file.stat().st_size
         with opened_hdf5(self._file) as (h5py, hdf5):
-            places = {name: self._fields.get(name, (name, ())) for name in set(names) - self._single.keys()}
+            places = {name: self._fields.get(name, (name, ())) for name in names if name not in self._single}
             sets = {}
             for path, _ in places.values():
                 group, _, key = path.rpartition("/")
