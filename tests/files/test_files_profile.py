@@ -9,7 +9,7 @@ from plumbob import Frame, ImuMeta, North, files, json_schema
 from plumbob.core.constants import G0
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, UnitError
 from plumbob.files import Profile, load_profile, parse_profile
-from plumbob.files.profile import TimeColumn, TimeRate
+from plumbob.files.profile import TimeSource
 from tests.helpers.io_samples import ROOT, refused, schema_keys
 
 MINIMAL = """
@@ -99,7 +99,7 @@ def test_a_minimal_profile_takes_only_declared_defaults():
     assert profile.layout.decimal == "."
     assert profile.layout.encoding == "utf-8"
     assert profile.layout.missing == ("", "NaN")
-    assert profile.time == TimeColumn("t", "s")
+    assert profile.time == TimeSource(("t",), "s")
     assert set(profile.triads) == {"gyr"}
     assert profile.reference is None
     assert ImuMeta(**profile.meta) == ImuMeta()
@@ -249,8 +249,8 @@ def test_axes_time_and_separator_are_written_in_several_ways():
     assert parse_profile(TURNED + 'of = "case"').turn == "x -y -z"
     assert parse_profile("axes_applied = true\n" + TURNED).turn is None
     assert parse_profile(TRACK).triads == {}
-    assert parse_profile(UNIX).time == TimeColumn("t", "s", unix=True)
-    assert parse_profile(MINIMAL.replace('column = "t"\nunit = "s"', 'rate = "0.5 Hz"')).time == TimeRate(0.5)
+    assert parse_profile(UNIX).time == TimeSource(("t",), "s", unix=True)
+    assert parse_profile(MINIMAL.replace('column = "t"\nunit = "s"', 'rate = "0.5 Hz"')).time == TimeSource(rate=0.5)
     for word in ('"tab"', '"\\t"', "'\\t'"):
         assert parse_profile(MINIMAL.replace('","', word)).layout.separator == "\t"
 

@@ -43,6 +43,25 @@ def column_numbers(column: "pa.ChunkedArray[Any]") -> NDArray[Any]:
     return np.concatenate(parts) if parts else np.empty(0)
 
 
+def parsed_csv(
+    packed: bytes, separator: str, width: int, types: dict[str, Any], *, quoted: bool = True, **convert: Any
+) -> "pa.Table | None":
+    """Columns of rows of `width` cells, by their numbers from 0, as far as they have types; None if Arrow refuses."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    source: Any = pa.BufferReader(pa.py_buffer(packed))
+    try:
+        return csv.read_csv(
+            source,
+            csv.ReadOptions(column_names=[str(i) for i in range(width)]),
+            csv.ParseOptions(delimiter=separator, quote_char='"' if quoted else False),
+            csv.ConvertOptions(column_types=types, include_columns=list(types), **convert),
+        )
+    except (pa.ArrowException, OSError, ValueError):
+        return None
+
+
 def arrow_column(values: NDArray[Any]) -> "pa.Array[Any]":
     """Arrow column of numbers (N,), which share its memory; of truths, eight to a byte."""
     import pyarrow as pa

@@ -51,6 +51,7 @@ _SAID_RATES: Final = (
     (r"(?:rate|interval|period|sampling)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*ms\b", "ms"),
     (r"(?:interval|period)[^:=]*[ _(\[]ms[)\]]?\s*[:=\s]+(\d+(?:\.\d+)?)$", "ms"),
 )  # how lines before a table say its sampling rate, and the unit of the number
+_USUAL: Final = TextLayout(separator=",")
 _COUNTS: Final = "counts_per_unit"
 _COUNT: Final = r"(?:lsbs?|counts?|digits?)"
 _SCALES: Final = {
@@ -192,46 +193,45 @@ def _writers(name: str, sample: Sample, answers: Mapping[str, Any], *, is_alone:
     stream, parts = ("", _by_sensor(sample)) if is_alone else (name, [])
     if not parts and (device := _device(sample)):
         column, words = device
-        ref = sample.names[column] if sample.by_name else column + 1
-        where = tuple(answers.get("header.where", ()))
+        ref, where = sample.ref(column), tuple(answers.get("header.where", ()))
         if where not in {(ref, word) for word in words}:
             raise DecodeError(
                 f"its rows are of {len(words)} devices, which column {ref!r} names: {', '.join(words)}. Choose one, as "
                 f"with --set 'header.where={json.dumps([ref, words[0]])}'."
             )
-        rows = [row for row in sample.rows if row[column].strip() == where[1]]
-        return [_DraftWriter(name, replace(sample, rows=rows), where, stream=stream, answers=answers)]
-    return [_DraftWriter(name, *part, stream=stream or "*", answers=answers) for part in parts] or [
+        sample = _matching_rows(sample, column, where[1])
+    return [_DraftWriter(name, part, stream=stream or "*", answers=answers) for part in parts] or [
         _DraftWriter(name, sample, stream=stream, answers=answers)
     ]
 
 
-def _by_sensor(sample: Sample) -> "list[tuple[Sample, tuple[int | str, str] | tuple[()], str]]":
-    """Rows of each sensor, where rows name it: with the column and the word, and the sensor; or nothing."""
+def _by_sensor(sample: Sample) -> list[Sample]:
+    """Rows of each sensor, where rows name it; or nothing."""
     if sample.others:
-        return [(kind, kind.layout.where, kind.sensor) for kind in (sample, *sample.others)]
+        return [sample, *sample.others]
     parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
     values = [i for i, part in enumerate(parts) if part.axis and not (part.sensor or part.by_unit)]
     values = values if any(sample.names) else list(range(sample.width))[-3:]
     for i in range(sample.width) if len(values) == len("xyz") else ():
-        words = list(dict.fromkeys(sample.cells(i)))
-        sensors = {word: named_sensor(word) for word in words[: _MOST_SENSORS + 1]}
+        words = dict.fromkeys(sample.cells(i))
+        if len(words) > _MOST_SENSORS:
+            continue
         units = _android_units(sample, i, values) if i not in values else {}
-        sensor_by_word = {word: units.get(word, (sensor, ""))[0] for word, sensor in sensors.items()}
-        sensor_by_word = {word: sensor for word, sensor in sensor_by_word.items() if sensor in TRIADS}
-        apart = len(set(sensor_by_word.values())) == len(sensor_by_word)
-        if sensor_by_word and apart and len(sensors) <= _MOST_SENSORS:
-            ref = sample.names[i] if sample.by_name else i + 1
-            said = [
-                [units[word][1] * (k in values) for k in range(sample.width)] if units else sample.units
-                for word in sensor_by_word
-            ]
-            rows = {word: [row for row in sample.rows if row[i].strip() == word] for word in sensor_by_word}
+        sensors = {word: units[word][0] if word in units else named_sensor(word) for word in words}
+        sensors = {word: sensor for word, sensor in sensors.items() if sensor in TRIADS}
+        if sensors and len(set(sensors.values())) == len(sensors):
+            said = {word: tuple(unit * (k in values) for k in range(sample.width)) for word, (_, unit) in units.items()}
             return [
-                (replace(sample, rows=rows[word], units=tuple(beside)), (ref, word), sensor)
-                for (word, sensor), beside in zip(sensor_by_word.items(), said, strict=True)
+                replace(_matching_rows(sample, i, word), units=said.get(word, sample.units), sensor=sensor)
+                for word, sensor in sensors.items()
             ]
     return []
+
+
+def _matching_rows(sample: Sample, column: int, word: str) -> Sample:
+    """The rows that have a word in a column."""
+    layout = replace(sample.layout, where=(sample.ref(column), word))
+    return replace(sample, layout=layout, rows=[row for row in sample.rows if row[column].strip() == word])
 
 
 _ANDROID: Final = {"1": ("acc", "m/s2"), "2": ("mag", "uT"), "4": ("gyr", "rad/s")}  # [Android, SensorEvent]
@@ -261,16 +261,7 @@ class _Guess:
 class _DraftWriter:
     """Makes the text, key by key, and collects the questions."""
 
-    def __init__(
-        self,
-        name: str,
-        sample: Sample,
-        where: tuple[int | str, str] | tuple[()] = (),
-        sensor: str = "",
-        *,
-        stream: str,
-        answers: Mapping[str, Any],
-    ) -> None:
+    def __init__(self, name: str, sample: Sample, *, stream: str, answers: Mapping[str, Any]) -> None:
         self._names = sample.for_cells(sample.names)
         units = sample.for_cells(sample.units)
         groups = {name.partition("/")[0] for name in self._names}  # of arrays: one that holds all says nothing of them
@@ -280,9 +271,9 @@ class _DraftWriter:
         clocks = [_clock(sample, i) for i, part in enumerate(self._parts) if part.is_time]
         if clocks := [clock for clock in clocks if clock.size]:
             sample = replace(sample, rows=sample.rows[::-1]) if all(map(falls, clocks)) else sample
-        self._name, self._sample, self._where, self._stream, self._answers = name, sample, where, stream, answers
+        self._name, self._sample, self._stream, self._answers = name, sample, stream, answers
         self._parts = _with_axes(_turn_rates(self._parts, self._names))
-        self._sensor = sensor or (
+        self._sensor = sample.sensor or (
             "" if any(p.axis and p.sensor and not p.is_bare for p in self._parts) else named_sensor(Path(name).stem)
         )
         if base := {"linear": "linear acc"}.get(self._sensor, self._sensor):
@@ -293,7 +284,8 @@ class _DraftWriter:
             if not part.stated and any(low <= np.nanmin(numbers, initial=np.inf) < high for low, high in _HUNDRED_NS):
                 self._parts[i] = replace(part, unit="us", scale=0.1)
             self._numbers[i] = numbers if self._parts[i].scale == 1.0 else numbers * self._parts[i].scale
-        self._known = next((log for log in KNOWN if log.fits(sample)), None)
+        log = next((log for log in KNOWN if log.fits(sample)), None)
+        self._known, self._log = (log.said(sample), log.name) if log else ({}, "")  # keys that are known, and of what
         self._clocks = self._first_of_four()
         self._time = self._time_columns()
         self._quaternion = self._quaternion_columns()
@@ -335,7 +327,7 @@ class _DraftWriter:
             self._write_triad(name, self.triads[name])
         if self._temperature is not None and self.triads:
             self._open("temperature")
-            self._set("column", self._ref(self._temperature), "the name of the column", ask=True, sure=True)
+            self._set("column", self._sample.ref(self._temperature), "the name of the column", ask=True, sure=True)
             typical = float(np.nanmedian(self._numbers[self._temperature]))
             usual = _Guess("degC", f"{typical:.4g} is usual in degC") if -40.0 < typical < 85.0 else _Guess()
             self._write_unit(Quantity.TEMPERATURE, [self._temperature], usual)
@@ -345,9 +337,8 @@ class _DraftWriter:
 
     # Columns ----------------------------------------------------------------------------------------------------------
 
-    def _ref(self, column: int) -> int | str:
-        name = self._names[column]
-        return name if self._sample.by_name and name and self._names.count(name) == 1 else column + 1
+    def _refs(self, columns: Sequence[int]) -> tuple[int | str, ...]:
+        return tuple(map(self._sample.ref, columns))
 
     def _free(self) -> list[int]:
         """Columns of numbers that have no meaning yet."""
@@ -593,12 +584,10 @@ class _DraftWriter:
     def _set(self, key: str, value: object, why: str = "", *, ask: bool = False, sure: bool = False) -> None:
         """Write a key; a guess with the mark of a question, unless it is answered, or evidence for it is accepted."""
         dotted = f"{self._table}.{key}".lstrip(".")
-        said = None if self._known is None else self._known.answers.get(dotted)
         if dotted in self._answers:
             value, why, ask = self._answers[dotted], "as answered", False
-        elif said is not None and self._known is not None:
-            value, why = self._known.value(said, self._sample), f"as of {self._known.name}"
-            ask = ask and not self._accept
+        elif dotted in self._known:
+            value, why, ask = self._known[dotted], f"as of {self._log}", ask and not self._accept
         elif ask and sure and self._accept:
             ask = False
             self._evidence.append((dotted, why))
@@ -613,7 +602,7 @@ class _DraftWriter:
     def _has(self, key: str) -> bool:
         """Whether a key of the open table is answered, or the known log says it."""
         dotted = f"{self._table}.{key}".lstrip(".")
-        return dotted in self._answers or (self._known is not None and dotted in self._known.answers)
+        return dotted in self._answers or dotted in self._known
 
     def _set_known(self, *keys: str) -> None:
         """Write those of the keys that are answered, or that the known log says."""
@@ -656,23 +645,18 @@ class _DraftWriter:
         if layout.separator:
             self._write_header(layout)
 
-    def _set_some(self, layout: TextLayout, **why: str) -> None:
-        """Write those of the keys that the layout has."""
+    def _set_unusual(self, layout: TextLayout, **why: str) -> None:
+        """Write those of the keys in which a layout is not the usual one."""
         for key, reason in why.items():
-            if value := getattr(layout, key):
-                self._set(key, value, reason)
+            if (value := getattr(layout, key)) != getattr(_USUAL, key):
+                self._set(key, value, reason, ask=key == "encoding" and value != "utf-16", sure=True)
 
     def _write_layout(self, layout: TextLayout) -> None:
         self._set("separator", {"\t": "tab"}.get(layout.separator, layout.separator), f"{self._sample.width} columns")
         self._set("decimal", layout.decimal)
-        self._set_some(layout, thousands="between groups of three digits")
-        if layout.encoding != "utf-8":
-            self._set("encoding", layout.encoding, "it is not UTF-8", ask=layout.encoding != "utf-16", sure=True)
-        self._set_some(
-            layout, comment="lines that begin so are left out", cells="vectors, and units behind the numbers"
-        )
-        if layout.missing != type(layout)(separator=",").missing:
-            self._set("missing", layout.missing, "cells without a value")
+        self._set_unusual(layout, thousands="between groups of three digits", encoding="it is not UTF-8")
+        self._set_unusual(layout, comment="lines that begin so are left out")
+        self._set_unusual(layout, cells="vectors, and units behind the numbers", missing="cells without a value")
 
     def _write_header(self, layout: TextLayout) -> None:
         self._open("header")
@@ -681,11 +665,10 @@ class _DraftWriter:
             self._set("marker", layout.marker, "the table begins behind this line")
             self._set("occurrence", layout.occurrence)
         skipped = "lines there" if layout.marker else "lines at the top"
-        self._set_some(layout, end="and ends before this one", skip=skipped, after_names="the row of units")
-        self._set_some(layout, mark="before the names", words="numbers stand among words", checksum="of each row")
-        self._set_some(layout, channels="of each row: time, what names its channel, the number")
-        if where := self._where or layout.where:
-            self._set("where", where, "rows of this kind alone")
+        self._set_unusual(layout, end="and ends before this one", skip=skipped, after_names="the row of units")
+        self._set_unusual(layout, mark="before the names", words="numbers stand among words", checksum="of each row")
+        self._set_unusual(layout, channels="of each row: time, what names its channel, the number")
+        self._set_unusual(layout, where="rows of this kind alone")
 
     def _write_time(self) -> None:
         self._open("time")
@@ -695,7 +678,7 @@ class _DraftWriter:
             why = "the header says it" if rate else "no column increases like time: the sampling rate, as in '100 Hz'"
             self._set("rate", rate, why, ask=True, sure=bool(rate))
             return
-        refs = tuple(map(self._ref, self._time))
+        refs = self._refs(self._time)
         if self._stamped:
             self._set("column" if len(refs) == 1 else "columns", refs[0] if len(refs) == 1 else refs)
             first = " ".join(self._sample.cells(i)[0] for i in self._time)
@@ -719,7 +702,7 @@ class _DraftWriter:
         self._write_scale(part)
         weeks = [i for i, other in enumerate(self._parts) if WEEK.fullmatch(other.base) and "tow" in part.base]
         if weeks:
-            self._set("week", self._ref(weeks[0]), "the GPS week that the time is of", ask=True, sure=True)
+            self._set("week", self._sample.ref(weeks[0]), "the GPS week that the time is of", ask=True, sure=True)
         seconds = self._numbers[self._time[1]][0] if len(refs) == 2 else 0.0
         since = seconds + to_si(float(numbers[0]), unit) if unit and not weeks else 0.0
         if CENTURY[0] < since < CENTURY[1]:
@@ -738,11 +721,10 @@ class _DraftWriter:
     def _write_reference(self) -> None:
         """Write the attitude that stands beside, or alone."""
         frame = self._answers.get("reference.frame") or self._answers.get("frame")
-        has_frame = frame is not None or (self._known is not None and "reference.frame" in self._known.answers)
-        if self.triads and self._accept and not has_frame:
+        if self.triads and self._accept and frame is None and "reference.frame" not in self._known:
             return  # an attitude in no known frame is nothing that could be compared with
         self._open("reference")
-        columns = tuple(map(self._ref, self._quaternion or self._angles))
+        columns = self._refs(self._quaternion or self._angles)
         what = "unit quaternions" if self._quaternion else "angles about z, y and x"
         self._set("columns", columns, f"{what}, by their names", ask=True, sure=True)
         self._set("order", "wxyz" if self._quaternion else " ".join(_ANGLES))
@@ -762,10 +744,10 @@ class _DraftWriter:
         named = bool(self._sensor) or (bool(part.axis) and bool(part.sensor or part.by_unit))
         by = "by their names" if named else "by their size or turning; [] if they are none"
         turns = name == "gyr" and self._turns[1] is not None and self._turns[1].tells
-        sure, refs = named or turns or self._is_sure_by_size(), tuple(map(self._ref, columns))
-        self._set("columns", refs, f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
+        sure = named or turns or self._is_sure_by_size()
+        self._set("columns", self._refs(columns), f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
         if name == "acc" and self._plus:
-            self._set("plus", tuple(map(self._ref, self._plus)), "gravity, which these lack", ask=True, sure=True)
+            self._set("plus", self._refs(self._plus), "gravity, which these lack", ask=True, sure=True)
         zero = self._middle(columns)
         by_size = {"acc": _gravity_unit, "mag": _field_unit}.get(name)
         guess = by_size(self._size(columns, zero)) if by_size else self._rate_unit(columns, zero)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from plumbob.files.sniff import Sample
@@ -14,8 +14,9 @@ class KnownLog:
 
     name: str  # what writes it
     names: tuple[str, ...]  # columns that it has, each a regular expression of a whole name
-    answers: Mapping[str, Any]  # keys of a profile; ``{key}`` is what the lines before the table give for it
+    answers: Mapping[str, Any]  # keys of a profile
     facts: tuple[str, ...] = ()  # what the lines before the table have, as keys
+    in_file: Mapping[str, str] = field(default_factory=dict)  # keys of a profile, and of the facts that answer them
     # whether a reader of its own reads it; then the answers are for a draft, where that one refuses it
     has_reader: bool = False
 
@@ -30,14 +31,16 @@ class KnownLog:
             any(re.fullmatch(pattern, name) for name in sample.names) for pattern in self.names
         )
 
-    def value(self, answer: Any, sample: Sample) -> Any:
-        """An answer, with what the file itself says put in."""
-        if not isinstance(answer, str) or "{" not in answer:
-            return answer
-        said = sample.facts[answer.strip("{}")]
-        if answer == "{orientation}":  # body axes, whose lower case turns the sign [Gyroflow]
-            return " ".join(f"{'-' if letter.islower() else ''}{letter.lower()}" for letter in said)
-        return float(said) if re.fullmatch(r"[-+.\deE]+", said) else said.split()[0]
+    def said(self, sample: Sample) -> dict[str, Any]:
+        """Its answers, with those that the lines before the table give."""
+        facts = {key: sample.facts[fact] for key, fact in self.in_file.items() if fact in sample.facts}
+        return {**self.answers, **{key: _value(key, fact) for key, fact in facts.items()}}
+
+
+def _value(key: str, fact: str) -> str | float:
+    if key == "axes":  # of the body, whose lower case turns the sign [Gyroflow]
+        return " ".join(f"{'-' if letter.islower() else ''}{letter.lower()}" for letter in fact)
+    return float(fact) if re.fullmatch(r"[-+.\deE]+", fact) else fact.split(maxsplit=1)[0]
 
 
 KNOWN: Final = (
@@ -57,17 +60,17 @@ KNOWN: Final = (
     KnownLog(
         "a Gyroflow log",
         ("t", "gx", "gy", "gz"),
-        {"time.unit": "s", "time.unit_per_count": "{tscale}", "gyr.unit": "rad/s", "gyr.unit_per_count": "{gscale}",
-         "acc.unit": "g", "acc.unit_per_count": "{ascale}", "mag.unit": "gauss", "mag.unit_per_count": "{mscale}",
-         "axes": "{orientation}"},
+        {"time.unit": "s", "gyr.unit": "rad/s", "acc.unit": "g", "mag.unit": "gauss"},
         ("gyroflow imu log", "tscale", "gscale"),
+        {"time.unit_per_count": "tscale", "gyr.unit_per_count": "gscale", "acc.unit_per_count": "ascale",
+         "mag.unit_per_count": "mscale", "axes": "orientation"},
     ),
     KnownLog(
         "MT Manager",
         ("PacketCounter", "Acc_X|Gyr_X"),
-        {"frame": "{coordinate system}", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
-         "mag.unit": "relative"},
+        {"gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force", "mag.unit": "relative"},
         ("coordinate system", "deviceid"),
+        {"frame": "coordinate system"},
         has_reader=True,
     ),
     KnownLog(

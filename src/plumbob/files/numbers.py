@@ -22,7 +22,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, excerpt, one_line
 from plumbob.core.files import existing_file, reading
 from plumbob.core.findings import Finding, warning
-from plumbob.files.arrow import column_numbers
+from plumbob.files.arrow import column_numbers, parsed_csv
 from plumbob.files.profile import GUIDE
 from plumbob.files.text_table import single_blanks
 
@@ -167,20 +167,10 @@ def _parsed_lines(chunk: bytes, separator: bytes, columns: int) -> Floats | None
 def _arrow(packed: bytes, separator: bytes, columns: int) -> Floats | None:
     """Rows (N, columns), or None where Arrow refuses."""
     import pyarrow as pa
-    from pyarrow import csv
 
-    names = [str(i) for i in range(columns)]
-    source: Any = pa.BufferReader(pa.py_buffer(packed))
-    try:
-        table = csv.read_csv(
-            source,
-            read_options=csv.ReadOptions(column_names=names, use_threads=False, block_size=len(packed) + 1),
-            parse_options=csv.ParseOptions(delimiter=separator.decode(), quote_char=False),
-            convert_options=csv.ConvertOptions(column_types=dict.fromkeys(names, pa.float64()), null_values=[]),
-        )
-    except (pa.ArrowException, OSError, ValueError):
-        return None
-    return np.stack([column_numbers(column) for column in table.itercolumns()], axis=1)
+    types = {str(i): pa.float64() for i in range(columns)}
+    table = parsed_csv(packed, separator.decode(), columns, types, quoted=False, null_values=[])
+    return None if table is None else np.stack([column_numbers(column) for column in table.itercolumns()], axis=1)
 
 
 def _strict_lines(chunk: bytes, text: Text, first: int) -> Floats:

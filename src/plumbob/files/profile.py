@@ -108,42 +108,35 @@ class TextLayout:
 
 
 @dataclass(frozen=True, slots=True)
-class TimeColumn:
-    """Time from a column."""
+class TimeSource:
+    """Where time comes from: a column of numbers, dates and clock times (ISO 8601), or a declared rate alone."""
 
-    column: ColumnRef
-    unit: str  # its unit
-    unix: bool = False  # whether it counts from 1970 (UTC)
+    # one column of numbers; one of stamps, or two: dates, and clock times; none with a rate
+    columns: tuple[ColumnRef, ...] = ()
+    unit: str = ""  # of the numbers; empty for others
     unit_per_count: float = 1.0  # what one count is worth in that unit; 1 where the file holds the unit itself
+    unix: bool = False  # whether it counts from 1970 (UTC)
     # week, seconds: column with the number of the GPS week that the time is of, and then it is GPS time; or one with
     # the whole seconds, of which the time is the rest
     week: ColumnRef | None = None
     seconds: ColumnRef | None = None
+    zone: int | None = None  # what the clock of stamps is ahead of UTC, ns, where the cells do not say so
+    rate: float = 0.0  # Hz, of a file that has no time; 0 for others
 
     @property
-    def columns(self) -> tuple[ColumnRef, ...]:
+    def used(self) -> tuple[ColumnRef, ...]:
         """Every column of it."""
-        return tuple(ref for ref in (self.column, self.week, self.seconds) if ref is not None)
+        return (*self.columns, *(ref for ref in (self.week, self.seconds) if ref is not None))
+
+    @property
+    def are_stamps(self) -> bool:
+        """Whether its columns hold texts."""
+        return bool(self.columns) and not self.unit
 
     @property
     def exact(self) -> ColumnRef | None:
         """Column whose digits are more than float64 holds."""
-        return self.column if self.unix and self.seconds is None else None
-
-
-@dataclass(frozen=True, slots=True)
-class TimeStamps:
-    """Time from dates and clock times (ISO 8601)."""
-
-    columns: tuple[ColumnRef, ...]  # one column, or two: dates, and clock times
-    zone: int | None = None  # what the clock is ahead of UTC, ns, where the cells do not say so
-
-
-@dataclass(frozen=True, slots=True)
-class TimeRate:
-    """Time of a file that has none, from its declared rate, Hz."""
-
-    rate: float
+        return self.columns[0] if self.unix and self.seconds is None else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +190,7 @@ class Profile:
     """Everything that a text file or a file of arrays does not say about itself."""
 
     layout: TextLayout  # how the text is laid out
-    time: TimeColumn | TimeStamps | TimeRate  # where time comes from
+    time: TimeSource  # where time comes from
     # ``gyr``, ``acc``, ``mag``, as far as the file has them
     triads: Mapping[str, GroupSource] = field(default_factory=dict)
     temperature: GroupSource | None = None  # temperature, one column
@@ -220,7 +213,7 @@ class Profile:
     @property
     def stamps(self) -> tuple[ColumnRef, ...]:
         """Columns of dates and clock times."""
-        return self.time.columns if isinstance(self.time, TimeStamps) else ()
+        return self.time.columns if self.time.are_stamps else ()
 
     @property
     def texts(self) -> tuple[ColumnRef, ...]:
@@ -236,10 +229,7 @@ class Profile:
     @property
     def used(self) -> tuple[ColumnRef, ...]:
         """Every column that it uses, time included."""
-        time: tuple[ColumnRef, ...] = self.stamps
-        if isinstance(self.time, TimeColumn):
-            time = self.time.columns
-        single = time if self.flags is None else (*time, self.flags)
+        single = self.time.used if self.flags is None else (*self.time.used, self.flags)
         groups = [*self.triads.values(), *([self.temperature] if self.temperature else [])]
         reference = self.reference.used if self.reference else ()
         return (
@@ -254,6 +244,7 @@ GUIDE: Final = guide("file-formats.md")
 VERSION: Final = 1
 _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}
 _META = schema.keys(ImuMeta, *(f"{name}_range" for name in TRIADS))
+_OWN = ("time", "temperature", "reference", "notes", "axes_applied", "place", "date", "arrays")  # as they are
 _INNER = {"bias": 3, "covariance": 9}
 _LAYOUT = ("separator", "decimal", "thousands", "encoding", "comment", "missing", "rows", "cells")
 
@@ -309,24 +300,17 @@ def _profile(raw: Mapping[str, Any], origin: str) -> Profile:
         )
     arrays = raw.get("arrays") is True
     table = PROFILE("", _columns_of_arrays(raw)) if arrays else _TEXT_PROFILE("", raw)
+    layout = {} if arrays else {key: table[key] for key in _LAYOUT if key in table} | table["header"]
+    ranges = {f"{name}_range": _in_body(table[name], table) for name in TRIADS if name in table}
+    flags = table.get("flags", {})
     profile = Profile(
-        layout=TextLayout(separator=",")
-        if arrays
-        else TextLayout(**{key: table[key] for key in _LAYOUT if key in table}, **table["header"]),
-        time=table["time"],
+        layout=TextLayout(**{"separator": ",", **layout}),
         triads={name: table[name] for name in TRIADS if name in table},
-        temperature=table.get("temperature"),
-        flags=table.get("flags", {}).get("column"),
-        flag_words=table.get("flags", {}).get("words", False),
-        reference=table.get("reference"),
-        meta={key: table[key] for key in _META if key in table}
-        | {f"{name}_range": _in_body(table[name], table) for name in TRIADS if name in table},
-        notes=table.get("notes", ()),
-        axes_applied=table.get("axes_applied", False),
-        place=table.get("place"),
-        date=table.get("date"),
+        flags=flags.get("column"),
+        flag_words=flags.get("words", False),
+        meta={key: table[key] for key in _META if key in table} | ranges,
         origin=origin,
-        arrays=arrays,
+        **{key: table[key] for key in _OWN if key in table},
     )
     _require_sense(profile)
     return profile
@@ -388,7 +372,7 @@ def _require_sense(profile: Profile) -> None:
         raise DecodeError("it declares no data; add at least one of [gyr], [acc], [mag] and [reference].")
     if not profile.triads and (profile.temperature is not None or profile.flags is not None):
         raise DecodeError("[temperature] and [flags] belong to a triad; add [gyr], [acc] or [mag].")
-    absolute = 'time.epoch = "unix"' if isinstance(profile.time, TimeColumn) and profile.time.unix else ""
+    absolute = 'time.epoch = "unix"' if profile.time.unix else ""
     absolute = f'time.format = "{FORM}"' if profile.stamps else absolute
     if absolute and "t0_ns" in profile.meta:
         raise DecodeError(f"{absolute} already says when the recording starts; remove t0_ns.")
@@ -447,9 +431,13 @@ def _header(where: str, table: dict[str, Any]) -> dict[str, Any]:
     return table
 
 
-def _time(where: str, table: dict[str, Any]) -> TimeColumn | TimeStamps | TimeRate:
+def _time(where: str, table: dict[str, Any]) -> TimeSource:
     if "format" in table:
-        return _time_stamps(where, table)
+        if other := [key for key in ("unit", "epoch", "rate", "seconds") if key in table]:
+            raise DecodeError(f"{where} has a format, so it can have no {' and no '.join(other)}; remove it.")
+        if ("column" in table) == ("columns" in table):
+            raise DecodeError(f"{where} needs column, or columns = [date, time] where these are two.")
+        return TimeSource(table.get("columns") or (table["column"],), zone=table.get("zone"))
     if alone := [key for key in ("columns", "zone") if key in table]:
         raise DecodeError(f'{where}.{alone[0]} is for dates and clock times; add {where}.format = "{FORM}".')
     if ("column" in table) == ("rate" in table):
@@ -457,26 +445,15 @@ def _time(where: str, table: dict[str, Any]) -> TimeColumn | TimeStamps | TimeRa
             f'{where} needs either column and unit (or format = "{FORM}" for dates and clock times), '
             'or a declared rate such as rate = "100 Hz".'
         )
-    if "rate" in table:
-        if len(table) > 1:
-            raise DecodeError(
-                f"{where} has a rate, so it can have nothing else; remove {', '.join(set(table) - {'rate'})}."
-            )
-        return TimeRate(rate=table["rate"])
-    if "unit" not in table:
+    if "rate" in table and len(table) > 1:
+        more = ", ".join(set(table) - {"rate"})
+        raise DecodeError(f"{where} has a rate, so it can have nothing else; remove {more}.")
+    if "column" in table and "unit" not in table:
         raise _absent(where, "unit")
     if "week" in table and {"epoch", "seconds"} & set(table):
         raise DecodeError(f"{where} has week, so it can have no epoch and no seconds; remove them, or week.")
-    larger = (table.get("week"), table.get("seconds"))
-    return TimeColumn(table["column"], table["unit"], "epoch" in table, table.get("unit_per_count", 1.0), *larger)
-
-
-def _time_stamps(where: str, table: Mapping[str, Any]) -> TimeStamps:
-    if other := [key for key in ("unit", "epoch", "rate", "seconds") if key in table]:
-        raise DecodeError(f"{where} has a format, so it can have no {' and no '.join(other)}; remove it.")
-    if ("column" in table) == ("columns" in table):
-        raise DecodeError(f"{where} needs column, or columns = [date, time] where these are two.")
-    return TimeStamps(columns=table.get("columns") or (table["column"],), zone=table.get("zone"))
+    columns = (table.pop("column"),) if "column" in table else ()
+    return TimeSource(columns, unix=table.pop("epoch", "") == "unix", **table)
 
 
 def _group(kind: Quantity, extra: Mapping[str, Parse] = MappingProxyType({}), required: tuple[str, ...] = ()) -> Parse:
@@ -491,15 +468,11 @@ def _group_source(where: str, table: dict[str, Any]) -> GroupSource:
     if "zero" in table and not scales:
         raise DecodeError(f"{where}.zero is in counts; add {where}.counts_per_unit or {where}.unit_per_count.")
     return GroupSource(
-        columns=table["columns"],
-        unit=table["unit"],
+        **{key: table[key] for key in ("columns", "unit", "zero", "delay", "plus") if key in table},
         unit_per_count=float(table.get("unit_per_count", 1.0 / table.get("counts_per_unit", 1.0))),
-        zero=table.get("zero"),
         axes=_own_axes(where, table),
         gravity=table.get("sign") == "gravity",
         full_scale=table.get("range"),
-        delay=table.get("delay", 0.0),
-        plus=table.get("plus", ()),
     )
 
 

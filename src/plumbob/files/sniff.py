@@ -99,6 +99,11 @@ class Sample:
         """Names or units, one for each cell of a row; empty where the file has none."""
         return (*words, *[""] * self.width)[: self.width]
 
+    def ref(self, column: int) -> int | str:
+        """What a profile calls a column that is counted from 0: its name, or its number from 1."""
+        name = self.names[column] if self.by_name else ""
+        return name if name and self.names.count(name) == 1 else column + 1
+
     def cells(self, column: int) -> list[str]:
         """Cells of a column, counted from 0."""
         return [row[column].strip() for row in self.rows]
@@ -228,8 +233,8 @@ def _of_channels(text: str, sample: Sample) -> Sample | None:
         return None
     clocks.sort(key=lambda i: not (sample.names and taken_apart(sample.names[i]).is_time))
     clock = min(clocks, key=lambda i: abs(len(set(columns[i])) * len(parts) - len(columns[i])))  # whole rows
-    refs = [sample.names[i] if sample.by_name else i + 1 for i in (clock, *words, values[0])]
-    layout = replace(sample.layout, channels=tuple(refs), cells=())
+    refs = tuple(map(sample.ref, (clock, *words, values[0])))
+    layout = replace(sample.layout, channels=refs, cells=())
     lines = channels_as_columns(text, layout)[0].split("\n")
     wide = _headed(lines, _table(lines, "\t", layout.decimal), layout.encoding)
     return replace(wide, layout=replace(layout, missing=wide.layout.missing), facts=sample.facts)

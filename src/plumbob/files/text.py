@@ -42,9 +42,7 @@ from plumbob.files.profile import (
     GroupSource,
     Profile,
     ReferenceSource,
-    TimeColumn,
-    TimeRate,
-    TimeStamps,
+    TimeSource,
     load_profile,
     profiles_beside,
     toml_lines,
@@ -86,11 +84,12 @@ def read_text(path: str | Path | Sequence[str | Path], profile: Profile | str | 
 
 def _read_one(file: Path, declared: Profile, note: Note) -> Recording:
     with reading(file):
-        time = declared.time
-        exact = time.exact if isinstance(time, TimeColumn) else None
         # no name: the columns of a large file are in memory only while they are needed
         return table_recording(
-            declared, read_table(file, declared.layout, declared.used, exact, declared.texts), file.stem, note
+            declared,
+            read_table(file, declared.layout, declared.used, declared.time.exact, declared.texts),
+            file.stem,
+            note,
         )
 
 
@@ -107,9 +106,9 @@ def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -
 def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
     """The same table, or its rows in the order of time where the newest stands first."""
     source, last = profile.time, table.rows - 1
-    if isinstance(source, TimeRate):
+    if source.rate:
         return table
-    if isinstance(source, TimeStamps):
+    if source.are_stamps:
         cells = [table.texts[ref] for ref in source.columns]
         try:
             is_back = to_seconds([column[:: last or 1] for column in cells], source.zone)[0][-1] < 0.0
@@ -117,12 +116,12 @@ def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
         except StampError:  # which is said with its line when time is made of them
             return table
     else:
-        is_back = falls(table.columns[source.seconds or source.week or source.column])
+        is_back = falls(table.columns[source.seconds or source.week or source.columns[0]])
     if not is_back:
         return table
     columns = {ref: values[::-1] for ref, values in table.columns.items()}
     zero = table.zero
-    if isinstance(source, TimeColumn) and source.exact is not None:
+    if source.exact is not None:
         zero += Decimal(float(columns[source.exact][0]))
         columns[source.exact] = columns[source.exact] - columns[source.exact][0]
     texts = {ref: cells[::-1] for ref, cells in table.texts.items()}
@@ -168,14 +167,14 @@ def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profil
 def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[Finding, ...]]:
     """Times, s, the UTC of the first, ns or 0, and what was done to have them."""
     source = profile.time
-    if isinstance(source, TimeRate):
+    if source.rate:
         places = np.arange(table.rows) if table.places is None else table.places
         return places / source.rate, 0, ()
-    if isinstance(source, TimeStamps):
+    if source.are_stamps:
         return _of_stamps(source, table)
     factor = units.unit(source.unit).factor * source.unit_per_count
     nanoseconds = Fraction(factor).limit_denominator(10**9) * 10**9
-    stamps = table.columns[source.column]
+    stamps = table.columns[source.columns[0]]
     t0_ns = round(Fraction(table.zero) * nanoseconds)
     larger = source.seconds if source.week is None else source.week
     if larger is not None:
@@ -193,7 +192,7 @@ def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[Findin
     return line.t_ns / 1e9, t0_ns, line.notes
 
 
-def _of_stamps(source: TimeStamps, table: TextTable) -> tuple[Floats, int, tuple[Finding, ...]]:
+def _of_stamps(source: TimeSource, table: TextTable) -> tuple[Floats, int, tuple[Finding, ...]]:
     try:
         t, t0_ns = to_seconds([table.texts[ref] for ref in source.columns], source.zone)
     except StampError as error:
@@ -219,7 +218,7 @@ def _imu(
     table.columns.clear()  # as large as the triads, which nobody else writes to
     for values in triads.values():
         values.flags.writeable = False
-    implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns}
+    implied = {"rate_nominal": time.rate} if time.rate else {"t0_ns": t0_ns}
     meta = ImuMeta(**{**implied, **profile.meta})
     imu = ImuData(t=t, temp_c=temp_c, flags=bits, meta=meta, **triads)  # type: ignore[arg-type]
     if profile.place is not None:

@@ -17,7 +17,7 @@ from decimal import Decimal, InvalidOperation
 from functools import cache
 from itertools import islice, pairwise
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.core.findings import Finding, warning
 from plumbob.core.text import sentence_checksum
-from plumbob.files.arrow import column_numbers, text_bytes, text_pieces
+from plumbob.files.arrow import column_numbers, parsed_csv, text_bytes, text_pieces
 from plumbob.files.column_names import is_unit
 from plumbob.files.columns import FORM, is_clocklike
 from plumbob.files.profile import BLANK, JSON, QUOTED, ColumnRef, TextLayout
@@ -290,21 +290,45 @@ def channels_as_columns(text: str, layout: TextLayout) -> tuple[str, TextLayout]
     return "\n".join((*lines, *broken, "")), plain
 
 
+class _Line(NamedTuple):
+    """A line of a text, and where the next one begins, and its number."""
+
+    row: str
+    start: int
+    line: int
+
+
+def _lines(text: str) -> Iterator[_Line]:
+    start, line = 0, 1
+    while start < len(text):
+        end = text.find("\n", start)
+        end = len(text) if end < 0 else end
+        yield _Line(text[start:end], start := end + 1, line := line + 1)
+
+
 def find_head(text: str, layout: TextLayout) -> Head:
     """Find where the numbers begin; DecodeError if the marker does not come, or the file ends before."""
-    place, line = _after_marker(text, layout) if layout.marker else (0, 1)
-    place, line = _forward(text, place, line, layout.skip)
-    names: tuple[str, ...] = ()
+    lines, last = _lines(text), _Line("", 0, 1)
+    if layout.marker:
+        remaining, marker = layout.occurrence, layout.marker.strip(" \t,;")
+        for last in lines:
+            remaining -= last.row.strip(" \t,;") == marker
+            if remaining == 0:
+                break
+        else:
+            raise DecodeError(
+                f"the marker {excerpt(layout.marker)} comes {layout.occurrence - remaining} times, but the profile "
+                f"expects it {layout.occurrence} times; check header.marker and header.occurrence."
+            )
+    last, names = [last, *islice(lines, layout.skip)][-1], list[str]()
     if layout.names:
-        comment = "" if layout.mark else layout.comment
-        while place < len(text) and is_idle(text[place : _end(text, place)], comment):
-            place, line = _end(text, place) + 1, line + 1
-        row = text[place : _end(text, place)].removeprefix(layout.mark)
-        names = tuple(cell.strip() for cell in split_row(row, layout.separator, line))
-        place, line = _forward(text, place, line, 1 + layout.after_names)
-    if place >= len(text):
+        comment, end = "" if layout.mark else layout.comment, _Line("", len(text), last.line)
+        last = next((line for line in lines if not is_idle(line.row, comment)), end)
+        names = split_row(last.row.removeprefix(layout.mark), layout.separator, last.line - 1)
+        last = [last, *islice(lines, layout.after_names)][-1]
+    if last.start >= len(text):
         raise DecodeError("the file ends before its first row of numbers; check the profile's [header].")
-    return Head(names, place, line)
+    return Head(tuple(map(str.strip, names)), last.start, last.line)
 
 
 def split_row(row: str, separator: str, line: int) -> list[str]:
@@ -412,36 +436,9 @@ def _before_end(text: str, start: int, end: str) -> str:
     return text[: match.start()]
 
 
-def _after_marker(text: str, layout: TextLayout) -> tuple[int, int]:
-    place, line, remaining = 0, 1, layout.occurrence
-    while place < len(text):
-        end = _end(text, place)
-        remaining -= text[place:end].strip(" \t,;") == layout.marker.strip(" \t,;")
-        place, line = end + 1, line + 1
-        if remaining == 0:
-            return place, line
-    raise DecodeError(
-        f"the marker {excerpt(layout.marker)} comes {layout.occurrence - remaining} times, but the profile expects it "
-        f"{layout.occurrence} times; check header.marker and header.occurrence."
-    )
-
-
-def _forward(text: str, place: int, line: int, lines: int) -> tuple[int, int]:
-    for _ in range(lines):
-        if place >= len(text):
-            break
-        place, line = _end(text, place) + 1, line + 1
-    return place, line
-
-
 def is_idle(row: str, comment: str) -> bool:
     """Tell whether a line is blank or a comment."""
     return not row.strip(" ") or bool(comment and row.startswith(comment))
-
-
-def _end(text: str, place: int) -> int:
-    end = text.find("\n", place)
-    return len(text) if end < 0 else end
 
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
@@ -486,33 +483,28 @@ class Reading:
     def add_fast(self, block: str) -> bool:
         """Read a block by Arrow; False where it cannot."""
         import pyarrow as pa
-        from pyarrow import csv
 
-        names = [str(i) for i in range(self.width)]
-        separator = self.layout.separator
+        separator, mark = self.layout.separator, self.layout.comment
         types: dict[str, Any] = {str(place): pa.float64() for place in self.places.values()}
         types |= {str(self.places[ref]): pa.string() for ref in self.texts}
         if self.exact is not None:
             types[str(self.places[self.exact])] = pa.decimal128(*_EXACT)
-        mark = self.layout.comment
         block = block if separator == ";" or ";" not in block else block.replace(";\n", "\n")
         if mark and mark in block and (block.startswith(mark) or f"\n{mark}" in block):
             block = "".join(row for row in block.splitlines(keepends=True) if not row.startswith(mark))
         try:
             packed = (single_blanks(block) if separator == " " else block).encode()
-            source: Any = pa.BufferReader(pa.py_buffer(packed))
-            table = csv.read_csv(
-                source,
-                read_options=csv.ReadOptions(column_names=names),
-                parse_options=csv.ParseOptions(delimiter={BLANK: " ", QUOTED: ","}.get(separator, separator)),
-                convert_options=csv.ConvertOptions(
-                    column_types=types,
-                    include_columns=list(types),
-                    null_values=list(self.layout.missing),
-                    decimal_point=self.layout.decimal,
-                ),
-            )
-        except (pa.ArrowException, OSError, ValueError):
+        except ValueError:
+            return False
+        table = parsed_csv(
+            packed,
+            {BLANK: " ", QUOTED: ","}.get(separator, separator),
+            self.width,
+            types,
+            null_values=list(self.layout.missing),
+            decimal_point=self.layout.decimal,
+        )
+        if table is None:
             return False
         columns: dict[ColumnRef, Any] = {ref: table.column(str(place)) for ref, place in self.places.items()}
         if self.exact is not None:

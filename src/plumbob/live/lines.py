@@ -27,7 +27,7 @@ from plumbob.core.time import GAP_FACTOR
 from plumbob.data import TRIADS
 from plumbob.data.cards import UNITS
 from plumbob.files.columns import stamps_ns
-from plumbob.files.profile import JSON, Profile, TimeRate, TimeStamps
+from plumbob.files.profile import JSON, Profile
 from plumbob.files.stamps import WEEK, turn_lengths
 from plumbob.files.text import inside, row_flags, to_vectors
 from plumbob.files.text_table import (
@@ -78,7 +78,7 @@ def line_format(profile: Profile, *, midway: bool) -> LineFormat:
         "header.channels": any(part.layout.channels for part in parts),
         "[flags] of words": any(part.flag_words for part in parts),
         "delay of a sensor": any(group.delay for part in parts for group in part.triads.values()),
-        "[time] of dates in turns": len({type(part.time) for part in parts}) > 1,
+        "[time] of dates in turns": len({(part.time.are_stamps, part.time.rate > 0.0) for part in parts}) > 1,
         "arrays = true": profile.arrays,
     }
     if word := next((word for word, needs_file in for_files.items() if needs_file), ""):
@@ -88,8 +88,7 @@ def line_format(profile: Profile, *, midway: bool) -> LineFormat:
     names = [(f"{name}.{axis}", UNITS[name]) for name in triads for axis in "xyz"]
     names += [("temp_c", "degC")] * any(part.temperature is not None for part in parts)
     fields = [Field(name, 0, "f64", 8, unit=unit) for name, unit in names]
-    time = parts[0].time
-    rate = time.rate if isinstance(time, TimeRate) else None
+    rate = parts[0].time.rate or None
     if rate is None:
         fields.append(Field(CLOCK, 0, "s64", 8, unit="ns", role="clock"))
     name = str(profile.meta.get("device", profile.origin.partition(".")[0]))
@@ -133,7 +132,7 @@ class _Rows:
         refs = () if self.layout.separator == JSON else (*profile.used, *self.layout.where[:1])
         self._wanted = {ref for ref in refs if isinstance(ref, str)}
         self._columns = {f.name: i for i, f in enumerate(f for f in message.fields if f.physical)}
-        exact = None if isinstance(profile.time, TimeRate | TimeStamps) else profile.time.column
+        exact = profile.time.columns[0] if profile.time.unit else None
         self._reading = Reading(self.layout, 0, {}, exact, {ref: [] for ref in profile.texts})
         self._numbers: dict[Any, list[float]] = {}
         self._lines: list[tuple[int, int]] = []
@@ -167,10 +166,10 @@ class _Rows:
             reading = replace(reading, width=width, places=places)
         numbers = {ref: self._numbers.setdefault(ref, []) for ref in reading.places if ref not in reading.texts}
         time = self.profile.time
-        if isinstance(time, TimeStamps):
+        if time.are_stamps:
             stamp = stamps_ns([" ".join(cells[reading.places[ref]] for ref in time.columns)], time.zone)[0]
         reading.add(cells, number, numbers)
-        self._clock_times += stamp if isinstance(time, TimeStamps) else []
+        self._clock_times += stamp if time.are_stamps else []
         self._widths[width] += 1
         self._reading = reading
         self._lines.append((start, host_ns))
@@ -211,13 +210,13 @@ class _Rows:
     def _stamps(self, table: TextTable) -> list[int]:
         """Times by the device, ns, of an origin that is one for all."""
         source = self.profile.time
-        if isinstance(source, TimeRate):
+        if source.rate:
             first, self._rows = self._rows, self._rows + table.rows
             return [round(row * 1e9 / source.rate) for row in range(first, self._rows)]
-        if isinstance(source, TimeStamps):
+        if source.are_stamps:
             stamps, self._clock_times = self._clock_times, []
             return stamps
-        ns = table.columns[source.column] * self.unit_ns
+        ns = table.columns[source.columns[0]] * self.unit_ns
         larger = source.seconds if source.week is None else source.week
         if larger is not None:
             counts = table.columns[larger]
@@ -230,9 +229,7 @@ class _Rows:
     def unit_ns(self) -> float:
         """What a count of the clock is, ns."""
         source = self.profile.time
-        if isinstance(source, TimeRate | TimeStamps):
-            return 1.0
-        return 1e9 * units.unit(source.unit).factor * source.unit_per_count
+        return 1e9 * units.unit(source.unit).factor * source.unit_per_count if source.unit else 1.0
 
 
 class _Clock:

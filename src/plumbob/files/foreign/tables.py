@@ -45,7 +45,7 @@ from plumbob.files.arrays import (
 )
 from plumbob.files.foreign.parts import Parts
 from plumbob.files.known_logs import KNOWN_ARRAYS
-from plumbob.files.profile import ColumnRef, Profile, TextLayout, TimeColumn, parse_profile, profiles_beside
+from plumbob.files.profile import ColumnRef, Profile, TextLayout, parse_profile, profiles_beside
 from plumbob.files.sniff import FEWEST, ROWS, Sample
 from plumbob.files.text import table_recording, text_profile
 from plumbob.files.text_table import TextTable
@@ -155,7 +155,7 @@ def _table(profile: Profile, container: "_Container") -> TextTable:
     zero = Decimal(0)
     for ref, (name, number) in places.items():
         column = tables[name][0][:, number - 1]
-        if isinstance(profile.time, TimeColumn) and ref == profile.time.exact and column.size:
+        if ref == profile.time.exact and column.size:
             zero = Decimal(column[0].item())
             column = column - column[0]
         columns[ref] = np.asarray(column, dtype=np.float64)
