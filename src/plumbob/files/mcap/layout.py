@@ -32,6 +32,7 @@ SIZE: Final = struct.Struct("<Q")
 CRC: Final = struct.Struct("<I")
 FOOTER_SIZE: Final = RECORD_HEAD.size + FOOTER_BODY.size
 DATA_END_SIZE: Final = RECORD_HEAD.size + CRC.size
+TIMES: Final = 1 << 64  # so many ns can a time be
 SEQUENCES: Final = 1 << 32  # sequence numbers of messages are 32 bits wide on disk, and start over
 
 
@@ -122,7 +123,6 @@ class Rules:
     reserve: int
     fsync: float | None
     compression: str
-    first: int = 1  # number of the first part
 
 
 RECORDING_KEY: Final = "plumbob.recording"

@@ -6,11 +6,9 @@ import time
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from operator import index
 from os import PathLike
 from pathlib import Path
-from types import TracebackType
 from typing import Final, Self
 
 from plumbob.core.errors import DecodeError, ParameterError
@@ -23,7 +21,6 @@ from plumbob.files.mcap.writer import Backlog, Writer
 BACKLOG: Final = 64 << 20  # bytes of rows that may wait for a slow or full disk
 VERSION_KEY: Final = "plumbob"  # metadata with the version of the program, which may change between parts
 COMPRESSIONS: Final = ("zstd", "none")
-_TIMES: Final = 1 << 64
 
 
 class Recorder:
@@ -94,11 +91,11 @@ class Recorder:
         self._refuse(existing)
         if existing:
             self.follows, self.path = existing[-1], layout.next_path(self._path)
-            rules = replace(rules, first=layout.part_number(self._path, self.path))
-        before = self._recording_before(existing)
+        before, number = self._recording_before(existing), layout.part_number(self._path, self.path)
         self.alone = bool(existing) and before is None
-        part = layout.PartInfo(self._recording, rules.first, self._offset, metadata=dict(self.metadata), follows=before)
-        part = replace(part, boot=writer.boot_id())
+        part = layout.PartInfo(
+            self._recording, number, self._offset, metadata={**self.metadata}, follows=before, boot=writer.boot_id()
+        )
         thread = Writer(rules, part, self._backlog, self._take_drops, self._tell)
         try:
             thread.start()
@@ -134,10 +131,8 @@ class Recorder:
         self._next[channel] = sequence + 1
         self.written += 1
         log_time = t_ns + self._offset
-        if len(data) > MESSAGE_BYTES or not 0 <= log_time < _TIMES:
-            self._drop(
-                {self._channels[channel].topic: 1}, f"a row of {len(data)} bytes at {log_time} ns cannot be stored"
-            )
+        if len(data) > MESSAGE_BYTES or not 0 <= log_time < layout.TIMES:
+            self._drop({declared.topic: 1}, f"a row of {len(data)} bytes at {log_time} ns cannot be stored")
             return
         chunk = self._chunk
         if chunk is None or chunk.is_due(t_ns, self._every_ns):
@@ -167,9 +162,7 @@ class Recorder:
     def __enter__(self) -> Self:
         return self if self._writer is not None else self.start()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _rules(self) -> Rules:

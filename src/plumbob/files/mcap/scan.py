@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
-from types import TracebackType
 from typing import Any, BinaryIO, Final, Self
 
 from mcap import records
@@ -173,18 +172,17 @@ class FileBytes:
         self._left -= count
         return self._left >= 0
 
-    def windows(self, start: int, end: int, overlap: int = 0) -> Iterator[tuple[int, bytes]]:
-        """Offset and bytes of pieces from `start` to `end`; each goes on `overlap` bytes into the next."""
+    def crc(self, start: int, end: int, before: int = 0) -> int:
+        """CRC-32 of the bytes from `start` to `end`, where that of those in front of them is `before`."""
         while start < end:
-            yield start, self.read(start, min(WINDOW, end - start) + overlap)
+            before = zlib.crc32(self.read(start, min(WINDOW, end - start)), before)
             start += WINDOW
+        return before
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._file.close()
 
 
@@ -219,10 +217,8 @@ def summary_start(source: FileBytes, footer: int, checked: bool) -> int | None:
         return None
     if crc == 0 and not checked:
         return start or footer
-    end, checksum = footer + layout.RECORD_HEAD.size + layout.FOOTER_BODY.size - 4, 0
-    for _, window in source.windows(start or footer, end):
-        checksum = zlib.crc32(window, checksum)
-    return (start or footer) if checksum == crc else None
+    end = footer + layout.FOOTER_SIZE - layout.CRC.size
+    return (start or footer) if source.crc(start or footer, end) == crc else None
 
 
 def _candidates(source: FileBytes, start: int, pattern: re.Pattern[bytes]) -> Iterator[tuple[int, int]]:
@@ -446,8 +442,7 @@ class Scan:
         self.summary_at = at + layout.DATA_END_SIZE
         if crc == 0 and not self._ours:
             return
-        for _, window in self._source.windows(self._crc_end, at):  # of everything before, which only grows
-            self._crc = zlib.crc32(window, self._crc)
+        self._crc = self._source.crc(self._crc_end, at, self._crc)  # of everything before, which only grows
         self._crc_end = at
         if self._crc != crc and not self._damaged:
             self._damage(0, at, "the CRC of all data does not hold, though that of every chunk does")

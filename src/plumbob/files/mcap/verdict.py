@@ -13,13 +13,12 @@ from typing import Any, Final
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import replacing, require_other, require_place
 from plumbob.core.text import FactsText, counted, visible
-from plumbob.files.mcap.layout import Channel, ChannelRecords, OpenChunk, PartInfo, Schema
+from plumbob.files.mcap.layout import TIMES, Channel, ChannelRecords, OpenChunk, PartInfo, Schema
 from plumbob.files.mcap.log import Log, LogMessage, open_log
 from plumbob.files.mcap.scan import Damage
 from plumbob.files.mcap.writer import RecordingPart, is_locked
 
 CHUNK_NS: Final = 10**9  # longest time of a chunk, ns: what a damaged place costs at most
-_TIMES: Final = 1 << 64
 
 
 @contextmanager
@@ -52,7 +51,7 @@ def write_rows(
     with target as temporary, whole_part(temporary, info) as part:
         ends, chunk = dict.fromkeys(topics, 0), None  # rows of each topic
         for t_ns, topic, data in rows:
-            if not 0 <= t_ns + epoch_offset_ns < _TIMES:
+            if not 0 <= t_ns + epoch_offset_ns < TIMES:
                 raise ParameterError(f"a time of {t_ns / 1e9:g} s cannot be stored in MCAP, which counts from 1970.")
             if chunk is not None and chunk.is_due(t_ns, CHUNK_NS):
                 part.write(chunk)

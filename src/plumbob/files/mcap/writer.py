@@ -297,7 +297,7 @@ MARGIN: Final = 16 << 20  # more than the reserve before a stopped recording goe
 
 
 class Writer:
-    """Writes chunks of the backlog, the only one who touches the disk; `info` is what each part says of itself.
+    """Writes chunks of the backlog, the only one who touches the disk; `info` is what the first part says of itself.
 
     `take_drops` gives rows per topic that had no room since then.
     """
@@ -320,7 +320,7 @@ class Writer:
         self._tell = tell
         self._thread = threading.Thread(target=self._run, name="plumbob recorder", daemon=True)
         self._part: RecordingPart | None = None
-        self._number = rules.first - 1
+        self._number = info.part - 1
         self._next: dict[str, int] = {}
         self._unsynced: list[OpenChunk] = []
         self._sync_at = 0.0
