@@ -245,7 +245,7 @@ VERSION: Final = 1
 _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}
 _META = schema.keys(ImuMeta, *(f"{name}_range" for name in TRIADS))
 _OWN = ("time", "temperature", "reference", "notes", "axes_applied", "place", "date", "arrays")  # as they are
-_INNER = {"bias": 3, "covariance": 9}
+_SIZES = {**dict.fromkeys((*TRIADS, "bias"), 3), "covariance": 9, "reference": 4}  # columns of a table of an array
 _LAYOUT = ("separator", "decimal", "thousands", "encoding", "comment", "missing", "rows", "cells")
 
 
@@ -299,7 +299,9 @@ def _profile(raw: Mapping[str, Any], origin: str) -> Profile:
             "correct what is wrong and delete the '?'; a number or true loses its quotes."
         )
     arrays = raw.get("arrays") is True
-    table = PROFILE("", _columns_of_arrays(raw)) if arrays else _TEXT_PROFILE("", raw)
+    if arrays and (text := [key for key in (*_LAYOUT, "header") if key in raw]):
+        raise DecodeError(f"arrays = true says that the file is not text; remove {', '.join(text)}.")
+    table = PROFILE("", _of_arrays(raw)) if arrays else _TEXT_PROFILE("", raw)
     layout = {} if arrays else {key: table[key] for key in _LAYOUT if key in table} | table["header"]
     ranges = {f"{name}_range": _in_body(table[name], table) for name in TRIADS if name in table}
     flags = table.get("flags", {})
@@ -316,23 +318,15 @@ def _profile(raw: Mapping[str, Any], origin: str) -> Profile:
     return profile
 
 
-def _columns_of_arrays(raw: Mapping[str, Any]) -> dict[str, Any]:
+def _of_arrays(raw: Mapping[str, Any]) -> dict[str, Any]:
     """The same with ``columns = "gyr"`` written out, which are all columns of an array, in their order."""
-    if text := [key for key in (*_LAYOUT, "header") if key in raw]:
-        raise DecodeError(f"arrays = true says that the file is not text; remove {', '.join(text)}.")
-
-    def spelled(value: Any, count: int) -> Any:
-        if not isinstance(value, dict) or not isinstance(value.get("columns"), str):
-            return value
-        return value | {"columns": [f"{value['columns'].strip()}[{k} of {count}]" for k in range(1, count + 1)]}
-
-    changed = dict(raw) | {name: spelled(raw[name], 3) for name in TRIADS if name in raw}
-    reference = raw.get("reference")
-    if isinstance(reference, dict):
-        inner = {key: spelled(reference[key], count) for key, count in _INNER.items() if key in reference}
-        order = reference.get("order")
-        changed["reference"] = spelled(reference | inner, ORDERS.get(order, 4) if isinstance(order, str) else 4)
-    return changed
+    tables = {key: _of_arrays(value) if isinstance(value, dict) else value for key, value in raw.items()}
+    for key, table in tables.items():
+        name = table.get("columns") if key in _SIZES and isinstance(table, dict) else None
+        if isinstance(name, str):
+            size = ORDERS.get(str(table.get("order")), _SIZES[key])
+            table["columns"] = [f"{name.strip()}[{k} of {size}]" for k in range(1, size + 1)]
+    return tables
 
 
 def questions(raw: Mapping[str, Any], where: str = "") -> list[str]:
