@@ -172,12 +172,13 @@ def _stretch(t_ns: NDArray[np.int64], usual: float, coarse: float) -> Floats:
     offset = t_ns - float(t_ns[0])
     if t_ns.size < 3:
         return float(t_ns[0]) + usual * place
-    rate, start = np.polyfit(place, offset, 1)
-    line = start + rate * place
-    if rate > 0.0 and np.abs(line - offset).max() <= 2.0 * max(coarse, usual):
-        return np.asarray(float(t_ns[0]) + line)
     highest = np.maximum.accumulate(offset)
     first = np.flatnonzero(np.diff(highest, prepend=-1.0) > 0.0)
+    edges = first[1:] if first.size > 2 else place.astype(np.int64)  # a new stamp is late by less than a sample
+    rate = np.polyfit(place[edges], offset[edges], 1)[0]
+    line = rate * place + np.mean(offset - rate * place)
+    if rate > 0.0 and np.abs(line - offset).max() <= 2.0 * max(coarse, usual):
+        return np.asarray(float(t_ns[0]) + line)
     ends = np.append(highest[first], highest[-1] + usual)
     return np.asarray(float(t_ns[0]) + np.interp(place, np.append(first, t_ns.size), ends))
 
