@@ -160,7 +160,7 @@ class Smoother(AttitudeEstimator):
 
     def _begin(self, data: ImuData) -> None:
         """Refuse what cannot be smoothed, and take over what the recording, or the first of a stream, knows."""
-        self._require(NEEDS, data, " Another filter may do; a report goes without an attitude with --filter none.")
+        self._require(NEEDS, data, " Filter tilt_compass does without gyr, integrate without acc; a report, with --filter none, without an attitude.")
         self._heed(data.meta)
         self.remarks = ()
 
