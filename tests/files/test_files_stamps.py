@@ -56,14 +56,13 @@ def test_counters_and_clocks_that_begin_again_go_on(first, step, wraps, unit_ns,
 
 
 def test_bursts_are_spread_a_gap_stays_one_and_a_stamp_that_is_wrong_moves_alone():
-    steps = np.diff(time_line(np.repeat(np.arange(100) * 32.0, 16), MS).t_ns)  # sixteen samples of 500 Hz at a time
-    assert steps == pytest.approx(2e6, rel=1e-3)
-    seconds = np.floor(np.arange(0.37, 5.37, 0.01))  # each new second is known within a sample: 10 ms of 4 s
-    assert np.diff(time_line(seconds, 1e9).t_ns) == pytest.approx(1e7, rel=2.5e-3)
+    stamps = np.repeat(np.arange(100) * 32.0, 16)  # sixteen samples of 500 Hz at a time
+    assert np.diff(time_line(stamps, MS).t_ns) == pytest.approx(2e6, rel=1e-3)
+    seconds = np.floor(np.arange(0.37, 5.37, 0.01))
+    assert np.diff(time_line(seconds, 1e9).t_ns) == pytest.approx(1e7, rel=2.5e-3)  # a new one is known to 10 ms in 4 s
     stamps = np.floor(np.concatenate([np.arange(900), 12_000 + np.arange(900)]) / 0.9)
     steps = np.diff(time_line(stamps, MS).t_ns) / MS
-    assert np.flatnonzero(steps > 5.0).tolist() == [899]
-    assert steps[899] == pytest.approx(11_101 / 0.9, abs=2.0)
+    assert (np.flatnonzero(steps > 5.0).tolist(), steps[899]) == ([899], pytest.approx(11_101 / 0.9, abs=2.0))
     stamps = np.where(np.arange(1000) == 500, 1e9, np.arange(1000.0))
     assert time_line(stamps, MS).t_ns == pytest.approx(np.arange(1000) * MS, abs=MS)
 

@@ -35,7 +35,6 @@ _LEAPS: Final = (  # GPS time, s, when a leap second was added (IERS Bulletin C;
     504489610, 551750411, 599184012, 820108813, 914803214, 1025136015, 1119744016, 1167264017,
 )  # fmt: skip
 
-
 _JITTERING: Final = 0.25  # share of steps back where stamps jitter by a step (Gaussian deviation: 0.24)
 
 

@@ -70,7 +70,7 @@ class Verdict(FactsText):
 
     paths: tuple[Path, ...]  # its files
     recording: str | None  # name of the recording; None in a file of another program
-    rows: Counter[str] = field(default_factory=Counter)  # whole rows per topic
+    rows: dict[str, int] = field(default_factory=dict)  # whole rows per topic
     lost: dict[str, int] = field(default_factory=dict)  # rows per topic that are missing through damage
     dropped: dict[str, int] = field(default_factory=dict)  # and because the recorder had to give them up
     damage: list[Damage] = field(default_factory=list)  # what is wrong with the files
@@ -131,7 +131,7 @@ class Verdict(FactsText):
 
     def count(self, rows: list[LogMessage]) -> None:
         """Take in rows that are whole."""
-        self.rows.update(row.topic for row in rows)
+        self.rows = dict(Counter(self.rows) + Counter(row.topic for row in rows))
         times = [row.t_ns for row in rows]
         self.first_ns = min(times if self.first_ns is None else [self.first_ns, *times])
         self.last_ns = max(times if self.last_ns is None else [self.last_ns, *times])

@@ -160,8 +160,7 @@ class Smoother(AttitudeEstimator):
 
     def _begin(self, data: ImuData) -> None:
         """Refuse what cannot be smoothed, and take over what the recording, or the first of a stream, knows."""
-        hint = " Filter tilt_compass does without gyr, integrate without acc; a report, with --filter none, none."
-        self._require(NEEDS, data, hint)
+        self._require(NEEDS, data, " Filter tilt_compass needs no gyr, integrate no acc, none (of a report) neither.")
         self._heed(data.meta)
         self.remarks = ()
 
