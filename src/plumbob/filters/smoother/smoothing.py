@@ -160,7 +160,7 @@ class Smoother(AttitudeEstimator):
 
     def _begin(self, data: ImuData) -> None:
         """Refuse what cannot be smoothed, and take over what the recording, or the first of a stream, knows."""
-        self._require(NEEDS, data, " Without gyr: --filter tilt_compass; without acc: integrate; report: --filter none.")
+        self._require(NEEDS, data, " No gyr: --filter tilt_compass; no acc: integrate; a report: --filter none.")
         self._heed(data.meta)
         self.remarks = ()
 
