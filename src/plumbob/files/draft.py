@@ -182,6 +182,9 @@ def answer(text: str) -> tuple[str, Any]:
 
 def _joined(streams: "Sequence[_DraftWriter]", accept: bool) -> Draft:
     """One draft of all streams; each answer is for every stream that has its key."""
+    forces = [stream for stream in streams if "acc" in stream.triads]
+    for stream in streams if len(forces) == 1 else ():
+        stream.turn_as(forces[0])
     drafts = [stream.draft(accept) for stream in [of for of in streams if of.triads] or streams[:1]]
     questions = dict.fromkeys(question for draft in drafts for question in draft.questions)
     evidence = dict.fromkeys(fact for draft in drafts for fact in draft.evidence)
@@ -296,7 +299,7 @@ class _DraftWriter:
         self.triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
         self.triads |= self._answered_triads()
         self.triads = {name: columns for name, columns in self.triads.items() if columns}
-        self._turns = self._best_turning()
+        self.turn_as(self)
         self._temperature = next((i for i in self._free() if TEMPERATURE.fullmatch(self._parts[i].base)), None)
         self._lines: list[str] = []
         self._questions: list[tuple[str, str]] = []
@@ -774,7 +777,16 @@ class _DraftWriter:
                 why = f"{up}, where it reads {mean[axis]:.3g}; otherwise 'gravity'"
                 self._set("sign", "specific-force", why, ask=True)
         if name == "gyr" and self._turns[0] != AS_MOUNTED and not self._accept:
-            self._write_axes(signed_axes(self._turns[0]))
+            # where the accelerometer's axes are M times the case's, gravity turns in them as by the rates det(M) M ω
+            c = signed_axes(self._turns[0])
+            self._set("axes", axes_letters(c), "so it turns as the accelerometer sees gravity turn", ask=True)
+            if np.linalg.det(c) < 0.0:
+                self._set("mirrored", "true", "these axes are left-handed", ask=True)
+            else:
+                self._lines += [
+                    f'# Or these are right, and those of [acc] are not: axes = "{axes_letters(c.T)}" if it is turned,',
+                    f'# axes = "{axes_letters(-c.T)}" and mirrored = true if it is left-handed. See the data sheets.',
+                ]
 
     def _write_scale(self, part: ColumnName) -> None:
         """Write what one count is, where an answer, a known log or the header says it."""
@@ -803,20 +815,6 @@ class _DraftWriter:
         columns, (unit, key, number) = self.triads["acc"], scale
         size = self._size(columns, self._middle(columns)) * (1.0 / number if key == _COUNTS else number)
         return abs(to_si(size, unit) / G0 - 1.0) < _ABOUT
-
-    def _write_axes(self, c: Floats) -> None:
-        """Write axes that fit the accelerometer, and what of that one would explain the same.
-
-        Where the accelerometer's axes are M times those of the case, gravity turns in them as by the rates det(M) M ω.
-        """
-        self._set("axes", axes_letters(c), "so it turns as the accelerometer sees gravity turn", ask=True)
-        if np.linalg.det(c) < 0.0:
-            self._set("mirrored", "true", "these axes are left-handed", ask=True)
-            return
-        self._lines += [
-            f'# Or these are right, and those of [acc] are not: axes = "{axes_letters(c.T)}" if it sits turned,',
-            f'# axes = "{axes_letters(-c.T)}" and mirrored = true if it is left-handed. See the data sheets.',
-        ]
 
     def _write_unit(self, kind: Quantity, columns: Sequence[int], guess: _Guess) -> bool:
         """Write the unit; True where the header states it, and the numbers do not contradict."""
@@ -867,32 +865,34 @@ class _DraftWriter:
         return _Guess()
 
     def _seconds(self) -> Floats | None:
-        """Time, s from the first row; None where it is not known or does not increase."""
+        """Time, s on the file's clock; None where it is not known or does not increase."""
         if not self._time:
             return None
         if self._stamped:
-            t = to_seconds([self._sample.cells(i) for i in self._time], None)[0]
+            since, t0_ns = to_seconds([self._sample.cells(i) for i in self._time], None)
+            t = since + t0_ns / 1e9
         else:
             numbers = self._numbers[self._time[0]]
             unit = _time_unit(numbers, self._parts[self._time[0]])[0]
-            t = to_si(numbers - numbers[0], unit) if unit else numbers[:0]
+            t = to_si(numbers, unit) if unit else numbers[:0]
             if len(self._time) == 2:
                 t = to_si(numbers, self._part_of_second(self._time[0])) + self._numbers[self._time[1]]
-                t -= t[0]
         return t if t.size and (np.diff(t) > 0.0).all() else None
 
-    def _best_turning(self) -> tuple[str, Turning | None]:
-        """Axes by which the gyroscope turns as the accelerometer does: its own, unless others fit far better."""
-        t, gyr, acc = self._seconds(), self.triads.get("gyr"), self.triads.get("acc")
-        if t is None or gyr is None or acc is None:
-            return AS_MOUNTED, None
-        rates, force = (self._vectors(columns) - self._middle(columns) for columns in (gyr, acc))
-        mounted = _turning_fit(t, rates, force)
-        if mounted is None or not mounted.windows or mounted.correlation > 0.5 * _BEST:
-            return AS_MOUNTED, mounted
-        fits = {axes: _turning_fit(t, in_body_axes(axes, rates), force) for axes in map(axes_letters, every_axes())}
-        axes, best = max(fits.items(), key=lambda fit: fit[1].correlation if fit[1] else 0.0)
-        return (axes, best) if best is not None and best.tells and best.correlation > _BEST else (AS_MOUNTED, mounted)
+    def turn_as(self, other: "_DraftWriter") -> None:
+        """Find by which axes the gyroscope turns as an accelerometer does: its own, unless others fit far better."""
+        self._turns: tuple[str, Turning | None] = (AS_MOUNTED, None)
+        t, when, gyr, acc = self._seconds(), other._seconds(), self.triads.get("gyr"), other.triads.get("acc")
+        if t is None or when is None or gyr is None or acc is None:
+            return
+        rates, force = self._vectors(gyr) - self._middle(gyr), other._vectors(acc) - other._middle(acc)
+        if other is not self:
+            force = np.stack([np.interp(t, when, axis, np.nan, np.nan) for axis in force.T], axis=1)
+        mounted = axes, best = AS_MOUNTED, _turning_fit(t, rates, force)
+        if best is not None and best.windows and best.correlation <= 0.5 * _BEST:
+            fits = {axes: _turning_fit(t, in_body_axes(axes, rates), force) for axes in map(axes_letters, every_axes())}
+            axes, best = max(fits.items(), key=lambda fit: fit[1].correlation if fit[1] else 0.0)
+        self._turns = (axes, best) if best is not None and best.tells and best.correlation > _BEST else mounted
 
 
 def _turning_fit(t: Floats, rates: Floats, force: Floats) -> Turning | None:
@@ -901,7 +901,7 @@ def _turning_fit(t: Floats, rates: Floats, force: Floats) -> Turning | None:
     if not (0.0 < fastest < np.inf and 0.0 < largest < np.inf):
         return None
     triads = {"gyr": rates / fastest, "acc": force / largest}  # within the range of every sensor
-    t_ns, none = np.rint(t * 1e9).astype(np.int64), np.zeros(t.size, dtype=np.uint32)
+    t_ns, none = np.rint((t - t[0]) * 1e9).astype(np.int64), np.zeros(t.size, dtype=np.uint32)
     fit = turning(ImuData.live(t_ns, triads, flags=none, meta=ImuMeta(unit_check=False)))
     return replace(fit, factor=fit.factor / fastest)
 
