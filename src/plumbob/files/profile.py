@@ -427,7 +427,7 @@ def _header(where: str, table: dict[str, Any]) -> dict[str, Any]:
 
 def _time(where: str, table: dict[str, Any]) -> TimeSource:
     if "format" in table:
-        if other := [key for key in ("unit", "epoch", "rate", "seconds") if key in table]:
+        if other := [key for key in table if key not in {"format", "column", "columns", "zone"}]:
             raise DecodeError(f"{where} has a format, so it can have no {' and no '.join(other)}; remove it.")
         if ("column" in table) == ("columns" in table):
             raise DecodeError(f"{where} needs column, or columns = [date, time] where these are two.")
@@ -440,7 +440,7 @@ def _time(where: str, table: dict[str, Any]) -> TimeSource:
             'or a declared rate such as rate = "100 Hz".'
         )
     if "rate" in table and len(table) > 1:
-        more = ", ".join(set(table) - {"rate"})
+        more = ", ".join(key for key in table if key != "rate")
         raise DecodeError(f"{where} has a rate, so it can have nothing else; remove {more}.")
     if "column" in table and "unit" not in table:
         raise _absent(where, "unit")
