@@ -183,8 +183,8 @@ def answer(text: str) -> tuple[str, Any]:
 def _joined(streams: "Sequence[_DraftWriter]", accept: bool) -> Draft:
     """One draft of all streams; each answer is for every stream that has its key."""
     forces = [stream for stream in streams if "acc" in stream.triads]
-    for stream in streams if len(forces) == 1 else ():
-        stream.turn_as(forces[0])
+    for stream in streams:
+        stream.turn_as(forces[0] if len(forces) == 1 else stream)
     drafts = [stream.draft(accept) for stream in [of for of in streams if of.triads] or streams[:1]]
     questions = dict.fromkeys(question for draft in drafts for question in draft.questions)
     evidence = dict.fromkeys(fact for draft in drafts for fact in draft.evidence)
@@ -299,7 +299,6 @@ class _DraftWriter:
         self.triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
         self.triads |= self._answered_triads()
         self.triads = {name: columns for name, columns in self.triads.items() if columns}
-        self.turn_as(self)
         self._temperature = next((i for i in self._free() if TEMPERATURE.fullmatch(self._parts[i].base)), None)
         self._lines: list[str] = []
         self._questions: list[tuple[str, str]] = []
@@ -652,12 +651,14 @@ class _DraftWriter:
         """Write those of the keys in which a layout is not the usual one."""
         for key, reason in why.items():
             if (value := getattr(layout, key)) != getattr(_USUAL, key):
-                self._set(key, value, reason, ask=key == "encoding" and value != "utf-16", sure=True)
+                self._set(key, value, reason)
 
     def _write_layout(self, layout: TextLayout) -> None:
         self._set("separator", {"\t": "tab"}.get(layout.separator, layout.separator), f"{self._sample.width} columns")
         self._set("decimal", layout.decimal)
-        self._set_unusual(layout, thousands="between groups of three digits", encoding="it is not UTF-8")
+        self._set_unusual(layout, thousands="between groups of three digits")
+        if layout.encoding != _USUAL.encoding:
+            self._set("encoding", layout.encoding, "it is not UTF-8", ask=layout.encoding != "utf-16", sure=True)
         self._set_unusual(layout, comment="lines that begin so are left out")
         self._set_unusual(layout, cells="vectors, and units behind the numbers", missing="cells without a value")
 

@@ -141,7 +141,7 @@ class Stream:
         self._last_ns: int | None = None
         self._newest: ItemResult | None = None
         self._shift_ns = 0
-        self.failure: ParameterError | None = None  # why there is no filter any more, until it is told; samples go on
+        self.failure: ParameterError | None = None  # why the filter failed, until that is noted
         self._begin()
 
     def _begin(self) -> None:

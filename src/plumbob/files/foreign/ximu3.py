@@ -117,9 +117,8 @@ def _of_log(raw: bytes, notes: list[Note]) -> tuple[_Messages, str]:
     if junk:
         notes.append(warning("reading.damage_ximu3", junk=junk))
     tables = {letter: np.frombuffer(rows[letter]).reshape(-1, 1 + count) for letter, count in NUMBERS.items()}
-    return {letter: (_ns(table[:, 0]), table[:, 1:]) for letter, table in tables.items() if len(table)}, "\n".join(
-        answers
-    )
+    messages = {letter: (_ns(table[:, 0]), table[:, 1:]) for letter, table in tables.items() if len(table)}
+    return messages, "\n".join(answers)
 
 
 def _binary(line: bytes, count: int) -> Sequence[float]:
