@@ -119,11 +119,14 @@ def test_a_figure_that_is_raised_must_be_said_in_the_subject_line(house):
 
 
 def test_a_worker_that_dies_is_a_failure_and_ends_the_run(tmp_path):
-    (tmp_path / "test_a.py").write_text("import os\n\ndef test_a():\n    os._exit(3)\n\ndef test_b():\n    pass\n")
+    # It dies once another worker ran two files: by then no work is being sent to it.
+    dies = "    while len(list(PLACE.glob('*.ran'))) < 2:\n        time.sleep(0.01)\n    os._exit(3)\n"
+    lines = "import os, pathlib, time\n\nPLACE = pathlib.Path(__file__).parent\n\ndef test_a():\n"
+    (tmp_path / "test_a.py").write_text(f"{lines}{dies}\ndef test_b():\n    pass\n")
     for name in "bcd":
-        (tmp_path / f"test_{name}.py").write_text("def test_a():\n    pass\n")
-    words = (*PYTEST, "-q", "-c", ROOT / "pyproject.toml", "--rootdir", tmp_path, tmp_path)
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
+        (tmp_path / f"test_{name}.py").write_text(f"{lines}    (PLACE / '{name}.ran').touch()\n")
+    words = (*PYTEST, "-n", "2", "-q", "-c", ROOT / "pyproject.toml", "--rootdir", tmp_path, tmp_path)
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 1
     assert "crashed while running 'test_a.py::test_a'" in done.stdout
 
