@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.ellipsoid_fit import Shape
+from plumbob.calibration.mag.checks import HEADING, Doubt, uneven
 from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.mag.field_gradient import PATCH, USUAL, Unevenness, unevenness
 from plumbob.calibration.predicted import heading_apart
@@ -95,6 +96,13 @@ def test_headings_apart_are_those_of_a_hard_iron():
         (np.eye(3), np.array([0.5, 0.0, 0.0])), same, same, size=50.0, dip=np.radians(60.0), tilt_range=1e-6
     )
     assert off == pytest.approx(0.5 / 25.0 / np.sqrt(2.0), rel=1e-3)
+
+
+@pytest.mark.parametrize(("shown", "kind"), [(True, "uneven-field"), (False, "too-few-regions")])
+def test_a_refusal_over_an_uneven_field_says_whether_it_was_seen(shown, kind):
+    doubt = Doubt(sd=2.0 * HEADING.poor, even=0.1 * HEADING.poor, field=Unevenness(), memory=1.0, shown=shown)
+    assert uneven(doubt).kind == kind
+    assert uneven(doubt._replace(sd=HEADING.poor)) is uneven(doubt._replace(even=1.1 * HEADING.poor)) is None
 
 
 def test_a_long_capture_in_an_even_field_is_fair_by_its_length_alone():

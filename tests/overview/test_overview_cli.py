@@ -90,6 +90,10 @@ def test_a_track_is_taken_as_it_is(folder):
         assert one.gathered.tilt.roll.sd == pytest.approx(made.gathered.tilt.roll.sd, rel=1e-9)
     assert both.gathered.triads == ("gyr", "acc", "mag")
     assert "as the file holds it: mekf" in dict(both.facts)["estimate"]
+    numbers = plumbob.report(folder / "sea.parquet", filter="none").summary()["recordings"][0]["sensors"]
+    for axis, rate in zip("xyz", np.degrees(imu.gyr.T), strict=True):
+        expected = {"mean": rate.mean(), "std": rate.std(), "least": rate.min(), "greatest": rate.max()}
+        assert numbers[f"gyr_{axis} [°/s]"] == pytest.approx({**expected, "samples": len(rate)}, rel=1e-9)
 
 
 def test_a_recorded_line_takes_its_card_and_needs_no_frame_for_sensors_alone(folder):

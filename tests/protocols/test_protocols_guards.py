@@ -40,6 +40,13 @@ def test_a_frame_is_believed_where_every_count_is_within_its_range(order):
     assert counts.bad_content == (~inside).sum()
 
 
+def test_what_comes_in_one_piece_is_taken_apart_at_once_however_long():
+    form = parse_format(HEAD + RANGED.format(order="big"))
+    rows = encode(form, {"b": np.zeros(200_000), "e": np.zeros(200_000), "a": np.full(200_000, 10)})
+    at_once = Decoder(form).feed(rows.tobytes() + b"\x00")  # 2.6 MB; only the start of a frame may wait
+    assert len(at_once["mine"].start) == 200_000
+
+
 def test_what_is_encoded_stays_within_the_range():
     form = parse_format(HEAD + RANGED.format(order="big"))
     rows = encode(form, {"b": np.radians([1e5, -1e5]), "e": np.radians([1e5, -1e5]), "a": [10, 240]})

@@ -61,6 +61,7 @@ def answers(found: Diagnosis) -> dict[str, tuple[str, bool]]:
 def test_right_conventions_are_confirmed() -> None:
     found = diagnosed(sensors(seconds=90.0), hemisphere="north")
     assert not found.wrong and not found.lines
+    assert "doctor.assumed" in [one.code for one in found.remarks]  # that acc is specific force: no turning shows it
     told = answers(found)
     for question in ("gyr axes", "gyr unit", "acc axes", "acc unit", "mag axes", "mag unit", "mag sign", "mag delay"):
         assert told[question] == ("sure", False), (question, found.text())

@@ -33,6 +33,7 @@ def test_without_noise_the_body_comes_back_and_no_unit_measures_anything_beyond(
     # the angular acceleration of samples is a difference, exact to Δt²/6 of the third derivative: 5³·.3·1e-4/6 · .2 m
     assert one.imu.acc[2:-2] == pytest.approx(FORCE[2:-2], abs=2e-4)
     assert max(float(np.nanmax(np.abs(one.parity[t]))) for t in ("gyr", "mag")) < 1e-12
+    assert np.abs(one.parity["acc"][2:-2]).max() < 4e-4  # of that acceleration and of its part in the force
 
 
 def test_levers_alone_tell_the_angular_acceleration_where_they_span_it(array):

@@ -193,6 +193,18 @@ def test_a_disk_that_is_full_at_the_start_is_no_error(tmp_path, monkeypatch):
     assert rows_of(open_log(tmp_path / "a.mcap")) == rows
 
 
+def test_a_disk_that_refuses_the_first_bytes_is_no_error_either(tmp_path, monkeypatch):
+    disk = Disk(monkeypatch)
+    r = recorder(tmp_path / "a.mcap", reserve=0)
+    numbers = channels(r)
+    with r:
+        assert r.state == "stopped"
+        assert [(e.kind, "No space left" in e.text) for e in r.take_events()] == [("stopped", True)]
+        rows = fill(r, numbers, 30)
+        disk.ill = False
+    assert rows_of(open_log(tmp_path / "a.mcap")) == rows
+
+
 def test_the_default_reserve_is_the_smaller_of_a_gibibyte_and_a_twentieth(tmp_path):
     total = shutil.disk_usage(tmp_path).total
     assert writer.default_reserve(tmp_path) == pytest.approx(min(2**30, total / 20), rel=1e-6)
