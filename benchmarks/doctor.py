@@ -218,7 +218,7 @@ def _shown(recording: Recording, size: float) -> bool:
     t_ns = np.round((imu.t[rows] - imu.t[rows][0]) * 1e9).astype(np.int64)
     right = Motion(t_ns, of["gyr"], of["acc"], of.get("mag"), None, None)
     wrong = right._replace(gyr=right.gyr * (size * GAIN if size < 1.0 else size / GAIN))
-    return unrest(right, wrong) > SEEN
+    return unrest(right, wrong)[0] > SEEN
 
 
 def _factor(label: str, recording: Recording, rng: np.random.Generator, before: Examination, all_: Score) -> None:

@@ -59,6 +59,13 @@ class TestTiming:
         assert is_gap(np.zeros(0, dtype=np.int64)).tolist() == []
         assert is_gap(np.array([4_000_000_000])).tolist() == [False]
 
+    @pytest.mark.parametrize(
+        ("hertz", "lost"), [(286.0, 0.05), (104.0, 0.05), (60.0, 0.0), (850.0, 0.0), (1000.0, 0.01)]
+    )
+    def test_the_rate_of_stamps_in_whole_milliseconds_is_that_of_the_samples(self, hertz, lost):
+        ms = np.floor(1e3 / hertz * np.arange(5000) + 1e-6)[np.random.default_rng(1).random(5000) >= lost]
+        assert timing(ms / 1e3).rate == pytest.approx(hertz, rel=1e-3)
+
     @pytest.mark.parametrize("start", [0.0, 0.1, 1e6, 8e6])
     def test_the_verdict_does_not_depend_on_the_start(self, start):
         """In float64 differences, five steps of 0.01 s are sometimes longer than 5 × 0.01 s."""

@@ -47,9 +47,9 @@ def folder(tmp_path):
     ("list filters both", "'both' of again 2.0 and of faults 1.0 cannot be used (both have this name; uninstall one"),
     ("list filters left", "'left' of faults 1.0 cannot be used (SystemExit: 5, gone.py:1)"),
     ("info log.seven", "file format 'seven' of faults 1.0 cannot be used"),
-    ("info log.csv", "log.csv: a table does not say its units"),
+    ("info log.csv", "log.csv: a table does not say its frame and axes"),
     ("info log.dat", "log.dat: what read gives must be a Recording"),
-    ("info other.dat", "other.dat: a table does not say its units"),
+    ("info other.dat", "other.dat: a table does not say its frame and axes"),
 ])  # fmt: skip
 def test_what_cannot_be_used_is_refused_with_its_package(folder, line, message):
     assert message in refused(*line.split(), cwd=folder, **PROCESS)

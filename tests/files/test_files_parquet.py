@@ -197,8 +197,8 @@ def back():
 TWICE = json.dumps(header.file_header(CASES["track"], [])).replace('"kind"', '"kind": "", "kind"')
 HUGE = b'{"kind":"plumbob recording","format_version":1,"units":{"t_ns":"ns"},"x":1e999}'
 REFUSED = [
-    (lambda: pa.table({"t": [0.0, 1.0], "x": [1.0, 2.0]}), "does not say its units"),
-    (lambda: sealed(BOTH, CONTENT).replace_schema_metadata({b"other": b"{}"}), "does not say its units"),
+    (lambda: pa.table({"t": [0.0, 1.0], "x": [1.0, 2.0]}), "does not say its frame and axes"),
+    (lambda: sealed(BOTH, CONTENT).replace_schema_metadata({b"other": b"{}"}), "does not say its frame and axes"),
     *((told(format_version=version), f"format_version {version}.*update Plumbob") for version in (3, 99)),
     (told(kind="plumbob noise card"), "does not say 'plumbob recording'"),
     *((told(format_version=version), "no format_version") for version in (True, ...)),

@@ -153,6 +153,7 @@ def test_samples_that_say_nothing_are_left_out_and_no_convention_is_wrong(values
     assert (unusable(ImuData(**data), name) == out).all()
     found = diagnosed(data)
     assert not found.wrong, found.text()
+    assert ("samples.stuck_axis" in [one.code for one in found.remarks]) == (values.get("mag") is DEAD)
     assert answers(diagnosed(data | {"gyr": from_si(data["gyr"], "deg/s")}))["gyr unit"] == ("sure", True)
 
 

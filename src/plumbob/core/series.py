@@ -62,7 +62,10 @@ class Series(FactsText):
             panel.legend(loc="upper right")
         axes[-1].set_xlabel(time)
         if path is not None:
-            _save(figure, Path(path), overwrite=overwrite)
+            from plumbob.core.files import replacing
+
+            with replacing(Path(path), overwrite=overwrite) as temporary:
+                figure.savefig(temporary, format=Path(path).suffix.lstrip(".") or "png", dpi=200)
         return figure
 
 
@@ -85,10 +88,3 @@ def needed(module: str, what: str, package: str) -> Any:
     except ImportError as error:
         name = module.partition(".")[0]
         raise MissingExtraError(f'{what} need {name}: pip install "{package}".') from error
-
-
-def _save(figure: Any, path: Path, *, overwrite: bool) -> None:
-    from plumbob.core.files import replacing
-
-    with replacing(path, overwrite=overwrite) as temporary:
-        figure.savefig(temporary, format=path.suffix.lstrip(".") or "png", dpi=200)

@@ -157,9 +157,9 @@ def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profil
         is_text = b"\0" not in start or start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
         first = excerpt(start.partition(b"\n")[0].decode("utf-8", "replace").strip())
         raise (UnknownFormatError if is_text else DecodeError)(
-            f"{file}: a table does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
-            f"it); its first line is {first}. plumbob profile {shlex.quote(str(file))} drafts one. Plain numbers of a "
-            "unit at rest are for 'plumbob allan', with --rate and --scale."
+            f"{file}: a table does not say its frame and axes, and few say all units, so it needs --profile FILE.toml "
+            f"(or {file.stem}.toml beside it); its first line is {first}. plumbob profile {shlex.quote(str(file))} "
+            "drafts one, and asks. Plain numbers of a unit at rest are for 'plumbob allan', with --rate and --scale."
         )
     return load_profile(profiles[0]), info("source.profile_beside", name=profiles[0].name)
 

@@ -265,10 +265,11 @@ class Examination:
 
     def diagnosis(self) -> Diagnosis:
         """Ask every question; and where something looks wrong, ask again without the samples that say nothing."""
+        self.remarks += (stuck := [it for it in sample_findings(self.imu) if it.code.startswith("samples.stuck")])
         self._ask()
         parts = [sensor.found.explained for sensor in self.sensors.values() if sensor.known and sensor.found]
         if any(answer.wrong for answer in self.answers.values()) and min(parts, default=0.0) < 1.0 - FLOOR:
-            self._without_unusable()
+            self._without_unusable(stuck)
         if self.t.size >= _FEWEST and (step := float(np.median(np.diff(self.imu.t)))) < _SHORT_STEP:
             self._slower(_USUAL_STEP / step)
         if self.lines.get(("mag", "sign")):
@@ -304,7 +305,7 @@ class Examination:
             self.answers |= {at: answer for at, answer in again.answers.items() if at[1] != "delay"}
             self.lines, self.numbers = again.lines, again.numbers
 
-    def _without_unusable(self) -> None:
+    def _without_unusable(self, stuck: list[Finding]) -> None:
         """Held and clipped samples, and dead axes, imitate other conventions: what rests on them is open.
 
         What the usable samples answer is believed; what they leave open stands only where it is not called wrong.
@@ -319,18 +320,17 @@ class Examination:
         }
         again = Examination(self.imu.corrected(meta=self.imu.meta, **usable), self.name, self.declared, self.hemisphere)
         again._ask()
-        faults = [it for it in sample_findings(self.imu) if it.code.startswith("samples.stuck")]
-        faults += [
+        faults = [
             info("doctor.unusable", sensor=name, percent=100.0 * float(np.mean(mask)))
             for name, mask in masks.items()
-            if name not in {fault.values["sensor"] for fault in faults}
+            if name not in {fault.values["sensor"] for fault in stuck}
         ]
         for at, answer in self.answers.items():
             other = again.answers.get(at)
             taken_back = answer.wrong and answer.finding.code != "doctor.unit"  # no held sample imitates another unit
             if other is not None and (taken_back or other.answer is not Trust.UNKNOWN):
                 mended = answer.wrong and not other.wrong
-                self.answers[at] = replace(other, reasons=(*other.reasons, *faults)) if mended else other
+                self.answers[at] = replace(other, reasons=(*other.reasons, *stuck, *faults)) if mended else other
                 self.lines[at] = again.lines.get(at, [])
         self.sensors, self.numbers = again.sensors, self.numbers | again.numbers
         self.remarks += faults
