@@ -8,34 +8,10 @@ import struct
 import pytest
 
 from plumbob.core.constants import G0
+from tests.helpers import beside
 from tests.helpers.commandline import answer, typed
 
-FORMAT = """
-kind = "plumbob format"
-version = 1
-name = "pair"
-title = "made-up unit with two kinds of frames"
-byte_order = "little"
-[frame]
-sync = "A5 5A"
-length_field = { at = 2, size = 1, add = 6, least = 6, most = 40 }
-checksum = { kind = "crc16-xmodem", at = -2, from = 2 }
-[[message]]
-name = "fast"
-length = 14
-field = [
-  { name = "id", at = 3, type = "u8", role = "constant", value = 1 },
-  { name = "n", type = "u16", role = "counter" },
-  { name = "acc", axes = "xyz", type = "s16", counts = 1000, unit = "g" },
-]
-[[message]]
-name = "slow"
-length = 8
-field = [
-  { name = "id", at = 3, type = "u8", role = "constant", value = 2 },
-  { name = "temp_c", type = "s16", counts = 100, unit = "degC" },
-]
-"""
+FORMAT = beside(__file__, "pair.toml")
 
 
 def framed(kind, content):

@@ -10,6 +10,7 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, UnitError
 from plumbob.files import Profile, load_profile, parse_profile
 from plumbob.files.profile import TimeSource
+from tests.helpers import beside
 from tests.helpers.io_samples import ROOT, refused, schema_keys
 
 MINIMAL = """
@@ -23,75 +24,7 @@ unit = "s"
 columns = ["x", "y", "z"]
 unit = "dps"
 """
-FULL = """
-format_version = 1
-separator = "\\t"
-decimal = ","
-encoding = "gbk"
-comment = "%"
-missing = ["", "--"]
-rows = 100
-device = "JY901"
-axes = "y -x z"
-axes_applied = false
-frame = "ned"
-north = "true"
-declination = "-3.5 deg"
-rate_nominal = "100 Hz"
-t0_ns = 5
-calibration = "card"
-unit_check = false
-notes = ["a", "b"]
-[header]
-marker = "***End_of_Header***"
-occurrence = 2
-skip = 1
-names = true
-after_names = 1
-[time]
-column = 1
-unit = "ms"
-[gyr]
-columns = [2, 3, 4]
-unit = "dps"
-counts_per_unit = 16.4
-zero = 32768
-axes = "y -x z"
-range = "2000 dps"
-[acc]
-columns = [5, 6, 7]
-unit = "g"
-unit_per_count = 0.000488
-range = "±16 g"
-sign = "gravity"
-[mag]
-columns = ["mx", "my", "mz"]
-unit = "mGa"
-axes = "x y -z"
-mirrored = true
-[temperature]
-column = 11
-unit = "K"
-[flags]
-column = "status"
-[reference]
-columns = [12, 13, 14]
-order = "yaw pitch roll"
-unit = "deg"
-frame = "ENU"
-north = "magnetic"
-of = "case"
-source = "turntable"
-score = 15
-flags = 16
-mag_weight = 29
-[reference.bias]
-columns = [17, 18, 19]
-unit = "deg/h"
-[reference.covariance]
-columns = [20, 21, 22, 23, 24, 25, 26, 27, 28]
-angle_unit = "deg"
-"""
+FULL = beside(__file__, "full.profile.toml")
 
 
 def test_a_minimal_profile_takes_only_declared_defaults():
