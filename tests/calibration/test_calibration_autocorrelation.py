@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from plumbob.calibration.autocorrelation import SLOW, alike, memory, visits
+from plumbob.calibration.autocorrelation import SLOW, alike, memory, memory_of_each, visits
 from plumbob.calibration.ellipsoid_fit import Shape
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag import fit_mag, fit_mag_acc, fit_mag_gyr
@@ -74,6 +74,7 @@ def test_memory_of_samples_and_visits():
     slow, white = first_order(rng, 20_000, 0.9), rng.normal(size=20_000)
     assert memory(slow, ONE_VISIT) == pytest.approx(19.0, rel=0.15)
     assert memory(white, ONE_VISIT) == pytest.approx(1.0, abs=0.05)
+    assert memory_of_each(np.column_stack((white, slow))) == memory(slow, ONE_VISIT)
     assert memory(slow[:50], ONE_VISIT) == 1.0
     # A tenth of the power has ρ = 0.999: (1 + ρ)/(1 − ρ) = 1999 of it, 200 of all; neighbours alone say 1.2
     rng = np.random.default_rng(17)

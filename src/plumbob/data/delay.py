@@ -50,7 +50,7 @@ def gyr_delay(imu: ImuData) -> Delay | None:
     finite = np.isfinite(gyr).all(axis=1) & np.isfinite(acc).all(axis=1)
     t, gyr, acc = t[finite], gyr[finite], acc[finite]
     edge = REACH + SLOW + SMOOTH
-    if t.size < 2 or t[-1] - t[0] < (FEWEST + 2 * edge) * STEP:
+    if not t.size or t[-1] - t[0] < (FEWEST + 2 * edge) * STEP:
         return None
     rate, force = (_even(t, values) for values in (gyr, acc))
     jerk, force = np.diff(force, axis=0) / STEP, 0.5 * (force[1:] + force[:-1])

@@ -12,7 +12,7 @@ from plumbob.core.units import deg, dps
 from plumbob.filters.smoother import causal as onward
 from plumbob.filters.smoother import inertial, live
 from plumbob.filters.smoother import stationary as standing
-from plumbob.filters.smoother.field import Reference, bias_of_drift, share_of_rest, weighted_median, weights
+from plumbob.filters.smoother.field import Reference, bias_of_drift, follow, share_of_rest, weighted_median, weights
 from plumbob.filters.smoother.inertial import calm, first_rest
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import SIZE, Params
@@ -248,3 +248,21 @@ def test_a_field_that_all_windows_show_alike_is_the_unit_s_own(size, taken_off):
     found = attached_field(Keyframes.from_imu(h.imu(mag=h.mag + own), 0.049), h.middle)
     for field, expected in ((found.iron, taken_off * own), (found.suspect, (not taken_off) * own)):
         np.testing.assert_allclose(field, expected, rtol=0.0, atol=0.1)
+
+
+def test_an_angle_that_drifts_is_the_most_likely_one():
+    """By least squares of all steps at once: angles, rates, and what changes both from step to step."""
+    n, h, rate_sd, walk, noise, look = 30, 0.2, 0.1, 0.05, 0.3, 0.02
+    angle, out = np.cumsum(np.random.default_rng(1).normal(0.0, 0.2, n)), np.empty(n)
+    follow(
+        np.full(n, h), angle, np.ones(n), np.zeros(n, dtype=bool), rate_sd, walk, noise, look, np.empty((n, 10)), out
+    )
+    rows, values = [np.eye(2 * n + 2)[n] / math.sqrt(10.0), np.eye(2 * n + 2)[2 * n + 1] / rate_sd], [0.0, 0.0]
+    for k in range(n):  # unknowns: n angles and that before the first, and as many rates
+        now, before, rate, last = (
+            np.eye(2 * n + 2)[i] for i in (k, k - 1 if k else n, n + 1 + k, n + k if k else 2 * n + 1)
+        )
+        rows += [(now - before - h * last) / math.sqrt(noise * h), (rate - last) / (walk * math.sqrt(h))]
+        rows += [now / math.sqrt(look / h)]
+        values += [0.0, 0.0, angle[k] / math.sqrt(look / h)]
+    assert out == pytest.approx(np.linalg.lstsq(np.array(rows), np.array(values))[0][:n], abs=1e-9)
