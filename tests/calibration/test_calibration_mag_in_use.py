@@ -6,7 +6,7 @@ import pytest
 from benchmarks.in_use import DIP as DIP_OF_SCENES
 from benchmarks.in_use import capture
 from plumbob.calibration.mag import fit_mag_in_use
-from plumbob.calibration.mag.in_use import _larger, fit_in_use
+from plumbob.calibration.mag.in_use import fit_in_use, larger
 from plumbob.calibration.mag.windows import FEWEST, SEGMENT, window_edges
 from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD
 from plumbob.core.units import dps
@@ -117,12 +117,12 @@ def test_real_recordings_agree_with_rates_of_the_reference(broad_folder, trial):
     assert room.heading_off(found) < 2.0 * found.quality.heading_sd
 
 
-def test_a_window_has_enough_of_the_field_itself_and_of_two_covariances_each_direction_has_the_larger():
+def test_a_window_has_enough_of_the_field_itself_and_of_two_covariances_each_direction_has_thelarger():
     present = np.arange(200) < 100 + FEWEST - 1  # one too few in the second window of a second
     assert window_edges(0.01 * np.arange(201), np.append(present, False), 1.0).tolist() == [[0, 100]]
     a = np.array([[2.0, 0.5], [0.5, 1.0]])
-    assert [_larger(a, 4.0 * a), _larger(4.0 * a, a)] == pytest.approx(np.array([4.0 * a, 4.0 * a]))
-    assert _larger(np.diag([1.0, 9.0]), np.diag([4.0, 1.0])) == pytest.approx(np.diag([4.0, 9.0]))
+    assert [larger(a, 4.0 * a), larger(4.0 * a, a)] == pytest.approx(np.array([4.0 * a, 4.0 * a]))
+    assert larger(np.diag([1.0, 9.0]), np.diag([4.0, 1.0])) == pytest.approx(np.diag([4.0, 9.0]))
 
 
 @pytest.mark.long(reason="two hours of a boat at 50 Hz")

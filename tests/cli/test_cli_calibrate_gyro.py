@@ -7,28 +7,13 @@ from plumbob import CalibrationCard, ImuData, ImuMeta, apply_card, files
 from plumbob.core.constants import G0
 from plumbob.core.units import dps, from_si, to_dps
 from plumbob.data.cards import TriadCalibration
+from tests.helpers import beside
 from tests.helpers.commandline import answer, ok, plumbob, refused
 from tests.helpers.gyro_sessions import ferraris, hand
 from tests.helpers.real_data import DATA, needs
 
 SESSION = DATA / "ferraris" / "annotated_session.csv"
-PROFILE = """\
-separator = ","
-device = "unit 7"
-[header]
-names = true
-[time]
-rate = "204.8 Hz"
-[acc]
-columns = ["acc_x", "acc_y", "acc_z"]
-unit = "g"
-counts_per_unit = 2048
-sign = "specific-force"
-[gyr]
-columns = ["gyr_x", "gyr_y", "gyr_z"]
-unit = "deg/s"
-counts_per_unit = 16.384
-"""
+PROFILE = beside(__file__, "counts.profile.toml")
 
 
 def recording(path, session, **more):

@@ -10,24 +10,10 @@ from plumbob.files.mcap import verify
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import find_format, parse_format
 from plumbob.protocols.overlap import unassigned
+from tests.helpers import beside
 from tests.helpers.commandline import call
 
-FORMAT = """
-kind = "plumbob format"
-version = 1
-name = "unit"
-title = "made-up unit"
-byte_order = "little"
-field = [
-  { name = "kind", type = "u8", role = "constant", value = 1 },
-  { name = "gyr", axes = "xyz", at = 4, type = "s16", counts = 65.5, unit = "deg/s" },
-]
-[frame]
-sync = "A5 5A"
-length = 16
-rate = "100 Hz"
-checksum = { kind = "crc16-ccitt-false", at = -2, from = 2 }
-"""
+FORMAT = beside(__file__, "unit.toml")
 SESSION = """
 kind = "plumbob session"
 version = 1

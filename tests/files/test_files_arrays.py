@@ -9,6 +9,7 @@ from plumbob import AttitudeTrack, profile
 from plumbob.core.errors import DecodeError, UnitError
 from plumbob.files import kind_of, parse_profile, read, write
 from plumbob.rotations import quat_from_rotvec, quat_rotate
+from tests.helpers import beside
 from tests.helpers.file_kinds import hdf5
 from tests.helpers.io_samples import CASES, refused
 
@@ -20,28 +21,7 @@ T = np.arange(ROWS) / 100.0
 GYR = np.random.default_rng(1).normal(size=(ROWS, 3))
 ACC = np.random.default_rng(2).normal(size=(ROWS, 3)) + [0.0, 0.0, 9.8]
 QUAT = np.tile([0.5, -0.5, 0.5, 0.5], (ROWS, 1))
-PROFILE = """
-arrays = true
-device = "unit"
-[time]
-column = "t"
-unit = "s"
-[gyr]
-columns = "imu/gyr"
-unit = "rad/s"
-[acc]
-columns = ["imu/acc[2]", "imu/acc[1]", "imu/acc[3]"]
-unit = "m/s2"
-sign = "specific-force"
-[temperature]
-column = "temp"
-unit = "degC"
-[reference]
-columns = "quat"
-order = "xyzw"
-frame = "ENU"
-north = "magnetic"
-"""
+PROFILE = beside(__file__, "arrays.profile.toml")
 
 
 def content():

@@ -225,7 +225,7 @@ class _InUseFit:
         np.add.at(sums, cluster, system.scores)
         count = len(np.unique(cluster))
         spread = inverse @ sums.T * math.sqrt(count / max(1.0, count - min(_ALL, 0.5 * count)))  # [Liang1986]
-        return _larger(inverse, np.asarray(spread @ spread.T))
+        return larger(inverse, np.asarray(spread @ spread.T))
 
     def _priors(self) -> Floats:
         """Inverse covariance of all parameters before anything is measured."""
@@ -414,7 +414,7 @@ def _solved(band: Floats, pull: Floats, cross: Floats) -> tuple[Floats, Floats]:
     return solution[:, :, 0], solution[:, :, 1:]
 
 
-def _larger(first: Floats, second: Floats) -> Floats:
+def larger(first: Floats, second: Floats) -> Floats:
     """Smallest covariance that is at least as large as both in every direction of their common axes."""
     root = np.linalg.cholesky(first)
     inside = np.linalg.solve(root, np.linalg.solve(root, second).T)
