@@ -60,7 +60,9 @@ def test_means_are_over_each_folder_and_over_all(folders):
     assert found.better()["vqf"] == (better, 3)
 
 
-def test_files_and_recordings_are_taken_as_folders_are(folders):
+def test_files_and_recordings_are_taken_as_folders_are(folders, tmp_path):
+    with pytest.raises(DecodeError, match="holds no recording; known suffixes are"):
+        trials_in(tmp_path)
     paths = trials_in(folders[0] / "buoy1.parquet", folders[0] / "buoy2.parquet")
     read = [replace(files.read(path), name=path.stem) for path in paths]
     by_path, by_hand = (measure_accuracy(what, stages("vqf")) for what in (paths, read))

@@ -16,7 +16,7 @@ from plumbob.data.recording import Recording
 from plumbob.files import parse_profile, read, text_table, write
 from plumbob.files.text import read_labels, read_spans, text_cell
 from plumbob.rotations import Frame, North, body_axes, quat_angle, quat_from_euler_zyx, quat_rotate
-from tests.helpers import examples
+from tests.helpers import beside, examples
 from tests.helpers.io_samples import make_imu, refused
 
 HEAD = 'separator = ","\n[header]\nnames = true\n'
@@ -54,23 +54,7 @@ Writer_Version\t2
 0,010\t--\t1.#QNAN\t
 0,020\t+4,5\t5,0\t6,0
 """
-LABVIEW_PROFILE = """
-separator = "\\t"
-decimal = ","
-encoding = "gbk"
-missing = ["", "--", "1.#QNAN"]
-[header]
-marker = "***End_of_Header***"
-occurrence = 2
-names = true
-after_names = 1
-[time]
-column = "时间"
-unit = "s"
-[gyr]
-columns = ["角速度X", "角速度Y", "角速度Z"]
-unit = "dps"
-"""
+LABVIEW_PROFILE = beside(__file__, "labview.profile.toml")
 
 
 @pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])

@@ -18,7 +18,7 @@ from plumbob.live import rows
 from plumbob.live.lines import CLOCK, decoder_of, line_format
 from plumbob.live.record import record
 from plumbob.live.replay import replay
-from tests.helpers import commandline
+from tests.helpers import beside, commandline
 
 BANNER = ["Adafruit BMX055 test", "calibrating... done", "ready"]
 ANSWERS = {"frame": "ENU", "acc.sign": "specific-force"}
@@ -193,23 +193,7 @@ def test_text_form_is_drafted_recorded_replayed_and_equal_to_the_file(name, tmp_
     np.testing.assert_array_equal(steps[same], np.concatenate([np.diff(imu.t_ns) for imu in files]))
 
 
-PROFILE = """
-separator = ","
-frame = "ENU"
-axes = "x y z"
-[header]
-names = false
-[time]
-column = 1
-unit = "ms"
-[gyr]
-columns = [5, 6, 7]
-unit = "deg/s"
-[acc]
-columns = [2, 3, 4]
-unit = "m/s2"
-sign = "specific-force"
-"""
+PROFILE = beside(__file__, "lines.profile.toml")
 
 
 def decoded(text, profile=PROFILE, *, sizes=None, step_ns=10_000_000):

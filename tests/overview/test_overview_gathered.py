@@ -55,6 +55,8 @@ def test_parts_do_not_change_what_is_gathered(sea):
     raised = [{n: (r.samples, r.stretches) for n, r in found.flags.items()} for found in (one, two)]
     assert raised[0] == raised[1]
     assert one.moments.sd == pytest.approx(two.moments.sd, rel=1e-9, nan_ok=True)
+    for name in ("least", "greatest"):
+        assert np.array_equal(getattr(one.moments, name), getattr(two.moments, name), equal_nan=True)
 
 
 def test_gaps_are_counted_with_what_they_lack_and_bursts_by_time(sea):
@@ -63,6 +65,7 @@ def test_gaps_are_counted_with_what_they_lack_and_bursts_by_time(sea):
     assert len(found.gaps) == 1
     assert found.gaps[0] == pytest.approx((24.99, 28.0))
     assert found.missing == 300
+    assert gathered(imu, track, [int(np.argmax(np.diff(imu.t))) + 1, len(imu)]).gaps == found.gaps  # between two parts
     assert found.lost == pytest.approx(3.0)
     # a rest of less than half a burst is the last one's
     assert [round(b.end - b.begin) for b in gathered(imu, track, [len(imu)], burst=20.0).bursts] == [20, 20, 23]

@@ -134,6 +134,8 @@ def test_the_grade_is_that_of_info_with_what_it_lost_points_for(imu, tmp_path):
     assert [float(row[1]) for row in table.rows] == sorted(float(f"{one.lost:.3g}") for one in lost.values())[::-1]
     gaps = next(row[3] for row in table.rows if row[0] == "gaps")
     assert gaps == f"{lost['gaps'].measured}; {lost['gaps'].advice}"
+    cells = [str(cell) for one in made.report().tables for row in one.rows for cell in row]
+    assert any(cell.startswith(f"longest step {np.diff(imu.t).max():.6g} s") for cell in cells)
 
 
 def test_a_browser_draws_it_and_zooms(page, tmp_path):

@@ -151,6 +151,8 @@ def test_samples_that_say_nothing_are_left_out_and_no_convention_is_wrong(values
     data = sensors() | values
     name = next(iter(values), "mag")
     assert (unusable(ImuData(**data), name) == out).all()
+    never = {name: np.tile(sensors()[name][:1], (4000, 1))}  # changes: a simulated rest
+    assert not unusable(ImuData(**data | never), name).any()
     found = diagnosed(data)
     assert not found.wrong, found.text()
     assert ("samples.stuck_axis" in [one.code for one in found.remarks]) == (values.get("mag") is DEAD)
