@@ -13,17 +13,7 @@ from plumbob.files.profile import TimeSource
 from tests.helpers import beside
 from tests.helpers.io_samples import ROOT, refused, schema_keys
 
-MINIMAL = """
-separator = ","
-[header]
-names = true
-[time]
-column = "t"
-unit = "s"
-[gyr]
-columns = ["x", "y", "z"]
-unit = "dps"
-"""
+MINIMAL = beside(__file__, "minimal.profile.toml")
 FULL = beside(__file__, "full.profile.toml")
 
 

@@ -59,6 +59,11 @@ def test_parts_do_not_change_what_is_gathered(sea):
         assert np.array_equal(getattr(one.moments, name), getattr(two.moments, name), equal_nan=True)
 
 
+def test_the_step_of_stamps_in_whole_milliseconds_is_that_of_the_samples(sea):
+    t = np.floor(np.arange(len(sea[0])) * 1e3 / 286.0) / 1e3
+    assert gathered(replace(sea[0], t=t), replace(sea[1], t=t), [len(t)]).step == pytest.approx(1.0 / 286.0, rel=1e-3)
+
+
 def test_gaps_are_counted_with_what_they_lack_and_bursts_by_time(sea):
     imu, track = sea
     found = gathered(imu, track, [len(imu)])

@@ -18,6 +18,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ShapeError
+from plumbob.core.time import to_ns, usual_step
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.quality import quality
@@ -78,7 +79,10 @@ class Tracing:
         edges = [0, *np.flatnonzero(begins).tolist(), t.size]
         for start, stop in pairwise(edges):
             if start and stop > start:
-                self._break(t[start - 1], t[start])
+                self._holes += 1
+                if self._holes <= HOLES:
+                    self._t.append(np.array([0.5 * (t[start - 1] + t[start])]))
+                    self._values.append(np.full((1, len(self._names)), np.nan, dtype=np.float32))
             last = stop == t.size
             full = start + (stop - start) // self._each * self._each if last else stop
             if full > start:
@@ -92,12 +96,6 @@ class Tracing:
             self._add_extremes(self._left_t, self._left)
             self._left_t, self._left = self._left_t[:0], self._left[:0]
         return Traces(np.concatenate(self._t), np.concatenate(self._values), self._each)
-
-    def _break(self, before: float, after: float) -> None:
-        self._holes += 1
-        if self._holes <= HOLES:
-            self._t.append(np.array([0.5 * (before + after)]))
-            self._values.append(np.full((1, len(self._names)), np.nan, dtype=np.float32))
 
     def _add_extremes(self, t: Floats, values: Floats) -> None:
         starts = np.arange(0, t.size, self._each)
@@ -268,10 +266,10 @@ class Gatherer:
             )
         triads = samples.triads if isinstance(samples, ImuData) else ()
         inside, starts, size = t[low:high], [0], int(high - low)
-        if size > 64 * 4096:  # the median step is that of places all over a long recording
+        if size > 64 * 4096:  # the usual step is that of places all over a long recording
             size, starts = 4096, np.linspace(0, size - 4096, 64).astype(np.int64).tolist()
-        steps = np.concatenate([np.diff(inside[start : start + size]) for start in starts])
-        step = float(np.median(steps)) if steps.size else 1.0
+        steps = np.concatenate([np.diff(to_ns(inside[start : start + size])) for start in starts])
+        step = usual_step(steps) / 1e9 if steps.size else 1.0
         begin, end = float(inside[0]), float(inside[-1])
         self._gathered = Gathered(begin, end, end - begin, step, triads, self.burst)
         length = end - begin + step
