@@ -181,7 +181,7 @@ def test_axes_time_and_separator_are_written_in_several_ways():
 def test_a_profile_file_is_named_in_its_errors(tmp_path):
     path = tmp_path / "logger.toml"
     path.write_text(MINIMAL.replace("dps", "rps"))
-    refused(load_profile, path, match=r"logger\.toml: line 10: gyr\.unit", error=UnitError)
+    refused(load_profile, path, match=r"logger\.toml: line 9: gyr\.unit", error=UnitError)
     path.write_bytes(b'separator = "\xff"')
     refused(load_profile, path, match=r"logger\.toml .*UTF-8")
     path.write_bytes(b"\xef\xbb\xbf" + MINIMAL.encode())
