@@ -313,7 +313,7 @@ def test_what_nothing_speaks_for_stays_a_question_and_nothing_is_written(tmp_pat
     out = tmp_path / "out.toml"
     draft = plumbob.profile(tmp_path / "a.csv", accept=True, out=out)
     assert [key for key, _ in draft.questions] == ["gyr.unit", "acc.sign"]
-    head = "// Sample rate: 100.0 Hz\nSampleTimeFine," + names("Acc_*", "Gyr_*") + "\n"  # its counts are 0.1 ms
+    head = "// Interval: 0 ms\n// Rate: 100 Hz\nSampleTimeFine," + names("Acc_*", "Gyr_*") + "\n"  # its counts: 0.1 ms
     (tmp_path / "b.csv").write_text(head + rows(1e4 * T, *ACC.T, *DPS.T), encoding="utf-8")
     assert "time.unit" in dict(plumbob.profile(tmp_path / "b.csv", accept=True, answers=UP | UNITS).questions)
     assert not out.exists()

@@ -62,9 +62,7 @@ def test_a_restored_filter_remembers_its_start_attitude():
     assert (f.q_nb == start).all()
 
 
-@pytest.mark.parametrize(
-    "damage", [{"filter": None}, {"state": None}, {"state": [1.0]}, {"state": [np.nan] * 29}, {"init": [0]}]
-)
+@pytest.mark.parametrize("damage", [{"filter": None}, {"state": None}, {"state": [1.0]}, {"state": [np.nan] * 29}])
 def test_a_damaged_saved_state_is_refused(damage):
     saved = {**Filter("integrate", frame=Frame.ENU).save(), **damage}
     with pytest.raises(DecodeError):

@@ -717,7 +717,7 @@ class _DraftWriter:
         said = [f"{key}: {value}" for key, value in self._sample.facts.items() if "baud" not in key]
         for pattern, unit in _SAID_RATES:
             for line in said:
-                if number := re.search(pattern, line, re.IGNORECASE):
+                if (number := re.search(pattern, line, re.IGNORECASE)) and float(number[1]) > 0.0:
                     return f"{number[1] if unit == 'Hz' else f'{1.0 / to_si(float(number[1]), unit):g}'} Hz"
         return ""
 
