@@ -117,7 +117,7 @@ def test_real_recordings_agree_with_rates_of_the_reference(broad_folder, trial):
     assert room.heading_off(found) < 2.0 * found.quality.heading_sd
 
 
-def test_a_window_has_enough_of_the_field_itself_and_of_two_covariances_each_direction_has_thelarger():
+def test_a_window_has_enough_of_the_field_itself_and_of_two_covariances_each_direction_has_the_larger():
     present = np.arange(200) < 100 + FEWEST - 1  # one too few in the second window of a second
     assert window_edges(0.01 * np.arange(201), np.append(present, False), 1.0).tolist() == [[0, 100]]
     a = np.array([[2.0, 0.5], [0.5, 1.0]])

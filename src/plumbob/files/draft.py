@@ -533,8 +533,7 @@ class _DraftWriter:
 
     def _unit_of(self, columns: Sequence[int]) -> str:
         """Words of a name that say no sensor, as of the unit that it is of."""
-        words = self._parts[columns[0]].base.split()
-        return " ".join(word for word in words if not taken_apart(f"{word} x").sensor)
+        return " ".join(word for word in self._parts[columns[0]].base.split() if not taken_apart(f"{word} x").sensor)
 
     def _rank(self, name: str, columns: Sequence[int], unit: str) -> tuple[bool, ...]:
         """Which of several sets is the sensor's: with gravity, of the unit of the others, in its unit, not derived."""
@@ -696,7 +695,7 @@ class _DraftWriter:
         usual = float(np.median(steps)) if steps.size else 0.0
         even = bool(np.mean(np.abs(steps - usual) < _EVEN * usual) > 1.0 - LEFT_OUT_MOST and usual != 1.0)
         self._set("column", refs[0], "it increases like time", ask=True, sure=part.is_time or even or len(refs) == 2)
-        unit, why, sure = _time_unit(numbers, part, float(rate.partition(" ")[0] or "nan"))
+        unit, why, sure = _time_unit(numbers, part, float(rate.partition(" ")[0] or 0.0))
         if len(refs) == 2:
             unit, why, sure = self._part_of_second(self._time[0]), "it begins again at each second", True
         self._set("unit", unit, why, ask=not (part.stated and part.unit == unit), sure=sure)
@@ -966,27 +965,28 @@ def _device(sample: Sample) -> tuple[int, tuple[str, ...]] | None:
     return None
 
 
-def _time_unit(numbers: Floats, part: ColumnName, said: float = np.nan) -> tuple[str, str, bool]:
+def _time_unit(numbers: Floats, part: ColumnName, said: float = 0.0) -> tuple[str, str, bool]:
     """Unit in which steps make a plausible rate: the stated one, or nearest to 100 Hz or what is `said`; if sure."""
     steps = np.diff(numbers[np.isfinite(numbers)])
     step = float(np.mean(steps[steps >= 0.0])) if (steps > 0.0).any() else 0.0
     rates = {unit: 1.0 / to_si(step, unit) for unit in _TIMES if step > 0.0}
     if (named := part.unit_as(Quantity.TIME)) and step > 0.0:
         return named, f"the header says {_one_line(part.unit)}: {1.0 / to_si(step, named):.4g} Hz", True
-    if "tick" in part.base or "tow" in part.base:
-        ticks = "ticks of a length that nothing says; give unit_per_count, or declare rate = '100 Hz'"
-        return ("", ticks, False) if "tick" in part.base else ("s", "GPS time", True)
-    if _SPREADSHEET[0] <= numbers.min() and numbers.max() < _SPREADSHEET[1] and 0.0 < to_si(step, "day") < 2.0:  # s
-        why = f"days since 1899-12-30, as spreadsheets count them: {1.0 / to_si(step, 'day'):.4g} Hz"
-        return "day", why, part.is_time
+    if "tick" in part.base:
+        return "", "ticks of a length that nothing says; give unit_per_count, or declare rate = '100 Hz'", False
+    if "tow" in part.base:
+        return "s", "GPS time", True
+    if _SPREADSHEET[0] <= numbers.min() and numbers.max() < _SPREADSHEET[1] and 0.0 < (dt := to_si(step, "day")) < 2.0:
+        return "day", f"days since 1899-12-30, as spreadsheets count them: {1.0 / dt:.4g} Hz", part.is_time
     plausible = {unit: rate for unit, rate in rates.items() if _RATES[0] <= rate <= _RATES[1]}
     if not plausible:
         return "", f"steps of {step:.4g} make no usual rate; or delete both keys and declare rate = '100 Hz'", False
-    unit = min(plausible, key=lambda name: abs(np.log(plausible[name] / (100.0 if np.isnan(said) else said))))
+    unit = min(plausible, key=lambda name: abs(np.log(plausible[name] / (said or 100.0))))
     sure = sum(_USUAL_RATES[0] <= rate <= _USUAL_RATES[1] for rate in rates.values()) == 1 and not (steps == 1.0).all()
     why = f"steps of {step:.6g} {unit} make {plausible[unit]:.4g} Hz"
-    if abs(np.log2(plausible[unit] / said)) > 1.0:  # twice or half: a log that leaves rows out
-        return "", f"{why}, but the lines above say {said:g} Hz: give unit and unit_per_count, or rate alone", False
+    if said and abs(np.log2(plausible[unit] / said)) > 1.0:  # twice or half: a log that leaves rows out
+        why += f", but the lines above say {said:g} Hz: give unit and unit_per_count, or rate alone"
+        unit, sure = "", False
     return unit, why, sure
 
 
