@@ -30,6 +30,7 @@ def test_verbs_print_and_write_what_their_functions_find(six, tmp_path):
     assert printed == made.summary()
     assert np.array_equal(plumbob.read(out).imu.acc, made.imu.acc)
     assert answer(f"array info {six}") == info(array).summary()
+    assert "mount" not in typed(f"array info {six}").stderr  # that of the first is along the axes, those of others not
 
 
 def test_from_bytes_with_the_mounts_of_the_rig(tmp_path):

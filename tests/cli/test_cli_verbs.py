@@ -18,7 +18,7 @@ HELPED = [*VERBS, *(f"{verb} {kind}" for verb, kinds in KINDS.items() for kind i
 @pytest.mark.parametrize("verb", HELPED)
 def test_help_has_an_example_that_the_parser_takes_and_a_page_that_is_there(verb):
     told = ok(*verb.split(), "--help").stdout
-    assert told.startswith(f"usage: plumbob {verb} ")
+    assert re.match(rf"usage: plumbob {verb} .*?\n\n[A-Z]", told, re.DOTALL)  # a sentence, and then what it takes
     example, page = re.search(
         r"^example:\n  (.*?)\n\n.*^documentation:\n  (\S+)", told, re.DOTALL | re.MULTILINE
     ).groups()

@@ -22,7 +22,7 @@ from plumbob.rotations.frames import heading_of
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Batch
 from plumbob.viewer.playback import Player, load
-from plumbob.viewer.terminal import CHINESE, Terminal, tape
+from plumbob.viewer.terminal import CHINESE, Terminal, keys_at_once, tape
 from tests.helpers import Clock, live_samples
 from tests.helpers.commandline import PLUMBOB, refused
 from tests.helpers.outlets import Kept
@@ -127,6 +127,9 @@ def test_keys_ask_for_what_they_say(monkeypatch):
 
 
 def test_a_tare_lets_angles_count_from_now_and_what_is_not_a_terminal_is_refused(monkeypatch):
+    assert re.search("standard output is not one.*plumbob record", refused("view", "--terminal", "--emulate", "buoy"))
+    with keys_at_once(), pytest.raises(ParameterError, match="fills a terminal"):
+        plumbob.view(emulate="buoy", terminal=True)
     terminal, _ = shown(truth=False, also=())
     keys(terminal, monkeypatch, "t")
     row = next(line for line in text(terminal) if line.startswith("mekf"))
@@ -134,9 +137,6 @@ def test_a_tare_lets_angles_count_from_now_and_what_is_not_a_terminal_is_refused
     assert "tared" in text(terminal)[0]
     keys(terminal, monkeypatch, "t")
     assert "tared" not in text(terminal)[0]
-    assert re.search("standard output is not one.*plumbob record", refused("view", "--terminal", "--emulate", "buoy"))
-    with pytest.raises(ParameterError, match="fills a terminal"):
-        plumbob.view(emulate="buoy", terminal=True)
 
 
 @pytest.mark.parametrize(("yaw", "frame", "heading"), [

@@ -375,7 +375,7 @@ def raw_mean_error(seed: int, amplitude_dps: float = 5.0) -> tuple[float, float]
     array, _ = arm_array(seed, turns=False)
     sets = sets_of(array)
     swing = pb.units.dps(amplitude_dps) * np.sin(2.0 * np.pi * 0.5 * array.t)
-    plus, minus = sets.plus["gyr"][:, 2] + swing, -sets.minus["gyr"][:, 2] - swing
+    plus, minus = sets.plus["gyr"][:, 2] + swing, -(sets.minus["gyr"][:, 2] + swing)
     wrong, right = (float(pb.units.to_dps(rms(0.5 * of - swing))) for of in (plus + minus, plus - minus))
     return wrong, right
 

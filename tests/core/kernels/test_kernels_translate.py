@@ -227,7 +227,7 @@ def unsigned(x: NDArray[np.uint64], i: int) -> int:
 
 
 REFUSED = {
-    untyped: "no annotation of a", text: "is not a type of a kernel", mixed: "one name for|double or",
+    untyped: "no annotation of a", text: "is not a type of a kernel", mixed: "one name for double and",
     library: "neither a kernel nor a function of the subset", column: "do not stand one behind the other",
     every_second: "a view has no step", stepped: "only the first axis",
     growing: "is a constant of at most", unordered: "give its result a name", vectors: "write a loop",
