@@ -5,6 +5,7 @@ import math
 import sys
 from dataclasses import replace
 from importlib.metadata import version
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from plumbob.filters.offline import Stage
 from plumbob.fleet.experiments.peers import peer_runs, peer_track
 from plumbob.fleet.experiments.trials import KEYS, measure_accuracy, trials_in
 from plumbob.fleet.experiments.variants import without_mag
-from plumbob.rotations import North, change_frame, quat_angle, quat_from_euler_zyx, quat_multiply
+from plumbob.rotations import North, change_frame, quat_angle, quat_from_euler_zyx, quat_multiply, quat_rotate
 
 LIBRARIES = ["vqf", "imufusion", "ahrs"]
 
@@ -96,6 +97,16 @@ def test_without_a_magnetometer_each_peer_keeps_the_tilt_and_a_heading_of_its_ow
         found = evaluate(track, run.truth, align=("heading",), settle=15.0).stats
         assert math.degrees(found["inclination"].rmse) < 4.0, peer.name
         assert math.degrees(found["heading"].rmse) < 4.0, peer.name
+
+
+def test_the_ekf_of_ahrs_is_told_the_dip_of_the_field(monkeypatch):
+    run, told = rocking(), []
+    library = SimpleNamespace(filters=SimpleNamespace(EKF=lambda **given: told.append(given["magnetic_ref"])))
+    monkeypatch.setitem(sys.modules, "ahrs", library)  # without an answer
+    with pytest.raises(ShapeError, match=r"ahrs\.EKF rejects it"):
+        peer_track(*peer_runs("ahrs.EKF")[0], run.imu, frame=Frame.ENU)
+    x, y, z = quat_rotate(run.truth.q_nb[0], run.imu.mag[0])  # east, north, up
+    assert told == [pytest.approx(math.degrees(math.atan2(-z, math.hypot(x, y))), abs=1.0)]
 
 
 def test_one_peer_of_a_library_is_asked_for_by_its_name_and_others_are_refused():

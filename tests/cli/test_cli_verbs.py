@@ -8,6 +8,7 @@ import pytest
 
 from plumbob.cli.main import build_parser
 from plumbob.cli.verbs import VERBS
+from tests.helpers import beside
 from tests.helpers.commandline import answer, ok, refused, table_of, typed
 
 ROOT = Path(__file__).parents[2]
@@ -93,36 +94,10 @@ def test_json_is_strict_and_is_not_the_text(samples, tmp_path, words):
     assert not typed(line, *["--force"] * ("--out" in line), cwd=samples).stdout.startswith("{")
 
 
-OUTPUTS = """
-sim buoy --frame NED --out {} | .parquet |
-sim static --frame NED --out x.parquet --card {} | .json |
-run sea.parquet --filter mahony --out {} | .parquet | sea.parquet
-run sea.parquet --filter mahony --report {} | .html | sea.parquet
-run rest.parquet --filter mekf --noise noise.json --out {} | .csv | noise.json
-report sea.parquet --filter mekf --out {} | .html | sea.parquet
-report sea.parquet --figure rates --filter none --out {} | .svg | sea.parquet
-eval track.parquet sea.parquet --html {} | .html | sea.parquet
-convert sea.parquet {} | .csv | sea.parquet
-decode sea.bin --format buoy --out {} | .csv | sea.bin
-emulate buoy --write {} | .bin |
-record --from sea.bin --format buoy --out {} | .mcap |
-replay sea.mcap --out {} | .parquet | sea.mcap
-verify sea.mcap --repair {} | .mcap | sea.mcap
-send track.parquet --as json --to file:{} | .jsonl | track.parquet
-allan one.txt --rate 100Hz --scale '1 deg/s' --card {} | .json | one.txt
-allan one.txt --rate 100Hz --scale '1 deg/s' --plot {} | .png | one.txt
-allan rest.parquet --triads gyr --kalibr {} | .yaml | rest.parquet
-calibrate gyro rest.parquet --out {} | .json | rest.parquet
-calibrate gyro rest.parquet --html {} | .html | rest.parquet
-calibrate statictest rest.parquet --calibration card.json --html {} | .html | card.json
-arm export angles.parquet --chain arm.toml --out {} | .csv | angles.parquet
-arm replay angles.parquet arm.toml --out {} | .csv | angles.parquet
-array combine sea.parquet --out {} | .parquet | sea.parquet
-compare sea.parquet rest.parquet --html {} | .html | sea.parquet
-"""
+OUTPUTS = table_of(beside(__file__, "outputs.txt"))
 
 
-@pytest.mark.parametrize(("words", "suffix", "source"), table_of(OUTPUTS), ids=lambda cell: cell)
+@pytest.mark.parametrize(("words", "suffix", "source"), OUTPUTS, ids=lambda cell: cell)
 def test_an_output_replaces_no_file_unasked_and_never_an_input(samples, tmp_path, words, suffix, source):
     """By whatever name an input is reached: here it is a link to the same file."""
     there, same = tmp_path / f"there{suffix}", tmp_path / f"same{suffix}"
@@ -136,32 +111,7 @@ def test_an_output_replaces_no_file_unasked_and_never_an_input(samples, tmp_path
         assert (samples / source).read_bytes() == before
 
 
-READERS = """
-run none.parquet --filter mahony
-info none.parquet
-eval none.parquet none.parquet
-convert none.parquet a.csv
-allan none.parquet
-calibrate gyro none.parquet
-calibrate mount none.parquet --frame NED
-decode none.bin --format buoy
-record --from none.bin --format buoy
-replay none.mcap
-verify none.mcap
-verify none.mcap --repair a.mcap
-report none.parquet
-report none.mcap
-report none.parquet --figure rates --out a.svg
-compare none.parquet none.parquet
-doctor none.parquet
-send none.parquet --as json --to file:a.jsonl
-array info none.parquet
-arm export none.csv --out p.csv
-arm run none.toml none.parquet
-batch none.parquet --out a
-profile none.csv
-benchmark tune none.parquet --filter mahony --out a.toml
-""".strip().splitlines()
+READERS = beside(__file__, "readers.txt").splitlines()
 
 
 @pytest.mark.parametrize("words", READERS)

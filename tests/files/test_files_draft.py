@@ -85,7 +85,7 @@ def loggers(folder, moved):
                   *(f'"Gyroscope {a} (rad/s)"' for a in xyz)]) + "\n",
                   [T, *(force * G0).T, *np.radians(rate).T], form="{:.9E}"), {}),
         "names in a comment": (
-            table(folder / "d.csv", "# my logger\n# t, ax, ay, az, gx, gy, gz\n",
+            table(folder / "d.csv", "# my logger\n# t, ax, ay, az, gx, gy, gz\n#0, 0, 0, 1, 0, 0, 0\n",
                   [T, *force.T, *np.radians(rate).T], ", ", "{:.6f}"), {}),
         "no header": (table(folder / "e.csv", "", [T, *(force * G0).T, *rate.T, *field.T]), {}),
         "seconds since 1970, mg, mdps, mG": (

@@ -48,6 +48,8 @@ def test_phyphox_pauses_short_names_and_single_tables(tmp_path):
     path.write_text(kinds.phyphox_table("Gyroscope ", "rad/s", kinds.RATE), encoding="utf-8")
     imu = read(path).imu
     assert (kind_of(path).name, imu.triads, imu.gyr.tolist()) == ("phone", ("gyr",), [[*kinds.RATE]] * 200)
+    path.write_text(path.read_text().replace("Time (s)", "Time (ms)"))  # of another logger
+    assert kind_of(path).name == "text"
 
 
 def test_phyphox_takes_no_acceleration_without_gravity_and_all_of_a_table_of_several(tmp_path):

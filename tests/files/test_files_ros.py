@@ -394,7 +394,9 @@ CHATTER = [made.Row(made.T0, "/chatter", "std_msgs/msg/String", {"data": "hello"
 NO_IMU = r"it holds /chatter \(std_msgs/String, 1\), but neither inertial data"
 UNSIZED = zstandard.ZstdCompressor(write_content_size=False)
 IN_G = made.samples() | {"acc": made.samples()["acc"] / 9.80665}
+LONGER = made.samples() | {"xyzw": 2.0 * made.samples()["xyzw"]}
 REFUSED = {
+    "no rotation": (lambda folder: made.write_1(folder / "a.bag", made.imu_rows(LONGER)), "no quaternion of norm 1"),
     "g": (lambda folder: made.write_1(folder / "a.bag", made.imu_rows(IN_G)), "looks like g"),
     "no inertial data, ROS 1": (lambda folder: made.write_1(folder / "a.bag", CHATTER), NO_IMU),
     "no inertial data, ROS 2": (lambda folder: made.write_2(folder / "a", CHATTER), NO_IMU),

@@ -42,18 +42,7 @@ def refuse(*_, **__):
     raise ValueError
 
 
-LABVIEW = """LabVIEW 测量\t
-Writer_Version\t2
-***End_of_Header***\t
-\t
-通道\t3
-***End_of_Header***\t\t
-时间\t角速度X\t角速度Y\t角速度Z\t备注
-[s]\t[°/s]\t[°/s]\t[°/s]
-0,000\t1,5\t-2,5\t3,0E+1
-0,010\t--\t1.#QNAN\t
-0,020\t+4,5\t5,0\t6,0
-"""
+LABVIEW = beside(__file__, "labview.txt")
 LABVIEW_PROFILE = beside(__file__, "labview.profile.toml")
 
 

@@ -269,12 +269,14 @@ def test_an_error_of_a_process_is_that_of_the_batch(folder, tmp_path):
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="the system does not say what processors are given")
 def test_by_default_there_are_as_many_processes_as_processors(folder, tmp_path, monkeypatch):
-    made, start = [], workers.processes
+    made, start, children, popen = [], workers.processes, [], workers.Popen
+    monkeypatch.setattr(workers, "Popen", lambda *given, **how: children.append(popen(*given, **how)) or children[-1])
     monkeypatch.setattr(workers, "processes", lambda jobs: (made.append(jobs), start(jobs))[1])
     for processors in ({0}, {0, 1}):
         monkeypatch.setattr(os, "sched_getaffinity", lambda _, given=processors: given)
         plumbob.batch([folder / "r1.parquet", folder / "r2.parquet"], tmp_path / f"{processors}", **SETTINGS)
     assert made == [1, 2]
+    assert children and not any(child.returncode for child in children)  # asked to end, and not killed
 
 
 def test_a_place_that_is_in_use_or_holds_other_files_is_refused(folder, tmp_path):

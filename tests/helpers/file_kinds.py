@@ -10,7 +10,7 @@ import numpy as np
 from plumbob.core.constants import G0
 from plumbob.core.units import from_si
 from plumbob.rotations import Frame, change_frame, euler_zyx_from_quat, quat_multiply
-from tests.helpers import log_samples
+from tests.helpers import beside, log_samples
 from tests.helpers.log_samples import G
 from tests.helpers.real_data import DATA
 
@@ -383,32 +383,7 @@ def ximu3_folder(folder, m):
     return folder
 
 
-PROFILE = """
-{form}
-device = "unit"
-{more}
-[time]
-column = "t"
-unit = "s"
-[gyr]
-columns = {gyr}
-unit = "deg/s"
-[acc]
-columns = {acc}
-unit = "g"
-sign = "specific-force"
-[mag]
-columns = {mag}
-unit = "uT"
-[temperature]
-column = "temp"
-unit = "degC"
-[reference]
-columns = {quat}
-order = "xyzw"
-frame = "ENU"
-north = "magnetic"
-"""
+PROFILE = beside(__file__, "unit.profile.toml")
 """Profile of `arrays_of`, or of the same as columns of a text."""
 
 

@@ -161,13 +161,17 @@ def test_the_fit_is_a_maximum_and_the_gradient_that_of_differences():
 
 
 def test_how_long_a_record_must_be():
-    """White noise N and a ramp R: sd(R) = N √(12 / T³) by regression, so R is three of them at T³ = 108 N²/R²."""
-    nothing, n, r = Coefficient(0.0, upper=0.0, observable=False), 0.01, 1e-7
+    """White noise N and a ramp R: sd(R) = N √(12 / T³) by regression, so R is three of them at T³ = 108 N²/R².
+
+    That of a random walk K is K / √T, by its two ends: T = 9 K²/R².
+    """
+    nothing, n, k, r = Coefficient(0.0, upper=0.0, observable=False), 0.01, 5e-5, 1e-7
     ramp = Coefficient(0.0, upper=2.0 * r, observable=False)
-    terms = {"Q": nothing, "N": Coefficient(n), "B": nothing, "K": nothing, "R": ramp}
-    hours = analysis.hours_needed("R", terms, 0.1, 3600.0)
-    exact = (108.0 * n**2 / r**2) ** (1.0 / 3.0) / 3600.0
-    assert exact <= hours <= 1.01 * math.sqrt(2.0) * exact  # lengths are tried in steps of √2
+    none = {"Q": nothing, "N": nothing, "B": nothing, "K": nothing, "R": ramp}
+    walking, terms = none | {"K": Coefficient(k)}, none | {"N": Coefficient(n)}
+    for noise, exact in ((walking, 9.0 * k**2 / r**2), (terms, (108.0 * n**2 / r**2) ** (1.0 / 3.0))):
+        seconds = 3600.0 * analysis.hours_needed("R", noise, 0.1, 3600.0)
+        assert exact <= seconds <= 1.01 * math.sqrt(2.0) * exact  # lengths are tried in steps of √2
     assert analysis.hours_needed("N", terms, 0.1, 3600.0) is None
     tiny = {**terms, "R": Coefficient(0.0, upper=1e-15, observable=False)}
     assert analysis.hours_needed("R", tiny, 0.1, 3600.0) is None

@@ -358,15 +358,15 @@ def test_no_step_is_invented_kernels_intervals_and_gaps():
     assert artefacts.between([(2, 3), (6, 9)], 0, 10) == [(0, 2), (3, 6), (9, 10)]
     assert artefacts.between([], 0, 10) == [(0, 10)]
     assert artefacts.between([(-5, 20)], 0, 10) == []
-    # Left of the middle the samples before it, mirrored; right of it those after it; their levels make a line.
-    row = np.array([1.0, 2.0, 0.0, 9.0, 9.0, 9.0, 9.0, 5.0, 7.0, 6.0])[:, np.newaxis]
-    found = bridged(row, 1.0, 100.0, [(103.0, 107.0)])[:, 0]
+    # Left of the middle the samples before it, mirrored; right of it as many after it; their levels make a line.
+    row = np.array([8.0, 1.0, 2.0, 0.0, 9.0, 9.0, 9.0, 9.0, 5.0, 7.0, 6.0])[:, np.newaxis]
+    found = bridged(row, 1.0, 99.0, [(103.0, 107.0)])[:, 0]
     low, high = (1.0 + 2.0 + 0.0) / 3.0, (5.0 + 7.0 + 6.0) / 3.0
     line = low + (high - low) * np.array([0.125, 0.375, 0.625, 0.875])
-    assert found[3:7] == pytest.approx(line + [0.0 - low, 2.0 - low, 7.0 - high, 5.0 - high])
-    assert np.array_equal(np.delete(found, [3, 4, 5, 6]), np.delete(row[:, 0], [3, 4, 5, 6]))
-    assert row[3, 0] == 9.0
-    assert bridged(row, 1.0, 100.0, [(99.0, 102.0), (108.0, 111.0)])[:, 0].tolist() == row[2:8, 0].tolist()
+    assert found[4:8] == pytest.approx(line + [0.0 - low, 2.0 - low, 7.0 - high, 5.0 - high])
+    assert np.array_equal(np.delete(found, [4, 5, 6, 7]), np.delete(row[:, 0], [4, 5, 6, 7]))
+    assert row[4, 0] == 9.0
+    assert bridged(row, 1.0, 99.0, [(98.0, 102.0), (108.0, 111.0)])[:, 0].tolist() == row[3:9, 0].tolist()
 
 
 @pytest.mark.parametrize(("width", "moved"), [(1, False), (3, True)])

@@ -182,6 +182,10 @@ def test_missing_sensors_cost_a_rest_at_the_start_is_seen_and_several_units_are_
         assert grade(ImuData(t=imu.t, **values, meta=imu.meta))["sensors"].lost == lost
     rest = simulate("static", frame="ENU", sensors="mpu6000", unit="calibrated", seed=1, duration=20.0).imu
     assert (grade(rest)["rest"].lost, grade(rest)["rest"].value) == (0.0, pytest.approx(20.0, abs=1.0))
+    shaken = rest.acc + np.where(rest.t < 0.5, np.sin(50.0 * rest.t), 0.0)[:, np.newaxis]
+    for wait, value in ((4.0, 19.25), (5.0, 0.0)):  # between the first sample and the second; a rest later than 5 s
+        late = made(rest, t=np.where(rest.t > 0.0, rest.t + wait, 0.0), acc=shaken)
+        assert grade(late)["rest"].value == pytest.approx(value, abs=0.5)
     found = info(Recording(array=ImuArray({"a": imu, "b": clipping(imu, 0.05)})))
     report = found.summary()["grade"]
     assert set(report["units"]) == {"a", "b"}

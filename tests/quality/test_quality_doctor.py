@@ -14,6 +14,7 @@ from plumbob.quality.arrangement import ARRANGEMENTS, Samples, fit
 from plumbob.quality.derotated import fit_force
 from plumbob.quality.diagnosis import Diagnosis, Trust, unit_odds, unusable
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_from_euler_zyx, signed_axes
+from tests.helpers import beside
 from tests.helpers.commandline import call, ok
 
 G = 9.81
@@ -229,16 +230,7 @@ def test_means_of_straight_lines_and_pauses() -> None:
     assert np.isnan(found[2:]).all()
 
 
-PROFILE = """separator = ","
-frame = "ENU"
-header = { names = true }
-time = { column = "t", unit = "s" }
-gyr = { columns = ["gx", "gy", "gz"], unit = "rad/s" }
-acc = { columns = ["ax", "ay", "az"], unit = "m/s2", sign = "specific-force" }
-[mag]
-columns = ["mx", "my", "mz"]
-unit = "uT"
-"""
+PROFILE = beside(__file__, "log.profile.toml")
 
 
 def written(folder: Path, data: Arrays, profile: str) -> Path:

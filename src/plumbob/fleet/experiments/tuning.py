@@ -433,15 +433,14 @@ class _Search:
         def cost(x: Floats) -> float:
             return float(self.logs(x, trials).mean())
 
-        costs = [cost(x) for x in design]
-        start = design[int(np.argmin(costs))]
+        start = design[int(np.argmin([cost(x) for x in design]))]
         if (remaining := self.budget - self.designed) < 1:
             return np.asarray(start)
         steps = np.where(start + STEP <= 1.0, STEP, -STEP)
         simplex = np.vstack([start, start + np.diag(steps)])
         how: Any = {"maxfev": remaining, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-5}
         optimum = minimize(cost, start, method="Nelder-Mead", bounds=[(0.0, 1.0)] * start.size, options=how)
-        return np.asarray(optimum.x if optimum.fun < min(costs) else start)
+        return np.asarray(optimum.x)
 
     def design(self, seed: int) -> Floats:
         """Places that every search begins with: the defaults, and a scrambled Sobol sequence, (n, d)."""
