@@ -70,7 +70,7 @@ def turned(imu: ImuData, sensor: str, way: np.ndarray) -> ImuData:
 def verdict(imu: ImuData, sensor: str, way: np.ndarray, mode: str) -> str:
     """What a calibration says of a capture with these axes of one sensor: right, silent, or other."""
     try:
-        told = " ".join(calibrate_mag(turned(imu, sensor, way), with_=mode).remarks)
+        told = " ".join(map(str, calibrate_mag(turned(imu, sensor, way), with_=mode).remarks))
         card = True
     except CaptureRefusedError as refused:
         told, card = str(refused), False

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import sys
 from importlib import import_module
 from random import Random
@@ -9,11 +10,12 @@ from random import Random
 import pytest
 
 from plumbob import filter_names, flags
-from tests.helpers.commandline import call, start
+from tests.helpers import beside
+from tests.helpers.commandline import call, start, table_of
 
 
-def run(name, *words, alone=False):
-    """Exit code and JSON of a benchmark; one that forks or measures memory runs in a process of its own."""
+def ended(name, *words):
+    """A benchmark that ran in this process."""
 
     def main(arguments):
         before, sys.argv = sys.argv, [name, *arguments]
@@ -22,9 +24,32 @@ def run(name, *words, alone=False):
         finally:
             sys.argv = before
 
+    return call(*words, main=main)
+
+
+def run(name, *words, alone=False):
+    """Exit code and JSON of a benchmark; one that forks or measures memory runs in a process of its own."""
     program = {"program": (sys.executable, "-m", f"benchmarks.{name}")}
-    done = start(*words, "--json", **program) if alone else call(*words, "--json", main=main)
+    done = start(*words, "--json", **program) if alone else ended(name, *words, "--json")
     return done.returncode, json.loads(done.stdout) if done.stdout else done.stderr
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    pytest.param(words, says, marks=[pytest.mark.long(reason)] if reason else [], id=words.split()[0])
+    for words, says, reason in table_of(beside(__file__, "smallest.txt"))
+])  # fmt: skip
+def test_the_smallest_run_ends_and_says_what_is_known(words, says):
+    done = ended(*words.split())
+    assert done.returncode in {0, 1}  # so short a run may miss a bar
+    assert re.search(says, done.stdout), done.stdout + done.stderr
+
+
+def test_arrangements_of_axes_and_faults_to_plant():
+    axes = import_module("benchmarks.axes")
+    (_, capture), ways = next(axes.simulated()), axes.every_axes()
+    assert [axes.verdict(capture, "mag", way, "auto") for way in (ways[0], ways[7], ways[30])] == ["right"] * 3
+    planted = start("--list", "--scale", "0.05", program=(sys.executable, "benchmarks/mutants"))
+    assert len(re.findall(r"^\S+\.py:\d+ .* -> ", planted.stdout, re.MULTILINE)) > 10, planted.stderr
 
 
 def test_a_serial_line_loses_nothing_and_calibrations_run():

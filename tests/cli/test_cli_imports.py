@@ -12,6 +12,7 @@ import sys
 import pytest
 
 from plumbob.cli.verbs import VERBS
+from tests.helpers import beside
 from tests.helpers.commandline import table_of
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the system cannot fork")
@@ -83,37 +84,7 @@ SETS = {
     "live.stream zstandard",
 }
 SENSORS = "--frame NED --sensors mpu6000+hmc5983 --unit"
-LINES = """
---help |
-sim buoy SENSORS calibrated --duration 6s --out sea.parquet | SIMULATED
-list filters | numpy filters
-docs time |
-info sea.parquet | READ calibration kernels
-run sea.parquet --filter mahony --out track.parquet | RUN
-run none.parquet --filter mekf | numpy filters
-report sea.parquet --filter mekf | RUN calibration reporting.drawing scipy scipy.fft scipy.special
-batch none.parquet --out dataset | READ evaluation reporting.drawing scipy
-report sea.parquet --filter none --figure rates --out rates.svg | READ DRAWN
-eval track.parquet sea.parquet | READ evaluation reporting.drawing
-compare sea.parquet sea.parquet | RUN FITS reporting.drawing scipy.ndimage scipy.signal scipy.stats
-doctor sea.parquet | READ kernels scipy scipy.fft
-send track.parquet --as json --to file:sent.jsonl --speed max | READ VIEW
-sim static SENSORS random --duration 90s --rate 50Hz --out rest.parquet | SIMULATED
-allan rest.parquet --triads gyr | READ data.cards.calibration noise kernels FITS
-calibrate gyro rest.parquet --method rest | READ calibration data.cards.calibration kernels
-emulate buoy --duration 3s --write sea.bin | numpy data.cards.calibration simulation live.rigs.rig protocols
-decode sea.bin --format buoy --out sea-decoded.csv | kernels numpy protocols
-record --from sea.bin --format buoy --out sea.mcap | VIEW kernels
-view none.mcap --no-open | VIEW reporting.drawing
-control http://127.0.0.1:1/?token=a stop |
-verify sea.mcap | mcap files.mcap zstandard
-replay sea.mcap | VIEW kernels
-convert sea.mcap sea.csv | VIEW kernels pyarrow pyarrow.csv
-profile sea.csv --out draft.toml | numpy
-list devices | numpy protocols
-arm export none.csv --out program.csv | files.mcap filters mcap numpy
-array info none.parquet | READ kernels
-"""
+LINES = beside(__file__, "imports.txt")
 """A command line, and what it may import. Each may read what those above it wrote, and of the stages before its own."""
 STAGES = (["numpy"], ["numpy", "pyarrow.parquet", "plumbob.filters"], [])
 """What is imported before a line, of the largest that the line may import; lines that may import nothing run last."""
