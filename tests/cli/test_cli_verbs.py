@@ -64,27 +64,7 @@ def test_without_a_verb_the_order_of_work_is_printed():
         assert build_parser(words[:1]).parse_args(words).verb == words[0]
 
 
-REPORTS = """
-run sea.parquet --filter mahony
-eval track.parquet sea.parquet --align heading
-info sea.parquet
-info track.parquet
-info sea.mcap
-info card.json
-info noise.json
-doctor sea.parquet
-allan rest.parquet --triads gyr
-calibrate gyro rest.parquet --method rest
-verify sea.mcap
-replay sea.mcap
-list devices
-list devices rion
-list filters
-list filters mekf
-list rigs
-arm export angles.parquet --out {}/program.csv
-benchmark accuracy . --filters mahony
-""".strip().splitlines()
+REPORTS = beside(__file__, "reports.txt").splitlines()
 
 
 @pytest.mark.parametrize("words", REPORTS)

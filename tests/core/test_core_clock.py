@@ -60,10 +60,12 @@ class TestTiming:
         assert is_gap(np.array([4_000_000_000])).tolist() == [False]
 
     @pytest.mark.parametrize(
-        ("hertz", "lost"), [(286.0, 0.05), (104.0, 0.05), (60.0, 0.0), (850.0, 0.0), (1000.0, 0.01)]
+        ("hertz", "lost", "late"),
+        [(286.0, 0.05, 0), (104.0, 0.05, 0), (60.0, 0.0, 0), (850.0, 0.0, 0), (1000.0, 0.01, 0), (104.0, 0.0, 0.2)],
     )
-    def test_the_rate_of_stamps_in_whole_milliseconds_is_that_of_the_samples(self, hertz, lost):
-        ms = np.floor(1e3 / hertz * np.arange(5000) + 1e-6)[np.random.default_rng(1).random(5000) >= lost]
+    def test_the_rate_of_stamps_in_whole_milliseconds_is_that_of_the_samples(self, hertz, lost, late):
+        scatter = late * np.sin(np.arange(5000.0) ** 2)  # of stamps, in steps
+        ms = np.floor(1e3 / hertz * (np.arange(5000) + scatter) + 1e-6)[np.random.default_rng(1).random(5000) >= lost]
         assert timing(ms / 1e3).rate == pytest.approx(hertz, rel=1e-3)
 
     @pytest.mark.parametrize("start", [0.0, 0.1, 1e6, 8e6])

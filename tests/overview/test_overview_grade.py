@@ -173,6 +173,8 @@ def test_a_slower_magnetometer_loses_nothing_and_two_steps_that_alternate_are_ji
     assert found["loss"].lost == 0.0
     assert found["rate"].value == pytest.approx(200.0, rel=1e-3)
     assert found["jitter"].value == pytest.approx(0.2, rel=0.01)  # 1 ms of 5 ms
+    in_ms = np.floor(np.arange(len(imu)) / 0.85) / 1e3
+    assert grade(made(imu, t=in_ms))["rate"].value == pytest.approx(850.0, rel=1e-3)
 
 
 def test_missing_sensors_cost_a_rest_at_the_start_is_seen_and_several_units_are_as_good_as_the_worst():

@@ -65,16 +65,16 @@ def timing(t: Floats) -> Timing:
 
 
 def usual_step(dt_ns: NDArray[np.int64]) -> float:
-    """Time from sample to sample, ns, by steps (N,): the median, of coarse stamps the mean within a digit of it."""
-    usual, digit = float(np.median(dt_ns)), int(np.gcd.reduce(dt_ns[:: max(1, dt_ns.size // 100_000)]))
-    near = np.abs(dt_ns - usual) <= digit
-    if digit <= 0.01 * usual or not near.any():
-        return usual
+    """Time from sample to sample, ns, by steps (N,): the mean of those about their median, since two may alternate."""
+    middle, digit = float(np.median(dt_ns)), int(np.gcd.reduce(dt_ns[:: max(1, dt_ns.size // 100_000)]))
+    off = np.abs(dt_ns - middle)
+    near, close = off < 0.5 * middle, off <= digit
     # in whole ms they are 3 or 4 at 286 Hz, and at 850 Hz 1 or 2, of which the longer come evenly, or lack a sample
-    width = 2 * -(-dt_ns.size // max(int(np.count_nonzero(near & (dt_ns != usual))), 1))
-    together = dt_ns[: dt_ns.size // width * width].reshape(-1, width).sum(axis=1)
-    even = together.size >= 4 and float(np.ptp(np.percentile(together, (2.0, 98.0), method="nearest"))) <= digit
-    return float(np.mean(dt_ns, where=near)) if usual >= 2.0 * digit or even else usual
+    if middle < 2.0 * digit:
+        width = 2 * -(-dt_ns.size // max(int(np.count_nonzero(close & (off > 0.0))), 1))
+        together = dt_ns[: dt_ns.size // width * width].reshape(-1, width).sum(axis=1)
+        close &= together.size >= 4 and np.ptp(np.percentile(together, (2.0, 98.0), method="nearest")) <= digit
+    return float(np.mean(dt_ns, where=near | close)) if (near | close).any() else middle
 
 
 def longest_bridged(t_ns: NDArray[np.int64]) -> float:

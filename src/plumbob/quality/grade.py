@@ -21,7 +21,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.findings import Finding, as_findings, as_json, info
-from plumbob.core.time import GAP_FACTOR, is_gap, to_ns
+from plumbob.core.time import GAP_FACTOR, is_gap, to_ns, usual_step
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.imu import BLOCK, TRIAD_FLAGS, median, norms
@@ -244,12 +244,8 @@ class _Steps:
         """Measure steps (N,), ns, that come in bursts as is said. A day of them leaves little room for copies."""
         if not dt_ns.size:
             return cls(0)
-        gaps, dt = is_gap(dt_ns), dt_ns / 1e9
+        gaps, usual, dt = is_gap(dt_ns), usual_step(dt_ns) / 1e9, dt_ns / 1e9
         del dt_ns
-        middle = float(np.median(dt))
-        near = (dt >= 0.5 * middle) & (dt <= 1.5 * middle)
-        # the median step may be one of two that alternate: the usual one is the mean of those about it
-        usual = float(np.mean(dt, where=near)) if near.any() else middle
         tiny = dt < TINY * usual
         steps = cls(dt.size, usual, float(dt.sum()), dt[gaps] - usual, int(np.count_nonzero(tiny)), bursts=bursts)
         if bursts:
