@@ -182,6 +182,37 @@ LOGS = {  # name of the file, its text, what a user answers
     "a prompt before each row": (
         "a.txt", "imu> stream\nms," + names("a*", "g*") + "\n" + "".join(
             f"imu> {row}" for row in rows(1e3 * T, *ACC.T, *GYR.T).splitlines(True)), UP | {"gyr.unit": "rad/s"}),
+    "a row of names that lacks the first": (
+        "a.txt", "# timestamp ang_vel_x ang_vel_y ang_vel_z lin_acc_x lin_acc_y lin_acc_z\n" + rows(
+            map(str, range(T.size)), T + 1e6, *GYR.T, *ACC.T, separator=" "), UP | {"gyr.unit": "rad/s"}),
+    "a message in a line, without names": (
+        "a.csv", rows([f"{k // 100}" for k in range(T.size)], [f"{k % 100 * 10_000_000}" for k in range(T.size)],
+                      ["imu"] * T.size, *Q[:, [1, 2, 3, 0]].T, *[0 * T] * 9, *GYR.T, *[0 * T] * 9, *ACC.T, *[0 * T] * 9,
+                      form="{:.9f}"), UP | {"gyr.unit": "rad/s"}),
+    "messages with braces": ("a.txt", "".join(
+        f"header {{\n  stamp {{\n    sec: {k // 100}\n    nsec: {k % 100 * 10_000_000}\n  }}\n}}\n" + "".join(
+            "{} {{\n  x: {:.6f}\n  y: {:.6f}\n  z: {:.6f}\n}}\n".format(name, *v[k])
+            for name, v in (("angular_velocity", GYR), ("linear_acceleration", ACC))) for k in range(T.size)),
+        UP | {"gyr.unit": "rad/s"}),
+    "messages that say how old they are": ("a.txt", "".join(
+        "\nTOPIC: imu\n    timestamp: {:.0f} (0.01 seconds ago)\n    gyro_rad: [{:.6f}, {:.6f}, {:.6f}]\n"
+        "    accelerometer_m_s2: [{:.6f}, {:.6f}, {:.6f}]\n".format(1e6 * t, *w, *a)
+        for t, a, w in zip(T, ACC, GYR, strict=True)), UP | {"gyr.unit": "rad/s"}),
+    "arrays of objects that lie deep, with one name": ("a.json", json.dumps({"1": {"streams": {key: {"samples": [
+        {"value": v.tolist(), "ms": 1e3 * t} for t, v in zip(T.tolist(), values, strict=True)]}
+        for key, values in (("ACCL", ACC), ("GYRO", GYR))}}}), UP | {"gyr.unit": "rad/s"}),
+    "tables side by side, with rates of their own": (
+        "a.csv", "X[s],EMG,X[s]," + names("Acc.* [g]", "Gyro.*") + "\n" + "".join(
+            f"{k / 200:.3f},0.1,{row}\n" for k, row in enumerate(rows(T, *G.T, *DPS.T).splitlines() + [6 * ","] * 600)),
+        UP | {"gyr.unit": "deg/s"}),
+    "rows of parts of the body in turns": ("a.txt", f"2\t{T.size}\n" + "".join(
+        f"{k}\n" + "".join(f"{part}\t" + "\t".join(f"{v:.6f}" for v in (*Q[k], *ACC[k], *(i * GYR[k]))) + "\n"
+                           for i, part in enumerate(("Head", "Hip"))) for k in range(T.size)),
+        UP | {"header.where": [1, "Hip"], "time.rate": "100 Hz", "gyr.unit": "rad/s"}),
+    "lines of two instances": ("a.txt", "".join(
+        "{}: IMU {{TimeUS : {:.0f}, I : {}, GyrX : {}, GyrY : {}, GyrZ : {}, AccX : {}, AccY : {}, AccZ : {}}}\n"
+        .format(c, 1e6 * t, i, *w * i, *a) for c, t, a, w in zip(CLOCK, T, ACC, GYR, strict=True) for i in (0, 1)),
+        UP | {"header.where": [3, "1"], "gyr.unit": "rad/s"}),
     "blanks of which each separates": (
         "a.txt", "// DeviceId: 1\n// Coordinate system: ENU\nPacketCounter SampleTimeFine Year "
         + names("Acc_*", "Gyr_*").replace(",", " ") + "\n"
@@ -302,6 +333,10 @@ def test_arrays_say_their_rate(tmp_path):
     imu = plumbob.read(path).imu
     assert imu.t == pytest.approx(np.arange(T.size) / 250.0)
     assert imu.acc.tobytes() == ACC.tobytes()
+    with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
+        for name, values in (("gyr", GYR), ("acc", ACC)):
+            file.create_dataset(name, data=values).attrs["sampling_rate"] = 250.0
+    assert "time.rate" in dict(plumbob.profile(tmp_path / "a.h5", accept=True, answers=answers).evidence)
 
 
 UNITS = {"gyr.unit": "rad/s", "mag.unit": "uT"}
@@ -397,6 +432,19 @@ def test_columns_without_names_are_not_dealt_out_where_more_could_be_meant(tmp_p
     imu = drafted(tmp_path, "a.csv", text, UP | columns).imu
     assert (imu.gyr, imu.acc, imu.mag) == (pytest.approx(GYR, abs=1e-6), pytest.approx(ACC, abs=1e-6), None)
     refused(plumbob.profile, tmp_path / "a.csv", answers={"acc.columns": [1, 2, 11]}, match="column 11, which is not")
+
+
+def test_columns_that_were_not_asked_are_answered_and_light_a_button_and_warmth_are_no_field(tmp_path):
+    text = rows(T // 1, T % 1 * 1e9, *GYR.T, *(-1.1 * G).T, *(0.1 * G).T)
+    answers = {"time.column": 2, "time.seconds": 1, "acc.columns": [9, 10, 11], "acc.plus": [6, 7, 8], "acc.unit": "g"}
+    answers |= {"gyr.columns": [3, 4, 5], "gyr.unit": "rad/s", "acc.sign": "gravity"}
+    imu = drafted(tmp_path, "a.csv", text, answers).imu
+    assert (imu.t, imu.acc) == (pytest.approx(T, abs=1e-6), pytest.approx(ACC, abs=1e-2))
+    (tmp_path / "a.csv").write_text(rows(T, *G.T, T % 8, 0 * T, 0 * T + 25.9))
+    questions = dict(plumbob.profile(tmp_path / "a.csv", accept=True, answers=UP).questions)
+    assert "gyr.columns" in questions and not any("mag" in key for key in questions)
+    (tmp_path / "acc.txt").write_text(rows(*np.reshape(ACC, (-1, 12)).T))  # windows of one axis
+    assert "acc.columns" in dict(plumbob.profile(tmp_path / "acc.txt", accept=True, answers=UP).questions)
 
 
 def test_the_sensor_stands_in_the_name_of_the_file(tmp_path):

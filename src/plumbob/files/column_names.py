@@ -38,7 +38,7 @@ _OTHER: Final = re.compile(
     r"angular acc\w*|temp\w*|status|acc\w* (x|y|z )?(err\w*)|accuracy|error|inc(r\w*|lin\w*)?)\b"
 )
 _TIME: Final = re.compile(
-    r"t|ts|(utc|hhmmss|hms)\b.*|.*\b(times?|timestamps?|stamps?|micros|millis|usec|msec|elapsed|epoch|clock|timems|timeus)\b.*|"
+    r"t|ts|(utc|hhmmss|hms)\b.*|.*\b([a-z]*times?|timestamps?|stamps?|micros|millis|usec|msec|elapsed|epoch|clock|timems|timeus)\b.*|"
     r"sec\w*|date.*|gps tow|.*\btow\b.*|.*时间.*|zeit.*|temps|tiempo.*|tempo|tid|czas|время"
 )
 _COUNTER: Final = re.compile(
@@ -209,6 +209,7 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
     texts = [*reversed(brackets), *([tail[1]] if tail else [])]
     said = next(filter(is_unit, texts), texts[0] if texts else "")
     stated = (inner[1] if inner else unit.strip() or said).strip()
+    stated = re.sub(r":(double|float|u?int)\d*$", "", stated)  # of a type, no word
     stated = "" if re.fullmatch(r"x[0-9A-Fa-f]{4}", stated) else stated
     stated, scale = _scaled(stated)
     plain = plain[: tail.start()] if tail else plain

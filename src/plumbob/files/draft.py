@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from fractions import Fraction
 from functools import partial
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any, Final
 
@@ -135,13 +135,13 @@ def known_profile(file: Path) -> Profile | None:
             sample = read_sample(file)
         except DecodeError:
             return None
-        log = next((log for log in KNOWN if not log.has_reader and log.fits(sample)), None)
+        log = next((log for log in KNOWN if not log.has_reader and log.fits(sample.names, sample.facts)), None)
         made = _joined(_writers(file.name, sample, {}, is_alone=True), accept=True) if log else None
         parsed = parse_profile(made.text, origin=log.name) if log and made and not made.questions else None
         return parsed if parsed is not None and ("frame" in parsed.meta or not parsed.triads) else None
 
 
-_DEVICE: Final = re.compile(r"\b(id|device|addr(ess)?|mac|node|serial|sensor|imu|unit|tag|name|station)\b")
+_DEVICE: Final = re.compile(r"\b(i|id|instance|device|addr(ess)?|mac|node|serial|sensor|imu|unit|tag|name|station)\b")
 _NINE: Final = {"acc": 0, "gyr": 3, "mag": 6}  # where the triads begin in lines of nine, as MotionCal has them
 
 
@@ -193,7 +193,9 @@ def _joined(streams: "Sequence[_DraftWriter]", accept: bool) -> Draft:
 
 def _writers(name: str, sample: Sample, answers: Mapping[str, Any], *, is_alone: bool) -> "list[_DraftWriter]":
     """What drafts the profile of a file: one for each sensor, where the rows of a file that is alone name them."""
-    stream, parts = ("", _by_sensor(sample)) if is_alone else (name, [])
+    tables = _by_clock(sample)
+    sample = tables[0] if tables else sample
+    stream, parts = ("", tables if len(tables) > 1 else _by_sensor(sample)) if is_alone else (name, [])
     if not parts and (device := _device(sample)):
         column, words = device
         ref, where = sample.ref(column), tuple(answers.get("header.where", ()))
@@ -205,6 +207,34 @@ def _writers(name: str, sample: Sample, answers: Mapping[str, Any], *, is_alone:
         sample = _matching_rows(sample, column, where[1])
     return [_DraftWriter(name, part, stream=stream or "*", answers=answers) for part in parts] or [
         _DraftWriter(name, sample, stream=stream, answers=answers)
+    ]
+
+
+def _by_clock(sample: Sample) -> list[Sample]:
+    """Tables with sensors that stand side by side, each behind a clock of a rate of its own; or nothing."""
+    names, units = sample.for_cells(sample.names), sample.for_cells(sample.units)
+    parts = [taken_apart(*both) for both in zip(names, units, strict=True)]
+    steps: dict[int, float] = {}  # of clocks, which go on to their last row
+    for i, part in enumerate(parts):
+        clock = sample.numbers(i) if part.is_time and part.unit else np.empty(0)
+        clock, rest = np.split(clock, [np.isfinite(clock).sum()])
+        if np.isnan(rest).all() and rises(clock):
+            steps[i] = float((clock[-1] - clock[0]) / (clock.size - 1))
+    tables: dict[str, set[int]] = {}
+    for start, end in pairwise((*steps, sample.width)):
+        tables.setdefault(f"{steps[start]:.2g}", set()).update(range(start, end))
+    if len(tables) < 2 or len({parts[i].unit for i in steps}) > 1:
+        return []
+    with_sensors = [table for table in tables.values() if any(parts[i].sensor in TRIADS for i in table)]
+    return [
+        replace(
+            sample,
+            names=tuple(name if i in table else "" for i, name in enumerate(names)),
+            units=tuple(unit if i in table else "" for i, unit in enumerate(units)),
+            by_name=False,
+            rows=[row for row in sample.rows if row[min(table)].strip()],
+        )
+        for table in with_sensors
     ]
 
 
@@ -287,8 +317,8 @@ class _DraftWriter:
             if not part.stated and any(low <= np.nanmin(numbers, initial=np.inf) < high for low, high in _HUNDRED_NS):
                 self._parts[i] = replace(part, unit="us", scale=0.1)
             self._numbers[i] = numbers if self._parts[i].scale == 1.0 else numbers * self._parts[i].scale
-        log = next((log for log in KNOWN if log.fits(sample)), None)
-        self._known, self._log = (log.said(sample), log.name) if log else ({}, "")  # keys that are known, and of what
+        log = next((log for log in KNOWN if log.fits(sample.names, sample.facts)), None)
+        self._known, self._log = (log.said(sample.facts), log.name) if log else ({}, "")  # keys, and of what they are
         self._clocks = self._first_of_four()
         self._time = self._time_columns()
         self._quaternion = self._quaternion_columns()
@@ -296,9 +326,12 @@ class _DraftWriter:
         angles = {name: i for i, name in enumerate(bases) if name in _ANGLES and not self._quaternion}
         self._angles = tuple(angles[name] for name in _ANGLES) if len(angles) == len(_ANGLES) else ()
         self._plus: tuple[int, ...] = ()
+        self._fours: tuple[int, ...] = ()  # unit quaternions without names, whose order nothing says
         self.triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
         self.triads |= self._answered_triads()
         self.triads = {name: columns for name, columns in self.triads.items() if columns}
+        if "acc.plus" in self._answers and "acc" in self.triads and not self._plus:
+            self._add(self.triads["acc"], tuple(self._place("acc.plus", ref) for ref in self._answers["acc.plus"]))
         self._temperature = next((i for i in self._free() if TEMPERATURE.fullmatch(self._parts[i].base)), None)
         self._lines: list[str] = []
         self._questions: list[tuple[str, str]] = []
@@ -344,9 +377,13 @@ class _DraftWriter:
 
     def _free(self) -> list[int]:
         """Columns of numbers that have no meaning yet."""
-        taken = {*self._time, *self._clocks, *self._quaternion}
+        taken = {*self._time, *self._clocks, *self._quaternion, *self._fours}
         taken |= {i for columns in getattr(self, "triads", {}).values() for i in columns} | {*self._plus}
         return [i for i in range(self._sample.width) if i not in taken and np.isfinite(self._numbers[i]).any()]
+
+    def _varying(self) -> list[int]:
+        """Those of them that are not the same in all rows."""
+        return [i for i in self._free() if np.nanmin(self._numbers[i]) < np.nanmax(self._numbers[i])]
 
     def _place(self, key: str, ref: Any) -> int:
         """Place of a column that an answer names."""
@@ -370,7 +407,8 @@ class _DraftWriter:
     def _time_columns(self) -> tuple[int, ...]:
         """Columns of time: stamps, or numbers that rise from row to row; those with a unit and a name come first."""
         if "time.column" in self._answers:
-            return (self._place("time.column", self._answers["time.column"]),)
+            keys = [key for key in ("time.column", "time.seconds") if key in self._answers]
+            return tuple(self._place(key, self._answers[key]) for key in keys)
         named = [i for i, part in enumerate(self._parts) if part.is_time]
         if clocks := list(filter(self._is_time_of_day, named)):
             return (clocks[0],)
@@ -421,7 +459,7 @@ class _DraftWriter:
     def _part_of_second(self, column: int) -> str:
         """Unit in which all numbers of a column are parts of a second; empty for none."""
         low, high = self._numbers[column].min(), self._numbers[column].max()
-        return next((unit for unit in _TIMES[1:] if low >= 0.0 and to_si(1.0, unit) <= to_si(high, unit) < 1.0), "")
+        return next((unit for unit in _TIMES[1:] if low >= 0.0 and 0.1 < to_si(high, unit) < 1.0), "")
 
     def _first_of_four(self) -> tuple[int, ...]:
         """Columns of time that stand before the three of their triad, in arrays of four."""
@@ -481,9 +519,8 @@ class _DraftWriter:
             gravity = self._threes(lambda part: re.search(r"\bgrav(ity)?\b", part.base) is not None)
             same_unit = gravity and self._parts[gravity[0][0]].unit == self._parts[without[0][0]].unit
             if same_unit and self._has_gravity(gravity[0]):
-                self._plus, triads["acc"] = gravity[0], without[0]
-                for i, k in zip(without[0], gravity[0], strict=True):
-                    self._numbers[i] = self._numbers[i] + self._numbers[k]
+                triads["acc"] = without[0]
+                self._add(without[0], gravity[0])
         if "gyr" not in triads and "acc" in triads and (turning := self._turning_three(triads["acc"])):
             triads["gyr"] = turning
         if triads and "acc" not in triads:  # steady vectors of the size of gravity, whose names say no sensor: asked
@@ -493,6 +530,12 @@ class _DraftWriter:
                     return triads | {"acc": (i, i + 1, i + 2)}
         return triads
 
+    def _add(self, acc: Sequence[int], plus: tuple[int, ...]) -> None:
+        """Add columns to those of the accelerometer."""
+        self._plus = plus
+        for i, k in zip(acc, plus, strict=True):
+            self._numbers[i] = self._numbers[i] + self._numbers[k]
+
     def _turning_three(self, acc: Sequence[int]) -> tuple[int, ...]:
         """Columns whose names say no rate, as ``Rotation.roll``, that turn as the accelerometer sees gravity turn."""
         rolls: dict[str, dict[str, int]] = {}
@@ -500,13 +543,14 @@ class _DraftWriter:
             if word in (base := self._parts[i].base):
                 rolls.setdefault(base.replace(word, ""), {})[axis] = i
         threes = [tuple(axes[letter] for letter in "xyz") for axes in rolls.values() if len(axes) == len("xyz")]
-        if (t := self._seconds()) is None:
-            return ()
-        for three in (*threes, *self._threes(lambda part: not part.sensor)):
-            fit = _turning_fit(t, self._vectors(three), self._vectors(acc))
-            if fit is not None and fit.effective >= ENOUGH_EFFECTIVE and fit.correlation > _BEST:
-                return three
-        return ()
+        return next(iter(self._turning([*threes, *self._threes(lambda part: not part.sensor)], acc)), ())
+
+    def _turning(self, threes: Sequence[tuple[int, ...]], acc: Sequence[int]) -> list[tuple[int, ...]]:
+        """Those that turn as the accelerometer sees gravity turn."""
+        t, force = self._seconds(), self._vectors(acc)
+        fits = [_turning_fit(t, self._vectors(three), force) for three in threes if t is not None]
+        turn = [fit is not None and fit.effective >= ENOUGH_EFFECTIVE and fit.correlation > _BEST for fit in fits]
+        return [three for three, turns in zip(threes, turn, strict=False) if turns]
 
     def _threes(self, belongs: Callable[[ColumnName], bool]) -> list[tuple[int, ...]]:
         """Columns x, y, z of the same words and unit, of those that belong."""
@@ -544,21 +588,30 @@ class _DraftWriter:
         return lacks_gravity, part.sensor == "linear", self._unit_of(columns) != unit, has_no_unit, derived
 
     def _sized_triads(self) -> dict[str, tuple[int, ...]]:
-        """Threes of neighbouring columns without names, by their size: gravity is steady, the field is nearly so."""
+        """Threes of neighbouring columns without names, by their size: gravity is steady, the field is nearly so.
+
+        Constants and quaternions are left out; of several others, rates are what turns as gravity does.
+        """
         free = self._free()
-        if len(free) % len("xyz"):
-            free = [i for i in free if np.nanmin(self._numbers[i]) < np.nanmax(self._numbers[i])]
         if self._sensor in TRIADS and len(free) == len("xyz"):
             return {self._sensor: tuple(free)}
+        for four in [range(i, i + 4) for i in self._varying()]:
+            if {*four} <= {*self._varying()} and abs(self._size(four) - 1.0) < _UNIT_NORM > np.ptp(self._norms(four)):
+                self._fours += (*four,)
+        varying = self._varying()
+        more = len(free) > len("xyz") * len(TRIADS) and not len(varying) % len("xyz")
+        free = varying if len(free) % len("xyz") or more else free
         threes = [tuple(free[i : i + 3]) for i in range(0, len(free) - 2, 3)]
         triads: dict[str, tuple[int, ...]] = {}
-        for three in threes:
-            size, steady = self._size(three), self._steady(three)
+        for three in filter(self._steady, threes):
+            size = self._size(three)
             at_rest = size > 2000.0 or any(abs(size / rest - 1.0) < _ABOUT for rest in _REST.values())
-            name = "acc" if steady and at_rest else "mag" if steady and _field_unit(size).unit else "gyr"
-            free_names = [other for other in (name, "acc", "gyr", "mag") if other not in triads]
-            triads |= {free_names[0]: three} if free_names else {}
-        return triads
+            is_field = _field_unit(size).unit and np.ptp(self._vectors(three), axis=0).all()
+            triads = ({"acc": three} if at_rest else {"mag": three} if is_field else {}) | triads
+        others = [three for three in threes if three not in triads.values()]
+        turning = self._turning(others, triads["acc"]) if "acc" in triads and len(others) > 1 else []
+        names = [name for name in ("gyr", "acc", "mag") if name not in triads]
+        return triads | dict(zip(names, sorted(others, key=lambda three: three not in turning), strict=False))
 
     def _steady(self, columns: Sequence[int]) -> bool:
         """Whether a vector keeps its length, as gravity and a field do, and rates do not."""
@@ -743,7 +796,8 @@ class _DraftWriter:
     def _write_triad(self, name: str, columns: tuple[int, ...]) -> None:
         self._open(name)
         part = self._parts[columns[0]]
-        named = bool(self._sensor) or (bool(part.axis) and bool(part.sensor or part.by_unit))
+        is_file_of_it = self._sensor == name and len(self.triads) == 1
+        named = is_file_of_it or (bool(part.axis) and bool(part.sensor or part.by_unit))
         by = "by their names" if named else "by their size or turning; [] if they are none"
         turns = name == "gyr" and self._turns[1] is not None and self._turns[1].tells
         sure = named or turns or self._is_sure_by_size()
@@ -832,7 +886,7 @@ class _DraftWriter:
     def _is_sure_by_size(self) -> bool:
         """Whether triads without names are surely these: gravity, perhaps the Earth's field, one that is neither."""
         acc, mag, gyr = (self.triads.get(name) for name in ("acc", "mag", "gyr"))
-        if acc is None or len(self._free()) >= len("xyz"):
+        if acc is None or len(self._varying()) >= len("xyz"):
             return False
         is_normal = bool(np.ptp(self._norms(acc)) < 1e-3 * self._size(acc))  # directions, which no sensor measures
         steady = self._has_gravity(acc) and not (self._steady(gyr) if gyr else is_normal)
@@ -956,7 +1010,8 @@ def _device(sample: Sample) -> tuple[int, tuple[str, ...]] | None:
         cells = sample.cells(i)
         words = tuple(dict.fromkeys(cells))
         named = _DEVICE.search(" ".join(re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)).lower())
-        if named is None or not 1 < len(words) <= _MOST_SENSORS:
+        are_labels = not name and cells[: 2 * len(words)] == [*words, *words] and np.isnan(sample.numbers(i)).all()
+        if not (named or are_labels) or not 1 < len(words) <= _MOST_SENSORS:
             continue
         places = [[k for k, cell in enumerate(cells) if cell == word] for word in words]
         in_turns = max(p[0] for p in places) < min(p[-1] for p in places)

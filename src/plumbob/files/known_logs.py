@@ -1,11 +1,14 @@
-"""Logs and arrays that are known by their names: what their makers say of them and the files do not, as profiles."""
+"""Logs and arrays that are known by their names: what their makers say of them and the files do not, as profiles.
+
+``known_logs.toml`` holds them; the classes here say what its keys mean.
+"""
 
 import re
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final
-
-from plumbob.files.sniff import Sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,16 +28,15 @@ class KnownLog:
         words = (*self.names, *map(re.escape, self.facts))
         return all(re.search(word, text, re.IGNORECASE) for word in words)
 
-    def fits(self, sample: Sample) -> bool:
-        """Whether a file is one."""
-        return all(key in sample.facts for key in self.facts) and all(
-            any(re.fullmatch(pattern, name) for name in sample.names) for pattern in self.names
-        )
+    def fits(self, names: Sequence[str], facts: Mapping[str, str]) -> bool:
+        """Whether a table with these names, under lines that say these facts, is one."""
+        is_named = all(any(re.fullmatch(pattern, name) for name in names) for pattern in self.names)
+        return is_named and all(key in facts for key in self.facts)
 
-    def said(self, sample: Sample) -> dict[str, Any]:
+    def said(self, facts: Mapping[str, str]) -> dict[str, Any]:
         """Its answers, with those that the lines before the table give."""
-        facts = {key: sample.facts[fact] for key, fact in self.in_file.items() if fact in sample.facts}
-        return {**self.answers, **{key: _value(key, fact) for key, fact in facts.items()}}
+        in_file = {key: _value(key, facts[fact]) for key, fact in self.in_file.items() if fact in facts}
+        return {**self.answers, **in_file}
 
 
 def _value(key: str, fact: str) -> str | float:
@@ -43,93 +45,16 @@ def _value(key: str, fact: str) -> str | float:
     return float(fact) if re.fullmatch(r"[-+.\deE]+", fact) else fact.split(maxsplit=1)[0]
 
 
-KNOWN: Final = (
-    KnownLog(
-        "rostopic echo -p",
-        (r"field\.header\.stamp", r"field\.angular_velocity\.x"),
-        # REP-103 and REP-145: SI units, ENU, and linear_acceleration is what an accelerometer measures
-        {"frame": "ENU", "time.unit": "ns", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
-         "reference.frame": "ENU"},
-    ),
-    KnownLog(
-        "PX4's ulog2csv",
-        (r"timestamp", r"gyro_rad\[0\]", r"accelerometer_m_s2\[0\]"),
-        # sensor_combined.msg: rad/s and m/s2, forward, right, down; at rest z of the accelerometer is -g
-        {"time.unit": "us", "gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force", "frame": "NED"},
-    ),
-    KnownLog(
-        "a Gyroflow log",
-        ("t", "gx", "gy", "gz"),
-        {"time.unit": "s", "gyr.unit": "rad/s", "acc.unit": "g", "mag.unit": "gauss"},
-        ("gyroflow imu log", "tscale", "gscale"),
-        {"time.unit_per_count": "tscale", "gyr.unit_per_count": "gscale", "acc.unit_per_count": "ascale",
-         "mag.unit_per_count": "mscale", "axes": "orientation"},
-    ),
-    KnownLog(
-        "MT Manager",
-        ("PacketCounter", "Acc_X|Gyr_X"),
-        {"gyr.unit": "rad/s", "acc.unit": "m/s2", "acc.sign": "specific-force", "mag.unit": "relative"},
-        ("coordinate system", "deviceid"),
-        {"frame": "coordinate system"},
-        has_reader=True,
-    ),
-    KnownLog(
-        "Movella DOT",
-        ("SampleTimeFine", "PacketCounter", "Acc_X|FreeAcc_X|Quat_W|Euler_X"),
-        {"time.unit": "us", "gyr.unit": "deg/s", "acc.unit": "m/s2", "acc.sign": "specific-force",
-         "reference.frame": "ENU"},
-        ("devicetag",),
-    ),
-    KnownLog(
-        "Shimmer's Consensys",
-        (r"Shimmer_\w+_Timestamp_\w+", r"Shimmer_\w+_(Accel_(LN|WR)|Gyro)_X_CAL"),
-        # 9DoF Calibration user manual: +1 g where an axis points up; the field in units of the local one
-        {"acc.sign": "specific-force", "mag.unit": "relative"},
-    ),
-    KnownLog(
-        "MetaBase",
-        (r"epoch? \(ms\)", r"elapsed \(s\)", r"x-axis \((g|deg/s|T)\)"),
-        {"acc.sign": "specific-force"},  # as the BMI160 and BMI270 give it, +1 g where an axis points up
-    ),
-    KnownLog(
-        "OpenLog Artemis",
-        ("aX", "gX", "mX", "imu_degC"),
-        # its firmware; DS-000189, Orientation of Axes: y and z of the magnetometer are turned against the others
-        {"acc.unit": "mg", "gyr.unit": "deg/s", "mag.unit": "uT", "acc.sign": "specific-force", "mag.axes": "x -y -z"},
-    ),
-)  # fmt: skip
-
-
 @dataclass(frozen=True, slots=True)
 class KnownArrays:
     """A data set of named arrays."""
 
     name: str  # what it is called
-    names: frozenset[str]  # arrays by which it is known; the others must be there too when it is read
+    names: tuple[str, ...]  # arrays by which it is known; the others must be there too when it is read
     profile: str  # its profile; ``{name}`` is the single number that the file has under that name
 
 
-KNOWN_ARRAYS: Final = (
-    KnownArrays(
-        "BROAD [Laidig2021]",
-        frozenset({"imu_gyr", "opt_quat"}),
-        """
-arrays = true
-device = "Myon aktos-t"
-frame = "ENU"
-north = "magnetic"
-notes = ["from the BROAD data set, doi:10.3390/data6070072, CC BY 4.0"]
-time.rate = "{sampling_rate} Hz"
-gyr = { columns = "imu_gyr", unit = "rad/s" }
-acc = { columns = "imu_acc", unit = "m/s2", sign = "specific-force" }
-mag = { columns = "imu_mag", unit = "uT" }
-[reference]
-columns = "opt_quat"
-order = "wxyz"
-frame = "ENU"
-north = "magnetic"
-score = "movement"
-source = "BROAD optical reference (OptiTrack)"
-""",
-    ),
-)
+_TABLES: Final = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+KNOWN: Final = tuple(KnownLog(**log) for log in _TABLES["log"])
+KNOWN_ARRAYS: Final = tuple(KnownArrays(**arrays) for arrays in _TABLES["arrays"])
+SENTENCES: Final[Mapping[str, list[str]]] = _TABLES["sentences"]  # names of the fields of a sentence, by its own

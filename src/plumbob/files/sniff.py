@@ -23,6 +23,7 @@ from plumbob.core.units import QUANTITY_BY_TRIAD
 from plumbob.files.arrow import text_bytes
 from plumbob.files.column_names import is_unit, named_sensor, taken_apart
 from plumbob.files.columns import is_clocklike
+from plumbob.files.known_logs import SENTENCES
 from plumbob.files.profile import BLANK, JSON, QUOTED, TextLayout
 from plumbob.files.stamps import CENTURY
 from plumbob.files.text_table import (
@@ -62,14 +63,6 @@ _GROUPED: Final = {
     ",": re.compile(r"[-+]?\d{1,3}(\.\d{3}|[' ]\d{3})+,\d+"),
 }  # numbers that surely stand in groups of three digits; between commas, a cell with one was quoted
 _LAYOUTS: Final = (*product(";\t", ".,"), *product(",|", "."), *product(" ", ".,"), (QUOTED, ","))
-_NINE: Final = tuple(f"{sensor}_{axis}" for sensor in ("mag (gauss)", "acc (m/s2)", "gyr (rad/s)") for axis in "xyz")
-SENTENCES: Final = {
-    "VNYMR": ("yaw (deg)", "pitch (deg)", "roll (deg)", *_NINE),
-    "VNQMR": ("q_x", "q_y", "q_z", "q_w", *_NINE),
-    "VNIMU": (*_NINE, "temp (degC)", "pressure (kPa)"),
-    "YPR": ("yaw (deg)", "pitch (deg)", "roll (deg)"),
-    "PASHR": ("utc", "heading (deg)", "roll (deg)", "pitch (deg)", "heave (m)", *("sd",) * 3, "fix", "imu"),
-}  # fields of sentences whose makers publish them: VectorNav's (UM001, output formats), and those of Razor's firmware
 # what a log or a prompt writes before the first number of a row
 _WORDS_BEFORE: Final = re.compile(r"(?!.*\d:\d\d)(.*?[^\w\s.+-]\s*|.*[^\W\d].*?\s)(?=[-+.\d])")
 _UNIT_CELL: Final = re.compile(r"[\[(].*[\])]")
@@ -284,7 +277,7 @@ def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
 
 def _fields(word: str, width: int, lines: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
     """Names and units of a sentence's fields: those of `SENTENCES`, or of lines that name it and have no numbers."""
-    said = [SENTENCES.get(word, ()), *(line.split(f",{word},")[1].split(",") for line in lines if f",{word}," in line)]
+    said = [SENTENCES.get(word, []), *(line.split(f",{word},")[1].split(",") for line in lines if f",{word}," in line)]
     rows = [tuple(cells) for cells in said if len(cells) == width and not any(map(_is_number, cells))]
     return (rows[0], rows[1] if len(rows) > 1 else ()) if rows else None
 
@@ -560,7 +553,8 @@ def _names(cells: Sequence[str], table: _SniffedTable) -> tuple[str, ...]:
     names, width = tuple(cell.strip() for cell in cells), len(table.rows[0])
     short = width - len(names)
     words = [name for name in names if re.search(r"[^\W\d]", name) and not _is_number(name)]
-    if abs(short) > (table.separator != " ") or len(names) < 2 or 2 * len(words) < len([*filter(None, names)]):
+    may_miss = table.separator != " " or _is_number(table.rows[0][0])  # blanks may also part dates from clock times
+    if abs(short) > may_miss or len(names) < 2 or 2 * len(words) < len([*filter(None, names)]):
         return ()
     if not short or not names[-1] or not any(row[-1].strip() for row in table.rows):
         return names

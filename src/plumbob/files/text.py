@@ -95,12 +95,22 @@ def _read_one(file: Path, declared: Profile, note: Note) -> Recording:
 
 def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -> Recording:
     """Recording of a table, whose columns are used up, by its profile; `note` says which. Errors as in `read_text`."""
-    table = _oldest_first(profile, table)
+    table = _oldest_first(profile, _without_end(profile, table))
     t, t0_ns, clock = _time(profile, table)
     track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
     imu, clock = _in_turns(*_imu(profile, table, t, t0_ns, clock)) if profile.triads else (None, clock)
     notes = (*lasting(as_findings("notes", profile.notes)), note, *table.notes, *clock, *_changes(profile, t0_ns))
     return Recording(imu=imu, track=track, name=name, notes=notes)
+
+
+def _without_end(profile: Profile, table: TextTable) -> TextTable:
+    """The same table without rows at its end in which nothing stands, as where longer columns stand beside."""
+    if table.texts or not profile.time.columns or not all(np.isnan(values[-1]) for values in table.columns.values()):
+        return table
+    filled = [np.flatnonzero(~np.isnan(values)) for values in table.columns.values()]
+    rows = 1 + max((int(some[-1]) for some in filled if some.size), default=table.rows - 1)
+    columns = {ref: values[:rows] for ref, values in table.columns.items()}
+    return replace(table, columns=columns, rows=rows, places=None if table.places is None else table.places[:rows])
 
 
 def _oldest_first(profile: Profile, table: TextTable) -> TextTable:

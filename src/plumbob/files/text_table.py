@@ -60,22 +60,27 @@ def single_blanks(text: str) -> str:
 
 
 def are_objects(text: str) -> bool:
-    """Whether a text is meant as JSON: an object or an array, or an object in each line; or as documents of YAML."""
-    return re.match(r"\s*(\[\s*)?\{\s*\"", text) is not None or _are_documents(text)
+    """Whether a text is meant as JSON: an object or an array, or an object in each line; or as printed messages."""
+    return re.match(r"\s*(\[\s*)?\{\s*\"", text) is not None or len(_printed(text)) > 2
 
 
 _BETWEEN: Final = re.compile(r"^---\s*$", re.MULTILINE)
-_ENTRY: Final = re.compile(r"(?P<indent> *)(?:(?P<key>[\w.]+):|-)(?: +(?P<value>.*))?")
+_ENTRY: Final = re.compile(r"(?P<indent> *)(?:(?P<key>[\w.]+)(?:: *|(?= \{))|-)(?: *\{| *(?P<value>.*?)( \(.*\))?)")
+_NESTED: Final = re.compile(r"^(\w+)(?::| \{)[^,;\t\n]*\n +\w+(?::| \{)", re.MULTILINE)
 
 
-def _are_documents(text: str) -> bool:
-    return re.search(r"^\w+:[ \r]*\n +\w+:", text, re.MULTILINE) is not None and len(_BETWEEN.findall(text)) > 2
+def _printed(text: str) -> list[str]:
+    """Messages with indented lines between lines of ``---``, or each from its first key on; nothing in other texts."""
+    if (first := _NESTED.search(text)) is None:
+        return []
+    parts = _BETWEEN.split(text)
+    return parts if len(parts) > len("---") else re.split(rf"^(?={first[1]}\b)", text, flags=re.MULTILINE)[1:]
 
 
-def _documents(text: str) -> list[dict[str, Any]]:
-    """Documents of YAML as ``rostopic echo`` and ``ros2 topic echo`` print them: keys with values or indented keys."""
+def _documents(texts: Sequence[str]) -> list[dict[str, Any]]:
+    """Messages as ``rostopic echo``, ``gz topic -e`` and PX4's ``listener`` print them: values and keys under keys."""
     documents: list[dict[str, Any]] = []
-    for part in filter(str.strip, _BETWEEN.split(text)):
+    for part in filter(str.strip, texts):
         open_keys: list[tuple[int, dict[str, Any]]] = [(-1, {})]
         for entry in filter(None, map(_ENTRY.fullmatch, map(str.rstrip, part.split("\n")))):
             indent, key, value = len(entry["indent"]), entry["key"], (entry["value"] or "").strip()
@@ -118,8 +123,8 @@ def objects_as_rows(text: str) -> str:
     """
     tables: dict[str, list[dict[str, str]]] = {}
     facts: dict[str, str] = {}
-    if _are_documents(text):
-        content: Any = _documents(text)
+    if not text.lstrip().startswith(("{", "[")) and (messages := _printed(text)):
+        content: Any = _documents(messages)
     elif _IN_LINES.match(text):
         content = [_loaded(line, number) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
     else:
@@ -127,6 +132,8 @@ def objects_as_rows(text: str) -> str:
     _collect("", content, tables, facts)
     longest = max(map(len, tables.values()), default=0)
     tables = {key: rows for key, rows in tables.items() if 2 * len(rows) > longest}
+    short = {key.rpartition("/")[2]: rows for key, rows in tables.items()}
+    tables = short if len(short) == len(tables) else tables
     if len(tables) > 1 and len({frozenset(rows[0]) for rows in tables.values()}) == 1:
         tables = {"": [{"sensor": key} | row for key, rows in tables.items() for row in rows]}
     rows = max(tables.values(), key=len, default=[])
@@ -157,18 +164,19 @@ def _collect(key: str, value: Any, tables: dict[str, list[dict[str, str]]], fact
             titles.append(items if all(isinstance(item, str) for item in items) else named)
         for name, item in lists.items():
             if isinstance(item[0], list) and (fitting := [words for words in titles if len(words) == len(item[0])]):
-                tables[name] = [flat_cells("", dict(zip(fitting[0], row, strict=False))) for row in item]
-        columns = {name: item for name, item in lists.items() if not isinstance(item[0], dict) and name not in tables}
+                tables[f"{key}/{name}"] = [flat_cells("", dict(zip(fitting[0], row, strict=False))) for row in item]
+        columns = {name: item for name, item in lists.items() if not isinstance(item[0], dict)}
+        columns = {name: item for name, item in columns.items() if f"{key}/{name}" not in tables}
         size = max(map(len, columns.values()), default=0)
         columns = {name: item for name, item in columns.items() if len(item) == size}
         tables[key] = [
             flat_cells("", dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)
         ]
         for name, item in value.items():
-            if name not in tables and name not in columns:
-                _collect(name, item, tables, facts)
+            if f"{key}/{name}" not in tables and name not in columns:
+                _collect(f"{key}/{name}", item, tables, facts)
     elif not isinstance(value, list):
-        facts |= flat_cells(key, value)
+        facts |= flat_cells(key.rpartition("/")[2], value)
 
 
 def flat_cells(name: str, value: Any) -> dict[str, str]:
@@ -724,11 +732,10 @@ def belongs(row: str, names: Sequence[str], layout: TextLayout) -> bool:
     if not layout.where:
         return True
     ref, word = layout.where
-    if layout.words:
-        return among_words(row)[-1] == word
     place = names.index(ref) if isinstance(ref, str) else ref - 1
-    cells = row.split(layout.separator)
-    return place < len(cells) and cells[place].strip() == word
+    body = row.split("*", 1)[0] if layout.checksum else row
+    cells = among_words(body) if layout.words else body.split(layout.separator)
+    return cells[min(place, len(cells) - 1)].strip() == word  # words stand last, also in a row that lacks numbers
 
 
 def row_cells(row: str, layout: TextLayout, line: int) -> list[str]:

@@ -103,7 +103,7 @@ def _profile_by_names(container: "_Container") -> Profile:
     if container.profile:
         return parse_profile(container.profile, origin=_INSIDE)
     for data_set in KNOWN_ARRAYS:
-        if not data_set.names <= container.listed.shapes.keys():
+        if not {*data_set.names} <= container.listed.shapes.keys():
             continue
         text = data_set.profile
         for key in re.findall(r"\{(\w+)\}", text):
@@ -130,6 +130,7 @@ def array_sample(path: Path) -> Sample:
     rows = sizes.most_common(1)[0][0]
     chosen = sorted(name for name, shape in shapes.items() if len(shape) <= 2 and max(shape, default=0) == rows)
     single = sorted(name for name, shape in shapes.items() if np.prod(shape, dtype=np.int64) == 1)
+    single = [name for name in single if (of := name.rpartition("/")[0]) in chosen or of not in shapes]
     content = container.load([*chosen, *single])
     columns: dict[str, list[str]] = {}
     for name in chosen:
@@ -243,6 +244,7 @@ class Hdf5Arrays(_Container):
     def __init__(self, file: Path, *, transposed: bool) -> None:
         self._file, self._transposed = file, transposed
         self.listed, self._fields = _Listed(), dict[str, tuple[str, str]]()
+        attributes: dict[str, NDArray[Any]] = {}
         with opened_hdf5(file) as (h5py, hdf5):
             for name, kind, node in islice(_walk(h5py, hdf5), MAX_ARRAYS):
                 if kind:
@@ -252,9 +254,11 @@ class Hdf5Arrays(_Container):
                 else:
                     self.listed.shapes[name] = tuple(node.shape)[:: -1 if transposed else 1]
                     said = next((node.attrs[key] for key in ("unit", "units") if key in node.attrs), "")
+                    rates = [key for key in node.attrs if re.fullmatch(r"(?i).*(rate|freq\w*|fs)", key)]
+                    attributes |= {f"{name}/{key}": np.asarray(node.attrs[key]) for key in rates}
                     self.listed.units[name] = said.decode("utf-8", "replace") if isinstance(said, bytes) else str(said)
             self.profile = str(hdf5.attrs.get(PROFILE, ""))
-            attributes = {key: np.asarray(hdf5.attrs[key]) for key in hdf5.attrs if key not in self.listed.shapes}
+            attributes |= {key: np.asarray(hdf5.attrs[key]) for key in hdf5.attrs if key not in self.listed.shapes}
         self._single = {
             key: value for key, value in attributes.items() if value.size == 1 and value.dtype.kind in "fiu"
         }
