@@ -131,6 +131,7 @@ WINDOWS: Final = (5, 20)  # Bins of a window: short ones follow quick motion, lo
 _BLOCK: Final = 5.0  # s
 _ROUNDS: Final = 3
 _CONTRADICTS: Final = 4.6  # 100 to 1
+CERTAIN: Final = math.log(1000.0)  # Logarithm of the odds above which an answer may be sure
 
 
 @dataclass(eq=False)
@@ -231,6 +232,15 @@ class _ArrangementSearch:
         by_half = [_Scored(moments[:, half], counts[half], self.ridge).log_likelihood for half in halves]
         self.weights = np.where((np.ones(count, dtype=np.bool_), *halves), scored.weight[top], 0.0)
         p, cov = scored.p[top], solved(scored.normal[top], np.eye(FREE))
+        # factors of time, of a unit or a range are the same about all axes: where a scale for each surely explains more
+        # than chance does, one for all is by so much less certain (Birge's ratio)
+        each = np.concatenate((designs()[top][:, :1].repeat(3, axis=1), designs()[top][:, 1:]), axis=1)
+        each[:, :3, :9] *= np.tile(np.eye(3), 3)
+        gram = np.tensordot(scored.weight[top], cut[int(at[top])][:count], 1)
+        m = np.sum(each @ gram @ each.swapaxes(1, 2), axis=0)
+        scales = solved(m[:-1, :-1] + np.diag(np.append(self.ridge[[0, 0]], self.ridge)), m[:-1, -1:])[:, 0]
+        apart = 0.5 * float(_rss(m, np.append(p[[0, 0]], p)) - _rss(m, scales))
+        variance = float(cov[0, 0]) * (apart if apart > CERTAIN else 1.0)
         return VectorFit(
             log_odds=log - log.max(),
             halves=(by_half[0] - by_half[0].max(), by_half[1] - by_half[1].max()),
@@ -238,7 +248,7 @@ class _ArrangementSearch:
             delay_sd=math.inf,
             delay_halves=(math.nan, math.nan),
             scale=float(p[0]),
-            scale_sd=float(np.sqrt(cov[0, 0])) * widening(2.0 * float(counts.sum()), FREE),
+            scale_sd=math.sqrt(variance) * widening(2.0 * float(counts.sum()), FREE),
             bias=p[1:4],
             offset=length * p[4:7] / max(float(p[0]), 1e-3 * self.scale),
             explained=float(scored.explained[top]),

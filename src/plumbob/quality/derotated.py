@@ -68,13 +68,15 @@ class _EqualWindows:
     residual: Floats  # (scales, shifts, 48, blocks), mean square change of gravity
     counts: Floats  # (blocks,), windows that count
 
-    def likely(self, rows: NDArray[np.bool_] | None = None) -> Floats:
-        """Log-likelihood (scales, shifts, 48), by some of the blocks.
+    def likely(self, first: bool | None = None) -> Floats:
+        """Log-likelihood (scales, shifts, 48), by all blocks, or by those of either half.
 
         Neighbouring changes share a window, so two of them count as one; of three components two tell, and each is
         worth half a logarithm.
         """
-        counts = self.counts if rows is None else np.where(rows, self.counts, 0.0)
+        early = np.cumsum(self.counts) <= 0.5 * self.counts.sum()
+        early[0], early[-1] = True, False
+        counts = self.counts if first is None else np.where(early == first, self.counts, 0.0)
         return np.asarray(-0.5 * np.log(self.residual + FLOOR**2) @ counts)
 
 
@@ -108,7 +110,9 @@ class _DerotatedSearch:
                     gram = np.swapaxes(change, 1, 2) @ change
                     some = paired[: number * block].reshape(number, block).sum(axis=1).astype(np.float64)
                     power = np.maximum(_SQUARED @ gram.reshape(number, 81).T, 0.0) / np.maximum(some, 1.0)
-                    residual[size][i, j, 0 if sign > 0.0 else 1] = power
+                    still = mean[:count].reshape(-1, 9)
+                    still = _SQUARED @ (still.T @ still).ravel() / max(np.count_nonzero(valid[:count]), 1)
+                    residual[size][i, j, 0 if sign > 0.0 else 1] = power / np.maximum(still, _NEVER**-1)[:, np.newaxis]
                     many[size] = np.minimum(many[size], some)
                     even = len(valid) // 2 * 2
                     mean, valid = 0.5 * (mean[:even:2] + mean[1:even:2]), valid[:even:2] & valid[1:even:2]
@@ -136,12 +140,8 @@ class _DerotatedSearch:
         top = int(best.argmax())
         scale, shift = (int(i) for i in np.unravel_index(int(log[:, :, top].argmax()), log.shape[:2]))
         halves = []  # odds (48,) by the first half of each level's blocks, and by the others
-        for is_first in (True, False):
-            logs = []
-            for share, level in zip(shares, self.levels, strict=True):
-                early = np.cumsum(level.counts) <= 0.5 * level.counts.sum()
-                early[0], early[-1] = True, False
-                logs.append(share * level.likely(early == is_first))
+        for first in (True, False):
+            logs = [share * level.likely(first) for share, level in zip(shares, self.levels, strict=True)]
             half = _agreed(logs).max(axis=(0, 1))
             halves.append(half - half.max())
         each_log = [share * logs.max(axis=(0, 1)) for share, logs in zip(shares, self.logs, strict=True)]
@@ -150,8 +150,8 @@ class _DerotatedSearch:
         each = [_Refined(self, level.size, top, *start) for level in self.levels]
         refined = each[int(np.argmax(margins))]  # where an answer about the delay is clearest
         blocks = np.ones(len(refined.change) // refined.block + 1, dtype=np.bool_)
-        first = np.arange(len(blocks)) < len(blocks) // 2
-        parts = [refined.estimate(rows) for rows in (blocks, first, ~first)]
+        early = np.arange(len(blocks)) < len(blocks) // 2
+        parts = [refined.estimate(rows) for rows in (blocks, early, ~early)]
         # pushes in step with the turning feign a scale, too, the less the more of them a window averages out
         calm = max([it for it in each if math.isfinite(it.wider)] or [refined], key=attrgetter("explained"))
         of_scale = calm.estimate(np.ones(len(calm.change), dtype=np.bool_))[2:]
@@ -229,8 +229,7 @@ class _Refined:
     _SD: Final = np.array([0.3, 1.0, 0.05, 0.05, 0.05])  # delay, s; logarithm of the scale; bias, rad/s
 
     def __init__(self, search: _DerotatedSearch, size: int, best: int, scale: float, delay: float) -> None:
-        self.search, self.start, self.scale = search, delay, scale
-        self.size = size
+        self.search, self.size, self.start, self.scale = search, size, delay, scale
         self.block = max(1, min(_BLOCK, (len(search.force) // size - 1) // 2))
         self.axes = ARRANGEMENTS[best % _HALF]
         self.sign = 1.0 if best < _HALF else -1.0
@@ -254,10 +253,7 @@ class _Refined:
 
     def estimate(self, blocks: NDArray[np.bool_]) -> tuple[float, float, float, float]:
         """Delay, its standard deviation, scale and its standard deviation, by some of the blocks."""
-        rows = np.zeros(len(self.change), dtype=np.bool_)
-        marked = np.repeat(blocks, self.block)[: len(rows)]
-        rows[: len(marked)] = marked
-        weight = np.where(rows, self.weight, 0.0)
+        weight = np.where(np.repeat(blocks, self.block)[: len(self.weight)], self.weight, 0.0)
         step, normal = self._step(self.change, self.slopes, weight, self.p)
         p, sd = self.p + step, np.sqrt(np.diag(np.linalg.inv(normal)))
         scale = self.scale * float(np.exp(p[1]))

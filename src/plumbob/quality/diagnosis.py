@@ -19,7 +19,7 @@ from plumbob.data import TRIADS, ImuData
 from plumbob.data.imu import TRIAD_FLAGS, median, norms
 from plumbob.data.plausibility import ALL_AXES, LONGEST_STEP, NOT_KNOWN, statistics, stuck_runs
 from plumbob.data.recording import findings as sample_findings
-from plumbob.quality.arrangement import ARRANGEMENTS, FLOOR, Samples, VectorFit, fit
+from plumbob.quality.arrangement import ARRANGEMENTS, CERTAIN, FLOOR, Samples, VectorFit, fit
 from plumbob.quality.derotated import fit_force
 from plumbob.rotations import Frame, axes_letters, quat_chained, quat_rotate, signed_axes
 
@@ -73,7 +73,6 @@ def unit_odds(name: str, size: float, sd: float, declared: str) -> UnitOdds:
     return UnitOdds(best, float(to_si(1.0, best, kind)) / scale, odds, second, against)
 
 
-CERTAIN: Final = math.log(1000.0)  # Logarithm of the odds above which an answer may be sure
 _HINT: Final = math.log(10.0)
 _EXPLAINED: Final = 0.2  # Part of the change that the best arrangement must explain to be sure
 _USUAL: Final = int(np.flatnonzero((np.eye(3) == ARRANGEMENTS).all(axis=(1, 2)))[0])
@@ -92,7 +91,7 @@ _GAIN: Final = math.log(1.03)  # of gyroscopes as they leave the line (MPU-6000:
 _VAGUE, _VAGUE_DELAY = 0.3, 0.05  # of a scale, and of a delay, s
 _PUSHED: Final = 0.25
 """Part of the usual specific force by which half of the samples differ from it where pushes rule, as of a runner's arm:
-pushes that are in step with the turning imitate gravity in other axes."""
+pushes in step with the turning imitate gravity in other axes, so that these take sure odds, and are likely at best."""
 _LEAST_DIP: Final = 0.17  # Part of the field along the vertical below which its sign says nothing
 EXAMINED: Final = 300.0  # Of a longer recording the time of so many seconds in which it turns most is examined
 _SHORTEST_RUN: Final = 5  # Repeats in fewer samples cost an examination nothing
@@ -179,6 +178,7 @@ class _Sensor:
     found: VectorFit | None
     answer: Trust = Trust.UNKNOWN
     axes: Floats = field(init=False)  # arrangement (3, 3) of the rates in its axes
+    margin: float = field(init=False)  # logarithm of the odds of these axes against the next
     usual: bool = field(init=False)
     mirrored: bool = field(init=False)
     # logarithm of the odds of the declared axes against the best, by all and by either half; empty where open
@@ -188,14 +188,15 @@ class _Sensor:
 
     def __post_init__(self) -> None:
         fitted = self.found
-        self.axes = np.asarray(ARRANGEMENTS[_USUAL if fitted is None else fitted.best])
+        best, self.margin = (_USUAL, 0.0) if fitted is None else (fitted.best, fitted.margin)
+        self.axes = np.asarray(ARRANGEMENTS[best])
         self.usual, self.mirrored = bool((self.axes == np.eye(3)).all()), bool(np.linalg.det(self.axes) < 0.0)
         turns: list[str] = []
         if fitted is not None:
             explains = fitted.explained >= _EXPLAINED
-            pushed = fitted.explained >= _NOISE[self.name] and fitted.margin >= _ENOUGH[self.name]
-            if fitted.agrees and explains and not fitted.contradicted and fitted.margin >= _HINT:
-                self.answer = Trust.SURE if fitted.margin >= CERTAIN else Trust.LIKELY
+            pushed = fitted.explained >= _NOISE[self.name] and self.margin >= _ENOUGH[self.name]
+            if fitted.agrees and explains and not fitted.contradicted and self.margin >= _HINT:
+                self.answer = Trust.SURE if self.margin >= CERTAIN else Trust.LIKELY
             elif pushed and not fitted.torn:
                 self.answer = Trust.LIKELY  # most of it is pushes, as in the pocket of who walks
             if not fitted.torn and fitted.explained >= _MOST:
@@ -362,11 +363,11 @@ class Examination:
             self.sensors["acc"] = force = _Sensor("acc", fit_force(self.t, trials, acc, scales, signs))
             size = norms(acc)
             if force.known and np.nanmedian(np.abs(size - np.nanmedian(size))) > _PUSHED * np.nanmedian(size):
-                force.answer = Trust.LIKELY if force.usual else Trust.UNKNOWN
+                force.answer = Trust.LIKELY if force.usual or force.margin >= CERTAIN else Trust.UNKNOWN
         for sensor in self.sensors.values():  # axes and unit not as declared are two faults: that takes sure odds
             if sensor.answer is Trust.LIKELY and not sensor.usual and sensor.found is not None:
                 off, sd = math.log(sensor.found.scale), sensor.found.scale_sd / sensor.found.scale
-                if sensor.found.margin < CERTAIN and abs(off) > _GAIN + 3.0 * sd:
+                if sensor.margin < CERTAIN and abs(off) > _GAIN + 3.0 * sd:
                     sensor.answer = Trust.UNKNOWN
 
     def _scales(self, gyr: Floats, acc: Floats) -> tuple[float, ...]:
@@ -398,7 +399,8 @@ class Examination:
         of_two = len({sensor.mirrored for sensor in trusted.values()}) > 1
         turns = {name: sensor.axes for name, sensor in trusted.items()}
         apart = len(trusted) == 2 and not (turns["acc"] == turns["mag"]).all()
-        if of_two or (apart and answer is Trust.LIKELY and not any(sensor.usual for sensor in trusted.values())):
+        log_odds = min(sensor.margin for sensor in trusted.values())
+        if of_two or (apart and log_odds < CERTAIN and not any(sensor.usual for sensor in trusted.values())):
             finding = info("doctor.contradiction_of_two") if of_two else info("doctor.contradiction_of_three")
             for name, sensor in trusted.items():
                 self._find(name, "axes", Trust.UNKNOWN, finding)
@@ -409,7 +411,6 @@ class Examination:
             reference = turns["acc"]
         elif any(sensor.mirrored for sensor in trusted.values()):
             reference = turns["acc"] if "acc" in turns else turns["mag"]
-        log_odds = min(sensor.found.margin for sensor in trusted.values() if sensor.found is not None)
         if (reference == np.eye(3)).all():
             self._find("gyr", "axes", answer, info("doctor.gyr_axes_right", by=tuple(trusted)), log_odds)
         else:
@@ -424,17 +425,16 @@ class Examination:
 
     def _own_axes(self, triad: _Sensor, turn: Floats, *, alone: bool) -> None:
         """Axes of one vector sensor in those of the case; `turn` takes the case's to its own."""
-        assert triad.found is not None
         if triad.name == "acc" and not (turn == np.eye(3)).all():
             mean = turn.T @ np.nanmean(self.values["acc"], axis=0)
             if mean @ self.up < -0.5 * np.linalg.norm(mean):  # so turned, the body is upside down on the whole
                 turn = -turn
         self.numbers.setdefault(triad.name, {})["axes"] = axes_letters(turn.T)
         if (turn == np.eye(3)).all():
-            self._find(triad.name, "axes", triad.answer, info("doctor.axes_right"), triad.found.margin)
+            self._find(triad.name, "axes", triad.answer, info("doctor.axes_right"), triad.margin)
             return
         why = [info("doctor.or_gyr_axes", axes=axes_letters(turn))] if alone else []
-        self._find(triad.name, "axes", triad.answer, info("doctor.axes", axes=axes_letters(turn.T)), triad.found.margin,
+        self._find(triad.name, "axes", triad.answer, info("doctor.axes", axes=axes_letters(turn.T)), triad.margin,
                    *why, lines=self.declared.axes(triad.name, turn.T))  # fmt: skip
 
     def _sign(self, trusted: Mapping[str, _Sensor], reference: Floats) -> None:
@@ -453,7 +453,7 @@ class Examination:
         right = (down > 0.0) == (self.hemisphere == "north")
         certain = all(sensor.answer is Trust.SURE for sensor in trusted.values()) and abs(down) > 2.0 * _LEAST_DIP
         finding = info("doctor.sign_right") if right else info("doctor.sign_negated")
-        log_odds = min(sensor.found.margin for sensor in trusted.values() if sensor.found is not None)
+        log_odds = min(sensor.margin for sensor in trusted.values())
         lines = None if right else self.declared.axes("mag", -(trusted["mag"].axes @ reference.T).T)
         why = info("doctor.if_force") if right else info("doctor.if_gravity")
         self._find("mag", "sign", Trust.SURE if certain else Trust.LIKELY, finding, log_odds, why, lines=lines)
@@ -491,8 +491,7 @@ class Examination:
         trusted = self._trusted()
         fits = {s.name: s.found for s in trusted if s.found is not None and s.found.scale_sd < _VAGUE * s.found.scale}
         if not fits:
-            sensors = list(self.sensors.values())
-            why = sensors[0].would_tell if sensors else info("doctor.nothing_turns")
+            why = next((it.would_tell for it in self.sensors.values()), info("doctor.nothing_turns"))
             return 0.0, 0.0, Trust.UNKNOWN, (why,)
         if len(fits) == 2 and min(fitted.explained for fitted in fits.values()) < _MOST:
             best = max(fits, key=lambda name: fits[name].explained)  # a straight line through noise is too flat

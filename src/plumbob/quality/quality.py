@@ -15,6 +15,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.time import GAP_FACTOR
+from plumbob.data.imu import TRIAD_FLAGS
 from plumbob.data.plausibility import STUCK_SAMPLES, stuck_runs
 from plumbob.data.recording import EARTH_FIELD, STUCK_FOR
 
@@ -40,17 +41,13 @@ CELSIUS: Final = (-40.0, 85.0)  # Temperatures that electronics are made for, °
 
 CHANNELS: Final = ("gyr", "acc", "mag", "temp", "attitude")  # What is judged, where a recording has it
 
+_BEYOND: Final = {name: clipped | invalid for name, (_, clipped, invalid) in TRIAD_FLAGS.items()}
 _BAD: Final = {
-    "gyr": flags.GYR_CLIPPED | flags.GYR_INVALID | flags.GYR_STUCK | flags.TIME_FAULT,
-    "acc": flags.ACC_CLIPPED | flags.ACC_INVALID | flags.ACC_STUCK | flags.TIME_FAULT,
-    "mag": flags.MAG_CLIPPED | flags.MAG_INVALID | flags.MAG_STUCK | flags.TIME_FAULT,
+    "gyr": _BEYOND["gyr"] | flags.GYR_STUCK | flags.TIME_FAULT,
+    "acc": _BEYOND["acc"] | flags.ACC_STUCK | flags.TIME_FAULT,
+    "mag": _BEYOND["mag"] | flags.MAG_STUCK | flags.TIME_FAULT,
     "temp": 0,
     "attitude": flags.NOT_CONVERGED | flags.INCONSISTENT,
-}
-_BEYOND: Final = {
-    "gyr": flags.GYR_CLIPPED | flags.GYR_INVALID,
-    "acc": flags.ACC_CLIPPED | flags.ACC_INVALID,
-    "mag": flags.MAG_CLIPPED | flags.MAG_INVALID,
 }
 
 
@@ -132,11 +129,9 @@ def _values(channel: str, samples: Floats, marks: NDArray[np.uint32]) -> dict[st
     """Tests of the values themselves."""
     if channel == "attitude":
         return {}
-    beyond = (
-        (samples[:, 0] < CELSIUS[0]) | (samples[:, 0] > CELSIUS[1])
-        if channel == "temp"
-        else (marks & np.uint32(_BEYOND[channel])) != 0
-    )
+    beyond = (marks & np.uint32(_BEYOND.get(channel, 0))) != 0
+    if channel == "temp":
+        beyond = (samples[:, 0] < CELSIUS[0]) | (samples[:, 0] > CELSIUS[1])
     sd, off = np.std(samples, axis=0), samples - np.mean(samples, axis=0)
     limit = np.where(sd > 0.0, STEP * sd, np.inf)
     fast = float(np.mean((np.abs(np.diff(samples, axis=0)) > limit).any(axis=1)))
