@@ -30,25 +30,10 @@ def test_help_has_an_example_that_the_parser_takes_and_a_page_that_is_there(verb
     assert set(re.findall(r"^    ([a-z]+)\b", told, re.MULTILINE)) >= set(KINDS.get(verb, []))
 
 
-WRONG = """
-run | required: RECORDING
-eval | required: ESTIMATE, REFERENCE
-arm | required: KIND
-array | required: KIND
-run x --filter | expected one argument
-calibrate --live mag | unrecognized arguments: --live
-fly | there is no verb 'fly'
-reprot | Did you mean 'report'? 'plumbob --help' lists them.
-plot x | Did you mean 'report --figure'?
-estimate x | Did you mean 'run'?
-run x --filter mahony --fra NED | Did you mean '--frame'?
-sim buoy --sens ideal | --out
-benchmark scenario static --filters mahony --fra NED | unrecognized arguments: --fra
-array combine x --out y --weigths noise | Did you mean '--weights'?
-"""
+WRONG = table_of(beside(__file__, "wrong.txt"))
 
 
-@pytest.mark.parametrize(("words", "why"), table_of(WRONG))
+@pytest.mark.parametrize(("words", "why"), WRONG)
 def test_wrong_usage_exits_2_and_asks_whether_another_word_was_meant(words, why, tmp_path):
     """Options are not abbreviated: a new one would change what an old script means."""
     assert why in typed(words, cwd=tmp_path, code=2).stderr

@@ -95,6 +95,20 @@ def test_a_frame_of_ned_and_an_orientation_that_was_never_set(tmp_path):
     assert found.track is None and any("every message has the default" in str(note) for note in found.notes)
 
 
+@pytest.mark.parametrize("norm", [0.0, 0.9])
+def test_an_orientation_that_is_no_rotation_is_left_out_and_the_rest_is_read(norm, tmp_path):
+    given = made.samples()
+    given["xyzw"] *= norm
+    found = plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(given)))
+    assert found.track is None and np.array_equal(found.imu.gyr, given["gyr"])
+    told = "/imu/data: 150 quaternions not of norm 1 (median 0.9), taken as unknown"
+    unset = "/imu/data: its orientation is left out: every message has the default one"
+    assert (told if norm else unset) in map(str, found.notes)
+    alone = made.imu_rows(given | {"gyr": 0.0 * given["gyr"], "acc": 0.0 * given["acc"]})
+    with pytest.raises(DecodeError, match="neither rates, accelerations nor orientations of norm 1"):
+        plumbob.read(made.write_1(tmp_path / "b.bag", alone))
+
+
 def test_covariance_of_the_orientation_turns_into_body_axes(tmp_path):
     given = made.samples()
     found = plumbob.read(made.write_1(tmp_path / "a.bag", made.imu_rows(given)))
@@ -394,9 +408,10 @@ CHATTER = [made.Row(made.T0, "/chatter", "std_msgs/msg/String", {"data": "hello"
 NO_IMU = r"it holds /chatter \(std_msgs/String, 1\), but neither inertial data"
 UNSIZED = zstandard.ZstdCompressor(write_content_size=False)
 IN_G = made.samples() | {"acc": made.samples()["acc"] / 9.80665}
-LONGER = made.samples() | {"xyzw": 2.0 * made.samples()["xyzw"]}
+TURN = {"header": made.header(made.T0, "world"), "quaternion": np.ones(4)}
+NO_TURN = [made.Row(made.T0, "/turn", "geometry_msgs/msg/QuaternionStamped", TURN)]
 REFUSED = {
-    "no rotation": (lambda folder: made.write_1(folder / "a.bag", made.imu_rows(LONGER)), "no quaternion of norm 1"),
+    "no rotation": (lambda folder: made.write_1(folder / "a.bag", NO_TURN), "/turn holds no quaternion of norm 1"),
     "g": (lambda folder: made.write_1(folder / "a.bag", made.imu_rows(IN_G)), "looks like g"),
     "no inertial data, ROS 1": (lambda folder: made.write_1(folder / "a.bag", CHATTER), NO_IMU),
     "no inertial data, ROS 2": (lambda folder: made.write_2(folder / "a", CHATTER), NO_IMU),

@@ -216,7 +216,7 @@ def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> _RosImu:
     track = _orientation(topic, table, notes)
     if not log.streams:
         if track is None:
-            raise DecodeError(f"{topic.name} holds neither rates, accelerations nor orientations: all are absent.")
+            raise DecodeError(f"{topic.name} holds neither rates, accelerations nor orientations of norm 1.")
         return _RosImu(None, track, used, notes)
     for key, kind in (("mag", MAG), ("temp_c", TEMPERATURE)):
         if beside := _in_frame(kind, topic, table, topics):
@@ -277,11 +277,9 @@ def _orientation(topic: Topic, table: MessageTable, notes: list[Note]) -> Attitu
     """Orientation that an IMU tells, where it tells one."""
     numbers = table.numbers
     xyzw = _present(numbers[:, :4], numbers[:, 4])
-    zero = (xyzw == 0.0).all(axis=1)
-    xyzw = np.where(zero[:, np.newaxis], np.nan, xyzw)
-    if np.isnan(xyzw).any(axis=1).all():
-        return None
-    if (numbers[:, :4] == (0.0, 0.0, 0.0, 1.0)).all() and not numbers[:, 4:13].any():
+    unset = (xyzw == 0.0).all(axis=1)  # as ROS 1 fills a message; ROS 2 with no turn
+    xyzw = np.where(unset[:, np.newaxis], np.nan, xyzw)
+    if unset.all() or ((xyzw == (0.0, 0.0, 0.0, 1.0)).all() and not numbers[:, 4:13].any()):
         notes.append(info("source.ros_orientation_default", name=topic.name))
         return None
     return _track(topic, table, xyzw, notes, cov_n=numbers[:, 4:13].reshape(-1, 3, 3))
@@ -300,17 +298,17 @@ def _track(
     *,
     cov_n: Floats | None = None,
     start: int | None = None,
-) -> AttitudeTrack:
-    """Track of quaternions, unknown where not of norm 1; its time begins at the stamp `start`, ns, or its first."""
+) -> AttitudeTrack | None:
+    """Track of quaternions, unknown where not of norm 1; None if all are. Time begins at `start`, ns, or the first."""
+    norms = np.linalg.norm(xyzw, axis=1)
+    wrong = ~(np.abs(norms - 1.0) <= 1e-3)
+    if (some := norms[wrong & ~np.isnan(xyzw).all(axis=1)]).size:
+        notes.append(warning("reading.ros_no_rotations", name=topic.name, count=some.size, norm=np.median(some)))
+    if wrong.all():
+        return None
     line = time_line(table.t_ns)
     notes += (finding.on(topic.name) for finding in line.notes)
-    some = ~np.isnan(xyzw).all(axis=1)
-    wrong = ~(np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= 1e-3)
-    if (count := int(np.count_nonzero(some & wrong))) > 0:
-        notes.append(warning("reading.ros_no_rotations", name=topic.name, count=count))
     q_nb = quat_from_xyzw(np.where(wrong[:, np.newaxis], np.nan, xyzw))
-    if not np.isfinite(q_nb).any():
-        raise DecodeError(f"{topic.name} holds no quaternion of norm 1.")
     cov_b = None
     if cov_n is not None and cov_n.any():
         good = np.isfinite(cov_n).all(axis=(1, 2)) & cov_n.any(axis=(1, 2)) & (cov_n[:, 0, 0] != -1.0)
@@ -337,8 +335,9 @@ def _of_pose(topic: Topic, topics: list[Topic], name: str) -> Recording:
     imus = [other for other in topics if other.kind == IMU]
     leading = _without_raw(imus)[:1] or [other for other in topics if other.kind in POSES]
     start = min(int(ros_bags.table(lead).t_ns[0]) for lead in leading)
-    at = POSES[topic.kind]
-    track = _track(topic, table, table.numbers[:, at : at + 4], notes, start=start)
+    track = _track(topic, table, table.numbers[:, POSES[topic.kind] :][:, :4], notes, start=start)
+    if track is None:
+        raise DecodeError(f"{topic.name} holds no quaternion of norm 1.")
     head = [] if imus else [info("source.ros_pose_alone")]
     frames = info("source.ros_pose", topic=topic.name, frames=", ".join(table.frames) or "a frame without a name")
     zero = info("source.ros_zero_of_imu" if imus else "source.ros_zero_of_poses", stamp=start)
