@@ -148,6 +148,10 @@ LOGS = {  # name of the file, its text, what a user answers
         for k, both in enumerate(zip(ACC, GYR, strict=True), 1) for kind, v in zip((1, 4), both, strict=True)), UP),
     "gravity beside": ("a.csv", "t," + names("userAcceleration.*", "gravity.*", "rotationRate.*", axes="xyz") + "\n"
         + rows(T, *(0.1 * G).T, *(-1.1 * G).T, *GYR.T), {"gyr.unit": "rad/s"}),
+    "gravity beside an acceleration that lacks it": ("a.csv", "time,seconds_elapsed," + names(
+        "rotationRate*", "gravity*", "acceleration*") + "\n" + rows(STAMPS, T, *GYR.T, *(-1.1 * G).T, *(0.1 * G).T),
+        {"gyr.unit": "rad/s", "acc.sign": "gravity"}),
+    "axes alone": ("a.csv", "Time,X,Y,Z,X,Y,Z\n" + rows(T, *SIX), UP | {"gyr.unit": "deg/s"}),
     "digits of a clock": ("a.csv", "UTC," + names("a* (g)", "g* (dps)") + "\n" + rows(
         [clock.replace(":", "") for clock in CLOCK], *SIX[3:], *SIX[:3]), UP),
     "a line cut at the end, and some that are broken": (
@@ -362,6 +366,8 @@ def test_what_nothing_speaks_for_stays_a_question_and_nothing_is_written(tmp_pat
         (OPEN, UP | {"gyr.unit": "m/s"}, "gyr.unit"),
         (OPEN, UP | UNITS | {"frame": "up"}, "frame"),
         ("Time (s)," + names("Linear Acceleration * (m/s^2)") + "\n" + rows(T, *GYR.T), {}, "without gravity"),
+        ("t_s," + names("dAngle_*", "dVel_*") + "\n" + rows(T, *SIX), {}, "divide them by its step"),
+        ("".join(f"{k},A{axis},0.1,0.2,0.{k % 9}\n" for k in range(99) for axis in "XYZ"), {}, "an axis: AX, AY, AZ"),
         ("t," + names("speed_*") + "\n" + rows(T, *ACC.T), {}, "no three columns look like"),
         (LOGS["a unit in each cell"][1].replace(" g,", " mg,", 1000), UP, "is in g, but the column is in mg"),
     ],

@@ -37,6 +37,7 @@ _OTHER: Final = re.compile(
     r"\b(covariance\d*|cov|std|sd|var|bias|offset|setpoint|norm|abs\w*|total|magnitude|(?<!including )gravity|grav|"
     r"angular acc\w*|temp\w*|status|acc\w* (x|y|z )?(err\w*)|accuracy|error|inc(r\w*|lin\w*)?)\b"
 )
+_FRAMES: Final = {*"bnies", "ib", "nb", "body", "sensor", "imu"}  # behind a letter, as in f_ib_b
 _TIME: Final = re.compile(
     r"t|ts|(utc|hhmmss|hms)\b.*|.*\b([a-z]*times?|timestamps?|stamps?|micros|millis|usec|msec|elapsed|epoch|clock|timems|timeus)\b.*|"
     r"sec\w*|date.*|gps tow|.*\btow\b.*|.*时间.*|zeit.*|temps|tiempo.*|tempo|tid|czas|время"
@@ -61,10 +62,7 @@ _ROLLS: Final = {
 REVERSED: Final = re.compile(r"(?i)(?<![a-z])(back|aft|right|starboard|down)(?![a-z])")  # against forward, left and up
 _SUFFIXES: Final = {
     "ms2": "m/s2", "mps2": "m/s2", "mss": "m/s2", "rads": "rad/s", "radps": "rad/s", "degs": "deg/s", "ut": "uT",
-    "nt": "nT", "micros": "us", "millis": "ms", "usec": "us", "msec": "ms",
-}  # fmt: skip
-_NAMED_UNITS: Final = {
-    "micros": "us", "millis": "ms", "usec": "us", "msec": "ms", "nanos": "ns", "ms": "ms", "us": "us",
+    "nt": "nT", "micros": "us", "millis": "ms", "usec": "us", "msec": "ms", "nanos": "ns", "ms": "ms", "us": "us",
 }  # fmt: skip
 _ALL: Final = (*QUANTITY_BY_TRIAD.values(), Quantity.TIME, Quantity.TEMPERATURE, Quantity.ANGLE)
 
@@ -144,6 +142,7 @@ def _by_word(base: str) -> str:
     if _OTHER.search(base):
         return "other"
     words = base.split()
+    words = words[:1] if len(words) > 1 == len(words[0]) and {*words[1:]} <= _FRAMES else words
     return next((name for name, word in _WORDS.items() if any(_is_word(word, token, words) for token in words)), "")
 
 
@@ -173,7 +172,8 @@ _SPELLINGS: Final = (
     (r"(?i)dps$", "deg/s"),
     (r"(?i)\bd(eg(ree)?s?)?(?=[\s*.·]*(/|per|s\^?[-⁻]))|\bdegrees?$", "deg"),
     (r"(?i)met(er|re)s?\b", "m"),
-    (r"(?i)(\s*per\s*|/\s*)s(ec(ond)?s?)?\b", "/s"),
+    (r"(?i)(\s*per\s*|/\s*)s(ec(ond)?s?)?(?![a-z])", "/s"),
+    (r"(?i)^m(ps2|ss)$", "m/s2"),
     (r"(?i)\bg[' ]?s$|^lsb/g$", "g"),
     (r"[*.· ]*s\^?(-|⁻)[1¹]$", "/s"),
     (r"[*.· ]*s\^?(-|⁻)[2²]$", "/s2"),
@@ -224,8 +224,8 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
             if len(words) > count and (suffix := _unit_word(text, plain, count)):
                 words = words[:-count]
                 break
-    if not stated and not suffix and words and words[-1] in _NAMED_UNITS:
-        suffix = _NAMED_UNITS[words[-1]]
+    if not stated and not suffix and words and canonical(time := _SUFFIXES.get(words[-1], ""), Quantity.TIME):
+        suffix = time
     base, axis = _split_axis(words)
     axis = index[-1].lower() if index and not axis else axis
     return ColumnName(base, axis, stated or suffix, bool(stated), scale)

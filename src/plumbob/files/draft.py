@@ -205,9 +205,8 @@ def _writers(name: str, sample: Sample, answers: Mapping[str, Any], *, is_alone:
                 f"with --set 'header.where={json.dumps([ref, words[0]])}'."
             )
         sample = _matching_rows(sample, column, where[1])
-    return [_DraftWriter(name, part, stream=stream or "*", answers=answers) for part in parts] or [
-        _DraftWriter(name, sample, stream=stream, answers=answers)
-    ]
+    stream = stream or ("*" if parts else "")
+    return [_DraftWriter(name, part, stream=stream, answers=answers) for part in parts or [sample]]
 
 
 def _by_clock(sample: Sample) -> list[Sample]:
@@ -225,7 +224,6 @@ def _by_clock(sample: Sample) -> list[Sample]:
         tables.setdefault(f"{steps[start]:.2g}", set()).update(range(start, end))
     if len(tables) < 2 or len({parts[i].unit for i in steps}) > 1:
         return []
-    with_sensors = [table for table in tables.values() if any(parts[i].sensor in TRIADS for i in table)]
     return [
         replace(
             sample,
@@ -234,7 +232,8 @@ def _by_clock(sample: Sample) -> list[Sample]:
             by_name=False,
             rows=[row for row in sample.rows if row[min(table)].strip()],
         )
-        for table in with_sensors
+        for table in tables.values()
+        if any(parts[i].sensor in TRIADS for i in table)
     ]
 
 
@@ -250,6 +249,9 @@ def _by_sensor(sample: Sample) -> list[Sample]:
         if len(words) > _MOST_SENSORS:
             continue
         units = _android_units(sample, i, values) if i not in values else {}
+        axes = [word for word in words if taken_apart(word).axis in {*"xyz"} and taken_apart(word).sensor]
+        if len(axes) >= len("xyz"):
+            raise DecodeError(f"a row holds several samples of an axis: {', '.join(axes)}. Write a row for each.")
         sensors = {word: units[word][0] if word in units else named_sensor(word) for word in words}
         sensors = {word: sensor for word, sensor in sensors.items() if sensor in TRIADS}
         if sensors and len(set(sensors.values())) == len(sensors):
@@ -351,6 +353,9 @@ class _DraftWriter:
                 else f"where its sensors stand, the first {len(self._sample.rows)} rows hold zeros alone: begin the "
                 "file where they measure."
                 if any(self._threes(partial(_may_be, name)) for name in TRIADS)
+                else "it holds angles and velocities gained in each sample: divide them by its step, in radians and "
+                "seconds, which gives rates and specific force."
+                if any(re.search(r"\bd(elta)? [av]", part.base) for part in self._parts)
                 else f"no three columns look like a gyroscope, an accelerometer or a magnetometer; {GUIDE} says how to "
                 "write a profile by hand."
             )
@@ -499,9 +504,12 @@ class _DraftWriter:
         return ()
 
     def _is_nameless(self) -> bool:
-        """Whether columns have no names, or the one of the array that they all stand in."""
+        """Whether columns have no names, but those of axes, or the one of the array that they all stand in."""
         numbered = [re.fullmatch(r"(.*)\[\d+\]", name) for name in self._sample.names]
-        return all(numbered) and len({match[1] for match in numbered if match}) <= 1
+        axes = [bool(part.axis and part.is_bare and not part.unit) for part in self._parts]  # of sensors without names
+        are_axes = all(axis or part.is_time or part.is_counter for axis, part in zip(axes, self._parts, strict=True))
+        one_array = all(numbered) and len({match[1] for match in numbered if match}) <= 1
+        return one_array or (are_axes and sum(axes) > len("xyz"))
 
     def _named_triads(self) -> dict[str, tuple[int, ...]]:
         triads: dict[str, tuple[int, ...]] = {}
@@ -515,12 +523,14 @@ class _DraftWriter:
         for name, complete in sets.items():
             ranked = sorted(map(self._right_handed, complete), key=lambda columns: self._rank(name, columns, unit))
             triads |= {name: ranked[0]} if ranked else {}
-        if "acc" not in triads and (without := self._threes(lambda part: part.sensor == "linear")):
-            gravity = self._threes(lambda part: re.search(r"\bgrav(ity)?\b", part.base) is not None)
-            same_unit = gravity and self._parts[gravity[0][0]].unit == self._parts[without[0][0]].unit
-            if same_unit and self._has_gravity(gravity[0]):
-                triads["acc"] = without[0]
-                self._add(without[0], gravity[0])
+        linear = [triads["acc"]] if "acc" in triads else self._threes(lambda part: part.sensor == "linear")
+        gravity = self._threes(lambda part: re.search(r"\bgrav(ity)?\b", part.base) is not None)
+        for without, down in zip(linear[:1], gravity[:1], strict=False):
+            same_unit = self._parts[down[0]].unit == self._parts[without[0]].unit
+            along = np.sum(self._vectors(without) * self._vectors(down), axis=1)  # much where gravity is in it already
+            if same_unit and self._has_gravity(down) and abs(np.nanmedian(along)) < 0.5 * self._size(down) ** 2:
+                triads["acc"] = without
+                self._add(without, down)
         if "gyr" not in triads and "acc" in triads and (turning := self._turning_three(triads["acc"])):
             triads["gyr"] = turning
         if triads and "acc" not in triads:  # steady vectors of the size of gravity, whose names say no sensor: asked
@@ -810,12 +820,12 @@ class _DraftWriter:
         if scale := self._stated_scale(name):
             unit, key, number = scale
             sure = self._scales_fit()
-            self._set("unit", unit, "the lines above say it", ask=True, sure=sure)
-            self._set(key, number, "the lines above say it", ask=True, sure=sure)
+            for key_, value in (("unit", unit), (key, number)):
+                self._set(key_, value, "the lines above say it", ask=True, sure=sure)
         stated = not scale and self._write_unit(QUANTITY_BY_TRIAD[name], columns, guess)
         are_counts = not scale and guess.counts is not None and not stated and not self._has("unit")
-        if not scale and not self._has("unit_per_count") and (self._has("counts_per_unit") or zero or are_counts):
-            self._set("counts_per_unit", guess.counts or "", "counts that are one unit, by the data sheet", ask=True)
+        if not scale and not self._has("unit_per_count") and (self._has(_COUNTS) or zero or are_counts):
+            self._set(_COUNTS, guess.counts or "", "counts that are one unit, by the data sheet", ask=True)
         self._write_scale(part)
         self._set_known("range", "delay", *(("axes", "mirrored") if name != "gyr" else ()))
         if zero:

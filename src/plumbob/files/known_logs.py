@@ -1,6 +1,6 @@
 """Logs and arrays that are known by their names: what their makers say of them and the files do not, as profiles.
 
-``known_logs.toml`` holds them; the classes here say what its keys mean.
+``known_logs.toml`` holds them, and `KnownLog` says what the keys of a log mean.
 """
 
 import re
@@ -45,16 +45,7 @@ def _value(key: str, fact: str) -> str | float:
     return float(fact) if re.fullmatch(r"[-+.\deE]+", fact) else fact.split(maxsplit=1)[0]
 
 
-@dataclass(frozen=True, slots=True)
-class KnownArrays:
-    """A data set of named arrays."""
-
-    name: str  # what it is called
-    names: tuple[str, ...]  # arrays by which it is known; the others must be there too when it is read
-    profile: str  # its profile; ``{name}`` is the single number that the file has under that name
-
-
 _TABLES: Final = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 KNOWN: Final = tuple(KnownLog(**log) for log in _TABLES["log"])
-KNOWN_ARRAYS: Final = tuple(KnownArrays(**arrays) for arrays in _TABLES["arrays"])
+KNOWN_ARRAYS: Final[Mapping[str, Mapping[str, Any]]] = _TABLES["arrays"]  # data sets, by what they are called
 SENTENCES: Final[Mapping[str, list[str]]] = _TABLES["sentences"]  # names of the fields of a sentence, by its own

@@ -65,7 +65,7 @@ def _app_reader(parts: Parts) -> Callable[[Parts], Recording] | None:
         return _android
     for name in _tables(parts):
         names = names_in(parts.start(name))
-        if names[:2] == ("time", "seconds_elapsed"):
+        if names[:2] == ("time", "seconds_elapsed") and (PurePosixPath(name).stem in _WANTED or {*"xyz"} <= {*names}):
             return _sensor_logger
         if _is_sensorlog(names):
             return _sensorlog

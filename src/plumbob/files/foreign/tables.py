@@ -102,17 +102,17 @@ def _profile_by_names(container: "_Container") -> Profile:
     """Profile that the file holds, or that of a data set whose arrays are known by their names; refused without one."""
     if container.profile:
         return parse_profile(container.profile, origin=_INSIDE)
-    for data_set in KNOWN_ARRAYS:
-        if not {*data_set.names} <= container.listed.shapes.keys():
+    for origin, data_set in KNOWN_ARRAYS.items():
+        if not {*data_set["names"]} <= container.listed.shapes.keys():
             continue
-        text = data_set.profile
+        text = data_set["profile"]
         for key in re.findall(r"\{(\w+)\}", text):
             single = math.prod(container.listed.shapes.get(key, (0,))) == 1
             number = float(container.load([key])[key].ravel()[0]) if single else math.nan
             if not 0.0 < number < math.inf:
                 raise DecodeError(f"{key} must be one number above 0; the file holds {container.listed.summary()}.")
             text = text.replace(f"{{{key}}}", repr(number))
-        return parse_profile(text, origin=data_set.name)
+        return parse_profile(text, origin=origin)
     raise UnknownFormatError(
         f"arrays do not say their units, so they need --profile FILE.toml with arrays = true; "
         f"{guide('vendor-files.md')} shows one. The file holds {container.listed.summary()}. Plain numbers of a unit "
@@ -243,8 +243,7 @@ class Hdf5Arrays(_Container):
 
     def __init__(self, file: Path, *, transposed: bool) -> None:
         self._file, self._transposed = file, transposed
-        self.listed, self._fields = _Listed(), dict[str, tuple[str, str]]()
-        attributes: dict[str, NDArray[Any]] = {}
+        self.listed, self._fields, attributes = _Listed(), dict[str, tuple[str, str]](), dict[str, NDArray[Any]]()
         with opened_hdf5(file) as (h5py, hdf5):
             for name, kind, node in islice(_walk(h5py, hdf5), MAX_ARRAYS):
                 if kind:
@@ -254,7 +253,7 @@ class Hdf5Arrays(_Container):
                 else:
                     self.listed.shapes[name] = tuple(node.shape)[:: -1 if transposed else 1]
                     said = next((node.attrs[key] for key in ("unit", "units") if key in node.attrs), "")
-                    rates = [key for key in node.attrs if re.fullmatch(r"(?i).*(rate|freq\w*|fs)", key)]
+                    rates = [key for key in node.attrs if key.lower().endswith(("rate", "frequency", "fs"))]
                     attributes |= {f"{name}/{key}": np.asarray(node.attrs[key]) for key in rates}
                     self.listed.units[name] = said.decode("utf-8", "replace") if isinstance(said, bytes) else str(said)
             self.profile = str(hdf5.attrs.get(PROFILE, ""))
