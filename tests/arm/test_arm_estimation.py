@@ -11,7 +11,15 @@ from plumbob.arm import ArmCard, align, run
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.core.units import deg
 from plumbob.data.chain import Chain, Joint, Segment
-from plumbob.rotations import change_frame, dcm_from_quat, quat_angle, quat_conjugate, quat_multiply
+from plumbob.rotations import (
+    change_frame,
+    dcm_from_quat,
+    quat_angle,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+)  # fmt: skip
 
 INSTANT = {"mean_rate": False}
 """The simulator takes the rate at the instant of a sample."""
@@ -227,6 +235,19 @@ def test_what_contradicts_the_chain_is_rated_poor(five, wrong, rows):
     poses = [(0.0, 1.5, made.angles[0])]
     other = align(replace(made.chain, joints=joints), made.array[:rows], params=INSTANT, poses=poses)
     assert good(other)[:2] == [True, False]
+
+
+def test_a_hinge_that_plays_is_rated_fair(five):
+    """Its unit swings by 4°: 2.8° (rms), of which each of the two directions across an axis has 1/√2."""
+    made, _ = five
+    one, swing = made.array.units["u4"], deg(4.0) * np.sin(8.0 * made.t)
+    back = quat_from_rotvec(np.outer(-swing, [1.0, 0.0, 0.0]))
+    acc, gyr, mag = (quat_rotate(back, getattr(one, name)) for name in ("acc", "gyr", "mag"))
+    swung = replace(one, acc=acc, mag=mag, gyr=gyr + np.outer(np.gradient(swing, made.t), [1.0, 0.0, 0.0]))
+    array = ImuArray(dict(made.array.units) | {"u4": swung}, made.array.mounts)
+    card = align(made.chain, array, params=INSTANT, poses=[(0.0, 1.5, made.angles[0])])
+    assert card.links()[2].play == pytest.approx(deg(2.0), rel=0.1)
+    assert card.joints[2].rating.startswith("fair: play of")
 
 
 def test_a_pose_that_was_not_held_is_rated_poor():

@@ -11,6 +11,7 @@ import plumbob
 from plumbob.arm import ArmCard, JointTrack, Program, export, replay, run, taught
 from plumbob.data.chain import chain_text
 from plumbob.simulation import simulate_chain
+from tests.helpers import beside
 from tests.helpers.arm_samples import arm, pick_and_place
 from tests.helpers.commandline import answer, refused, table_of, typed
 
@@ -78,19 +79,10 @@ def test_align_and_run_are_align_and_run(recording: Path) -> None:
     np.testing.assert_array_equal(again.angles, ours.joints.angles)
 
 
-REFUSED = """
-align five.toml {} --out five.toml | input
-align five.toml {} --out x.json --pose 0s | --pose takes
-align five.toml {} --out x.json --pose 0s,99s | not in the recording
-align five.toml {} --out x.json --pose-sd 0deg | above 0
-align u1.parquet {} --out x.json | UTF-8
-run five.toml {} --pose 1deg | needs 6 finite angles
-run five.toml u1=u1.parquet u2.parquet | either every SOURCE
-run five.toml {} --out x.json | end
-"""
+REFUSED = table_of(beside(__file__, "arm_refused.txt"))
 
 
-@pytest.mark.parametrize(("words", "why"), table_of(REFUSED))
+@pytest.mark.parametrize(("words", "why"), REFUSED)
 def test_what_an_arm_cannot_do_is_one_line(recording: Path, words: str, why: str) -> None:
     assert why in refused("arm", *words.format(UNITS).split(), cwd=recording)
     assert not (recording / "x.json").exists()

@@ -14,6 +14,7 @@ from plumbob.core.units import dps
 from plumbob.data import UNCALIBRATED
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadNoise
 from plumbob.files.mcap import open_log
+from tests.helpers import beside
 from tests.helpers.commandline import answer, table_of, typed
 
 CARD = "unit 7 2026-11-21 (table)"
@@ -36,34 +37,20 @@ def contents(file):
 
 
 RECORD = "record --from sea.bin --format buoy --device 'unit 7' --filter mahony --frame NED"
-WRITTEN = """
-run rest.parquet --filter mahony --out {} | a.parquet b.csv
-convert rest.parquet {} --what samples | a.csv b.parquet c.mcap
-convert track.parquet {} | a.tum b.txt
-eval track.parquet rest.parquet --html {} | a.html
-decode sea.bin --format buoy --out {} | a.json b.parquet
-RECORD --text {} | a.txt
-RECORD --out {} | a.mcap
-"""
+WRITTEN = table_of(beside(__file__, "written.txt"))
 
 
-@pytest.mark.parametrize(("words", "names"), table_of(WRITTEN))
+@pytest.mark.parametrize(("words", "names"), WRITTEN)
 def test_files_of_uncalibrated_values_say_so(folder, words, names):
     for name in names.split():
         typed(words.replace("RECORD", RECORD).format(f"out-{name}"), cwd=folder)
         assert "uncalibrated" in contents(folder / f"out-{name}")
 
 
-PRINTED = """
-run rest.parquet --filter mahony
-info rest.parquet
-info track.parquet
-RECORD
-benchmark scenario static --sensors mpu6000 --unit random --frame NED --seeds 1 --duration 2s --filters mahony
-"""
+PRINTED = beside(__file__, "printed.txt").splitlines()
 
 
-@pytest.mark.parametrize("words", PRINTED.strip().splitlines())
+@pytest.mark.parametrize("words", PRINTED)
 def test_reports_of_uncalibrated_values_say_so(folder, words):
     assert UNCALIBRATED in " ".join(typed(words.replace("RECORD", RECORD), cwd=folder).stdout.split())
 

@@ -76,7 +76,7 @@ def with_noise(array: ImuArray) -> ImuArray:
     It is that of the second differences of what a unit measures beyond the mean of all, in which motion, biases and
     scale errors cancel, by their median, so that a fault of less than half the time does not count.
     """
-    if len(array) < 10 or any(mount.noise is not None for mount in array.mounts.values()):
+    if any(mount.noise is not None for mount in array.mounts.values()):
         return array
     root, noises = float(np.sqrt(nominal_step(array))), {}
     for triad in TRIADS:
