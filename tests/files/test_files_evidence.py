@@ -228,7 +228,7 @@ LOGS = {  # name of the file, its text, what a user answers
 def drafted(folder, name, text, answers):
     path = folder / name
     path.write_text(text, encoding="utf-8")
-    out = folder / "drafted.toml"
+    out = folder / f"drafted {name}.toml"
     draft = plumbob.profile(path, accept=True, answers={"frame": "ENU", **answers}, out=out)
     assert draft.questions == ()
     return plumbob.read(path, profile=out)
@@ -290,11 +290,14 @@ def test_rows_that_name_their_sensor_are_one_recording(tmp_path):
     each = ((t, word, v) for word, times, values in sources for t, v in zip(times, values, strict=True))
     long = [(t, f"{word},{1e3 * t:.3f},{v[0]:.6f},{v[1]:.6f},{v[2]:.6f}\n") for t, word, v in each]
     text = "sensor,timestamp_ms,x,y,z\n" + "".join(line for _, line in sorted(long, key=lambda row: row[0]))
-    imu = drafted(tmp_path, "a.csv", text, UP | {"gyr.unit": "rad/s", "acc.unit": "m/s2", "mag.unit": "uT"}).imu
-    assert len(imu) == T.size - 1  # the last rate is later than every force
-    assert imu.gyr == pytest.approx(GYR[:-1], abs=1e-5)
-    assert imu.acc == pytest.approx(ACC[:-1] + 0.3 * np.diff(ACC, axis=0), abs=1e-4)  # 3 ms of 10 on the way
-    assert np.isfinite(imu.mag).all(axis=1).sum() == T[::5].size
+    arrays = {word: [dict(zip(("ms", *"xyz"), (1e3 * t, *v), strict=True)) for t, v in zip(*both, strict=True)]
+              for word, *both in (*sources[:2], ("mag", T[::5], MAG[::5] / 1e6))}  # fmt: skip
+    for name, content in (("a.csv", text), ("b.json", json.dumps(arrays))):
+        imu = drafted(tmp_path, name, content, UP | {"gyr.unit": "rad/s"}).imu
+        assert len(imu) == T.size - 1  # the last rate is later than every force
+        assert imu.gyr == pytest.approx(GYR[:-1], abs=1e-5)
+        assert imu.acc == pytest.approx(ACC[:-1] + 0.3 * np.diff(ACC, axis=0), abs=1e-4)  # 3 ms of 10 on the way
+        assert imu.mag[np.isfinite(imu.mag).all(axis=1)] == pytest.approx(MAG[::5], abs=1e-5)
 
 
 def two_files(folder, late=0.0):
@@ -485,12 +488,9 @@ def test_several_samples_in_a_line_and_a_toml_of_another_kind_are_refused(tmp_pa
     refused(plumbob.read, path, match="has no key 'seperator'")
 
 
-ROW = "{:.3f},{},{:.3f},0.1,9.8,{:.4f},0.02,-0.01\n"
-
-
 def test_rows_of_two_devices_are_read_one_by_one(tmp_path: Path) -> None:
     file = tmp_path / "two.csv"
-    rows = [ROW.format(0.01 * i, unit, 1.0 + unit, 0.1 * unit) for i in range(60) for unit in (1, 2)]
+    rows = [f"{i / 100:.3f},{k},{1.0 + k:.3f},0.1,9.8,{k / 10:.4f},0.02,-0.01\n" for i in range(60) for k in (1, 2)]
     file.write_text("t_s,id,ax,ay,az,gx [rad/s],gy [rad/s],gz [rad/s]\n" + "".join(rows))
     with pytest.raises(DecodeError, match="2 devices, which column 'id' names: 1, 2"):
         plumbob.profile(file, accept=True)

@@ -130,13 +130,12 @@ def objects_as_rows(text: str) -> str:
     else:
         content = _loaded(text)
     _collect("", content, tables, facts)
-    longest = max(map(len, tables.values()), default=0)
-    tables = {key: rows for key, rows in tables.items() if 2 * len(rows) > longest}
-    short = {key.rpartition("/")[2]: rows for key, rows in tables.items()}
-    tables = short if len(short) == len(tables) else tables
-    if len(tables) > 1 and len({frozenset(rows[0]) for rows in tables.values()}) == 1:
-        tables = {"": [{"sensor": key} | row for key, rows in tables.items() for row in rows]}
     rows = max(tables.values(), key=len, default=[])
+    alike = {key: some for key, some in tables.items() if some and some[0].keys() == rows[0].keys()}
+    short = {key.rpartition("/")[2]: some for key, some in alike.items()}
+    if len(alike) > 1:
+        alike = short if len(short) == len(alike) else alike
+        rows = [{"sensor": key} | row for key, some in alike.items() for row in some]
     if not rows:
         raise DecodeError('no array in it holds samples; write an array of objects, as [{"t": 0.01, "ax": 0.1}].')
     names = dict.fromkeys(name for row in rows for name in row)
