@@ -46,8 +46,7 @@ FACTORS = (
     *((what, k) for what in ("rates", "time") for k in (0.5, 0.9, 1.1, 2.0)),
     ("counter", 0.0), ("force", 0.5), ("force", 2.0),
 )  # fmt: skip
-GAIN = 1.03
-"""Gain of gyroscopes as they leave the line, PS-MPU-6000A, 6.1."""
+GAIN = 1.03  # of gyroscopes as they leave the line, PS-MPU-6000A, 6.1
 
 
 Planted = tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, str], dict[str, float]]
@@ -61,6 +60,13 @@ class Tally:
     hidden: int = 0
     hidden_found: int = 0
     confident_wrong: int = 0
+
+    def count(self, seen: bool, found: bool, confident_wrong: bool) -> None:
+        self.observable += seen
+        self.hidden += not seen
+        self.found += seen and found
+        self.hidden_found += not seen and found
+        self.confident_wrong += confident_wrong
 
 
 @dataclass
@@ -147,14 +153,9 @@ def _axes(
         tally = all_.tallies.setdefault(f"{kind} {name}", Tally())
         found, expected = sensor.found, np.linalg.det(axes[name]) * axes[name] @ axes["gyr"].T
         right = found is not None and bool((sensor.axes == expected).all())
-        score = evidence(recording, name, expected)
-        seen = score >= SEEN
-        tally.observable += seen
-        tally.hidden += not seen
-        tally.found += seen and right and sensor.known
-        tally.hidden_found += not seen and right and sensor.known
+        seen = (score := evidence(recording, name, expected)) >= SEEN
         wrong = sensor.answer is Trust.SURE and not right
-        tally.confident_wrong += wrong
+        tally.count(seen, right and sensor.known, wrong)
         if found is not None and (wrong or (seen and not (right and sensor.known))):
             print(
                 f"{label} {name}: {'right' if right else 'WRONG'} {sensor.answer} evidence {score:.1f} odds e^"
@@ -176,9 +177,7 @@ def _units(label: str, after: Examination, units: dict[str, str], all_: Score) -
         if one.question == "unit" and one.answer is not Trust.UNKNOWN:
             tally = all_.tallies.setdefault(f"{label.split('/', maxsplit=1)[0]} {one.sensor} unit", Tally())
             right = after.numbers.get(one.sensor, {}).get("unit") == units[one.sensor]
-            tally.observable += 1
-            tally.found += right
-            tally.confident_wrong += not right and one.answer is Trust.SURE
+            tally.count(True, right, not right and one.answer is Trust.SURE)
             if not right:
                 print(f"{label} {one.sensor}: {one.value}, but it is {units[one.sensor]}; {one.answer}, {one.why}")
 
@@ -227,7 +226,8 @@ def _factor(label: str, recording: Recording, rng: np.random.Generator, before: 
     imu, size = _with_factor(recording.imu, what, k)
     if "acc" not in imu.triads or abs(np.log(size)) <= np.log(GAIN):
         return
-    diagnosis = Examination(imu, label, Declared(None), None).diagnosis()
+    diagnosis = (after := Examination(imu, label, Declared(None), None)).diagnosis()
+    slower = (imu.t[-1] - imu.t[0]) / (recording.imu.t[-1] - recording.imu.t[0])
     sensor = "acc" if what == "force" else "gyr"
     right, wrong = False, []
     for it in (it for it in diagnosis.findings if it.wrong):
@@ -237,15 +237,15 @@ def _factor(label: str, recording: Recording, rng: np.random.Generator, before: 
             sd = it.finding.values.get("sd", 0.0) / factor
             right |= (named := abs(off) < np.log(GAIN) + 3.0 * sd or what == "force")
             wrong += [] if named else [it]
+        elif it.question == "delay":  # that of the recording, in its new time, is no fault of the doctor
+            new, old = (each.sensors[it.sensor].found for each in (after, before))
+            off = abs(new.delay - old.delay * slower)
+            wrong += [it] if off > 3.0 * np.hypot(new.delay_sd, old.delay_sd * slower) else []
         elif not before.answers[it.sensor, it.question].wrong:
             wrong.append(it)
     tally = all_.tallies.setdefault(f"{label.split('/', maxsplit=1)[0]} factor of {what}", Tally())
     seen = what == "force" or _shown(recording, size)
-    tally.observable += seen
-    tally.hidden += not seen
-    tally.found += seen and right
-    tally.hidden_found += not seen and right
-    tally.confident_wrong += any(it.answer is Trust.SURE for it in wrong)
+    tally.count(seen, right, any(it.answer is Trust.SURE for it in wrong))
     if wrong or (seen and not right):
         said = [f"{it.sensor} {it.question} {it.answer}: {it.value}" for it in diagnosis.findings if it.wrong]
         unit = next(it for it in diagnosis.findings if (it.sensor, it.question) == (sensor, "unit"))

@@ -105,6 +105,14 @@ def test_delay_of_the_magnetometer(late: float) -> None:
     assert answers(found)["mag delay"] == ("sure", True)
 
 
+def test_a_delay_between_the_steps_of_the_search_feigns_no_factor() -> None:
+    """A fin swings to and fro: what 8 ms more turn it by looks like a bias, and 4 % of the rates."""
+    fin = simulate("fin", frame="ENU", sensors="mpu6050+hmc5983", unit="calibrated", seed=29, duration=60.0).imu
+    late = np.concatenate((np.full((54, 3), np.nan), fin.mag[:-54]))  # at 500 Hz
+    found = fit(fin.t, fin.gyr, late, offset=0.5)
+    assert (found.delay, found.scale) == (pytest.approx(0.108, abs=1e-3), pytest.approx(1.0, abs=0.01))
+
+
 @pytest.mark.parametrize(("unit", "mag"), [("deg/s", False), ("rpm", True), ("mrad/s", True)])
 def test_unit_of_the_rates(unit: str, mag: bool) -> None:
     """By the accelerometer alone, too."""
@@ -119,8 +127,8 @@ def test_unit_of_the_rates(unit: str, mag: bool) -> None:
 def test_a_factor_that_is_no_unit_is_named_and_no_unit_is_prescribed(factor: float) -> None:
     """Of the rates by a wrong full scale, or of time by a wrong rate or a counter of samples: both show alike."""
     data = sensors()
-    slower = [data | {"t": data["t"] * factor}] if factor > 0.2 else []  # beyond, windows hold hardly a turn
-    for wrong in (data | {"gyr": data["gyr"] * factor}, *slower):
+    t = data["t"] * factor if factor > 0.2 else 1e-3 * np.arange(len(data["t"]))  # rows at 100 Hz, taken for ms
+    for wrong in (data | {"gyr": data["gyr"] * factor}, data | {"t": t}):
         found = diagnosed(wrong)
         (unit,) = [one for one in found.findings if (one.sensor, one.question) == ("gyr", "unit")]
         assert unit.wrong and str(unit.answer) == "sure"
@@ -158,14 +166,6 @@ def test_samples_that_say_nothing_are_left_out_and_no_convention_is_wrong(values
     assert not found.wrong, found.text()
     assert ("samples.stuck_axis" in [one.code for one in found.remarks]) == (values.get("mag") is DEAD)
     assert answers(diagnosed(data | {"gyr": from_si(data["gyr"], "deg/s")}))["gyr unit"] == ("sure", True)
-
-
-def test_rows_counted_and_taken_for_milliseconds_are_a_factor() -> None:
-    """At 100 Hz a row is 10 ms: the rates then turn a tenth of what gravity does."""
-    data = sensors() | {"t": 1e-3 * np.arange(len(sensors()["t"]))}
-    (unit,) = [one for one in diagnosed(data).findings if (one.sensor, one.question) == ("gyr", "unit")]
-    assert unit.wrong and unit.finding.code == "doctor.factor"
-    assert unit.finding.values["factor"] == pytest.approx(0.1, rel=0.03)
 
 
 ROLL, PITCH = sensors((1.2, 0.0, 0.0)), {name: sensors((0.0, 1.2, 0.0))[name] for name in ("t", "gyr", "acc")}

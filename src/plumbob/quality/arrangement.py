@@ -134,20 +134,20 @@ _CONTRADICTS: Final = 4.6  # 100 to 1
 CERTAIN: Final = math.log(1000.0)  # Logarithm of the odds above which an answer may be sure
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class VectorFit:
     """One vector sensor against the gyroscope."""
 
     log_odds: Floats  # (48,), logarithm of each arrangement's likelihood less that of the best
     halves: tuple[Floats, Floats]  # (48,), the same of each half of the recording's turning alone
     delay: float  # by how much the sensor's stamps are late, s
-    delay_sd: float  # its standard deviation, s
-    delay_halves: tuple[float, float]  # the delay by each half
+    delay_sd: float = math.inf  # its standard deviation, s
+    delay_halves: tuple[float, float] = (math.nan, math.nan)  # the delay by each half
     # scale, scale_sd: what the rates have to be multiplied by
-    scale: float
-    scale_sd: float
-    bias: Floats  # (3,), bias of the rates in the axes of the sensor, in the rates' unit times the scale
-    offset: Floats  # (3,), offset of the sensor, in its unit
+    scale: float = math.nan
+    scale_sd: float = math.inf
+    bias: Floats = field(default_factory=lambda: np.zeros(3))  # of the rates in the sensor's axes, their unit × scale
+    offset: Floats = field(default_factory=lambda: np.zeros(3))  # of the sensor, in its unit
     explained: float  # part of the change that the best arrangement explains, 0 to 1
     contradicted: bool = False  # whether windows of another length say something else
     in_step: float = 0.0  # delay that pushes feign where they come in step with the turning, s
@@ -177,12 +177,11 @@ def fit(t: Floats, gyr: Floats, vector: Floats, *, offset: float) -> VectorFit |
     searches = [search for search in searches if search.scale > 0.0]
     if not searches:
         return None
-    fits = [search.fit(length) for search in searches]
+    fits = [search.fit() for search in searches]
     clearest = int(np.argmax([rival.margin for rival in fits]))
     best, search = fits[clearest], searches[clearest]
     against = any(rival.best != best.best and rival.margin > _CONTRADICTS and rival.agrees for rival in fits)
-    delays, sds = search.delays(rates, edges, best.best, best.delay)
-    return replace(best, contradicted=against, delay=delays[0], delay_sd=sds[0], delay_halves=(delays[1], delays[2]))
+    return replace(search.refined(rates, edges, best, length), contradicted=against)
 
 
 class _ArrangementSearch:
@@ -201,8 +200,8 @@ class _ArrangementSearch:
         usual = float(np.median(changed[changed > 0.0])) if (changed > 0.0).any() else 0.0
         self.weight = np.where(changed > 0.0, 1.0 / (changed + 0.1 * usual + 1e-300), 0.0)
 
-    def fit(self, length: float) -> VectorFit:
-        """Best delay of each arrangement on the grid, and their odds by blocks."""
+    def fit(self) -> VectorFit:
+        """Best delay of each arrangement on the grid, and their odds by blocks; what depends on the delay is open."""
         reach = min(round(LONGEST_DELAY / BIN), len(self.rate) // 4)
         shifts = np.arange(-reach, reach + 1)
         residual = self._residuals(shifts)  # (shifts, 48)
@@ -231,28 +230,35 @@ class _ArrangementSearch:
         halves = early, ~early
         by_half = [_Scored(moments[:, half], counts[half], self.ridge).log_likelihood for half in halves]
         self.weights = np.where((np.ones(count, dtype=np.bool_), *halves), scored.weight[top], 0.0)
-        p, cov = scored.p[top], solved(scored.normal[top], np.eye(FREE))
-        # factors of time, of a unit or a range are the same about all axes: where a scale for each surely explains more
-        # than chance does, one for all is by so much less certain (Birge's ratio)
-        each = np.concatenate((designs()[top][:, :1].repeat(3, axis=1), designs()[top][:, 1:]), axis=1)
-        each[:, :3, :9] *= np.tile(np.eye(3), 3)
-        gram = np.tensordot(scored.weight[top], cut[int(at[top])][:count], 1)
-        m = np.sum(each @ gram @ each.swapaxes(1, 2), axis=0)
-        scales = solved(m[:-1, :-1] + np.diag(np.append(self.ridge[[0, 0]], self.ridge)), m[:-1, -1:])[:, 0]
-        apart = 0.5 * float(_rss(m, np.append(p[[0, 0]], p)) - _rss(m, scales))
-        variance = float(cov[0, 0]) * (apart if apart > CERTAIN else 1.0)
+        self.wider = widening(2.0 * float(counts.sum()), FREE)
         return VectorFit(
             log_odds=log - log.max(),
             halves=(by_half[0] - by_half[0].max(), by_half[1] - by_half[1].max()),
             delay=BIN * float(shifts[at[top]]),
-            delay_sd=math.inf,
-            delay_halves=(math.nan, math.nan),
-            scale=float(p[0]),
-            scale_sd=math.sqrt(variance) * widening(2.0 * float(counts.sum()), FREE),
-            bias=p[1:4],
-            offset=length * p[4:7] / max(float(p[0]), 1e-3 * self.scale),
             explained=float(scored.explained[top]),
         )
+
+    def refined(self, rates: Samples, edges: Floats, on_grid: VectorFit, length: float) -> VectorFit:
+        """Delay of the best arrangement between the steps of the grid, and its scale, bias and offset at that delay."""
+        delays, sds = self.delays(rates, edges, on_grid.best, on_grid.delay)
+        between = rates.means(edges - (delays[0] - on_grid.delay))
+        gram = self._gram(scalars(between, self.vector, self.size, round(on_grid.delay / BIN)), self.weights[:1])
+        m = _moments(gram, np.array([on_grid.best]))[0, 0]
+        normal = m[:-1, :-1] + np.diag(self.ridge)
+        p = solved(normal, m[:-1, -1:])[:, 0]
+        # factors of time, of a unit or a range are the same about all axes: where a scale for each surely explains more
+        # than chance does, one for all is by so much less certain (Birge's ratio)
+        each = designs()[on_grid.best][:, [0, 0, *range(FREE + 1)]]
+        each[:, :3, :9] *= np.tile(np.eye(3), 3)
+        m = np.sum(each @ gram[0] @ each.swapaxes(1, 2), axis=0)
+        scales = solved(m[:-1, :-1] + np.diag(np.append(self.ridge[[0, 0]], self.ridge)), m[:-1, -1:])[:, 0]
+        apart = 0.5 * float(_rss(m, np.append(p[[0, 0]], p)) - _rss(m, scales))
+        variance = float(solved(normal, np.eye(FREE))[0, 0]) * (apart if apart > CERTAIN else 1.0)
+        return replace(
+            on_grid, delay=delays[0], delay_sd=sds[0], delay_halves=(delays[1], delays[2]), scale=float(p[0]),
+            scale_sd=math.sqrt(variance) * self.wider, bias=p[1:4],
+            offset=length * p[4:7] / max(float(p[0]), 1e-3 * self.scale),
+        )  # fmt: skip
 
     def _blocks(self, shift: int) -> Floats:
         """Gram matrices (blocks, 19, 19) of the scalars, with the rates moved by whole bins."""

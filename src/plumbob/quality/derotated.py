@@ -65,7 +65,7 @@ class _EqualWindows:
     """Windows of one length."""
 
     size: int  # bins of a window
-    residual: Floats  # (scales, shifts, 48, blocks), mean square change of gravity
+    each: Floats  # (scales, shifts, 48, blocks), log-likelihood of one change of gravity
     counts: Floats  # (blocks,), windows that count
 
     def likely(self, first: bool | None = None) -> Floats:
@@ -77,7 +77,7 @@ class _EqualWindows:
         early = np.cumsum(self.counts) <= 0.5 * self.counts.sum()
         early[0], early[-1] = True, False
         counts = self.counts if first is None else np.where(early == first, self.counts, 0.0)
-        return np.asarray(-0.5 * np.log(self.residual + FLOOR**2) @ counts)
+        return np.asarray(self.each @ counts)
 
 
 class _DerotatedSearch:
@@ -117,7 +117,7 @@ class _DerotatedSearch:
                     even = len(valid) // 2 * 2
                     mean, valid = 0.5 * (mean[:even:2] + mean[1:even:2]), valid[:even:2] & valid[1:even:2]
         self.levels = [
-            _EqualWindows(size, power.reshape(*shape[:2], 2 * _HALF, -1), many[size])
+            _EqualWindows(size, -0.5 * np.log(power.reshape(*shape[:2], 2 * _HALF, -1) + FLOOR**2), many[size])
             for size, power in residual.items() if known
         ]  # fmt: skip
         self.logs = [level.likely() for level in self.levels]
@@ -165,7 +165,6 @@ class _DerotatedSearch:
             scale=of_scale[0],
             scale_sd=of_scale[1] * calm.wider,
             bias=refined.bias,
-            offset=np.zeros(3),
             explained=refined.explained,
         )
 

@@ -498,8 +498,16 @@ class Examination:
             fits = {best: fits[best]} if fits[best].explained >= _MOST else fits
         logs = np.log([fitted.scale for fitted in fits.values()])
         weights = np.array([(fitted.scale / fitted.scale_sd) ** 2 for fitted in fits.values()])
-        scale, sd = float(np.exp(logs @ weights / weights.sum())), math.hypot(weights.sum() ** -0.5, 0.5 * np.ptp(logs))
-        self.numbers.setdefault("gyr", {}).update(scale=scale, scale_sd=scale * sd, by=" and ".join(fits))
+        weights /= (total := weights.sum())
+        scale, sd = float(np.exp(logs @ weights)), math.hypot(total**-0.5, 0.5 * np.ptp(logs))
+        in_step = 0.0  # what a field feigns whose direction changes in step with the turning, as much as its size does
+        if "mag" in fits:
+            vector = self.values["mag"] - fits["mag"].offset
+            low, middle, high = np.nanquantile(size := norms(vector), (0.16, 0.5, 0.84))
+            swing = math.sqrt(1.0 - float(np.sum(np.nanmean(vector / size[:, np.newaxis], axis=0) ** 2)))
+            in_step = weights[list(fits).index("mag")] * 0.5 * float(high - low) / (float(middle) * swing)
+        stated = scale * math.hypot(sd, in_step)
+        self.numbers.setdefault("gyr", {}).update(scale=scale, scale_sd=stated, by=" and ".join(fits))
         least = max(_MOST, *(fitted.explained for fitted in fits.values()))
         others = (sensor.found for name, sensor in self.sensors.items() if name not in fits)
         for other in (it for it in others if it is not None and it.explained > least):
@@ -523,14 +531,16 @@ class Examination:
             return
         odds = unit_odds(name, size, sd, declared)
         rest = math.log(size * (odds.factor if odds.unit else 1.0)) if name == "gyr" else 0.0  # that no unit explains
-        if abs(rest) > _GAIN + 3.0 * sd:
-            self._factor(size, sd, sure, rest, by)
+        beyond = max(abs(rest) - _GAIN, 0.0)
+        near = beyond <= 3.0 * sd
+        if not near and (odds.unit in (None, declared) or 0.5 * (beyond / sd) ** 2 >= CERTAIN):
+            self._factor(size, sure, beyond, by)
             return
         if odds.unit is None:
             finding = info("doctor.no_unit", factor=odds.factor)
             self._find(name, "unit", Trust.UNKNOWN, finding, 0.0, *by, lines=[])
             return
-        answer = sure if odds.log_odds >= CERTAIN else Trust.LIKELY if odds.log_odds >= _HINT else Trust.UNKNOWN
+        answer = Trust.UNKNOWN if odds.log_odds < _HINT else sure if near and odds.log_odds >= CERTAIN else Trust.LIKELY
         self.numbers.setdefault(name, {})["unit"] = odds.unit
         wrong = odds.unit != declared and (answer is not Trust.UNKNOWN or odds.declared_odds < -CERTAIN)
         if answer is Trust.UNKNOWN:  # that it is wrong is certain, which of two is right is not
@@ -542,14 +552,16 @@ class Examination:
         finding = info("doctor.unit", unit=odds.unit, factor=factor, sd=sd)
         self._find(name, "unit", answer, finding, odds.log_odds, *by, lines=[line] if wrong else None)
 
-    def _factor(self, size: float, sd: float, sure: Trust, rest: float, by: tuple[Finding, ...]) -> None:
-        """Rates that are wrong by a factor that no unit explains: units are exact, and gains are not so far off."""
+    def _factor(self, size: float, sure: Trust, beyond: float, by: tuple[Finding, ...]) -> None:
+        """Rates that are wrong by a factor that no unit explains, `beyond` what gains are off by, as a logarithm."""
+        sd = float(self.numbers["gyr"]["scale_sd"]) * size
+        numbers = {"factor": size, "sd": size * sd}
         if sure is not Trust.SURE and not all(sensor.fits_declared for sensor in self._trusted()):
-            finding = info("doctor.factor_perhaps", factor=size, sd=size * sd)
-            self._find("gyr", "unit", Trust.UNKNOWN, finding, 0.0, *by)
+            self._find("gyr", "unit", Trust.UNKNOWN, info("doctor.factor_perhaps", **numbers), 0.0, *by)
             return
-        odds = 0.5 * (rest / max(sd, _GAIN)) ** 2
-        self._find("gyr", "unit", sure, info("doctor.factor", factor=size, sd=size * sd), odds, *by, lines=[])
+        odds = 0.5 * (beyond / sd) ** 2
+        answer = sure if odds >= CERTAIN else Trust.LIKELY
+        self._find("gyr", "unit", answer, info("doctor.factor", **numbers), odds, *by, lines=[])
 
     def _delay(self, sensor: _Sensor) -> None:
         fitted = sensor.found

@@ -38,10 +38,8 @@ RATE: Final = (50.0, 5.0)
 """Samples a second: hands, vehicles and waves move below 20 Hz, and nothing is followed with a few samples a second."""
 JITTER: Final = (0.05, 0.5)
 """Standard deviation of the steps, in steps; at half a step the order of samples is in doubt."""
-LOST: Final = (1e-3, 0.1)
-"""Share of lost rows and values; the second is QARTOD's 90 % of good samples."""
-IN_GAPS: Final = (1e-3, 0.1)
-"""Share of the time that lies in gaps; likewise."""
+LOST: Final = (1e-3, 0.1)  # Share of lost rows and values; the second is QARTOD's 90 % of good samples
+IN_GAPS: Final = (1e-3, 0.1)  # Share of the time that lies in gaps; likewise
 GRAVITY: Final = (0.03, 0.2)
 """Departure of the specific force at rest from 9.81 m/s², relative. Uncalibrated parts are off by up to 0.3 m/s²."""
 MOVING: Final = (2.0, 5.0)
@@ -270,19 +268,15 @@ def _timing(steps: _Steps) -> tuple[Criterion, Criterion, Criterion]:
     share = float(holes.sum() / steps.total) if holes.size else 0.0
     lost = 10.0 * (_share(longest, quality.HOLE) + _share(share, IN_GAPS))
     gaps = info("criterion.gaps", count=holes.size, longest=longest, percent=100.0 * share)
-    limits = {
-        "good": quality.HOLE[0], "bad": quality.HOLE[1],
-        "good_percent": 100.0 * IN_GAPS[0], "bad_percent": 100.0 * IN_GAPS[1],
-    }  # fmt: skip
+    gaps = gaps if holes.size else info("criterion.no_gap")
+    percent = {"good_percent": 100.0 * IN_GAPS[0], "bad_percent": 100.0 * IN_GAPS[1]}
     return (
         _judged(
             "rate", 10.0, rate, RATE, info("criterion.rate", rate=rate) if steps.count else info("criterion.one_sample")
         ),
         _judged("jitter", 10.0, steps.jitter, JITTER,
                 info("criterion.jitter", percent=100.0 * steps.jitter, jitter_us=jitter_us)),
-        Criterion(
-            "gaps", 20.0, round(lost, 2), (gaps if holes.size else info("criterion.no_gap"),), limits, longest
-        ),
+        replace(_judged("gaps", 20.0, longest, quality.HOLE, gaps, **percent), lost=round(lost, 2)),
     )  # fmt: skip
 
 

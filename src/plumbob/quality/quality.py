@@ -161,5 +161,5 @@ def _shift(channel: str, samples: Floats) -> float:
         samples = np.sqrt(np.sum(samples * samples, axis=1))[:, np.newaxis]
     sd = np.std(samples, axis=0)
     means = np.array([np.mean(part, axis=0) for part in np.array_split(samples, EIGHTHS)])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.nanmax(np.where(sd > 0.0, np.max(np.abs(np.diff(means, axis=0)), axis=0) / sd, 0.0)))
+    steps = np.max(np.abs(np.diff(means, axis=0)), axis=0)
+    return float(np.nanmax(np.divide(steps, sd, out=np.zeros_like(sd), where=sd > 0.0)))

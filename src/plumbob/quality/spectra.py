@@ -14,14 +14,10 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.time import GAP_FACTOR
 
-SEGMENT: Final = 256.0
-"""Length of a segment at most, s: the waves of a sea stand in steps of 0.004 Hz."""
-FEWEST: Final = 4
-"""A stretch is cut in so many segments at least, so that a density is a mean of several."""
-LEAST: Final = 16
-"""Samples of a segment at least."""
-UNEVEN: Final = 0.25
-"""Samples that depart from even times by more than this part of a step are interpolated."""
+SEGMENT: Final = 256.0  # Length of a segment at most, s: the waves of a sea stand in steps of 0.004 Hz
+FEWEST: Final = 4  # A stretch is cut in so many segments at least, so that a density is a mean of several
+LEAST: Final = 16  # Samples of a segment at least
+UNEVEN: Final = 0.25  # Samples that depart from even times by more than this part of a step are interpolated
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +37,7 @@ class Spectra:
         first = parts[0]
         segments = np.sum([part.segments for part in parts], axis=0)
         total = np.sum([np.where(part.segments > 0, part.density * part.segments, 0.0) for part in parts], axis=0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            density = np.where(segments > 0, total / segments, np.nan)
+        density = np.divide(total, segments, out=np.full_like(total, np.nan), where=segments > 0)
         interpolated = sum(part.interpolated for part in parts)
         return cls(first.frequency, density, segments, first.step, first.length, interpolated)
 
@@ -103,8 +98,7 @@ def welch(
                 power[-1] *= 0.5  # half the rate has no partner
             total[:, channel] += power[1:]
             segments[channel] += 1
-    with np.errstate(divide="ignore", invalid="ignore"):
-        density = np.where(segments > 0, total / segments, np.nan)
+    density = np.divide(total, segments, out=np.full_like(total, np.nan), where=segments > 0)
     return Spectra(frequency, density, segments, step, length, uneven)
 
 

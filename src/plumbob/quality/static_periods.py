@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats, runs
 from plumbob.core.units import dps
 
-BLOCK: Final = 0.25
-"""Length of a block, s."""
-LOUDER: Final = 3.0
-"""Scatter of a block over that of the quiet ones above which the unit was touched."""
+BLOCK: Final = 0.25  # Length of a block, s
+LOUDER: Final = 3.0  # Scatter of a block over that of the quiet ones above which the unit was touched
 MOVED: Final = 0.05
 """Change of the mean specific force from block to block that noise does not make, m/s²: 0.3° of tilt."""
 TURNED: Final = float(dps(1.0))  # mean rate over that of the quiet blocks above which the unit turned, rad/s

@@ -23,14 +23,10 @@ from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import deg
 from plumbob.quality.spectra import peak_period, welch
 
-DEAD: Final = 0.05
-"""Band about the mean within which nothing crosses it, in standard deviations."""
-THIRD: Final = 1.0 / 3.0
-"""Share of the waves, the highest ones, of which the significant double amplitude is the mean."""
-LIMIT: Final = float(deg(15.0))
-"""Inclination that counts as large unless another is given, rad."""
-_BINS = 288
-"""Of the histogram of headings, 1.25° each, so that sectors of 10° and of 22.5° can stand about North."""
+DEAD: Final = 0.05  # Band about the mean within which nothing crosses it, in standard deviations
+THIRD: Final = 1.0 / 3.0  # Share of the waves, the highest ones, of which the significant double amplitude is the mean
+LIMIT: Final = float(deg(15.0))  # Inclination that counts as large unless another is given, rad
+_BINS = 288  # Of the histogram of headings, 1.25° each, so that sectors of 10° and of 22.5° can stand about North
 
 
 def _pooled(parts: "Sequence[TiltMotion] | Sequence[Inclination]") -> tuple[int, float, float]:
