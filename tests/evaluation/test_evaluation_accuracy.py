@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import Frame, Recording, files, simulate
+import plumbob as pb
+from plumbob import Frame, Recording, evaluate, files, simulate
 from plumbob.core.errors import DecodeError
 from plumbob.core.units import deg
 from plumbob.evaluation.metrics import INSIDE, inside_claim
@@ -94,22 +95,37 @@ def test_an_estimator_that_takes_none_of_a_folder_is_left_out_and_a_refused_tria
     assert found.mean()["mekf"][TOTAL] == pytest.approx(np.mean([e["mekf"][TOTAL] for e in found.trials.values()]))
 
 
-def test_one_that_has_nothing_to_score_loses_its_own_mean_and_only_a_part_of_the_time_may_count(folders):
+def test_every_sample_counts_those_of_the_converged_beside_and_only_a_part_of_the_time_may_count(folders):
     """The first seconds of a start in waves are those in which a filter says that it has not converged."""
     both = stages("mekf", "tilt_compass")
-    found = measure_accuracy(trials_in(folders[0]), both, between=(0.0, 0.5), against="tilt_compass")
-    assert len(found.trials) == 2
-    assert found.mean()["mekf"] == dict.fromkeys(KEYS)
-    assert found.mean()["tilt_compass"][TOTAL] > 0.0
-    assert "no sample is left to score" in found.absent["mekf (buoy1)"]
-    assert found.better()["mekf"] == (0, 0)
+    found = measure_accuracy(trials_in(folders[0]), both, between=(0.0, 0.5))
+    for errors in found.trials.values():
+        assert errors["mekf"][TOTAL] > 0.0
+        assert errors["mekf"]["converged_rmse_deg"] is None
+        assert errors["tilt_compass"][TOTAL] == pytest.approx(errors["tilt_compass"]["converged_rmse_deg"])
+    assert found.mean()["mekf"]["converged_rmse_deg"] is None
     whole, first = (
-        measure_accuracy(trials_in(folders[0]), stages("tilt_compass"), between=time) for time in (None, (0.0, 5.0))
+        measure_accuracy(trials_in(folders[0]), stages("mekf", "tilt_compass"), between=time)
+        for time in (None, (0.0, 5.0))
     )
     assert first.trials != whole.trials
     read = files.read(folders[0] / "buoy1.parquet")  # tilt_compass knows nothing of other samples
     alone = measure_accuracy([replace(read, imu=read.imu[:251], name="buoy1")], stages("tilt_compass"))
     assert first.trials["buoy1"]["tilt_compass"][TOTAL] == pytest.approx(alone.trials["buoy1"]["tilt_compass"][TOTAL])
+    track = pb.estimate(read.imu, filter="mekf", frame="ENU").track
+    converged = evaluate(track, read).summary()[TOTAL]  # leaves the others out
+    assert whole.trials["buoy1"]["mekf"]["converged_rmse_deg"] == pytest.approx(converged, rel=1e-12)
+    assert whole.trials["buoy1"]["mekf"][TOTAL] != pytest.approx(converged, rel=1e-3)
+
+
+def test_a_recording_that_cannot_be_aligned_is_named_and_the_others_go_on(folders):
+    """Behind each other in time without a common second: no offset can be found."""
+    read = [replace(files.read(folders[0] / f"buoy{n}.parquet"), name=f"buoy{n}") for n in (1, 2)]
+    still = np.tile(read[0].track.q_nb[:1], (len(read[0].track), 1))
+    read[0] = replace(read[0], track=read[0].track.with_attitude(still))
+    found = measure_accuracy(read, stages("mekf"), align=("time",))
+    assert set(found.trials) == {"buoy2"}
+    assert "buoy1" in found.skipped
 
 
 def test_claims_are_judged_where_there_are_any_and_a_declared_calibration_makes_them_narrower(folders):

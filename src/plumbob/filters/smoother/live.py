@@ -75,10 +75,12 @@ from plumbob.filters.smoother.sweeps import Last, heading_from
 from plumbob.rotations import quat_from_rotvec, quat_multiply
 
 SOONEST: Final = 0.25  # the past is smoothed for the first time after this, s, then each time later by
-GROWS: Final = 1.5
+GROWS: Final = 2.0
 EVERY: Final = 20.0
 """up to this, s."""
-LEAST_PAUSE: Final = 4.0  # and at once, but not sooner than this, s,
+LEAST_PAUSE: Final = 4.0  # and at once, but not sooner than this, s, nor than this share of the past:
+RECENT: Final = 0.1
+"""at most ten seconds are smoothed for each that passes,"""
 AGAINST: Final = 2.0
 """when the unit has turned for so long, s, in fields that are not the one of the place; that one too takes as long."""
 PROVEN: Final = 3.0  # the field of the place counts for so many times the time in which the unit turned in it,
@@ -347,7 +349,9 @@ class Live:
         against, running = False, self._running
         if now >= self._check - 1e-9:
             self._check = now + BLOCK
-            against = running is not None and running.against[0] > AGAINST and now - running.since > LEAST_PAUSE
+            past = now - max(self._arriving.time(0), now - MARGIN, self._jumped)
+            pause = max(LEAST_PAUSE, RECENT * past)
+            against = running is not None and running.against[0] > AGAINST and now - running.since > pause
             if running is not None:  # at times that do not depend on how the stream comes in parts
                 place, unseen = slice(B, B + 3), running.smoothed.bias_sd**2 * np.eye(3)
                 self._biases.append((now, running.last.state[place].copy(), running.last.cov[place, place] + unseen))

@@ -10,13 +10,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from plumbob import files as io
-from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
+from plumbob.core import flags
+from plumbob.core.errors import ClockError, DecodeError, ParameterError, PlumbobError, ShapeError
 from plumbob.core.text import counted
-from plumbob.core.units import dps
+from plumbob.core.units import dps, to_deg
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.recording import Recording
 from plumbob.door.evaluate import evaluate
-from plumbob.evaluation.align import Fate
+from plumbob.evaluation.align import Fate, not_converged
 from plumbob.evaluation.evaluation import Evaluation
 from plumbob.evaluation.metrics import inside_claim
 from plumbob.files.formats import suffixes
@@ -29,7 +30,8 @@ from plumbob.rotations import Frame, North
 
 Errors = dict[str, float | None]
 
-KEYS = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")
+KEYS = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg", "converged_rmse_deg")
+"""Of every sample; the last one is the total without those that an estimator flags as not converged."""
 # Coverage of a claim: shares of samples whose error is within 1.96 claimed standard deviations, and their titles.
 SHARES: Final = {
     "heading_motion": "heading, in motion", "heading_rest": "at rest",
@@ -365,14 +367,20 @@ def _within(reference: AttitudeTrack, imu: ImuData, between: tuple[float, float]
 
 def _judged(track: AttitudeTrack, raw: ImuData, reference: AttitudeTrack, align: Sequence[str]) -> _Result:
     """Errors on one trial; none where an attitude is not finite, because a mean over the others would hide it."""
+    errors: Errors = dict.fromkeys(KEYS)
     if not track.known.all():
-        return _Result(track.source, dict.fromkeys(KEYS), None)
+        return _Result(track.source, errors, None)
+    every = replace(track, flags=None if track.flags is None else track.flags & ~np.uint32(flags.NOT_CONVERGED))
     try:
-        evaluation = evaluate(track, reference, align=align)
-    except ShapeError as error:
-        return _Result(track.source, dict.fromkeys(KEYS), None, str(error))
+        evaluation = evaluate(every, reference, align=align)
+    except (ClockError, ParameterError, ShapeError) as error:
+        return _Result(track.source, errors, None, str(error))
     summary = evaluation.summary()
-    return _Result(track.source, {key: summary[key] for key in KEYS}, _coverage(evaluation, raw))
+    errors |= {key: summary[key] for key in KEYS[:3]}
+    converged = evaluation.match.scored & ~not_converged(track)
+    if "total" in evaluation.stats and converged.any():
+        errors[KEYS[3]] = to_deg(float(np.sqrt(np.mean(evaluation.errors["total"][converged] ** 2))))
+    return _Result(track.source, errors, _coverage(evaluation, raw))
 
 
 def _coverage(evaluation: Evaluation, raw: ImuData) -> Errors | None:
