@@ -412,12 +412,14 @@ def _level(
     frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, tilt_sd: float,
     tilt_var: float, sd: float, *, unit: Floats | None, sure: bool,
 ) -> Inertial:  # fmt: skip
-    """Passes, each from the smoothed start of the one before; the first one without scale and misalignment."""
+    """Two passes, the other from the smoothed start of the first, which is without scale and misalignment.
+
+    Where these are hardly known, both are with them and at the first speed: what they explain was else taken for speed.
+    """
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
     noise, start = ModelVariances.from_params(p, 0.0), tilt.copy()
     free = p.gyr_scale > Params().gyr_scale
-    again = ((NARROW, 1.0),) if free else ()  # what a scale explains was taken for speed before
-    for wide, matrix in ((WIDE, FIXED_MATRIX), *again, (NARROW, 1.0)):
+    for wide, matrix in ((WIDE, 1.0 if free else FIXED_MATRIX), (NARROW, 1.0)):
         bias_sd = sd if wide == WIDE else min(sd, AGAIN_BIAS)
         p0 = start_covariance(
             p, tilt=wide, heading=FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit
@@ -428,9 +430,10 @@ def _level(
         p0[TH + 2, TH + 2] = math.pi**2  # behind a gap the heading may be any, but for what bridges it
         estimate = sweep(
             frames, kind, density, lasting, unused, start, bias, p0, noise, first=first,
-            covariance=matrix == 1.0,
+            covariance=wide == NARROW,
         )  # fmt: skip
-        speed = level_speed(frames, estimate.force[:, :2], sure=sure)
+        if not free or wide == NARROW:
+            speed = level_speed(frames, estimate.force[:, :2], sure=sure)
         start[frames.starts], bias = estimate.q[frames.starts], estimate.bias[0]
         if tilt_sd < NARROW:
             start[0] = tilt[0]
