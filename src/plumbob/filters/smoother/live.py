@@ -3,9 +3,10 @@
 What a few samples cannot tell (the first tilt, a bias that no rest shows, which of two fields belongs to the place) is
 decided by all of the past together, each time again, and so no rule has to be right at once. In between nothing is
 decided: the filter takes rest, speed and the weight of each field from what came before. The past is smoothed soon
-after a start or a gap, then ever more seldom, and at once when the fields of a turning unit contradict the one of the
-place. That one is proven by the time in which the unit turned in it: another must be seen for longer; one in which the
-unit merely lay is proven by nothing. What cannot be decided is doubted: the covariance grows by the angle in question.
+after a start or a gap, then ever more seldom, and at once when the tilt is in doubt or when the fields of a turning unit
+contradict the one of the place. That one is proven by the time in which the unit turned in it: another must be seen for
+longer; one in which the unit merely lay is proven by nothing. What cannot be decided is doubted: the covariance grows
+by the angle in question.
 """
 
 import math
@@ -75,7 +76,7 @@ from plumbob.filters.smoother.sweeps import Last, heading_from
 from plumbob.rotations import quat_from_rotvec, quat_multiply
 
 SOONEST: Final = 0.25  # the past is smoothed for the first time after this, s, then each time later by
-GROWS: Final = 2.0
+GROWS: Final = 1.5
 EVERY: Final = 20.0
 """up to this, s."""
 LEAST_PAUSE: Final = 4.0  # and at once, but not sooner than this, s, nor than this share of the past:
@@ -349,9 +350,11 @@ class Live:
         against, running = False, self._running
         if now >= self._check - 1e-9:
             self._check = now + BLOCK
-            past = now - max(self._arriving.time(0), now - MARGIN, self._jumped)
-            pause = max(LEAST_PAUSE, RECENT * past)
-            against = running is not None and running.against[0] > AGAINST and now - running.since > pause
+            arriving = self._arriving
+            past = now - arriving.time(arriving.from_(max(now - MARGIN, self._jumped)))
+            if running is not None and now - running.since > max(LEAST_PAUSE, RECENT * past):
+                lost = running.cov[0, 0] + running.cov[1, 1] > 2.0 * DOUBTFUL**2  # a tilt that is in doubt
+                against = bool(lost or running.against[0] > AGAINST)
             if running is not None:  # at times that do not depend on how the stream comes in parts
                 place, unseen = slice(B, B + 3), running.smoothed.bias_sd**2 * np.eye(3)
                 self._biases.append((now, running.last.state[place].copy(), running.last.cov[place, place] + unseen))
