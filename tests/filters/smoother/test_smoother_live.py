@@ -70,6 +70,15 @@ def test_a_gap_makes_any_attitude_possible_until_the_motion_behind_it_shows_it()
     assert np.abs(bias - track.bias_b[np.searchsorted(t, 19.9)]).max() < dps(0.1)
 
 
+@pytest.mark.parametrize("begin", [26, 31])
+def test_a_look_that_falls_due_in_a_long_gap_has_no_seconds_before_it_to_doubt(begin):
+    """Of the fifteen seconds in which a jump of the bias is sought nothing came."""
+    h = by_hand(60.0, rest=((0.0, 5.0),), seed=1)
+    keep = (h.t < begin) | (h.t > begin + 20.0)
+    track, _ = followed(h.rows(keep).imu())
+    assert rms_deg(error_n(track.q_nb, h.q[keep])[h.t[keep] > begin + 23.0]).max() < 1.5
+
+
 def test_a_heading_without_a_field_goes_on_over_looks_and_gaps(monkeypatch):
     """It counts from a free zero, which no look at the past may move: the rates explain each step."""
     monkeypatch.setattr(live, "MARGIN", 8.0)

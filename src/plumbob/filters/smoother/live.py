@@ -379,9 +379,9 @@ class Live:
         before = self._before(begin) if past.start and begin > self._jumped else None
         prior = replace(prior, start=None if past.start else self._start, any_bias=self._any_bias, before=before)
         look, anchor, since = partial(smooth, frames, self.p, prior), self._anchor, max(self._believed, now - LATELY)
-        if begin + SURELY < since < now - SURELY:
-            late = arriving.frames(slice(arriving.from_(since), k))
-            look = partial(smooth_lately, frames, late, self.p, prior)
+        lately = slice(arriving.from_(since), k)
+        if begin + SURELY < since < now - SURELY and lately.stop - lately.start >= 3:  # or a gap leaves none
+            look = partial(smooth_lately, frames, arriving.frames(lately), self.p, prior)
         if anchor is not None and anchor[0] < past.start and self._running is not None:
             anchor = (k, self._running.last.attitude.copy())
         if now - begin < SHORT:
