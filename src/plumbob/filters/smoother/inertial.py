@@ -412,9 +412,9 @@ def _level(
     frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, tilt_sd: float,
     tilt_var: float, sd: float, *, unit: Floats | None, sure: bool,
 ) -> Inertial:  # fmt: skip
-    """Two passes, the other from the smoothed start of the first, which is without scale and misalignment.
+    """Two passes, the other from the smoothed start of the first, which hardly moves scale and misalignment.
 
-    Where these are hardly known, both are with them and at the first speed: what they explain was else taken for speed.
+    Where little is known of these both seek them, at the first speed: what they explain would be taken for speed.
     """
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
     noise, start = ModelVariances.from_params(p, 0.0), tilt.copy()

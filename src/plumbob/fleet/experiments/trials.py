@@ -31,7 +31,6 @@ from plumbob.rotations import Frame, North
 Errors = dict[str, float | None]
 
 KEYS = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg", "converged_rmse_deg")
-"""Of every sample; the last one is the total without those that an estimator flags as not converged."""
 # Coverage of a claim: shares of samples whose error is within 1.96 claimed standard deviations, and their titles.
 SHARES: Final = {
     "heading_motion": "heading, in motion", "heading_rest": "at rest",
@@ -43,7 +42,8 @@ SHARES: Final = {
 class Accuracy:
     """Errors of each estimator on each trial."""
 
-    # ``trials[trial][estimator][key]``, degrees; an estimator that takes no trial of a folder is not in them
+    # ``trials[trial][estimator][key]``, degrees, of all samples, the last without those flagged as not converged; an
+    # estimator that takes no trial of a folder is not in them
     trials: dict[str, dict[str, Errors]]
     settings: dict[str, str]  # what ran, by estimator; several where recordings know different declinations
     align: tuple[str, ...]  # what was aligned before the errors were measured
@@ -155,12 +155,13 @@ class Accuracy:
             if not (excess := self.differences(key)):
                 continue
             rows = [
-                [trial, _degrees(self.trials[trial][self.against][key]), *(_signed(row.get(o)) for o in others)]
+                [trial, _degrees(self.trials[trial][self.against][key]), *(_degrees(row.get(o), "+") for o in others)]
                 for trial, row in excess.items()
             ]
-            means = [np.mean([row[o] for row in excess.values() if o in row] or [np.nan]) for o in others]
+            means = [float(np.mean([row[o] for row in excess.values() if o in row] or [np.nan])) for o in others]
+            more = [_degrees(value, "+") for value in means]
             better = [f"{n} of {of}" for n, of in self.better(key).values()]
-            rows += [["mean", _degrees(self._mean(list(excess), self.against, key)), *map(_signed, map(float, means))]]
+            rows += [["mean", _degrees(self._mean(list(excess), self.against, key)), *more]]
             rows += [["better in", "", *better]]
             title = f"{key.partition('_')[0].capitalize()} RMSE of {self.against}, and what others have more [°]"
             yield Table(title, ["", self.against, *others], rows)
@@ -188,12 +189,8 @@ def _mean_and_least(shares: Sequence[float | None]) -> tuple[float, float] | Non
     return (sum(present) / len(present), min(present)) if present else None
 
 
-def _degrees(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"
-
-
-def _signed(value: float | None) -> str:
-    return "–" if value is None or np.isnan(value) else f"{value:+.3f}"
+def _degrees(value: float | None, sign: str = "") -> str:
+    return "–" if value is None or np.isnan(value) else f"{value:{sign}.3f}"
 
 
 def _share(pair: tuple[float, float] | None) -> str:
