@@ -307,34 +307,7 @@ and 4.2° without them, three and one and a half times what stands here: expect 
 """
 
 
-FOOT = """## On your own recordings
-
-`plumbob benchmark accuracy` does the same with any recordings that carry a reference, and `--help` lists what can be
-changed in them first:
-
-```sh
-plumbob benchmark accuracy trials other --filters smoother,mekf --peers vqf --against smoother --align heading
-plumbob benchmark accuracy trials --filters smoother --gaps 5x1s --seed 2
-plumbob benchmark accuracy trials --filters smoother --wrong-field "20,0,0uT:30s-90s@motion" --calibrated
-```
-
-In Python the words are the same; `trials_in(Path("trials"))` gives the recordings of a folder:
-
-```python
-import plumbob as pb
-from plumbob.fleet.experiments.trials import measure_accuracy
-from plumbob.filters.offline import Stage
-
-run = pb.simulate("buoy", frame="ENU", sensors="mpu6000+hmc5983", unit="calibrated", seed=1, duration="40 s")
-sea = pb.Recording(imu=run.imu, track=run.truth, name="sea")
-found = measure_accuracy([sea], [Stage("smoother", {})], changes={"bias": "1dps"})
-print(f"{found.mean()['smoother']['inclination_rmse_deg']:.1f}°")
-```
-
-```text
-0.1°
-```
-"""
+FOOT = Path(__file__).with_name("accuracy_foot.md").read_text(encoding="utf-8")
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], number: str = "---:") -> str:

@@ -20,8 +20,6 @@ from plumbob.filters.smoother.samples import GATED
 LASTING: Final = 3.0  # a field that is wrong for less than this, s, is not named
 MOST: Final = 5  # spells that are named
 TOLD: Final = 1.5  # smaller fields of the unit, µT, are not named
-
-
 MOSTLY: Final = 0.5  # share of a recording above which a remark names the other causes that it may have
 
 
@@ -80,30 +78,22 @@ def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[Finding]:
     gated = (smoothed.weight < GATED) & np.isfinite(smoothed.sweep.field[:, 0])
     if when := _spells(smoothed.frames.time, gated, begin, end):
         remarks.append(_doubted("estimate.field_wrong", when, gated))
-    if smoothed.reference.rival is not None:
-        level, up = smoothed.reference.rival
-        remarks.append(
-            warning(
-                "estimate.two_fields", level=smoothed.reference.level, up=smoothed.reference.vertical,
-                other_level=level, other_up=up, heading_deg=float(to_deg(smoothed.rival_turn)),
-            )
-        )  # fmt: skip
+    if (place := smoothed.reference).rival is not None:
+        names, parts = ("level", "up", "other_level", "other_up"), (place.level, place.vertical, *place.rival)
+        turn = float(to_deg(smoothed.rival_turn))
+        remarks.append(warning("estimate.two_fields", **dict(zip(names, parts, strict=True)), heading_deg=turn))
     return remarks
 
 
 def _gaps(time: Floats, begin: float, end: float) -> list[Finding]:
     inside = time[(time >= begin) & (time <= end)]
-    if not inside.size:
-        return []
-    return [warning("estimate.gaps", count=inside.size, ends=tuple(f"{x:.1f}" for x in inside[:MOST]))]
+    ends = tuple(f"{x:.1f}" for x in inside[:MOST])
+    return [warning("estimate.gaps", count=inside.size, ends=ends)] if ends else []
 
 
 def _spells(time: Floats, which: Bools, begin: float, end: float) -> str:
     """Times, s, for which something lasted, the longest few of them; empty where none did for long."""
     spells = [(max(float(time[a]), begin), min(float(time[b]), end)) for a, b in check.runs(which)]
     long = sorted((s for s in spells if s[1] - s[0] >= LASTING), key=lambda s: s[0] - s[1])
-    total = math.fsum(b - a for a, b in long)
-    if not long:
-        return ""
     named = ", ".join(f"{a:.0f}–{b:.0f} s" for a, b in sorted(long[:MOST]))
-    return named if len(long) <= MOST else f"{named} and more, {total:.0f} s in all"
+    return named if len(long) <= MOST else f"{named} and more, {math.fsum(b - a for a, b in long):.0f} s in all"
