@@ -11,7 +11,7 @@ from plumbob.arm import ArmCard, align, run
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.core.units import deg
 from plumbob.data.chain import Chain, Joint, Segment
-from plumbob.rotations import (
+from plumbob.rotations import (  # fmt: skip
     change_frame,
     dcm_from_quat,
     quat_angle,
@@ -19,7 +19,7 @@ from plumbob.rotations import (
     quat_from_rotvec,
     quat_multiply,
     quat_rotate,
-)  # fmt: skip
+)
 
 INSTANT = {"mean_rate": False}
 """The simulator takes the rate at the instant of a sample."""

@@ -13,10 +13,11 @@ from plumbob import files
 from plumbob.core.signals import stopped_by_signals
 from plumbob.files.mcap import open_log
 from plumbob.live.transports.transport import Stop
-from tests.helpers import until
+from tests.helpers import beside, until
 from tests.helpers.commandline import PLUMBOB, answer, emulated, typed
 
 TIMEOUT = 120
+SESSION = beside(__file__, "live_session.toml")
 
 
 @pytest.fixture(scope="module")
@@ -24,18 +25,8 @@ def recorded(tmp_path_factory):
     """A recording of 20 s of sea in one second, made as a user makes one."""
     folder = tmp_path_factory.mktemp("live")
     with emulated(folder, "--speed 20 --duration 20s --truth truth.parquet") as link:
-        (folder / "s.toml").write_text(f"""
-kind = "plumbob session"
-version = 1
-source = {{ kind = "serial", port = "{link}", baud = 115200, speed = 20 }}
-format = {{ name = "buoy" }}
-calibration = {{ card = "truth.card.json" }}
-estimate = {{ filter = "mahony", params = {{ kp = 0.5 }} }}
-[imu]
-device = "{json.loads((folder / "truth.card.json").read_text())["device"]}"
-frame = "NED"
-declination = "0 deg"
-""")
+        device = json.loads((folder / "truth.card.json").read_text())["device"]
+        (folder / "s.toml").write_text(SESSION.replace("LINK", str(link)).replace("DEVICE", device))
         told = typed("record s.toml --out a.mcap --duration 4s --json", cwd=folder)
     return folder, json.loads(told.stdout), told.stderr
 

@@ -115,7 +115,8 @@ def test_a_recording_that_cannot_be_aligned_is_named_and_the_others_go_on(folder
     still, other = (replace(files.read(folders[0] / f"buoy{n}.parquet"), name=f"buoy{n}") for n in (1, 2))
     still = replace(still, track=still.track.with_attitude(np.tile(still.track.q_nb[0], (len(still.track), 1))))
     found = measure_accuracy([still, other], stages("mekf"), align=("time",))
-    assert (set(found.trials), set(found.skipped)) == ({"buoy2"}, {"buoy1"})
+    assert found.mean()["mekf"][TOTAL] == found.trials["buoy2"]["mekf"][TOTAL] > 0.0
+    assert list(found.skipped) == ["buoy1"]
 
 
 def test_claims_are_judged_where_there_are_any_and_a_declared_calibration_makes_them_narrower(folders):

@@ -17,7 +17,7 @@ import plumbob
 from plumbob.core.units import to_deg
 from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import euler_zyx_from_quat
-from tests.helpers import PATIENCE, until
+from tests.helpers import PATIENCE, beside, until
 from tests.helpers.browser import viewed
 from tests.helpers.commandline import PLUMBOB, ok
 from tests.helpers.feeding import Body, hello, request, serving
@@ -276,17 +276,7 @@ def test_axe_has_no_serious_finding_and_nothing_is_wider_than_the_screen(chromiu
         assert serious == []
 
 
-LISTEN = """async () => {
-    const line = new WebSocket(location.origin.replace("http", "ws") + "/ws");
-    line.binaryType = "arraybuffer";
-    const seen = [];
-    await new Promise((done, fail) => {
-        line.onmessage = (event) => { seen.push(event.data); if (seen.length === 3) done(); };
-        line.onclose = (event) => fail(new Error(`closed ${event.code}`));
-    });
-    line.close();
-    return [seen[0], seen[1].byteLength, seen[2].byteLength];
-}"""
+LISTEN = beside(__file__, "listen.js")
 
 
 def test_a_browser_comes_in_by_the_link_and_the_page_runs_under_its_policy(chromium, tmp_path):

@@ -30,7 +30,7 @@ from plumbob.rotations import Frame, North
 
 Errors = dict[str, float | None]
 
-KEYS = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg", "converged_rmse_deg")
+KEYS: Final = tuple(f"{name}_rmse_deg" for name in ("total", "heading", "inclination", "converged"))
 # Coverage of a claim: shares of samples whose error is within 1.96 claimed standard deviations, and their titles.
 SHARES: Final = {
     "heading_motion": "heading, in motion", "heading_rest": "at rest",
@@ -40,10 +40,9 @@ SHARES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """Errors of each estimator on each trial."""
+    """Errors of each estimator on each trial, of all samples; and totals of those not flagged as not converged."""
 
-    # ``trials[trial][estimator][key]``, degrees, of all samples, the last without those flagged as not converged; an
-    # estimator that takes no trial of a folder is not in them
+    # ``trials[trial][estimator][key]``, degrees; an estimator that takes no trial of a folder is not in them
     trials: dict[str, dict[str, Errors]]
     settings: dict[str, str]  # what ran, by estimator; several where recordings know different declinations
     align: tuple[str, ...]  # what was aligned before the errors were measured
@@ -114,8 +113,9 @@ class Accuracy:
     def report(self) -> Report:
         """Table of the trials and their mean for each estimator, and the means beside each other."""
         parts = [Report(setting, tables=[self._errors(name)]) for name, setting in self.settings.items()]
-        means = f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"
-        remarks = [means] if self.skipped else []
+        remarks = [f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"] * bool(
+            self.skipped
+        )
         remarks += [f"skipped {name}: {why}" for name, why in self.skipped.items()]
         remarks += [f"left out: {name}: {why}" for name, why in self.absent.items()]
         tables = [*self._paired(), *self._claimed(), *self._means()]
@@ -158,8 +158,8 @@ class Accuracy:
                 [trial, _degrees(self.trials[trial][self.against][key]), *(_degrees(row.get(o), "+") for o in others)]
                 for trial, row in excess.items()
             ]
-            means = [float(np.mean([row[o] for row in excess.values() if o in row] or [np.nan])) for o in others]
-            more = [_degrees(value, "+") for value in means]
+            means = [np.mean([row[o] for row in excess.values() if o in row] or [np.nan]) for o in others]
+            more = [_degrees(float(value), "+") for value in means]
             better = [f"{n} of {of}" for n, of in self.better(key).values()]
             rows += [["mean", _degrees(self._mean(list(excess), self.against, key)), *more]]
             rows += [["better in", "", *better]]
@@ -399,14 +399,9 @@ def _coverage(evaluation: Evaluation, raw: ImuData) -> Errors | None:
 
 
 def _gathered(
-    measured: Sequence[_Trial],
-    names: Sequence[str],
-    align: tuple[str, ...],
-    skipped: dict[str, str],
-    absent: dict[str, str],
-    changes: dict[str, str],
-    against: str | None,
-) -> Accuracy:
+    measured: Sequence[_Trial], names: Sequence[str], align: tuple[str, ...], skipped: dict[str, str],
+    absent: dict[str, str], changes: dict[str, str], against: str | None,
+) -> Accuracy:  # fmt: skip
     """Trials that all can take who take any of their folder."""
     folders = dict.fromkeys(trial.folder for trial in measured)
     shared: dict[str, _Trial] = {}
@@ -431,16 +426,12 @@ def _gathered(
     sources = {n: dict.fromkeys(t.results[n].source for t in shared.values() if n in t.results) for n in names}
     return Accuracy(
         {key: {name: result.errors for name, result in trial.results.items()} for key, trial in shared.items()},
-        {name: " or ".join(labels) for name, labels in sources.items() if labels},
-        align,
-        skipped,
-        absent,
+        {name: " or ".join(labels) for name, labels in sources.items() if labels}, align, skipped, absent,
         {key: trial.calibration for key, trial in shared.items()},
         {key: {n: r.shares for n, r in trial.results.items() if r.shares is not None} for key, trial in shared.items()},
         {folder: keys for folder in folders if (keys := [key for key, t in shared.items() if t.folder == folder])},
-        changes,
-        against,
-    )
+        changes, against,
+    )  # fmt: skip
 
 
 def unused_name(name: str, used: Mapping[str, object]) -> str:
