@@ -10,7 +10,7 @@ over a block of time is all that the 48 arrangements, the scale, the biases and 
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from typing import Final
 
 import numpy as np
@@ -146,8 +146,8 @@ class VectorFit:
     # scale, scale_sd: what the rates have to be multiplied by
     scale: float = math.nan
     scale_sd: float = math.inf
-    bias: Floats = field(default_factory=lambda: np.zeros(3))  # of the rates in the sensor's axes, their unit × scale
-    offset: Floats = field(default_factory=lambda: np.zeros(3))  # of the sensor, in its unit
+    bias: Floats = field(default_factory=partial(np.zeros, 3))  # of the rates in the sensor's axes, their unit × scale
+    offset: Floats = field(default_factory=partial(np.zeros, 3))  # of the sensor, in its unit
     explained: float  # part of the change that the best arrangement explains, 0 to 1
     contradicted: bool = False  # whether windows of another length say something else
     in_step: float = 0.0  # delay that pushes feign where they come in step with the turning, s
@@ -204,7 +204,15 @@ class _ArrangementSearch:
         """Best delay of each arrangement on the grid, and their odds by blocks; what depends on the delay is open."""
         reach = min(round(LONGEST_DELAY / BIN), len(self.rate) // 4)
         shifts = np.arange(-reach, reach + 1)
-        residual = self._residuals(shifts)  # (shifts, 48)
+        rows = (scalars(self.rate, self.vector, self.size, int(shift)) for shift in shifts)
+        grams = np.concatenate([self._gram(row, self.weight[np.newaxis]) for row in rows])
+        m = _moments(grams, np.arange(len(_TURNED)))  # (24, shifts, 11, 11)
+        change = m[0, :, -1, -1]
+        weak = np.diag(self.ridge) * (change / (3.0 * self.block * len(self.weight)) + 1e-12)[:, np.newaxis, np.newaxis]
+        p = solved(m[..., :-1, :-1] + weak, m[..., :-1, -1:])[..., 0]
+        rss = _rss(m, p)  # the negative of an arrangement has the same solution with the scale negated, but that is > 0
+        both = np.concatenate([np.where(sign * p[..., 0] > 0.0, rss, change) for sign in (1.0, -1.0)])
+        residual = (both / np.maximum(change, 1e-300)).T  # part of the change that is left, (shifts, 48)
         at = residual.argmin(axis=0)
         cut = {int(i): self._blocks(int(shifts[i])) for i in np.unique(at)}
         count = min(map(len, cut.values()))
@@ -273,21 +281,6 @@ class _ArrangementSearch:
         count = min(max(1, row.shape[1] // self.block), len(weights[0])) * self.block
         row = row[:, :count]
         return np.array([(row * np.repeat(weight, self.block)[: row.shape[1]]) @ row.T for weight in weights])
-
-    def _residuals(self, shifts: NDArray[np.int64]) -> Floats:
-        """Part of the change that each arrangement leaves at each shift (S, 48).
-
-        The negative of an arrangement has the same solution with the scale negated, and a scale is positive.
-        """
-        rows = (scalars(self.rate, self.vector, self.size, int(shift)) for shift in shifts)
-        grams = np.concatenate([self._gram(row, self.weight[np.newaxis]) for row in rows])
-        m = _moments(grams, np.arange(len(_TURNED)))  # (24, S, 11, 11)
-        change = m[0, :, -1, -1]
-        weak = np.diag(self.ridge) * (change / (3.0 * self.block * len(self.weight)) + 1e-12)[:, np.newaxis, np.newaxis]
-        p = solved(m[..., :-1, :-1] + weak, m[..., :-1, -1:])[..., 0]
-        rss = _rss(m, p)
-        both = np.concatenate([np.where(sign * p[..., 0] > 0.0, rss, change) for sign in (1.0, -1.0)])
-        return np.asarray((both / np.maximum(change, 1e-300)).T)
 
     def delays(self, rates: Samples, edges: Floats, n: int, start: float) -> tuple[list[float], list[float]]:
         """Delay of an arrangement and its standard deviation, s, by all blocks and by either half of them.
