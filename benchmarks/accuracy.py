@@ -417,9 +417,8 @@ def live_text(found: Mapping[str, Any]) -> str:
     for row in cells:
         both = (rows[row[0]]["mean"][name][KEYS[3]] for name in ("`smoother`, no lag", "mekf"))
         row += ["–" if value is None else f"{value:.2f}" for value in both]
-    shares = [
-        [row, f"{of['worst']:.2f}", *map(mean_and_worst, of["claims"].values())] for row, of in found["live"].items()
-    ]
+    parts = found["live"].items()
+    shares = [[row, f"{of['worst']:.2f}", *map(mean_and_worst, of["claims"].values())] for row, of in parts]
     return f"""## Without a lag
 
 `lag = 0 s` (`plumbob run --lag 0s`): the smoother over the past two minutes, now and then, and a filter that goes on
@@ -461,14 +460,15 @@ and with each parameter at half and at twice its value:
 def choice_text(found: Mapping[str, Any]) -> str:
     rows = []
     for title, judged, asked in (("even", 1, 0), ("odd", 0, 1)):
-        halves = [{n: (mean(v[asked::2]), mean(v[judged::2])) for n, v in each.items()} for each in found["sets"]]
+        several = [{n: v for n, v in each.items() if len(v) > 1} for each in found["sets"]]
+        halves = [{n: (mean(v[asked::2]), mean(v[judged::2])) for n, v in each.items()} for each in several]
         usual = halves[0]
 
         def score(each: Mapping[str, tuple[float, float]], base: Mapping[str, tuple[float, float]] = usual) -> float:
             return mean([each[n][0] / base[n][0] for n in base])
 
         best = min(halves[1:], key=score)
-        for name in SETS:
+        for name in usual:
             hindsight = min(each[name][1] for each in halves)
             change = best[name][1] / usual[name][1] - 1.0
             values = (usual[name][1], best[name][1], hindsight)
