@@ -33,6 +33,5 @@ def test_what_is_best_on_one_half_is_judged_on_the_other():
 @pytest.mark.parametrize("name", accuracy.SETS)
 def test_each_set_has_its_recordings(name, broad_folder):
     """As many as the page says; a phone's recording is in one of its sets."""
-    count = {"BROAD": 15, "wand": 8, "phones, magnets near": 14, "phones": 20, "chain, rigid": 5, "chain, soft": 5}
-    count |= {"logger": 2, "coarse unit": 3, "quadrotor": 1}
-    assert len(list(broad_folder.parent.glob(accuracy.SETS[name][0]))) == count.get(name, 6)
+    count = dict(zip(accuracy.SETS, (15, 8, 14, 20, 5, 5, 6, 2, 3, 1), strict=True))
+    assert len(list(broad_folder.parent.glob(accuracy.SETS[name][0]))) == count[name]
