@@ -512,8 +512,8 @@ def draw_picture(rows: Mapping[str, Any]) -> None:
                 if value is not None:
                     axes.plot(value, -i, "o", color=colours[name], ms=4.5)
         axes.set_yticks([-i for i in range(len(rows))], list(rows))
-        axes.set_xscale("log")
-        axes.set_xticks([0.5, 1, 2, 5, 10, 20, 50], ["0.5", "1", "2", "5", "10", "20", "50"])
+        axes.set(xscale="log", xlim=(0.45, 130.0))
+        axes.set_xticks([0.5, 1, 2, 5, 10, 20, 50, 100], ["0.5", "1", "2", "5", "10", "20", "50", "100"])
         axes.minorticks_off()
         axes.set_xlabel("total error [°]")
 
