@@ -555,13 +555,13 @@ class Examination:
     def _factor(self, size: float, sure: Trust, beyond: float, by: tuple[Finding, ...]) -> None:
         """Rates that are wrong by a factor that no unit explains, `beyond` what gains are off by, as a logarithm."""
         sd = float(self.numbers["gyr"]["scale_sd"]) * size
-        numbers = {"factor": size, "sd": size * sd}
         if sure is not Trust.SURE and not all(sensor.fits_declared for sensor in self._trusted()):
-            self._find("gyr", "unit", Trust.UNKNOWN, info("doctor.factor_perhaps", **numbers), 0.0, *by)
+            finding = info("doctor.factor_perhaps", factor=size, sd=size * sd)
+            self._find("gyr", "unit", Trust.UNKNOWN, finding, 0.0, *by)
             return
         odds = 0.5 * (beyond / sd) ** 2
         answer = sure if odds >= CERTAIN else Trust.LIKELY
-        self._find("gyr", "unit", answer, info("doctor.factor", **numbers), odds, *by, lines=[])
+        self._find("gyr", "unit", answer, info("doctor.factor", factor=size, sd=size * sd), odds, *by, lines=[])
 
     def _delay(self, sensor: _Sensor) -> None:
         fitted = sensor.found

@@ -68,8 +68,7 @@ def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[Finding]:
         if iron:  # taken off, where a suspect one is not
             remarks.append(warning("estimate.field_of_unit", field=iron))
         elif suspect >= TOLD:
-            turn = float(to_deg(smoothed.iron_turn))
-            remarks.append(warning("estimate.field_suspect", field=suspect, heading_deg=turn))
+            remarks.append(warning("estimate.field_suspect", field=suspect, heading_deg=to_deg(smoothed.iron_turn)))
         if attached.present and (
             when := _spells(smoothed.frames.time, np.asarray(attached.magnet.any(axis=1)), begin, end)
         ):
@@ -78,10 +77,11 @@ def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[Finding]:
     gated = (smoothed.weight < GATED) & np.isfinite(smoothed.sweep.field[:, 0])
     if when := _spells(smoothed.frames.time, gated, begin, end):
         remarks.append(_doubted("estimate.field_wrong", when, gated))
-    if (place := smoothed.reference).rival is not None:
-        names, parts = ("level", "up", "other_level", "other_up"), (place.level, place.vertical, *place.rival)
-        turn = float(to_deg(smoothed.rival_turn))
-        remarks.append(warning("estimate.two_fields", **dict(zip(names, parts, strict=True)), heading_deg=turn))
+    if (main := smoothed.reference).rival is not None:
+        (level, up), turn = main.rival, float(to_deg(smoothed.rival_turn))
+        remarks.append(warning(
+            "estimate.two_fields", level=main.level, up=main.vertical, other_level=level, other_up=up, heading_deg=turn
+        ))  # fmt: skip
     return remarks
 
 
