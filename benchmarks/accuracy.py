@@ -399,8 +399,8 @@ def variants_text(rows: Mapping[str, Any]) -> str:
     return f"""## Recordings made harder
 
 The 15 trials of BROAD, each changed in the same way; what is drawn comes from seed 1. A dash: an estimator that cannot
-take rows without values. vqf.VQF and vqf.offlineVQF take one
-time step for all samples, so that a gap is a jump to them.
+take rows without values. vqf.VQF and vqf.offlineVQF take one time step for all samples, so that a gap is a jump to
+them.
 
 {table(["", *names], compared(rows))}
 The smoother's worst recording, total, and its claims, as above:

@@ -79,9 +79,8 @@ SOONEST: Final = 0.25  # the past is smoothed for the first time after this, s, 
 GROWS: Final = 1.5
 EVERY: Final = 20.0
 """up to this, s."""
-LEAST_PAUSE: Final = 4.0  # and at once, but not sooner than this, s, nor than this share of the past:
-RECENT: Final = 0.1
-"""at most ten seconds are smoothed for each that passes,"""
+LEAST_PAUSE: Final = 4.0  # and at once, but not sooner than this, s, nor than
+RECENT: Final = 0.1  # this share of the past: at most ten seconds are smoothed for each that passes,
 AGAINST: Final = 2.0
 """when the unit has turned for so long, s, in fields that are not the one of the place; that one too takes as long."""
 PROVEN: Final = 3.0  # the field of the place counts for so many times the time in which the unit turned in it,
@@ -350,12 +349,10 @@ class Live:
         against, running = False, self._running
         if now >= self._check - 1e-9:
             self._check = now + BLOCK
-            arriving = self._arriving
-            past = now - arriving.time(arriving.from_(max(now - MARGIN, self._jumped)))
-            if running is not None and now - running.since > max(LEAST_PAUSE, RECENT * past):
-                lost = running.cov[0, 0] + running.cov[1, 1] > 2.0 * DOUBTFUL**2  # a tilt that is in doubt
-                against = bool(lost or running.against[0] > AGAINST)
             if running is not None:  # at times that do not depend on how the stream comes in parts
+                if now - running.since > max(LEAST_PAUSE, RECENT * (now - self._arriving.time(self._begin(now)))):
+                    lost = running.cov[0, 0] + running.cov[1, 1] > 2.0 * DOUBTFUL**2  # a tilt that is in doubt
+                    against = bool(lost or running.against[0] > AGAINST)
                 place, unseen = slice(B, B + 3), running.smoothed.bias_sd**2 * np.eye(3)
                 self._biases.append((now, running.last.state[place].copy(), running.last.cov[place, place] + unseen))
         if self._look is None and (now >= self._due - 1e-9 or against):
@@ -366,10 +363,14 @@ class Live:
                 changed = self._hand_over(k)
         return changed
 
+    def _begin(self, now: float) -> int:
+        """Step at which a look at the past begins that is asked for now."""
+        return self._arriving.from_(max(now - MARGIN, self._jumped))
+
     def _begun(self, k: int, now: float) -> Look | None:
         """A look at the past that begins now; None where that is too short."""
         arriving = self._arriving
-        past = slice(arriving.from_(max(now - MARGIN, self._jumped)), k)
+        past = slice(self._begin(now), k)
         if past.stop - past.start < 3:
             return None
         frames = arriving.frames(past)

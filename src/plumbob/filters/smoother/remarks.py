@@ -29,8 +29,7 @@ def remarks_before(imu: ImuData) -> list[Finding]:
     if lag is None or not lag.found:
         return []
     late, early = ("gyroscope", "accelerometer") if lag.delay > 0.0 else ("accelerometer", "gyroscope")
-    delay, sd = 1e3 * abs(lag.delay), 1e3 * lag.sd
-    return [warning("estimate.delay", late=late, early=early, delay_ms=delay, sd_ms=sd)]
+    return [warning("estimate.delay", late=late, early=early, delay_ms=1e3 * abs(lag.delay), sd_ms=1e3 * lag.sd)]
 
 
 def remarks_so_far(gaps: Floats, t: Floats, word: NDArray[np.uint32], *, mag: bool) -> list[Finding]:

@@ -19,7 +19,7 @@ from plumbob.data.recording import Recording
 from plumbob.door.evaluate import evaluate
 from plumbob.evaluation.align import Fate, not_converged
 from plumbob.evaluation.evaluation import Evaluation
-from plumbob.evaluation.metrics import inside_claim
+from plumbob.evaluation.metrics import Stats, inside_claim
 from plumbob.files.formats import suffixes
 from plumbob.filters.offline import Stage, navigation_frame, run_stage
 from plumbob.fleet.experiments.peers import PeerRun, peer_track
@@ -113,9 +113,8 @@ class Accuracy:
     def report(self) -> Report:
         """Table of the trials and their mean for each estimator, and the means beside each other."""
         parts = [Report(setting, tables=[self._errors(name)]) for name, setting in self.settings.items()]
-        remarks = [f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"] * bool(
-            self.skipped
-        )
+        means = f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"
+        remarks = [means] if self.skipped else []
         remarks += [f"skipped {name}: {why}" for name, why in self.skipped.items()]
         remarks += [f"left out: {name}: {why}" for name, why in self.absent.items()]
         tables = [*self._paired(), *self._claimed(), *self._means()]
@@ -375,8 +374,9 @@ def _judged(track: AttitudeTrack, raw: ImuData, reference: AttitudeTrack, align:
     summary = evaluation.summary()
     errors |= {key: summary[key] for key in KEYS[:3]}
     converged = evaluation.match.scored & ~not_converged(track)
-    if "total" in evaluation.stats and converged.any():
-        errors[KEYS[3]] = to_deg(float(np.sqrt(np.mean(evaluation.errors["total"][converged] ** 2))))
+    if (total := evaluation.errors.get("total")) is not None:
+        stats = Stats.from_errors(total[converged], track.t[converged])
+        errors[KEYS[3]] = None if stats is None else to_deg(stats.rmse)
     return _Result(track.source, errors, _coverage(evaluation, raw))
 
 
