@@ -35,12 +35,11 @@ def made(seed, duration=6.0):
     return plumbob.Recording(imu=found.imu, track=found.truth, name=f"r{seed}")
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    root = tmp_path_factory.mktemp("fleet") / "in"
+def filled(root, duration=6.0):
+    """A folder of recordings of so many seconds, some damaged."""
     (root / "deep").mkdir(parents=True)
     for seed in range(GOOD):
-        plumbob.write(root / ("deep" if seed % 3 == 0 else "") / f"r{seed}.parquet", made(seed))
+        plumbob.write(root / ("deep" if seed % 3 == 0 else "") / f"r{seed}.parquet", made(seed, duration))
     whole = (root / "r1.parquet").read_bytes()
     (root / "cut.parquet").write_bytes(whole[: len(whole) // 2])
     (root / "empty.parquet").write_bytes(b"")
@@ -50,9 +49,22 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return filled(tmp_path_factory.mktemp("fleet") / "in")
+
+
+@pytest.fixture(scope="module")
 def dataset(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("fleet") / "out"
     return plumbob.batch(folder, out, jobs=1, **SETTINGS), out
+
+
+@pytest.fixture(scope="module")
+def lasting(tmp_path_factory):
+    """A folder whose batch lasts longer than a signal to it on a busy machine, and that batch."""
+    root = tmp_path_factory.mktemp("lasting")
+    folder = filled(root / "in", 200.0)
+    return folder, plumbob.batch(folder, root / "out", jobs=1, **SETTINGS), root / "out"
 
 
 @pytest.fixture
@@ -198,8 +210,8 @@ def lives(pid):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the system has no SIGKILL")
 @pytest.mark.parametrize(("name", "code", "jobs"), [("SIGTERM", 143, 1), ("SIGKILL", -9, 2), ("SIGINT", 130, 2)])
-def test_a_killed_run_leaves_whole_files_and_no_process_and_goes_on(folder, dataset, tmp_path, name, code, jobs):
-    out = tmp_path / "out"
+def test_a_killed_run_leaves_whole_files_and_no_process_and_goes_on(lasting, tmp_path, name, code, jobs):
+    (folder, *dataset), out = lasting, tmp_path / "out"
     words = [sys.executable, "-m", "plumbob", "batch", folder, "--out", out, "--filter", "mahony", "--jobs", str(jobs)]
     child = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
     until(lambda: len(list(out.glob("_jobs/*.json"))) >= 2 or child.poll() is not None, "no recording is done")

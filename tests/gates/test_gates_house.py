@@ -9,26 +9,11 @@ from pathlib import Path
 import pytest
 
 from gates import PYTEST
+from tests.helpers import beside
 
 ROOT = Path(__file__).parents[2]
-MAIN = '''"""Verbs."""
-
-from plumbob.core.steps import step
-
-
-def main(words):
-    """Run a verb."""
-    step(words[0])
-    return 0
-'''
-STEPS = '''"""Steps."""
-
-
-def step(verb):
-    """Take a step."""
-    return len(verb)
-'''
-
+MAIN = beside(__file__, "house_main.txt")
+STEPS = beside(__file__, "house_steps.txt")
 
 FILES = {
     "src/plumbob/__init__.py": '"""A house."""\n', "src/plumbob/cli/__init__.py": "", "src/plumbob/cli/main.py": MAIN,
