@@ -9,6 +9,7 @@ import pytest
 
 import plumbob
 from plumbob import Stream, apply_card, find_format, read_array
+from plumbob.arm.array import Monitor
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, PlumbobError
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import PRESETS, ImuArray, UnitMount
@@ -88,6 +89,18 @@ def assert_same(mine, other, *, but=()):
         for field in (f.name for f in fields(ImuData) if f.name not in but):
             a, b = getattr(mine.units[name], field), getattr(other.units[name], field)
             assert a.tobytes() == b.tobytes() if isinstance(a, np.ndarray) else a == b, (name, field)
+
+
+def test_units_of_a_line_are_one_that_leaves_out_who_is_wrong_as_of_a_file():
+    text = ALL + '[array]\nscheme = "monitor"\n'
+    found = through(items(arm(duration=20.0)), session(text))[1]
+    array = through(items(arm(duration=20.0)), session())[1].array(calibrated=True)
+    whole = Monitor(array.mounts, step=0.1).take(array).imu
+    one = found.imu(calibrated=True)
+    assert len(found.parts) > 20
+    for triad in TRIADS:
+        np.testing.assert_array_equal(getattr(one, triad), getattr(whole, triad))
+    np.testing.assert_array_equal(one.flags, whole.flags)
 
 
 def test_whole_from_the_emulator_to_a_file(tmp_path):

@@ -1,20 +1,27 @@
 """Sessions: what they say, and what they refuse before anything is opened."""
 
+import re
 import sys
 from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 
+import plumbob
 from plumbob import Frame, Stream, json_schema
+from plumbob.arm.array.paper import paper
 from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, ShapeError, UnitError
 from plumbob.data.cards import CalibrationCard, TriadCalibration
+from plumbob.live.emulated import running_rig
 from plumbob.live.session_toml import load_session, parse_session, plain_session, recorded_session
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
-from tests.helpers.live_samples import FORMAT, SESSION, motion, reads, session, stream
+from tests.helpers import beside
+from tests.helpers.commandline import ok, refused
+from tests.helpers.live_samples import FORMAT, SESSION, motion, reads, session, stream, through
 
+ALL = beside(__file__, "all_units.toml")
 CARDED = SESSION + '[calibration]\ncard = "card.json"\n'
 CardError = (ParameterError, CalibrationError)
 
@@ -109,6 +116,9 @@ WRONG = {
     "lists without end": (SESSION.replace("kp = 0.5", f"kp = {DEEP}"), DecodeError, "more than 32 deep"),
     "other kind": (FORMAT, DecodeError, "line 2: kind must be one of 'plumbob session', but it is 'plumbob format'"),
     "place and declination": (placed('declination = "1 deg"'), DecodeError, "imu.place or imu.declination"),
+    "rates of none": (SESSION + '[rates]\nfilter = "mekf"\n', ParameterError, "no channel filter 'mekf'"),
+    "array of one": (SESSION + '[array]\nscheme = "monitor"\n', ParameterError, "needs several units"),
+    "two attitudes": (ALL + '[array]\nscheme = "teaching_arm"\n', ParameterError, r"\[estimate\] does not go with"),
     "a date alone": (DATED, DecodeError, "imu.place, which is missing"),
 }
 
@@ -118,6 +128,57 @@ def test_wrong_session_is_refused_with_a_word(case):
     text, error, word = WRONG[case]
     with pytest.raises(error, match=word):
         session(text)
+
+
+def rates(filter, **how):
+    """Attitude of rates that a file has, compensated and filtered."""
+
+    def estimated(file):
+        made = plumbob.filter_rates(file, filter, rest=("0 s", "1 s"), **how)
+        return plumbob.estimate(made.recording, "integrate", init="level", frame="NED").track
+
+    return estimated
+
+
+SYSTEMS = {  # what the page of next steps says of the file of each
+    "fin": rates("moving_average", params={"samples": 1}),
+    "buoy": lambda file: plumbob.estimate(file, "mahony", params={"kp": 0.5, "ki": 0.03, "gate": "0.08 g"}).track,
+    "trackball": rates("scalar", params={"walk": "0.01 deg/s", "noise": "0.1 deg/s"}, drift="chen2013"),
+    "arm": lambda file: paper(plumbob.read_array(file), frame="NED"),
+    "rod": lambda file: plumbob.estimate(file, "ekf7", params={"hard_switch": True}).track,
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_started_system_runs_on_a_line_by_its_papers_method_as_on_its_file(name, tmp_path):
+    file = tmp_path / f"{name}.toml"
+    with running_rig(name, "--seed", "3") as port:
+        ok("start", name, tmp_path, "--port", port)
+        file.write_text(re.sub('rest = "[0-9]+ s"', 'rest = "1 s"', file.read_text()))
+        ok("record", file, "--duration", "2.5s", cwd=tmp_path)
+    (recording,), (text,) = tmp_path.glob("*.mcap"), tmp_path.glob("*.txt")
+    again = plumbob.replay(recording, check=True)
+    assert again.comparison.equal and len(again.track) > 10
+    np.testing.assert_array_equal(again.track.q_nb, SYSTEMS[name](recording).q_nb)
+    assert len(text.read_text().splitlines()) > 10
+    assert f"plumbob record {name}.toml" in (tmp_path / "next.md").read_text()
+
+
+def test_started_board_that_prints_text_has_its_profile_and_nothing_is_written_over(tmp_path):
+    ok("start", "text", tmp_path / "board", "--port", "/dev/ttyACM0")
+    made = load_session(tmp_path / "board" / "text.toml")
+    assert (made.source.settings["port"], made.meta.frame) == ("/dev/ttyACM0", Frame.ENU)
+    assert "text.toml exists already" in refused("start", "text", tmp_path / "board")
+
+
+def test_rest_that_does_not_end_gives_what_has_come_at_the_end_of_the_line():
+    text = SESSION + '[rates]\nfilter = "two_state"\nrest = "60 s"\n'
+    line, found = through(list(reads(stream(2.0))), session(text))
+    plain = through(list(reads(stream(2.0))), session())[1].imu(calibrated=True)
+    file = plumbob.filter_rates(plain, "two_state", rest=(0.0, 60.0)).imu
+    assert len(found.parts) == 1
+    np.testing.assert_array_equal(found.imu(calibrated=True).gyr, file.gyr)
+    assert [note.code for note in line.rate_notes] == ["rates.constant", "rates.filter"]
 
 
 def test_a_line_has_the_place_and_day_of_its_run(monkeypatch):

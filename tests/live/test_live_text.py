@@ -2,6 +2,7 @@
 
 import json
 import os
+import termios
 import threading
 import time
 
@@ -10,7 +11,7 @@ import pytest
 
 import plumbob
 from plumbob.core import flags
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import DecodeError, LineError, ParameterError
 from plumbob.core.text import sentence_checksum
 from plumbob.files.mcap import open_log
 from plumbob.files.profile import parse_profile
@@ -18,6 +19,8 @@ from plumbob.live import rows
 from plumbob.live.lines import CLOCK, decoder_of, line_format
 from plumbob.live.record import record
 from plumbob.live.replay import replay
+from plumbob.live.rigs.rig import PLANS, make_rig
+from plumbob.protocols.format_toml import find_format
 from tests.helpers import beside, commandline
 
 BANNER = ["Adafruit BMX055 test", "calibrating... done", "ready"]
@@ -129,13 +132,69 @@ class Arduino:
         for due, lines in self._text():
             if self._stop.wait(max(0.0, start + due - time.monotonic())):
                 return
-            data = "".join(line + self._end for line in lines).encode()
+            data = self.on_line("".join(line + self._end for line in lines).encode())
             while data:
                 size = int(rng.integers(1, self._cut)) if self._cut else len(data)
                 try:
                     data = data[os.write(self._master, data[:size]) :]
                 except BlockingIOError:  # nobody reads
                     return
+
+    def on_line(self, data):
+        return data
+
+
+SPEEDS = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
+
+
+class Uart(Arduino):
+    """The same behind a UART of one speed, of which a reader at another makes other bytes."""
+
+    def __init__(self, line, *, speed, **how):
+        super().__init__(line, **how)
+        self._speed = speed
+
+    def on_line(self, data):
+        read_at = SPEEDS[termios.tcgetattr(self._master)[5]]  # a terminal's two ends have one setting
+        if read_at == self._speed:
+            return data
+        bits = [1, 1, *(bit for byte in data for bit in (0, *(byte >> k & 1 for k in range(8)), 1)), *[1] * 12]
+        step, t, said = self._speed / read_at, 0.0, bytearray()
+        while t + 10 * step < len(bits):
+            if bits[int(t)]:
+                t += min(step, 0.5)
+                continue
+            said.append(sum(bits[int(t + (k + 1.5) * step)] << k for k in range(8)))
+            t += 9.5 * step
+        return bytes(said)
+
+
+@pytest.mark.parametrize("speed", [9600, 57600])
+def test_speed_of_a_port_is_found_by_its_text_and_said(speed):
+    device, said = Uart(labels, speed=speed), []
+
+    def note(text):
+        said.append(text)
+        if len(said) == 1:
+            device.begin()
+
+    draft = plumbob.profile(
+        device.port, duration=0.5, accept=True, answers=ANSWERS | FORMS["labels"]["answers"], note=note
+    )
+    device.close()
+    assert draft.questions == ()
+    assert said[1].endswith(f"sends text at {speed} baud; record it with --baud {speed}")
+
+
+def test_speed_is_not_guessed_where_frames_come(tmp_path):
+    rig = make_rig(PLANS["buoy"], find_format("buoy"), seed=1, duration=20.0)
+    frames = [bytes(frame).decode("latin-1") for frame in rig.frames]
+    device = Uart(lambda k, rate: [frames[k % len(frames)]], end="", speed=115200)
+    device.on_line = lambda data: Uart.on_line(device, data.decode().encode("latin-1"))
+    with pytest.raises(LineError, match=r"looks like buoy \(\d+ frames\) at 115200 baud"):
+        plumbob.profile(device.port, duration=0.5, note=device.begin, out=tmp_path / "p.toml")
+    device.close()
+    assert not (tmp_path / "p.toml").exists()
 
 
 def raw_text(path):

@@ -18,9 +18,9 @@ from plumbob.arm.angles import RECORDED, TIME, write_table
 from plumbob.arm.program import Program
 from plumbob.core import check
 from plumbob.core.check import Floats
-from plumbob.core.constants import ROS_LINE, ROS_STAMPED
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import write_text
+from plumbob.core.resources import packaged
 from plumbob.core.time import to_ns
 from plumbob.core.units import from_si
 from plumbob.files.mcap import Schema
@@ -31,29 +31,8 @@ TRAJECTORY, STATE = "joint_trajectory", "joint_states"  # topics in an MCAP file
 _NS: Final = 1_000_000_000
 _HEAD: Final = b"\x00\x01\x00\x00"  # plain CDR, little-endian
 
-_TRAJECTORY_TEXT: Final = f"""\
-std_msgs/Header header
-string[] joint_names
-trajectory_msgs/JointTrajectoryPoint[] points
-{ROS_LINE}
-MSG: trajectory_msgs/JointTrajectoryPoint
-float64[] positions
-float64[] velocities
-float64[] accelerations
-float64[] effort
-builtin_interfaces/Duration time_from_start
-{ROS_LINE}
-MSG: builtin_interfaces/Duration
-int32 sec
-uint32 nanosec
-{ROS_STAMPED}"""
-_STATE_TEXT: Final = f"""\
-std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-{ROS_STAMPED}"""
+_TRAJECTORY_TEXT: Final = packaged("arm/joint_trajectory.msg")
+_STATE_TEXT: Final = packaged("arm/joint_state.msg")
 
 
 def export(program: Program, path: str | Path, *, unit: str = "rad", overwrite: bool = False) -> Path:

@@ -261,6 +261,10 @@ START: Final = {
     ),
 }  # fmt: skip
 LINES: Final = {
+    "start": Verb(
+        "write the session of one of the papers' systems, or of a board that prints text, with next steps",
+        "sessions.md", "plumbob start buoy my-buoy --port /dev/ttyUSB0", "reporting.catalogue.start", outputs=(),
+    ),
     "emulate": Verb(
         "emulate a rig: its bytes over a pseudo-terminal, a socket or into a file",
         "acquire.md", "plumbob emulate buoy --link buoy-port --duration 60s --truth truth.parquet", run="emulate",

@@ -26,14 +26,3 @@ WGS84_GM: Final = 3.986004418e14  # gravitational constant times mass of the Ear
 WGS84_GRAVITY_EQUATOR: Final = 9.7803253359  # normal gravity at the equator, m/s² (WGS 84, NGA.STND.0036)
 
 WGS84_GRAVITY_POLE: Final = 9.8321849379  # normal gravity at the poles, m/s² (WGS 84, NGA.STND.0036)
-ROS_LINE: Final = "=" * 80  # between the definitions of messages of ROS, as bags and MCAP files have them
-ROS_STAMPED: Final = f"""\
-{ROS_LINE}
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-{ROS_LINE}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""

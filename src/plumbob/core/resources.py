@@ -11,6 +11,11 @@ _PACKAGE = Path(__file__).parents[1]
 WEB: Final = _PACKAGE / "web"  # what Vite makes of ``web/`` in the source
 
 
+def packaged(name: str) -> str:
+    """Text of a file that lies in the package, by its path there."""
+    return (_PACKAGE / name).read_text(encoding="utf-8")
+
+
 def docs_folder() -> Path:
     """Folder of the pages and of the bibliography."""
     for folder in (_PACKAGE / "docs", _PACKAGE.parents[1] / "docs"):

@@ -8,17 +8,16 @@ result is samples, not an attitude: a filter of attitudes may take them, and the
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
-from plumbob.calibration.gyr.drift import GyroDrift, chen2013
+from plumbob.calibration.gyr.drift import CompensatedRates, GyroDrift
 from plumbob.core import check, flags
-from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.findings import Finding, as_json, info, warning
+from plumbob.core.findings import Finding, as_json
 from plumbob.core.text import FactsText, counted
-from plumbob.core.units import Quantity, g, given, to_dps
+from plumbob.core.units import to_dps
 from plumbob.data import ImuData, calibration_told
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
@@ -27,10 +26,7 @@ from plumbob.door.estimate import opened_samples
 from plumbob.files import write
 from plumbob.filters.channel import RateFilter
 
-DRIFTS: Final[Mapping[str, Callable[[], GyroDrift]]] = {"chen2013": chen2013}  # drift models by name
-
 _OF_RATES = np.uint32(flags.GYR_HELD | flags.GYR_ABSENT | flags.GYR_CLIPPED | flags.GYR_INVALID | flags.GAP)
-_KEPT = np.uint32(flags.GYR_HELD | flags.TIME_FAULT)  # of the filter's flags; the others are the samples' own
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,7 +137,6 @@ def filter_rates(
     label, source, imu = opened_samples(recording, profile, unit, whole=True, carded=calibration is None)
     if imu.gyr is None:
         raise ShapeError(f"{label} has no gyroscope, whose rates are filtered.")
-    smoother = RateFilter(filter, channels=3, params=params)
     notes: list[Finding] = []
 
     def say(finding: Finding) -> None:
@@ -149,65 +144,14 @@ def filter_rates(
         if note is not None:
             note(str(finding))
 
-    model = _model(drift)
+    rates = CompensatedRates(RateFilter(filter, channels=3, params=params), drift=drift, rest=rest, say=say)
     if calibration is not None:
         if drift is not None:
             raise ParameterError("drift and calibration both subtract the bias. Give one of them.")
         imu = apply_card(CalibrationCard.of(calibration), imu)
-    model = _usable(model, imu, say)
-    if rest is not None:
-        model = _at_rest(model, imu, rest, say)
-    filtered = smoother.process(imu.t, model.compensate(imu.usable("gyr"), imu.temp_c, imu.acc))
-    say(info("rates.filter", filter=smoother.describe()))
-    imu = imu.corrected(gyr=filtered.rate, meta=imu.meta).flagged(filtered.flags & _KEPT)
+    imu = rates.take(imu)
     made = replace(source, imu=imu, notes=(*source.notes, *(finding.on("rates") for finding in notes)))
-    result = FilteredRates(made, smoother.describe(), model, tuple(notes))
+    result = FilteredRates(made, rates.filter.describe(), rates.drift, tuple(notes))
     if out is not None:
         result.save(check.path("out", out), overwrite=overwrite)
     return result
-
-
-def _model(drift: str | GyroDrift | None) -> GyroDrift:
-    if drift is None or isinstance(drift, GyroDrift):
-        return drift or GyroDrift()
-    if drift not in DRIFTS:
-        raise ParameterError(
-            f"'{drift}' is not a drift model; known: {', '.join(DRIFTS)}. That of your own unit is a calibration "
-            "card, as 'plumbob calibrate gyro' and 'plumbob calibrate temperature' write it: --calibration."
-        )
-    return DRIFTS[drift]()
-
-
-def _usable(model: GyroDrift, imu: ImuData, say: Callable[[Finding], None]) -> GyroDrift:
-    """Model without the parts whose sensor the recording lacks."""
-    if model.bias_per_k.any() and imu.temp_c is None:
-        say(warning("rates.no_temperature"))
-        model = replace(model, bias_per_k=np.zeros(3))
-    if model.g_sensitivity.any() and imu.acc is None:
-        say(warning("rates.no_force"))
-        model = replace(model, g_sensitivity=np.zeros((3, 3)))
-    if model.bias_per_k.any():
-        say(info("rates.drift_of_temperature", slope=_three(to_dps(model.bias_per_k)), from_c=model.temp_ref_c))
-    if model.g_sensitivity.any():
-        per_g = to_dps(model.g_sensitivity) * g(1.0)
-        say(info("rates.drift_of_force", slope=", ".join(map(_three, per_g))))
-    return model
-
-
-def _at_rest(
-    model: GyroDrift, imu: ImuData, rest: tuple[float | str, float | str], say: Callable[[Finding], None]
-) -> GyroDrift:
-    start, stop = (given("rest", end, Quantity.TIME) or 0.0 for end in rest)
-    rows = (imu.t >= start) & (imu.t < stop)
-    still = imu.picked(rows) if rows.any() else None
-    if still is None or still.gyr is None:
-        raise ParameterError(
-            f"rest = {start:g} to {stop:g} s holds no sample; the recording goes from {imu.t[0]:g} to {imu.t[-1]:g} s."
-        )
-    resting = model.at_rest(still.usable("gyr"), still.temp_c, still.acc)  # [Chen2013] (6)
-    say(info("rates.constant", bias=_three(to_dps(resting.bias)), start=start, stop=stop))
-    return resting
-
-
-def _three(values: Floats) -> str:
-    return " ".join(f"{value:.4g}" for value in values)

@@ -20,6 +20,9 @@ BUILT_IN: Final = (
 RATE_FILTERS = ("scalar", "two_state", "moving_average")
 """Filters of one rate channel, which give no attitude: `plumbob.filters.channel`."""
 
+ARRAY_FILTERS: Final = ("teaching_arm",)  # that take all units of an array: the whole scheme of that paper
+ARRAY_SCHEMES: Final = (*ARRAY_FILTERS, "monitor")  # what makes one of several units on one body, as they come
+
 SMOOTHER = "smoother"  # what estimates where no filter is named: a whole recording, or a stream
 CAUSAL_LAG = "0 s"
 """Its lag on a stream where none is given, and for what a live system would have known: nothing later is used."""
@@ -62,6 +65,8 @@ _TABLE: Final = {name: f"plumbob.filters.{name}" for name in BUILT_IN} | {
     "two_state": "plumbob.filters.channel_two_state",
     "moving_average": "plumbob.filters.channel_average",
     SMOOTHER: "plumbob.filters.smoother.model",
+    "teaching_arm": "plumbob.arm.array.paper",
+    "monitor": "plumbob.arm.array.monitoring",
 }
 EXTENSIBLE: Final = ExtensibleTable[FilterModule]("filter", "filter", lambda: _TABLE, _module)
 """All filters; `plumbob.register` adds to them."""

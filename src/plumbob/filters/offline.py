@@ -13,7 +13,7 @@ from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.reading import read_at
 from plumbob.filters import SMOOTHER, Filter, Start, takes_noise
-from plumbob.filters.known import CAUSAL_LAG
+from plumbob.filters.known import ARRAY_FILTERS, CAUSAL_LAG, EXTENSIBLE
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.frames import heading_policy, turn_heading
@@ -109,6 +109,8 @@ def make_estimator(
     """
     init = start or (None if stage.init == TRUTH_WORD else stage.init)
     given: Any = {"frame": frame, "params": stage.params, "noise": stage.noise, "init": init, "meta": meta}
+    if stage.filter in ARRAY_FILTERS:
+        return cast(Any, EXTENSIBLE.find(stage.filter)).ArrayFilter(frame)  # type: ignore[no-any-return]
     if stage.filter != SMOOTHER:
         return Filter(stage.filter, **given)
     from plumbob.filters.smoother import FixedLag, Smoother

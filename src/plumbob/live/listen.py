@@ -1,24 +1,33 @@
 """Draft a profile: of a text file, or of what a device prints."""
 
 import os
+import re
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core.errors import LineError
 from plumbob.core.files import as_list, existing_file
 from plumbob.core.units import Quantity, given
 from plumbob.files.draft import Draft, drafted
 
+if TYPE_CHECKING:
+    from plumbob.live.transports.serial_line import SerialSource
+    from plumbob.live.transports.transport import Source
+
 STDIN: Final = "-"  # word for standard input
+BAUDS: Final = (115200, 9600, 57600, 38400, 230400, 19200, 460800, 921600, 1_000_000, 4800)  # the most common first
+_PROBE, _ENOUGH = 2.5, 1000  # s or bytes in which a speed shows what it gives
+_CLEAR, _LIKELY = 0.98, 0.6  # share of text above which a speed is right, and above which it may be
 
 
 def profile(
     path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     *,
-    baud: int = 115200,
+    baud: int | None = None,
     duration: float | str = 10.0,
     accept: bool = False,
     answers: Mapping[str, Any] | None = None,
@@ -32,8 +41,9 @@ def profile(
     path : path or sequence of paths
         The text file; several of one recording, with a sensor each; a serial port, to which it listens; or ``-`` for
         standard input.
-    baud : int
-        Speed of a port.
+    baud : int, optional
+        Speed of a port; without it, the first of the usual ones at which text comes. Where none stands out, or frames
+        come, it is not guessed.
     duration : float or str
         How long to listen to a port: s, or text with a unit.
     accept : bool
@@ -62,7 +72,7 @@ def profile(
     ParameterError
         If `out` exists: somebody may have answered it.
     LineError
-        If the port cannot be opened, or nothing comes.
+        If the port cannot be opened, nothing comes, or no speed stands out.
     """
     paths = as_list(path)
     if not is_line(paths[0]):
@@ -79,19 +89,59 @@ def is_line(path: str | os.PathLike[str]) -> bool:
     return os.fspath(path) == STDIN or Path(path).is_char_device()
 
 
-def _heard(port: str, baud: int, seconds: float, note: Callable[[str], object]) -> bytes:
+def _heard(port: str, baud: int | None, seconds: float, note: Callable[[str], object]) -> bytes:
     """Whole lines that come in that time."""
     from plumbob.live.session import SourceSpec
     from plumbob.live.sources import make_source
-    from plumbob.live.transports.transport import Received
 
-    settings: dict[str, Any] = {} if port == STDIN else {"port": port, "baud": baud}
-    source = make_source(SourceSpec("serial" if settings else "stdin", settings)).open()
+    settings: dict[str, Any] = {} if port == STDIN else {"port": port, "baud": baud or BAUDS[0]}
+    source: Any = make_source(SourceSpec("serial" if settings else "stdin", settings)).open()
     note(f"listening to {source.name}" + (f" for {seconds:g} s" if settings else ""))
-    data, end = b"", time.monotonic() + seconds
-    while not source.finished and (not settings or time.monotonic() < end):
-        data += b"".join(item.data for item in source.read(0.1) if isinstance(item, Received))
+    data = b"" if baud or not settings else _at_its_speed(source, seconds, note)
+    data += _taken(source, seconds if settings else inf)
     source.close()
     if not data:
         raise LineError(f"nothing has come from {port} in {seconds:g} s: is the device on, does it send by itself?")
     return data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1] or data
+
+
+def _taken(source: "Source", seconds: float, most: float = inf) -> bytes:
+    """What comes in that time, or until there is enough."""
+    from plumbob.live.transports.transport import Received
+
+    data, end = b"", time.monotonic() + seconds
+    while not source.finished and time.monotonic() < end and len(data) < most:
+        data += b"".join(item.data for item in source.read(0.1) if isinstance(item, Received))
+    return data
+
+
+def _at_its_speed(source: "SerialSource", seconds: float, note: Callable[[str], object]) -> bytes:
+    """What came at the first speed, if that is text or nothing; else set the port to the speed at which text comes."""
+    first = _taken(source, seconds, _ENOUGH)
+    if not first or _text_share(first) >= _CLEAR:
+        return first
+    heard = {BAUDS[0]: first}
+    for baud in BAUDS[1:]:
+        source.set_baud(baud)
+        heard[baud] = _taken(source, _PROBE, _ENOUGH)
+        if _text_share(heard[baud]) >= _CLEAR:
+            break
+    from plumbob.protocols.page import other_format
+
+    (best, baud), (second, _), *_ = shares = sorted(((_text_share(heard[b]), b) for b in heard), reverse=True)
+    if best < max(_LIKELY, 2.0 * second):
+        listed = ", ".join(f"{share:.0%} at {b}" for share, b in shares)
+        frames = (f"{words[:-1]} at {b} baud." for b in heard if (words := other_format(None, heard[b])))
+        raise LineError(f"no speed stands out, by the share of lines that are text: {listed}.{next(frames, '')} "
+                        "Give --baud.")  # fmt: skip
+    source.set_baud(baud)
+    note(f"{source.name} sends text at {baud} baud; record it with --baud {baud}")
+    return b""
+
+
+def _text_share(data: bytes) -> float:
+    """Share of the bytes of whole lines that stand in lines of printable text, where one of these has a digit."""
+    lines = re.split(rb"[\r\n]+", data)[1:-1]
+    words = [line.decode(errors="replace").replace("\t", " ") for line in lines]
+    text = [line for line, word in zip(lines, words, strict=True) if word.isprintable() and "\ufffd" not in word]
+    return len(b"".join(text)) / len(b"".join(lines)) if re.search(rb"\d", b"".join(text)) else 0.0

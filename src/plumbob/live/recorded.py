@@ -55,7 +55,7 @@ def read_recorded(
     if unit is not None:
         chosen = of_unit(session, unit)
         session = chosen if unit == ALL else replace(chosen, units=())
-    replayed = replay(log, session=session if estimated else replace(session, stage=None))
+    replayed = replay(log, session=session if estimated else replace(session, stage=None, rates=None, scheme=""))
     imu = replayed.found.imu(calibrated=calibrated)
     if imu is None:
         raise DecodeError(f"{file} holds no sample that could be decoded; 'plumbob verify' says what is in it.")

@@ -346,7 +346,7 @@ def run_report(watch: Watch) -> dict[str, Any]:
         "unchecked_bytes": session.form.framing.length if passes_anything(session.form) and not by_kernel else None,
         "device": session.meta.device,
         "calibration": last.imu.meta.calibration if last else session.card and session.card.name,
-        "notes": as_json((*watch.beyond, *inferred(stream.time_report()), *stream.decoder.notes)),
+        "notes": as_json((*watch.beyond, *inferred(stream.time_report()), *stream.decoder.notes, *stream.rate_notes)),
         "filter": None if stream.filter is None else stream.filter.describe(),
         "frame": None if session.frame is None else str(session.frame),
         "north": None if track is None else str(track.north),

@@ -1,15 +1,18 @@
 """A session: everything about a live line that its bytes do not say, as plain data. `session_toml` reads it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Final
 
+from plumbob.calibration.gyr.drift import CompensatedRates
 from plumbob.core import schema
 from plumbob.core.errors import ParameterError, unknown_name
+from plumbob.core.findings import Finding
 from plumbob.core.units import Quantity, given
 from plumbob.data import ImuMeta
 from plumbob.data.array import UnitMount
 from plumbob.data.cards import CalibrationCard
+from plumbob.filters.channel import RateFilter
 from plumbob.filters.offline import Stage
 from plumbob.live.transports.outgoing import FileTarget, parse_target
 from plumbob.protocols.attitude import BodyAxes
@@ -77,6 +80,29 @@ class SendSpec:
     body: str | None = None  # body axes, ``"FRD"`` or ``"FLU"``; None for those that go with the frame
 
 
+def parameter(_: str, value: Any) -> Any:
+    """Numbers follow the rule for text: where two units are usual, one must stand there."""
+    return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+@dataclass(frozen=True, slots=True)
+class RateSpec:
+    """How rates are compensated and filtered before an attitude is estimated, as of `plumbob.filter_rates`."""
+
+    filter: str
+    params: Annotated[Mapping[str, Any], schema.mapping(parameter)] = field(default_factory=dict)
+    drift: str | None = None
+    # how long the unit lies still at the start, s: the mean of that is taken off, and nothing is given before its end
+    rest: Annotated[float | None, schema.size(Quantity.TIME)] = None
+
+    def made(self, say: Callable[[Finding], None] = lambda finding: None) -> CompensatedRates:
+        """What takes the samples of a stream; ParameterError where something is not known."""
+        rest = None if self.rest is None else (0.0, self.rest)
+        return CompensatedRates(
+            RateFilter(self.filter, channels=3, params=self.params), drift=self.drift, rest=rest, say=say
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class UnitSpec:
     """One of several units of the same frames."""
@@ -107,6 +133,8 @@ class Session:
         Navigation frame; None where nothing is estimated.
     card : CalibrationCard or None
         Calibration; None says uncalibrated.
+    rates : RateSpec or None
+        What is done with rates before; None where that is nothing.
     stage : Stage or None
         Filter; None where nothing is estimated.
     reference : ReferenceSpec or None
@@ -123,6 +151,8 @@ class Session:
         The session file and every file that it names, so that a recording can hold them and be replayed anywhere.
     units : tuple of UnitSpec
         All units that are decoded, calibrated and recorded, where these are several; `unit` is one of them.
+    scheme : str
+        How these are one array, of `plumbob.filters.known.ARRAY_SCHEMES`; empty where they are not.
     send : tuple of SendSpec
         To whom the attitude is sent while the line runs; a replay sends only where that is asked for.
     """
@@ -135,6 +165,7 @@ class Session:
     meta: ImuMeta
     frame: Frame | None = None
     card: CalibrationCard | None = None
+    rates: RateSpec | None = None
     stage: Stage | None = None
     reference: ReferenceSpec | None = None
     record: RecordSpec | None = None
@@ -142,6 +173,7 @@ class Session:
     timed_by: str = "frames"
     texts: Mapping[str, str] = field(default_factory=dict)
     units: tuple[UnitSpec, ...] = ()
+    scheme: str = ""
     send: tuple[SendSpec, ...] = ()
 
 

@@ -23,6 +23,7 @@ from plumbob.data.cards.file import Card
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.files.profile import parse_profile, toml_value
 from plumbob.filters import SMOOTHER, CommonParams, load
+from plumbob.filters.known import ARRAY_FILTERS, ARRAY_SCHEMES
 from plumbob.filters.offline import Stage, lagged, make_follower
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.live.lines import LineFormat, described_imu, line_format
@@ -30,12 +31,14 @@ from plumbob.live.listen import STDIN
 from plumbob.live.session import (
     SEND_TABLE,
     OutputSpec,
+    RateSpec,
     RecordSpec,
     ReferenceSpec,
     SendSpec,
     Session,
     SourceSpec,
     UnitSpec,
+    parameter,
     reference_names,
 )
 from plumbob.live.sources import KERNEL, described
@@ -179,7 +182,8 @@ def parse_session(
         _require_device(spec.card, spec.meta.device, "device in [[unit]]")
     if units:
         meta, card = next((spec.meta, spec.card) for spec in units if spec.unit == unit)
-    stage = _stage(tables, frame, keep)
+    scheme = _scheme(tables, units)
+    stage = _stage(tables, scheme, frame, keep)
     return Session(
         name=name,
         source=source,
@@ -189,6 +193,7 @@ def parse_session(
         meta=meta,
         frame=frame,
         card=card,
+        rates=_rates(tables, form.message(message), unit),
         stage=stage,
         reference=_reference(tables, form.message(message)),
         record=tables.get("record"),
@@ -197,7 +202,27 @@ def parse_session(
         timed_by=timed_by,
         texts=texts,
         units=units,
+        scheme=scheme,
     )
+
+
+def _rates(tables: Mapping[str, Any], message: Message, unit: str) -> RateSpec | None:
+    spec: RateSpec | None = tables.get("rates")
+    if spec is not None:
+        spec.made()  # refuses what it cannot take, before the start
+        if not any(f.triad == (f"{unit}.gyr" if unit else "gyr") for f in message.fields):
+            raise ParameterError(f"[rates] filters rates, and message {message.name} has none; leave it out.")
+    return spec
+
+
+def _scheme(tables: Mapping[str, Any], units: Sequence[UnitSpec]) -> str:
+    scheme: str = tables.get("array", {}).get("scheme", "")
+    if scheme and not units:
+        raise ParameterError('[array] needs several units that are all decoded; give units = "all" in [format].')
+    beside = ("rates", "estimate") if scheme in ARRAY_FILTERS else ("rates",) if scheme else ()
+    if clash := next((name for name in beside if name in tables), ""):
+        raise ParameterError(f"[{clash}] does not go with array.scheme = '{scheme}'; leave it out.")
+    return scheme
 
 
 def _require_device(card: CalibrationCard | None, device: str, where: str) -> None:
@@ -360,10 +385,10 @@ def _sent(tables: Mapping[str, Any]) -> tuple[SendSpec, ...]:
     return tuple(tables.get("send", ()))
 
 
-def _stage(tables: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage | None:
-    if "estimate" not in tables:
+def _stage(tables: Mapping[str, Any], scheme: str, frame: Frame | None, keep: Fetch) -> Stage | None:
+    section: Mapping[str, Any] | None = {"filter": scheme} if scheme in ARRAY_FILTERS else tables.get("estimate")
+    if section is None:
         return None
-    section = tables["estimate"]
     if frame is None:
         raise FrameError(f"[estimate] needs imu.frame, because there is no default; known: {', '.join(Frame)}.")
     noise = NoiseCard.from_text(keep(section["noise"]), section["noise"]) if "noise" in section else None
@@ -535,11 +560,6 @@ def _axes(words: str) -> str:
     return words
 
 
-def _param(_: str, value: Any) -> Any:
-    """Numbers follow the rule for text: where two units are usual, one must stand there."""
-    return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
 _WORDS: Final = dict.fromkeys(("name", "file", "message"), schema.text)
 _UNIT_NAME: Final = schema.either(int, schema.converted(str, schema.whole(1)), schema.text)
 _FORMAT: Final = {**_WORDS, "unit": _UNIT_NAME, "units": schema.one_of(ALL), "options": schema.mapping(schema.text)}
@@ -619,10 +639,12 @@ SESSION_FORM: Final = schema.form(
         "imu": schema.form(_IMU),
         "calibration": schema.form({"card": schema.text}, ("card",)),
         "estimate": schema.form(
-            {"params": schema.mapping(_param), **dict.fromkeys(("filter", "noise", "init"), schema.text)}
+            {"params": schema.mapping(parameter), **dict.fromkeys(("filter", "noise", "init"), schema.text)}
         ),
         "reference": schema.table(ReferenceSpec),
         "unit": schema.tables(UNIT),
+        "rates": schema.table(RateSpec),
+        "array": schema.form({"scheme": schema.one_of(*ARRAY_SCHEMES)}, ("scheme",)),
         "record": schema.table(RecordSpec),
         "output": schema.table(OutputSpec),
         "send": schema.tables(SEND_TABLE),

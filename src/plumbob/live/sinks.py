@@ -25,7 +25,7 @@ from plumbob.live import rows
 from plumbob.live.rows import line_of
 from plumbob.live.session import RecordSpec, Session
 from plumbob.live.stream import STARTED_AGAIN, ItemResult
-from plumbob.live.transports.polled import Schedule, Task
+from plumbob.live.transports.polled import Schedule
 from plumbob.live.transports.transport import Received
 from plumbob.rotations import North, euler_zyx_from_quat
 
@@ -146,7 +146,7 @@ class TextSink(Sink):
             )
         require_place(self._path)
         self._file: TextIO | None = None
-        self._schedule = Schedule([Task("output", round(every * 1e9))])
+        self._schedule = Schedule(round(every * 1e9))
 
     def __str__(self) -> str:
         return str(self._path)

@@ -8,21 +8,23 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, PlumbobError
 from plumbob.core.event import Event
+from plumbob.core.findings import Finding
 from plumbob.core.result import plain
 from plumbob.core.time import REMEMBERED, Repeats, to_ns
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.recording import TimeReport
 from plumbob.filters import Filter
+from plumbob.filters.known import ARRAY_FILTERS, EXTENSIBLE
 from plumbob.filters.offline import calibrated, make_follower, start_at
 from plumbob.filters.smoother import FixedLag
 from plumbob.filters.start import TRUTH_WORD
@@ -32,7 +34,7 @@ from plumbob.live.timing.counter import CountedTime
 from plumbob.live.timing.spec import Counter, TimeSpec
 from plumbob.live.timing.timebase import TimeBase
 from plumbob.live.transports.transport import Received
-from plumbob.protocols.decode import Frames, triads_of, unit_prefix, unit_temperature
+from plumbob.protocols.decode import Frames, joined, triads_of, unit_prefix, unit_temperature
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.rotations import Frame, in_body_axes, quat_from_euler_zyx
@@ -141,7 +143,12 @@ class Stream:
         self._last_ns: int | None = None
         self._newest: ItemResult | None = None
         self._shift_ns = 0
-        self.failure: ParameterError | None = None  # why the filter failed, until that is noted
+        self.failure: PlumbobError | None = None  # why the filter failed, until that is noted
+        self.rate_notes: list[Finding] = []
+        self._rates = None if session.rates is None else session.rates.made(self.rate_notes.append)
+        self._rest_ns = round(self._rates.rest_ends * 1e9) if self._rates else 0
+        self._held: list[tuple[Frames, NDArray[np.int64], NDArray[np.uint32]]] = []
+        self._monitor: Any = None
         self._begin()
 
     def _begin(self) -> None:
@@ -161,7 +168,7 @@ class Stream:
             return self.through(self.decoder.feed(item.data, item.t_ns))
         done = self.through(self.decoder.finish()) if item.kind in (*BROKEN, STARTED_AGAIN) else None
         if item.kind == STARTED_AGAIN:
-            done = self._with_rest(done)
+            done = self._with_rest(done or self._released())
             if self.time.report().frames:
                 self._earlier.append(self.time.report())
             self._begin()
@@ -173,7 +180,7 @@ class Stream:
 
     def finish(self) -> ItemResult | None:
         """Say that the stream has ended, and return what was pending."""
-        return self._with_rest(self.through(self.decoder.finish()))
+        return self._with_rest(self.through(self.decoder.finish()) or self._released())
 
     def _with_rest(self, part: ItemResult | None) -> ItemResult | None:
         """What is pending where no sample of this start will come any more: attitudes that were waiting for some."""
@@ -233,10 +240,20 @@ class Stream:
         self._last_ns = int(t_ns[-1])
         if self._t0 is None:
             self._t0 = int(t_ns[0])
+        self._held.append((frames, t_ns, stamp_flags))
+        return self._released() if t_ns[-1] - self._t0 >= self._rest_ns else None
+
+    def _released(self) -> ItemResult | None:
+        """What the frames give that have come, once the rest has passed whose mean is taken off the rates."""
+        if not self._held:
+            return None
+        held, self._held, self._rest_ns = self._held, [], 0
+        frames = joined([part for part, _, _ in held])
+        t_ns, stamp_flags = (np.concatenate([part[i] for part in held]) for i in (1, 2))
         part = self._part(frames, t_ns, stamp_flags)
         if not self._started:
             self._start(frames, part.imu)
-        track, track_ns = self._estimate(t_ns, part.imu)
+        track, track_ns = self._estimate(t_ns, part)
         self._newest = replace(part, track=track, track_ns=track_ns)
         return self._newest
 
@@ -252,8 +269,11 @@ class Stream:
         self._repeated += count
         return _only(frames, fresh) if fresh.any() else None
 
-    def _estimate(self, t_ns: NDArray[np.int64], imu: ImuData) -> tuple[AttitudeTrack | None, NDArray[np.int64]]:
+    def _estimate(self, t_ns: NDArray[np.int64], part: ItemResult) -> tuple[AttitudeTrack | None, NDArray[np.int64]]:
         """Attitudes that these samples complete, and their times."""
+        imu = part.imu
+        if self.filter is not None and self.session.scheme in ARRAY_FILTERS:
+            return cast(Any, self.filter).take(part.array), t_ns
         if isinstance(self.filter, FixedLag):
             ready = self.filter.take(imu)
             return ready, t_ns[:0] if ready is None else self._track_ns(ready)
@@ -309,7 +329,23 @@ class Stream:
         assert self._t0 is not None
         units = {name: unit.take(frames, t_ns - self._t0, stamp_flags) for name, unit in self._units.items()}
         main = units[self.session.unit]
-        return ItemResult(t_ns, frames, main.sensed, main.imu, None, t_ns[:0], units if self.session.units else {})
+        part = ItemResult(t_ns, frames, main.sensed, main.imu, None, t_ns[:0], units if self.session.units else {})
+        try:
+            if self._rates is not None and t_ns.size:
+                return replace(part, imu=self._rates.take(part.imu))
+            if self.session.scheme == "monitor" and t_ns.size:
+                return replace(part, imu=self._monitored(part.array))
+        except PlumbobError as error:  # no rate has come in the rest
+            self._rates, self.filter, self.failure = None, None, error
+        return part
+
+    def _monitored(self, array: ImuArray | None) -> ImuData:
+        """The one unit of all that agree."""
+        assert array is not None
+        if self._monitor is None:
+            module = cast(Any, EXTENSIBLE.find("monitor"))
+            self._monitor = module.Monitor(array.mounts, step=module.nominal_step(array[:1]))
+        return cast(ImuData, self._monitor.take(array).imu)
 
 
 def time_spec(form: Format, message: Message) -> TimeSpec:

@@ -11,6 +11,7 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError, PlumbobError
 from plumbob.core.files import write_text
+from plumbob.core.resources import packaged
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.cards import CalibrationCard
@@ -49,20 +50,6 @@ SETTLE: Final = 120.0
 SETTLE_SHARE: Final = 0.2  # of a shorter sea
 DISK: Final = 120.0  # longest wait for the disk of a busy machine at the end, s
 _SAME_TIME: Final = 1e-6  # s: the buoy's clock counts microseconds
-SESSION: Final = """\
-# The buoy on its serial line. For hardware: the real port and baud rate, and without 'speed' and 'time'. A line that
-# runs faster than time says nothing by when it is read: its time is counted from its frames.
-kind = "plumbob session"
-version = 1
-
-source = {{ kind = "serial", port = "{port}", baud = 115200, speed = {speed}, time = "count" }}
-format.name = "buoy"
-imu = {{ device = "{device}", frame = "NED", declination = "0 deg" }}
-calibration.card = "{card}"
-estimate.filter = "mekf"
-record.path = "{recording}"
-output = {{ every = "50 ms", text = "{text}" }}
-"""
 
 
 def stages() -> list[Stage]:
@@ -131,7 +118,7 @@ def _record(folder: Path, port: str, device: str) -> Stream:
     for name in (RECORDING, TEXT):
         (folder / name).unlink(missing_ok=True)
     paths = {"card": CARD, "recording": folder / RECORDING, "text": folder / TEXT}
-    content = SESSION.format(port=port, speed=SPEED, device=device, **paths)
+    content = packaged("papers/demo.session.toml").format(port=port, speed=SPEED, device=device, **paths)
     session = load_session(write_text(folder / SESSION_FILE, content, overwrite=True))
     assert session.record and session.output.text
     line, recording_sink = Stream(session), RecordingSink(session, session.record)

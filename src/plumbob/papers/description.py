@@ -22,9 +22,9 @@ import string
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from importlib import resources
 from typing import TYPE_CHECKING, Any, Final
 
+from plumbob.core.resources import packaged
 from plumbob.papers.outcome import Outcome, PaperItem
 from plumbob.reporting.content import COLOURS, Both, Figure, Table
 from plumbob.reporting.report import Report
@@ -66,7 +66,7 @@ class Description:
     @cached_property
     def content(self) -> dict[str, Any]:
         """The file."""
-        return tomllib.loads((resources.files("plumbob.papers") / f"{self.name}.toml").read_text(encoding="utf-8"))
+        return tomllib.loads(packaged(f"papers/{self.name}.toml"))
 
     @property
     def title(self) -> Both:

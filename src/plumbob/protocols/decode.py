@@ -139,7 +139,7 @@ class Decoder:
         self._done += at
         self._reads.forget(self._done)
         self._count()
-        return {self.form.messages[m].name: _joined(frames) for m, frames in sorted(parts.items())}
+        return {self.form.messages[m].name: joined(frames) for m, frames in sorted(parts.items())}
 
     def _slice(self, buffer: bytes, at: int, end: int, final: bool, parts: dict[int, list[Frames]]) -> tuple[int, bool]:
         view = np.frombuffer(buffer, dtype=np.uint8)[at:end]
@@ -234,8 +234,8 @@ def decode(
         use(decoder.feed(piece, t_ns), decoder.counts)
     use(decoder.finish(), decoder.counts)
     names = [m.name for m in decoder.form.messages]
-    joined = {n: _joined([p[n] for p in parts if n in p]) for n in names if any(n in p for p in parts)}
-    return Decoded(joined, decoder.counts)
+    frames = {n: joined([p[n] for p in parts if n in p]) for n in names if any(n in p for p in parts)}
+    return Decoded(frames, decoder.counts)
 
 
 def stream_pieces(data: bytes | str | Path | Iterable[bytes]) -> Iterator[bytes]:
@@ -256,7 +256,8 @@ def _room(form: Format) -> int:
     return _SLICE // least + 1
 
 
-def _joined(parts: list[Frames]) -> Frames:
+def joined(parts: list[Frames]) -> Frames:
+    """Frames of one message that follow each other."""
     if len(parts) == 1:
         return parts[0]
     first = parts[0]

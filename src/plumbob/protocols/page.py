@@ -204,14 +204,14 @@ def not_decoded(form: Format, counts: "Counts", message: str) -> Iterator[str]:
         )
 
 
-def other_format(form: Format, head: bytes) -> str:
+def other_format(form: Format | None, head: bytes) -> str:
     """Which known formats would fit the first bytes better; only those that cannot fit by chance."""
     from plumbob.protocols.decode import decode
     from plumbob.protocols.format_toml import EXTENSIBLE, device_names, rig_names
 
     fitting = []
     for name, other in EXTENSIBLE.usable((*device_names(), *rig_names())):
-        if name == form.name or not (other.framing.sync and other.framing.checksum):
+        if (form and name == form.name) or not (other.framing.sync and other.framing.checksum):
             continue
         try:
             counts = decode(head, other).counts

@@ -1,12 +1,16 @@
-"""What there is: `plumbob list`."""
+"""What there is, `plumbob list`, and how to begin with it, `plumbob start`."""
 
 import inspect
 import math
+import os
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import ParameterError, unknown_name
+from plumbob.core.resources import packaged
 from plumbob.core.text import visible
 
 if TYPE_CHECKING:
@@ -178,6 +182,48 @@ def rigs() -> Listed:
     groups = {"rigs": plans, "faults, each a share of the frames": KINDS}
     lines = [line for title, rows in groups.items() for line in (title, *(f"    {k:10} {v}" for k, v in rows.items()))]
     return Listed("\n".join(lines), {"rigs": plans, "faults": dict(KINDS)})
+
+
+def start(
+    system: str, folder: str | os.PathLike[str], *, port: str = "/dev/ttyUSB0", overwrite: bool = False
+) -> Listed:
+    """Write a session, a profile where it needs one, and a page of next steps.
+
+    Parameters
+    ----------
+    system : {"fin", "buoy", "trackball", "arm", "rod", "text"}
+        One of the papers' systems, by its paper's own method, or a board that prints text.
+    folder : path
+        Where to; made where it is not there.
+    port : str
+        Serial port of the session.
+    overwrite : bool
+        Whether files that lie there may be replaced.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such system.
+    DecodeError
+        If a file exists, or the system refuses to write.
+    """
+    from plumbob.core.files import require_place, write_text
+    from plumbob.core.schema import toml_text
+
+    steps = tomllib.loads(packaged("live/start/steps.toml"))
+    systems = (*(name for name, values in steps.items() if isinstance(values, dict)), "text")
+    if system not in systems:
+        raise unknown_name("system", system, systems)
+    page = steps["text"] if system == "text" else steps["rig"].format(name=system, **steps[system])
+    names = [f"{system}.toml", *[f"{system}.profile.toml"] * (system == "text")]
+    texts = {name: packaged(f"live/start/{name}").replace('"/dev/ttyUSB0"', toml_text(port)) for name in names}
+    texts["next.md"] = page.lstrip()
+    home = Path(folder)
+    home.mkdir(parents=True, exist_ok=True)
+    for name in texts:
+        require_place(home / name, overwrite=overwrite)
+    written = [str(write_text(home / name, text, overwrite=overwrite)) for name, text in texts.items()]
+    return Listed("\n".join((*written, f"next         {home / 'next.md'}")), {"written": written})
 
 
 def scenarios() -> Listed:

@@ -30,6 +30,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, unknown_name
+from plumbob.core.resources import packaged
 from plumbob.core.units import unit
 from plumbob.data import TRIADS
 from plumbob.data.cards import NoiseCard
@@ -333,7 +334,7 @@ def _index() -> dict[str, tuple[str, str]]:
 
 @cache
 def _load(file: str) -> dict[str, Any]:
-    return tomllib.loads((resources.files("plumbob.simulation") / "presets" / file).read_text(encoding="utf-8"))
+    return tomllib.loads(packaged(f"simulation/presets/{file}"))
 
 
 def _sheet(part: str, raw: dict[str, Any], triad: str, variant: dict[str, Any]) -> TriadSheet:

@@ -25,7 +25,7 @@ from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.live.rows import line_of
-from plumbob.live.transports.polled import Schedule, Task
+from plumbob.live.transports.polled import Schedule
 from plumbob.viewer.hub import Hub
 from plumbob.viewer.messages import AllanCurve, Command, Guidance, numbers
 from plumbob.viewer.pipe import PipeMessage
@@ -258,7 +258,7 @@ class Derived:
         self._since = self._curve_at = 0.0
         self._late = 0
         self._failed = False
-        self._lines = Schedule([Task("line", LINES_NS)])
+        self._lines = Schedule(LINES_NS)
         hub.listeners.add(self._listen)
 
     @property
@@ -283,7 +283,7 @@ class Derived:
             self._do(self._allan.reset)
             if self._guided is not None:
                 self._hub.tell("view", self._cancel(None))
-            self._lines = Schedule([Task("line", LINES_NS)])
+            self._lines = Schedule(LINES_NS)
         elif message.kind == "batch" and self._hub.has_rows(message):
             arrays = message.arrays
             self._write_lines(arrays["t"], arrays["flags"], arrays["values"])

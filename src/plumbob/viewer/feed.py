@@ -445,7 +445,7 @@ class Feed(Sink):
 def probed(session: Session) -> ItemResult | None:
     """Part of made-up frames of a session, which shows what its samples have; None where none can be made."""
     message = session.form.message(session.message)
-    other = Stream(replace(session, stage=None, reference=None))
+    other = Stream(replace(session, stage=None, rates=None, scheme="", reference=None))
     if isinstance(session.form, LineFormat):
         return other.through({message.name: blank_frames(message)})
     physical = [field.name for field in message.fields if field.physical][:1]

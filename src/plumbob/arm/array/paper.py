@@ -28,6 +28,7 @@ from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps, to_deg
 from plumbob.data import AttitudeTrack
 from plumbob.data.array import ImuArray
+from plumbob.filters.base import CommonParams
 from plumbob.filters.ekf_quaternion import P, correct_direction, predict
 from plumbob.filters.fuzzy_pi import Params as Rules
 from plumbob.filters.fuzzy_pi import coefficients, regulate, wind
@@ -160,15 +161,15 @@ def blended(
 def run(
     t: Floats, gyr1: Floats, acc1: Floats, mag1: Floats, gyr2: Floats, acc2: Floats, mag2: Floats,
     kinds: Floats, rules: Floats, up: float, field: Floats, ekf: bool, noise: Floats, x: Floats, sums: Floats,
-    q_nb: Floats,
+    q_nb: Floats, n_before: int,
 ) -> None:  # fmt: skip
-    """Attitude (N, 4) of both sets; `x` holds q and P.
+    """Attitude (N, 4) of both sets, behind as many as are there already (`n_before`); `x` holds q and P.
 
     A second set with a weight kinds[2] of zero is left out, also of the start; with kinds[3] the error is late.
     """
     size = math.sqrt(field[0] * field[0] + field[1] * field[1])
     first, second, weight, both = int(kinds[0]), int(kinds[1]), kinds[2], 1.0 if kinds[2] > 0.0 else 0.0
-    for i in range(t.shape[0]):
+    for i in range(n_before, t.shape[0]):
         dt = t[i] - t[i - 1] if i > 0 else 0.0
         w0, w1, w2 = 0.0, 0.0, 0.0
         if i > 0:
@@ -224,6 +225,70 @@ def run(
         q_nb[i, 0], q_nb[i, 1], q_nb[i, 2], q_nb[i, 3] = q0, q1, q2, q3
 
 
+class ArrayFilter:
+    """The scheme as what estimates a stream of its array: cut anywhere, a stream gives the same bits.
+
+    Arguments are those of `paper`.
+    """
+
+    name = "teaching_arm"
+    bias_prior = None
+
+    def __init__(self, frame: Frame | str, scheme: Scheme | None = None, start: Floats | None = None) -> None:
+        scheme, self.frame = scheme or Scheme(), Frame.parse(frame)
+        for name in (scheme.set1, scheme.set2):
+            if name not in LAWS:
+                raise ParameterError(f"the law of a set must be one of {', '.join(LAWS)}, but it is '{name}'.")
+        if scheme.sets not in (1, 2):
+            raise ParameterError(f"sets must be 1 or 2, but it is {scheme.sets}.")
+        if scheme.rule_units not in RULE_UNITS:
+            raise ParameterError(f"rule_units must be one of {', '.join(RULE_UNITS)}, but it is '{scheme.rule_units}'.")
+        laws = Rules(kp=scheme.kp, ki=scheme.ki, slope=scheme.slope, far=scheme.far, sum_table=scheme.sum_table)
+        self._rules = np.array([*coefficients(laws), *RULE_UNITS[scheme.rule_units]])
+        up = float(self.frame.up[2])
+        self._field = math.cos(scheme.dip) * self.frame.north - math.sin(scheme.dip) * self.frame.up
+        self._x, self._sums = np.zeros(OWN + 12), np.zeros((4, 3))
+        self._up = -up if scheme.force_down else up
+        for k in (0, 4, 7, 9):
+            self._x[P + k] = 1e-3  # [HuangJiang]: P0
+        if start is not None:
+            self._x[Q : Q + 4] = start
+        self._kinds = np.array(
+            [LAWS[scheme.set1], LAWS[scheme.set2], 0.5 * (scheme.sets - 1), scheme.late], dtype=np.float64
+        )
+        self._scheme, self.common = scheme, CommonParams()
+        self._last = np.empty((0, 23))  # signals of the sample before, and its attitude
+
+    def north(self, has_mag: bool) -> North:
+        """What headings count from."""
+        return North.MAGNETIC
+
+    def facts(self) -> dict[str, str]:
+        """What differs from the paper."""
+        changed = [f"{key}={value}" for key, value in self._scheme._asdict().items() if value != getattr(Scheme(), key)]
+        return {"name": self.name, "frame": str(self.frame), "params": ", ".join(changed) or "defaults"}
+
+    def describe(self) -> str:
+        """Name and what differs from the paper, for provenance."""
+        return f"{self.name}({self.facts()['params']})"
+
+    def take(self, array: ImuArray) -> AttitudeTrack:
+        """Attitude at the next samples."""
+        of, n_before = sets_of(array), len(self._last)
+        signals = [array.t[:, np.newaxis], *of.plus.values(), *of.minus.values(), np.empty((len(array), 4))]
+        rows = np.concatenate((self._last, np.hstack(signals)))
+        a, b, c, d, e, f, q_nb = (np.ascontiguousarray(part) for part in np.split(rows[:, 1:], range(3, 19, 3), axis=1))
+        run(
+            np.ascontiguousarray(rows[:, 0]), a, b, c, -d if self._scheme.raw_mean else d, e, f, self._kinds,
+            self._rules, self._up, self._field, self._scheme.ekf, np.array([1e-4, 1e-3]), self._x, self._sums, q_nb,
+            n_before,
+        )  # fmt: skip
+        self._last = np.hstack((rows[-1:, :19], q_nb[-1:]))
+        return AttitudeTrack(
+            t=array.t, q_nb=q_nb[n_before:], frame=self.frame, north=North.MAGNETIC, source="teaching-arm paper"
+        )
+
+
 def paper(
     array: ImuArray, *, frame: Frame | str, scheme: Scheme | None = None, start: Floats | None = None
 ) -> AttitudeTrack:
@@ -231,32 +296,4 @@ def paper(
 
     It starts from `start` (4,), or from the first samples of the sets that are used, together.
     """
-    scheme, frame = scheme or Scheme(), Frame.parse(frame)
-    for name in (scheme.set1, scheme.set2):
-        if name not in LAWS:
-            raise ParameterError(f"the law of a set must be one of {', '.join(LAWS)}, but it is '{name}'.")
-    if scheme.sets not in (1, 2):
-        raise ParameterError(f"sets must be 1 or 2, but it is {scheme.sets}.")
-    if scheme.rule_units not in RULE_UNITS:
-        raise ParameterError(f"rule_units must be one of {', '.join(RULE_UNITS)}, but it is '{scheme.rule_units}'.")
-    both = sets_of(array)
-    laws = Rules(kp=scheme.kp, ki=scheme.ki, slope=scheme.slope, far=scheme.far, sum_table=scheme.sum_table)
-    rules = np.array([*coefficients(laws), *RULE_UNITS[scheme.rule_units]])
-    up = float(frame.up[2])
-    field = math.cos(scheme.dip) * frame.north - math.sin(scheme.dip) * frame.up
-    x = np.zeros(OWN + 12)
-    if scheme.force_down:
-        up = -up
-    for k in (0, 4, 7, 9):
-        x[P + k] = 1e-3  # [HuangJiang]: P0
-    if start is not None:
-        x[Q : Q + 4] = start
-    q_nb = np.empty((len(array), 4))
-    kinds = np.array([LAWS[scheme.set1], LAWS[scheme.set2], 0.5 * (scheme.sets - 1), scheme.late], dtype=np.float64)
-    a, b = both.plus, both.minus
-    rate2 = -b["gyr"] if scheme.raw_mean else b["gyr"]
-    run(
-        array.t, a["gyr"], a["acc"], a["mag"], rate2, b["acc"], b["mag"], kinds, rules, up, field, scheme.ekf,
-        np.array([1e-4, 1e-3]), x, np.zeros((4, 3)), q_nb,
-    )  # fmt: skip
-    return AttitudeTrack(t=array.t, q_nb=q_nb, frame=frame, north=North.MAGNETIC, source="teaching-arm paper")
+    return ArrayFilter(frame, scheme, start).take(array)

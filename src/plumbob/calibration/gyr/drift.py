@@ -12,18 +12,24 @@ number times each axis' own acceleration in g, here k_a times the unit matrix, i
 the compensated rate is divided by 1 + B_s. The random part i is not modelled: nothing that is known removes it.
 """
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plumbob.core import check
+from plumbob.core import check, flags
 from plumbob.core.check import Floats
-from plumbob.core.errors import CalibrationError
+from plumbob.core.errors import CalibrationError, ParameterError
+from plumbob.core.findings import Finding, info, warning
 from plumbob.core.kernels import kernel
-from plumbob.core.units import dps, g
+from plumbob.core.units import Quantity, dps, g, given, to_dps
+from plumbob.data import ImuData
 from plumbob.rotations.kernels import quat_exp, quat_mul
+
+if TYPE_CHECKING:
+    from plumbob.filters.channel import RateFilter
 
 
 def rotation_vectors(rate: Floats, dt: Floats) -> Floats:
@@ -113,6 +119,92 @@ def chen2013() -> GyroDrift:
     where the true one is 0.03 °/s/°C, this "compensation" over 20 °C leaves 1.4 °/s where nothing would have left 0.6.
     """
     return GyroDrift(bias_per_k=dps(np.full(3, 0.1)), g_sensitivity=dps(0.1 * np.eye(3)) / g(1.0))
+
+
+DRIFTS: Final[Mapping[str, Callable[[], GyroDrift]]] = {"chen2013": chen2013}  # drift models by name
+_KEPT = np.uint32(flags.GYR_HELD | flags.TIME_FAULT)  # of the filter's flags; the others are the samples' own
+
+
+class CompensatedRates:
+    """Rates of a stream, or of a recording at once: less their drift and the constant of a rest, each axis filtered.
+
+    `rate_filter` has three channels; other arguments are those of `plumbob.filter_rates`. The first samples that are
+    taken hold the whole `rest`, whose end is `rest_ends`, s.
+    """
+
+    def __init__(
+        self,
+        rate_filter: "RateFilter",
+        *,
+        drift: str | GyroDrift | None = None,
+        rest: Sequence[float | str] | None = None,
+        say: Callable[[Finding], None] = lambda finding: None,
+    ) -> None:
+        self.filter = rate_filter
+        self.drift = _model(drift)
+        self._rest = None if rest is None else tuple(given("rest", end, Quantity.TIME) or 0.0 for end in rest)
+        self.rest_ends = self._rest[1] if self._rest else 0.0
+        self._say, self._begun = say, False
+
+    def take(self, imu: ImuData) -> ImuData:
+        """Take the next samples, and return them with their rates compensated and filtered.
+
+        Raises ParameterError if no sample was taken in the rest.
+        """
+        if not self._begun:
+            self._begin(imu)
+        self._begun = True
+        filtered = self.filter.process(imu.t, self.drift.compensate(imu.usable("gyr"), imu.temp_c, imu.acc))
+        return imu.corrected(gyr=filtered.rate, meta=imu.meta).flagged(filtered.flags & _KEPT)
+
+    def _begin(self, imu: ImuData) -> None:
+        self.drift = _usable(self.drift, imu, self._say)
+        if self._rest is not None:
+            self.drift = _at_rest(self.drift, imu, self._rest[0], self.rest_ends, self._say)
+        self._say(info("rates.filter", filter=self.filter.describe()))
+
+
+def _model(drift: str | GyroDrift | None) -> GyroDrift:
+    if drift is None or isinstance(drift, GyroDrift):
+        return drift or GyroDrift()
+    if drift not in DRIFTS:
+        raise ParameterError(
+            f"'{drift}' is not a drift model; known: {', '.join(DRIFTS)}. That of your own unit is a calibration "
+            "card, as 'plumbob calibrate gyro' and 'plumbob calibrate temperature' write it: --calibration."
+        )
+    return DRIFTS[drift]()
+
+
+def _usable(model: GyroDrift, imu: ImuData, say: Callable[[Finding], None]) -> GyroDrift:
+    """Model without the parts whose sensor the recording lacks."""
+    if model.bias_per_k.any() and imu.temp_c is None:
+        say(warning("rates.no_temperature"))
+        model = replace(model, bias_per_k=np.zeros(3))
+    if model.g_sensitivity.any() and imu.acc is None:
+        say(warning("rates.no_force"))
+        model = replace(model, g_sensitivity=np.zeros((3, 3)))
+    if model.bias_per_k.any():
+        say(info("rates.drift_of_temperature", slope=_three(to_dps(model.bias_per_k)), from_c=model.temp_ref_c))
+    if model.g_sensitivity.any():
+        per_g = to_dps(model.g_sensitivity) * g(1.0)
+        say(info("rates.drift_of_force", slope=", ".join(map(_three, per_g))))
+    return model
+
+
+def _at_rest(model: GyroDrift, imu: ImuData, start: float, stop: float, say: Callable[[Finding], None]) -> GyroDrift:
+    rows = (imu.t >= start) & (imu.t < stop)
+    still = imu.picked(rows) if rows.any() else None
+    if still is None or still.gyr is None:
+        raise ParameterError(
+            f"rest = {start:g} to {stop:g} s holds no sample; the recording goes from {imu.t[0]:g} to {imu.t[-1]:g} s."
+        )
+    resting = model.at_rest(still.usable("gyr"), still.temp_c, still.acc)  # [Chen2013] (6)
+    say(info("rates.constant", bias=_three(to_dps(resting.bias)), start=start, stop=stop))
+    return resting
+
+
+def _three(values: Floats) -> str:
+    return " ".join(f"{value:.4g}" for value in values)
 
 
 def _given(name: str, value: ArrayLike | None) -> Floats:

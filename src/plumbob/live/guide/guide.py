@@ -8,7 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -264,6 +264,13 @@ class Guide(ABC):
     def _look(self, block: Block) -> None:
         """Take up a block."""
 
+    def _progress(self, words: str, *, done: bool, **more: Any) -> Progress:
+        """State with what to do now."""
+        lasting, step = self._rest.lasting, "done" if done else words
+        return Progress(
+            elapsed=self._now, still_for=lasting, next_step=step, warnings=self._warnings, done=done, **more
+        )  # fmt: skip
+
     def _take(self, block: Block) -> None:
         if self._start is None:
             self._start = float(block.t[0])
@@ -332,15 +339,7 @@ class RestGuide(Guide):
         lasting = min(self._rest.lasting, LONG_ENOUGH)
         done = self._done or lasting >= LONG_ENOUGH
         words = f"leave the unit untouched: {lasting:.1f} of {LONG_ENOUGH:.0f} s"
-        return Progress(
-            elapsed=self._now,
-            filled=None,
-            still_for=self._rest.lasting,
-            next_step="done" if done else words,
-            share=1.0 if done else lasting / LONG_ENOUGH,
-            warnings=self._warnings,
-            done=done,
-        )
+        return self._progress(words, filled=None, share=1.0 if done else lasting / LONG_ENOUGH, done=done)
 
     def _look(self, block: Block) -> None:
         lying = self._rest.lasting >= _FIRST
@@ -381,18 +380,15 @@ class AccelGuide(Guide):
         missing = np.flatnonzero(~self._seen.filled).tolist()
         goal = nearest(direction, missing) if missing and direction is not None else None
         done = self._done or (grade == "good" and count >= ENOUGH)
-        return Progress(
-            elapsed=self._now,
+        return self._progress(
+            self._words(here, goal),
             filled=self._seen.filled.copy(),
             direction=here,
-            still_for=self._rest.lasting,
-            next_step="done" if done else self._words(here, goal),
             turn=None if goal is None or goal == here or direction is None else turn_to(direction, REGIONS[goal]),
             goal=goal,
             predicted="" if self._sd is None else f"tilt ±{to_deg(self._sd):.2g}° (1 sd)",
             grade=grade,
             share=count / len(NAMES),
-            warnings=self._warnings,
             done=done,
         )
 
@@ -472,18 +468,15 @@ class MagGuide(Guide):
         done = self._done or (shown == "good" and count >= ENOUGH)
         direction = self._direction()
         goal, turn = self._next(direction)
-        return Progress(
-            elapsed=self._now,
+        return self._progress(
+            self._words(goal, turn),
             filled=None if self._fit is None else self._seen.filled.copy(),
             direction=None if direction is None else int(region_index(direction[np.newaxis])[0]),
-            still_for=self._rest.lasting,
-            next_step="done" if done else self._words(goal, turn),
             turn=turn,
             goal=goal,
             predicted="" if self._sd is None else f"heading ±{to_deg(self._sd[0]):.2g}° (1 sd)",
             grade=grade,
             share=count / len(NAMES),
-            warnings=self._warnings,
             done=done,
         )
 

@@ -1,9 +1,9 @@
 """Rigs: what each is made of, every frame with its time, the truth behind it, and the faults on the way."""
 
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.resources import packaged
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
-from plumbob.data.array import PRESETS
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.chain import Chain
 from plumbob.live.rigs import faults as line_faults
@@ -171,48 +171,19 @@ def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate
     return RigPlan(form.name, form.title, motion, frame, pace, motion.duration, units)
 
 
-_REFERENCE: Final[Quat] = (sqrt(0.5), 0.0, 0.0, -sqrt(0.5))
-"""The reference's y axis is the body's x axis [Li2012], both z axes point down."""
+def _plan(name: str, table: dict[str, Any]) -> RigPlan:
+    units = tuple(RigUnit(**{**unit, "q_bs": tuple(unit.get("q_bs", ALIGNED))}) for unit in table.pop("units"))
+    if "chain" in table:
+        motion: Any = Chained(CHAINS[table.pop("chain")], table.pop("program"), table.pop("settings"))
+    else:
+        motion = scenario(table.pop("scenario"))
+    table.setdefault("duration", getattr(motion, "duration", None))
+    return RigPlan(name, scenario=motion, frame=Frame.NED, units=units, **table)
+
 
 PLANS: Final[Mapping[str, RigPlan]] = {
-    plan.name: plan
-    for plan in (
-        RigPlan(
-            "buoy", "drifting buoy: MPU-6000 and HMC5983", scenario("buoy"), Frame.NED, 100.0, 600.0,
-            (RigUnit("mpu6000+hmc5983"),),
-        ),
-        RigPlan(
-            "buoy_attitude", "drifting buoy: attitude from its own processor", scenario("buoy"), Frame.NED, 20.0, 600.0,
-            (RigUnit("mpu6000+hmc5983"),), firmware=True,
-        ),
-        RigPlan(
-            "fin", "bionic fin: ADXRS453 and ADXRS290", scenario("fin"), Frame.NED, 500.0, 220.0,
-            (RigUnit("adxrs290+adxrs453"),),
-        ),
-        RigPlan(
-            "trackball", "gyroscope at rest: MPU-3050, 1000 samples", scenario("static"), Frame.NED, 10.0, 100.0,
-            (RigUnit("mpu3050"),),
-        ),
-        RigPlan(
-            "arm", "teaching arm: six nine-axis units", scenario("arm"), Frame.NED, 10.0, 30.0,
-            tuple(RigUnit("arm", name, mount.q_bs) for name, mount in PRESETS["arm"].items()),
-        ),
-        RigPlan(
-            "rod", "rod moved by hand: ADIS16355 beside an AHRS500GA", scenario("rod"), Frame.NED, 100.0, 600.0,
-            (RigUnit("adis16355"), RigUnit("ahrs500ga", "ref", _REFERENCE, reference=True)),
-        ),
-        RigPlan(
-            "ring", "static ring test: the buoy's unit beside a DCM260B", scenario("table36"), Frame.NED, 100.0,
-            scenario("table36").duration,
-            (RigUnit("mpu6000+hmc5983"), RigUnit("dcm260b", "ref", reference=True)),
-        ),
-        RigPlan(
-            "teach", "six-axis machine taught by hand: a nine-axis unit on each link",
-            Chained(CHAINS["teach"], "teach", {"mag_rate": 220.0}), Frame.NED, 100.0, 60.0,
-            tuple(RigUnit("mpu6000+hmc5983", segment.unit) for segment in CHAINS["teach"].segments if segment.unit),
-        ),
-    )
-}  # fmt: skip
+    name: _plan(name, table) for name, table in tomllib.loads(packaged("live/rigs/plans.toml")).items()
+}
 """The papers' rigs by name, and a machine that is taught."""
 
 Column = Floats | NDArray[np.int64]

@@ -1,8 +1,7 @@
 """Sources that ask a device at a rate, on deadlines that do not drift."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Self, Unpack
 
 from plumbob.core.errors import LineError, ParameterError
@@ -10,48 +9,31 @@ from plumbob.core.event import Event
 from plumbob.live.transports.transport import NoLine, Opened, Pace, Received
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
-    """Something to do again and again."""
-
-    name: str  # what `Schedule.due` calls it
-    period_ns: int  # from one deadline to the next, ns
-
-
 class Schedule:
-    """Which tasks are due at a time, on one clock; those that coincide in their order.
+    """When something is due that is done again and again.
 
-    Deadlines are ``start_ns + k * period_ns`` for whole k from 0, so nothing drifts, however late it is asked. A task
-    that is asked too late for several deadlines is due once: the rest are counted as `missed` and never made up for.
+    Deadlines are ``start_ns + k * period_ns`` for whole k from 0, so nothing drifts, however late it is asked. What is
+    asked too late for several deadlines is due once: the rest are counted as `missed` and never made up for.
     """
 
-    def __init__(self, tasks: Sequence[Task], *, start_ns: int = 0) -> None:
-        if not tasks or len({task.name for task in tasks}) < len(tasks):
-            raise ParameterError(f"A schedule needs tasks with different names, but got {[t.name for t in tasks]}.")
-        for task in tasks:
-            if task.period_ns <= 0:
-                raise ParameterError(f"The period of task '{task.name}' must be above 0 ns, but is {task.period_ns}.")
-        self._tasks = tuple(tasks)
-        self._start_ns = start_ns
-        self._done = {task.name: -1 for task in tasks}  # number of the last deadline that was met or missed
-        self.missed = {task.name: 0 for task in tasks}
+    def __init__(self, period_ns: int, *, start_ns: int = 0) -> None:
+        if period_ns <= 0:
+            raise ParameterError(f"The period of a schedule must be above 0 ns, but is {period_ns}.")
+        self._period_ns, self._start_ns = period_ns, start_ns
+        self._done = -1  # number of the last deadline that was met or missed
+        self.missed = 0
 
-    def due(self, t_ns: int) -> tuple[str, ...]:
-        """Names of the tasks with a deadline at or before `t_ns` for which they were not yet due."""
-        names = []
-        for task in self._tasks:
-            k = (t_ns - self._start_ns) // task.period_ns
-            late = k - self._done[task.name] - 1
-            if late >= 0:
-                self.missed[task.name] += late
-                self._done[task.name] = k
-                names.append(task.name)
-        return tuple(names)
+    def due(self, t_ns: int) -> bool:
+        """Whether there is a deadline at or before `t_ns` at which it was not yet due."""
+        late = (t_ns - self._start_ns) // self._period_ns - self._done - 1
+        self._done += max(late + 1, 0)
+        self.missed += max(late, 0)
+        return late >= 0
 
     @property
     def next_ns(self) -> int:
-        """Next deadline of any task, ns."""
-        return min(self._start_ns + (self._done[task.name] + 1) * task.period_ns for task in self._tasks)
+        """Next deadline, ns."""
+        return self._start_ns + (self._done + 1) * self._period_ns
 
 
 class Polled(Opened):
@@ -87,7 +69,7 @@ class Polled(Opened):
                 raise LineError(no.text) from no.__cause__
             now = self._clock()
             self._up = True
-            self._schedule = Schedule((Task("poll", self._period_ns),), start_ns=now)
+            self._schedule = Schedule(self._period_ns, start_ns=now)
             self._told.append(Event(now, "opened", f"{where} is open, asked every {self._period_ns / 1e6:g} ms."))
         return self
 
@@ -105,9 +87,9 @@ class Polled(Opened):
 
     def _answer(self) -> list[Received | Event]:
         assert self._schedule is not None
-        before = self._schedule.missed["poll"]
+        before = self._schedule.missed
         self._schedule.due(self._clock())
-        late = self._schedule.missed["poll"] - before
+        late = self._schedule.missed - before
         try:
             data = self._ask()
         except OSError as error:
@@ -139,5 +121,5 @@ class Polled(Opened):
             return []
         now = self._clock()
         self._up = True
-        self._schedule = Schedule((Task("poll", self._period_ns),), start_ns=now)
+        self._schedule = Schedule(self._period_ns, start_ns=now)
         return [Event(now, "reopened", f"{where} is open again after {(now - self._lost_ns) / 1e9:.3f} s without it.")]

@@ -166,6 +166,12 @@ class SerialSource(Replug):
         self._baud, self._bytesize, self._parity, self._stopbits = baud, bytesize, parity, stopbits
         self._rtscts, self._xonxoff, self._exclusive = rtscts, xonxoff, exclusive
 
+    def set_baud(self, baud: int) -> None:
+        """Go on at another speed, without opening the port again, at which many boards restart."""
+        self._baud = baud
+        if isinstance(self._wire, SerialWire):
+            self._wire.set_baud(baud)
+
     def _connect(self, patience: float) -> "SerialWire":
         import termios
 
@@ -208,6 +214,11 @@ class SerialWire:
     def fileno(self) -> int:
         """Descriptor of the port."""
         return self._port.fileno()
+
+    def set_baud(self, baud: int) -> None:
+        """Go on at another speed; what came before is forgotten."""
+        self._port.baudrate = baud
+        self._port.reset_input_buffer()
 
     def take(self) -> list[Received | Event]:
         """All bytes that are there; OSError where a ready port has none, for that is how one that is gone looks."""

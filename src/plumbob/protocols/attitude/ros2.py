@@ -11,33 +11,14 @@ from typing import IO, Any, Final, cast
 
 import numpy as np
 
-from plumbob.core.constants import ROS_LINE, ROS_STAMPED
+from plumbob.core.resources import packaged
 from plumbob.protocols.attitude import AttitudeSample
 from plumbob.rotations import Frame, change_frame, dcm_from_quat, quat_from_rotvec, quat_multiply
 
 CDR: Final = "cdr"
 ROS1: Final = "ros1"
 TYPE: Final = "sensor_msgs/msg/Imu"
-DEFINITION: Final = f"""\
-std_msgs/Header header
-geometry_msgs/Quaternion orientation
-float64[9] orientation_covariance
-geometry_msgs/Vector3 angular_velocity
-float64[9] angular_velocity_covariance
-geometry_msgs/Vector3 linear_acceleration
-float64[9] linear_acceleration_covariance
-{ROS_STAMPED}{ROS_LINE}
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
-{ROS_LINE}
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-"""
+DEFINITION: Final = packaged("protocols/attitude/imu.msg")
 _ABSENT: Final = (-1.0, *(0.0,) * 8)
 _UNKNOWN: Final = (0.0,) * 9
 _FLU: Final = np.array([1.0, -1.0, -1.0])
