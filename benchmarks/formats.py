@@ -213,7 +213,7 @@ MADE = (
     Kind("EuRoC", "EuRoC", HAND, _asl("MH_01", "state_groundtruth_estimate0")),
     Kind("TUM VI", "EuRoC", HAND, _asl("room1", "mocap0")),
     Kind("KITTI raw", "KITTI", HAND, lambda to: kinds.drive(to / "drive", moving=kinds.real_motion().every(3))),
-    Kind("RepoIMU", "RepoIMU", HAND, put("TStick_Test01.csv", kinds.repoimu_of)),
+    Kind("RepoIMU", "text", HAND, put("TStick_Test01.csv", kinds.repoimu_of)),
     Kind("phyphox, zip", "phone", HAND, _phyphox(kinds.zipped, "swing.zip")),
     Kind("phyphox, folder", "phone", HAND, _phyphox(kinds.foldered, "swing")),
     Kind("phyphox, CSV", "phone", HAND, put("Raw Data.csv", lambda m: kinds.phyphox_of(m)["Gyroscope.csv"])),

@@ -21,15 +21,18 @@ DEG, G = TURN / 360, 9.80665
 # spectral densities: 1 Hz = 1/s, so 1 rad/s/√Hz = 1 rad/√s and 1 °/√h = 1°/√(3600 s) = (1/60) °/s/√Hz.
 FACTORS = [
     (1.0, "rad/s, rad/s2, rad/s3, m/s2, uT, degC, K, rad, s, m, m/s, Hz, 1/s, 1/s2, 1, V, m/s3, uT/s, uT s"),
-    (1.0, "rad/s/rtHz, rad/s2/rtHz, m/s2/rtHz, m/s3/rtHz, uT/rtHz, uT/s/rtHz, 1/rtHz, 1/s/rtHz"),
-    (1e-3, "mrad/s, nT, mdegC, ms, mm, mm/s, mV, nT/rtHz, nT/s/rtHz, nT/s, nT s"),
-    (1e-2, "cm/s2, cm, %"),
-    (1e-6, "us"),
+    (1.0, "rad/s/rtHz, rad/s2/rtHz, m/s2/rtHz, m/s3/rtHz, uT/rtHz, uT/s/rtHz, 1/rtHz, 1/s/rtHz, kgamma"),
+    (1e-3, "mrad/s, mm/s2, nT, gamma, mdegC, ms, mm, mm/s, mV, nT/rtHz, nT/s/rtHz, nT/s, nT s"),
+    (1e-2, "cm/s2, Gal, cm, %"),
+    (1e-5, "mGal"),
+    (1e-6, "us, urad/s"),
     (1e-9, "ns"),
     (1e3, "mT"),
     (1e6, "T"),
-    (1e-4 * 1e6, "gauss"),
-    (1e-4 * 1e6 * 1e-3, "mgauss"),
+    # 1 γ = 10⁻⁹ T, 1 Gal = 0.01 m/s², 1 Oe = 1000/(4π) A/m (NIST SP 811, B.8); in air µ₀ = 4π·10⁻⁷ T/(A/m) to 10⁻⁶
+    (1e-4 * 1e6, "gauss, Oe"),
+    (1e-4 * 1e6 * 1e-3, "mgauss, mOe"),
+    (4 * math.pi * 1e-7 * 1e6, "A/m"),
     (50.0, "relative"),  # what stands for the field of the place, docs/file-formats.md
     (0.3048, "ft/s2"),  # international foot and inch (NIST SP 811, B.8)
     (0.0254, "in/s2"),
@@ -38,24 +41,24 @@ FACTORS = [
     (3600.0, "h"),
     (DEG, "deg/s, deg/s2, deg/s3, deg, deg/s/rtHz, deg/s2/rtHz"),
     (DEG / 1000, "mdeg/s"),
-    (DEG / 60, "deg/rth"),
-    (DEG / 3600, "deg/h, deg/h/s, arcsec"),
+    (DEG / 60, "deg/rth, deg/min"),
+    (DEG / 3600, "deg/h, deg/h/s, arcsec, arcsec/s"),
     (DEG / 3600 / 60, "deg/h/rth"),
+    (TURN, "rev/s"),
     (TURN / 60, "rpm"),
     (G, "g"),
     (G * 1e-3, "mg, mg/rtHz"),
     (G * 1e-6, "ug, ug/rtHz, ug/s/rtHz, ug/s"),
 ]
 DEFINITIONS = {name: factor for factor, names in FACTORS for name in names.split(", ")}
-ALIASES = {
-    "dps": "deg/s", "°/s": "deg/s", "°/h": "deg/h", "r/min": "rpm", "m/s^2": "m/s2", "m/s²": "m/s2", "Gs": "gauss",
-    "Ga": "gauss", "mGs": "mgauss", "mGa": "mgauss", "°": "deg", "°C": "degC", "1/s²": "1/s2", "1/s^2": "1/s2",
-    "°/sec": "deg/s", "deg/sec": "deg/s", "degrees/s": "deg/s", "degree/s": "deg/s", "mdps": "mdeg/s",
-    "m°/s": "mdeg/s", "rad/sec": "rad/s", "rad s^-1": "rad/s", "°/hr": "deg/h", "deg/hr": "deg/h", "m/s/s": "m/s2",
-    "m s^-2": "m/s2", "Gauss": "gauss", "mGauss": "mgauss", "milligauss": "mgauss", "uTesla": "uT",
-    "microtesla": "uT", "degrees": "deg", "℃": "degC", "deg C": "degC", "Celsius": "degC", "celsius": "degC",
-    "sec": "s", "seconds": "s", "msec": "ms", "milliseconds": "ms", "usec": "us", "microseconds": "us",
+NAMES = {
+    "deg/s": "dps, °/s, °/sec, deg/sec, degrees/s, degree/s", "deg/h": "°/h, °/hr, deg/hr", "rpm": "r/min, rev/min",
+    "m/s2": "m/s^2, m/s², m/s/s, m s^-2", "gauss": "Gs, Ga, Gauss", "Oe": "Oersted", "T": "tesla",
+    "mgauss": "mGs, mGa, mGauss, milligauss", "deg": "°, degrees", "degC": "°C, ℃, deg C, Celsius, celsius",
+    "1/s2": "1/s², 1/s^2", "mdeg/s": "mdps, m°/s", "rad/s": "rad/sec, rad s^-1", "uT": "uTesla, microtesla",
+    "s": "sec, seconds", "ms": "msec, milliseconds", "us": "usec, microseconds",
 }  # fmt: skip
+ALIASES = {alias: unit for unit, names in NAMES.items() for alias in names.split(", ")}
 
 
 def test_the_table_here_is_complete():

@@ -10,7 +10,6 @@ from plumbob.rotations import Frame, North, quat_angle, quat_multiply, quat_rota
 from tests.helpers import log_samples as made
 from tests.helpers.file_kinds import HEAD, IDENTITY, IMU_HEAD, QUARTER, START, asl, drive, yaml
 from tests.helpers.io_samples import refused
-from tests.helpers.real_data import real
 
 
 def test_euroc_has_the_units_and_frames_of_its_head_lines_and_its_truth_the_axes_of_the_imu(tmp_path):
@@ -138,22 +137,6 @@ def test_repoimu_has_the_units_of_its_description(tmp_path):
     np.testing.assert_allclose(np.diff(recording.imu.t), 0.01)
     assert recording.track.north is North.FREE
     assert np.flatnonzero(~recording.track.known).tolist() == [10]
-    assert any("--align heading,mounting" in str(note) for note in recording.notes)
+    assert "--align heading,mounting" in recording.track.source
     path.write_text(HEAD + "".join(rows) + "1;2;3\n")
-    refused(read, path, match="14 numbers")
-    path.write_text(HEAD)
-    refused(read, path, match="no rows")
-
-
-def test_a_real_trial_in_repoimus_layout_is_the_same(tmp_path):
-    native = real("foreign/tstick/TStick_Test03_Trial1.parquet")
-    whole = read(native)
-    imu, q_nb = whole.imu[:500], whole.track.q_nb[:500]
-    path = tmp_path / native.with_suffix(".csv").name
-    table = np.column_stack([imu.t, q_nb, imu.acc, imu.gyr, imu.mag / 50])
-    path.write_text(HEAD + "\n".join(";".join(f"{value:.17g}" for value in row) + ";" for row in table))
-    again = read(path)
-    np.testing.assert_allclose(again.imu.acc, imu.acc)
-    np.testing.assert_allclose(again.imu.mag, imu.mag)
-    assert np.nanmax(quat_angle(again.track.q_nb, q_nb)) < 1e-6
-    assert 9.6 < np.median(np.linalg.norm(again.imu.acc, axis=1)) < 10.0  # m/s², not g
+    assert len(read(path).imu) == 100

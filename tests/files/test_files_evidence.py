@@ -217,6 +217,14 @@ LOGS = {  # name of the file, its text, what a user answers
         "{}: IMU {{TimeUS : {:.0f}, I : {}, GyrX : {}, GyrY : {}, GyrZ : {}, AccX : {}, AccY : {}, AccZ : {}}}\n"
         .format(c, 1e6 * t, i, *w * i, *a) for c, t, a, w in zip(CLOCK, T, ACC, GYR, strict=True) for i in (0, 1)),
         UP | {"header.where": [3, "1"], "gyr.unit": "rad/s"}),
+    "units that few loggers write": (
+        "a.txt", "t\tax\tay\taz\twx\twy\twz\n[min]" + 3 * "\t[mm/s2]" + 3 * "\t[rev/s]" + "\n" + rows(
+            T / 60, *(1e3 * ACC).T, *(DPS / 360).T, separator="\t", form="{:.9f}"), UP),
+    "Julian days": ("a.csv", "Julian Date," + names("a* (Gal)", "g* (deg/min)") + "\n" + rows(
+        [f"2460432.{round(t / 86_400 * 1e15):015}" for t in T], *(100 * ACC).T, *(60 * DPS).T, form="{:.12f}"), UP),
+    "groups of digits in one column alone": ("a.csv", "Milliseconds;" + names("Acc * (mg)", "Gyr * (mdps)").replace(
+        ",", ";") + "\n" + "".join("{:.0f};{:,.3f};{:,.3f};{:,.3f};{:,.2f};{:,.2f};{:,.2f}\n".format(
+            1e3 * t, *(1e3 * a), *(1e3 * w)) for t, a, w in zip(T, G, DPS, strict=True)), UP),
     "blanks of which each separates": (
         "a.txt", "// DeviceId: 1\n// Coordinate system: ENU\nPacketCounter SampleTimeFine Year "
         + names("Acc_*", "Gyr_*").replace(",", " ") + "\n"
@@ -243,6 +251,8 @@ def test_what_a_file_says_is_taken_and_the_rest_is_answered(tmp_path, kind):
     assert imu.acc == pytest.approx(ACC, abs=1e-2)
     assert imu.mag is None
     assert imu.meta.frame == "ENU"
+    if "Julian" in kind:  # 2 460 432.0 is noon of 2024-05-01, as 2 451 545.0 is of 2000-01-01 (Astronomical Almanac)
+        assert abs(imu.meta.t0_ns - np.datetime64("2024-05-01T12", "ns").astype(int)) < 1e5
     if "comment" in kind:  # it is known by its names with its frame, and needs no profile
         assert np.array_equal(plumbob.read(tmp_path / LOGS[kind][0]).imu.gyr, imu.gyr)
     if "attitude" in kind or "comment" in kind:
@@ -344,6 +354,9 @@ def test_arrays_say_their_rate(tmp_path):
         for name, values in (("gyr", GYR), ("acc", ACC)):
             file.create_dataset(name, data=values).attrs["sampling_rate"] = 250.0
     assert "time.rate" in dict(plumbob.profile(tmp_path / "a.h5", accept=True, answers=answers).evidence)
+    np.savez(path, **{f"day 3/left_shank/{name}": v for name, v in (("t", T), ("gyr", GYR), ("acc", ACC))})
+    draft = plumbob.profile(path, accept=True, answers=answers)  # in folders that name no sensor
+    assert plumbob.read(path, profile=plumbob.files.parse_profile(draft.text)).imu.gyr.tobytes() == GYR.tobytes()
 
 
 UNITS = {"gyr.unit": "rad/s", "mag.unit": "uT"}
@@ -358,6 +371,11 @@ def test_what_nothing_speaks_for_stays_a_question_and_nothing_is_written(tmp_pat
     head = "// Interval: 0 ms\n// Rate: 100 Hz\nSampleTimeFine," + names("Acc_*", "Gyr_*") + "\n"  # its counts: 0.1 ms
     (tmp_path / "b.csv").write_text(head + rows(1e4 * T, *ACC.T, *DPS.T), encoding="utf-8")
     assert "time.unit" in dict(plumbob.profile(tmp_path / "b.csv", accept=True, answers=UP | UNITS).questions)
+    counts = np.rint([*(16384 * G).T, *(131 * DPS).T])  # what a unit alone does not answer
+    (tmp_path / "c.csv").write_text("t_s," + names("a*", "g*") + "\n" + rows(T, *counts), encoding="utf-8")
+    answers = UP | {"acc.unit": "g", "gyr.unit": "deg/s"}
+    draft = plumbob.profile(tmp_path / "c.csv", accept=True, answers=answers)
+    assert [key for key, _ in draft.questions] == ["acc.counts_per_unit"]
     assert not out.exists()
     assert plumbob.profile(tmp_path / "a.csv", accept=True, answers=UP | UNITS, out=out).questions == ()
     assert plumbob.read(tmp_path / "a.csv", profile=out).imu.acc == pytest.approx(ACC, abs=1e-5)
@@ -379,6 +397,16 @@ def test_answers_that_do_not_fit_and_files_that_cannot_give_an_attitude_are_refu
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(plumbob.PlumbobError, match=match):
         plumbob.profile(tmp_path / "a.csv", accept=True, answers=answers)
+
+
+def test_a_clock_that_begins_again_hides_no_evidence(tmp_path):
+    """The rates' unit by how gravity turns, over midnight: about x by 0.5 sin 1.3 t, and so at 0.65 cos 1.3 t."""
+    t = np.arange(40.0 * RATE) / RATE
+    roll, rate = 0.5 * np.sin(1.3 * t), 0.65 * np.cos(1.3 * t)
+    clock = [str(np.datetime64("2024-05-03T23:59:40") + np.timedelta64(round(1e3 * s), "ms"))[11:] for s in t]
+    force = (0.0 * t, G0 * np.sin(roll), G0 * np.cos(roll))
+    text = "time," + names("a*", "g*") + "\n" + rows(clock, *force, np.degrees(rate), 0.0 * t, 0.0 * t)
+    assert drafted(tmp_path, "a.csv", text, UP).imu.gyr[:, 0] == pytest.approx(rate, abs=1e-6)
 
 
 def test_answers_as_they_are_typed():

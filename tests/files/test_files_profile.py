@@ -172,7 +172,7 @@ def test_axes_time_and_separator_are_written_in_several_ways():
     assert parse_profile(TURNED + 'of = "case"').turn == "x -y -z"
     assert parse_profile("axes_applied = true\n" + TURNED).turn is None
     assert parse_profile(TRACK).triads == {}
-    assert parse_profile(UNIX).time == TimeSource(("t",), "s", unix=True)
+    assert parse_profile(UNIX).time == TimeSource(("t",), "s", epoch="unix")
     assert parse_profile(MINIMAL.replace('column = "t"\nunit = "s"', 'rate = "0.5 Hz"')).time == TimeSource(rate=0.5)
     for word in ('"tab"', '"\\t"', "'\\t'"):
         assert parse_profile(MINIMAL.replace('","', word)).layout.separator == "\t"

@@ -46,6 +46,7 @@ def test_coarse_and_late_stamps_become_the_clock_that_made_them(rate, quantum, j
         (604_799.5, 0.005, 604_800, 1e9, "the end of the week"),
         (700, 10, 1000, 1e6, "1000"),
         (3_599.0, 0.01, 3600, 1e9, "the hour"),
+        (58.0, 0.01, 60, 1e9, "the minute"),
     ],
 )
 def test_counters_and_clocks_that_begin_again_go_on(first, step, wraps, unit_ns, said):

@@ -226,7 +226,7 @@ def _read_parquet(file: Path) -> tuple[dict[str, NDArray[Any]], str]:
 
     try:
         with pq.ParquetFile(file, page_checksum_verification=True) as parquet:
-            require_room(unpacked_bytes(file, parquet.metadata), file.stat().st_size)
+            require_room(unpacked_bytes(file), file.stat().st_size)
             table = parquet.read()
     except (pa.ArrowException, OSError) as error:
         raise DecodeError("it is not a complete Parquet file; use an intact copy.") from error

@@ -1,7 +1,8 @@
 """Units: the only place in the project that holds conversion factors.
 
 Inside, everything is SI and radians, with two declared exceptions: magnetic flux density in microtesla and temperature
-in degrees Celsius. Any other unit exists only at the border, where its name is part of the variable's name.
+in degrees Celsius. Any other unit exists only at the border, where its name is part of the variable's name. Factors are
+those of NIST SP 811, appendix B.8; of the oersted and A/m, that of the flux in air.
 """
 
 import math
@@ -54,29 +55,10 @@ class Quantity(StrEnum):
     @property
     def ambiguous(self) -> bool:
         """True where the field writes the quantity in two units, so that a plain number would be a guess."""
-        return self in _AMBIGUOUS
+        return self.startswith(("rad", "uT", "m/s2", "m/s3"))
 
 
 QUANTITY_BY_TRIAD: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
-
-
-_AMBIGUOUS = {
-    Quantity.RATE,
-    Quantity.ANGULAR_ACCELERATION,
-    Quantity.ANGULAR_JERK,
-    Quantity.ACCELERATION,
-    Quantity.FIELD,
-    Quantity.ANGLE,
-    Quantity.RATE_NOISE,
-    Quantity.RATE_WALK,
-    Quantity.ACCELERATION_NOISE,
-    Quantity.ACCELERATION_WALK,
-    Quantity.JERK,
-    Quantity.FIELD_NOISE,
-    Quantity.FIELD_WALK,
-    Quantity.FIELD_RATE,
-    Quantity.FIELD_TIME,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +78,11 @@ UNITS: dict[str, Unit] = {
     "deg/s": Unit(Quantity.RATE, _DEG),
     "mrad/s": Unit(Quantity.RATE, 1e-3),
     "mdeg/s": Unit(Quantity.RATE, 1e-3 * _DEG),
+    "urad/s": Unit(Quantity.RATE, 1e-6),
+    "arcsec/s": Unit(Quantity.RATE, _DEG / 3600.0),
+    "deg/min": Unit(Quantity.RATE, _DEG / 60.0),
     "deg/h": Unit(Quantity.RATE, _DEG / 3600.0),
+    "rev/s": Unit(Quantity.RATE, 2.0 * math.pi),
     "rpm": Unit(Quantity.RATE, 2.0 * math.pi / 60.0),
     "rad/s2": Unit(Quantity.ANGULAR_ACCELERATION, 1.0),
     "deg/s2": Unit(Quantity.ANGULAR_ACCELERATION, _DEG),
@@ -105,6 +91,9 @@ UNITS: dict[str, Unit] = {
     "deg/s3": Unit(Quantity.ANGULAR_JERK, _DEG),
     "m/s2": Unit(Quantity.ACCELERATION, 1.0),
     "cm/s2": Unit(Quantity.ACCELERATION, 1e-2),
+    "mm/s2": Unit(Quantity.ACCELERATION, 1e-3),
+    "Gal": Unit(Quantity.ACCELERATION, 1e-2),
+    "mGal": Unit(Quantity.ACCELERATION, 1e-5),
     "g": Unit(Quantity.ACCELERATION, G0),
     "mg": Unit(Quantity.ACCELERATION, 1e-3 * G0),
     "ug": Unit(Quantity.ACCELERATION, 1e-6 * G0),
@@ -116,6 +105,11 @@ UNITS: dict[str, Unit] = {
     "T": Unit(Quantity.FIELD, 1e6),
     "gauss": Unit(Quantity.FIELD, 1e2),
     "mgauss": Unit(Quantity.FIELD, 1e-1),
+    "gamma": Unit(Quantity.FIELD, 1e-3),
+    "kgamma": Unit(Quantity.FIELD, 1.0),
+    "Oe": Unit(Quantity.FIELD, 1e2),  # in air, and so A/m
+    "mOe": Unit(Quantity.FIELD, 1e-1),
+    "A/m": Unit(Quantity.FIELD, 0.4 * math.pi),
     "relative": Unit(Quantity.FIELD, NOMINAL_FIELD),  # of the field of the place, whose size nobody said
     "degC": Unit(Quantity.TEMPERATURE, 1.0),
     "mdegC": Unit(Quantity.TEMPERATURE, 1e-3),
@@ -181,6 +175,7 @@ _ALIASES = {
     "°/hr": "deg/h",
     "deg/hr": "deg/h",
     "r/min": "rpm",
+    "rev/min": "rpm",
     "m/s^2": "m/s2",
     "m/s²": "m/s2",
     "m/s/s": "m/s2",
@@ -192,6 +187,8 @@ _ALIASES = {
     "mGa": "mgauss",
     "mGauss": "mgauss",
     "milligauss": "mgauss",
+    "Oersted": "Oe",
+    "tesla": "T",
     "uTesla": "uT",
     "microtesla": "uT",
     "°": "deg",

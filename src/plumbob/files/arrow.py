@@ -2,8 +2,8 @@
 
 Columns go by their buffers, as Arrow's own conversions import pandas wherever it is installed. `unpacked_bytes` goes by
 the headers in front of a file's pages: Arrow believes a page's own size, whatever the table of contents says of its
-column, and 33 kB unpacked to a gigabyte. Headers are in Thrift's compact protocol (parquet.thrift, PageHeader;
-thrift-compact-protocol.md). `write_table` names columns with their unit, as ``.csv`` or ``.parquet``.
+column, and 33 kB unpacked to a gigabyte. Both are in Thrift's compact protocol (parquet.thrift, FileMetaData and
+PageHeader; thrift-compact-protocol.md). `write_table` names columns with their unit, as ``.csv`` or ``.parquet``.
 """
 
 import csv
@@ -26,7 +26,6 @@ from plumbob.core.text import first_words
 
 if TYPE_CHECKING:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
 
 def column_numbers(column: "pa.ChunkedArray[Any]") -> NDArray[Any]:
@@ -72,71 +71,91 @@ def arrow_column(values: NDArray[Any]) -> "pa.Array[Any]":
 
 
 _UNPACKED, _STORED = 2, 3  # fields of a PageHeader
+_GROUPS, _COLUMNS, _CHUNK, _PACKED, _DATA, _DICTIONARY = 4, 1, 3, 7, 9, 11  # of FileMetaData to ColumnMetaData
 _HEADER_BYTES: Final = 64 * 1024
-_DEPTH: Final = 8
-_BOOLEANS, _BYTE, _INTEGERS, _DOUBLE, _TEXT, _STRUCT = (1, 2), 3, (4, 5, 6), 7, 8, 12  # types of a field
+_DEPTH: Final = 12
+_BOOLEANS, _BYTE, _INTEGERS, _DOUBLE, _TEXT, _LIST, _STRUCT = (1, 2), 3, (4, 5, 6), 7, 8, 9, 12  # types of a field
 
 
-def unpacked_bytes(file: Path, contents: "pq.FileMetaData") -> int:
-    """Bytes that the pages of all columns say that they unpack to; DecodeError where one is outside or damaged."""
+def unpacked_bytes(file: Path) -> int:
+    """Bytes that the pages of all columns say that they unpack to; DecodeError where one is outside or damaged.
+
+    The table of contents is read here, as Arrow ends the process where it asks for a column that contradicts itself.
+    """
     size, total = file.stat().st_size, 0
     with file.open("rb") as stream:
-        for group in range(contents.num_row_groups):
-            for number in range(contents.num_columns):
-                column = contents.row_group(group).column(number)
-                start = min(filter(None, (column.dictionary_page_offset, column.data_page_offset)), default=0)
-                end = start + column.total_compressed_size
-                if not 0 < start <= end <= size:
-                    raise DecodeError("its table of contents names a place outside it; use an intact copy.")
-                stream.seek(start)
-                chunk, at = stream.read(end - start), 0
-                while at < len(chunk):
-                    fields, after = _page_header(chunk[at : at + _HEADER_BYTES])
-                    unpacked, stored = fields.get(_UNPACKED, -1), fields.get(_STORED, -1)
-                    at += after + stored
-                    if unpacked < 0 or stored < 0 or at > len(chunk):
-                        raise DecodeError("a page of it is damaged; use an intact copy.")
-                    total += unpacked
+        stream.seek(max(0, size - 8))
+        stream.seek(max(0, size - 8 - int.from_bytes(stream.read(4), "little")))
+        try:
+            contents, _ = _thrift(stream.read())
+            columns = [column[_CHUNK] for group in contents[_GROUPS] for column in group[_COLUMNS]]
+            starts = [min(filter(None, map(column.get, (_DICTIONARY, _DATA))), default=0) for column in columns]
+            places = [(start, start + column[_PACKED]) for start, column in zip(starts, columns, strict=True)]
+            is_whole = all(0 < start <= end <= size for start, end in places)
+        except (LookupError, TypeError, AttributeError):
+            is_whole = False
+        if not is_whole:
+            raise DecodeError("its table of contents is damaged, or names a place outside it; use an intact copy.")
+        for start, end in places:
+            stream.seek(start)
+            chunk, at = stream.read(end - start), 0
+            while at < len(chunk):
+                try:
+                    fields, after = _thrift(chunk[at : at + _HEADER_BYTES])
+                except IndexError as error:
+                    raise DecodeError("the header of a page is cut; use an intact copy.") from error
+                unpacked, stored = (n if isinstance(n := fields.get(key), int) else -1 for key in (_UNPACKED, _STORED))
+                at += after + stored
+                if unpacked < 0 or stored < 0 or at > len(chunk):
+                    raise DecodeError("a page of it is damaged; use an intact copy.")
+                total += unpacked
     return total
 
 
-def _page_header(data: bytes) -> tuple[dict[int, int], int]:
-    """Whole numbers of a struct by their field numbers, and where it ends; its other fields are passed over."""
-    fields: dict[int, int] = {}
-    numbers, at = [0], 0  # the latest field of the struct, and of those around it
-    try:
-        while numbers:
+def _thrift(data: bytes) -> tuple[dict[int, Any], int]:
+    """Whole numbers, lists and structs of a struct by their field numbers, of others None; and where it ends.
+
+    IndexError where it is cut, DecodeError where it holds what Parquet does not write.
+    """
+    fields: dict[int, Any] = {}
+    at, around = 0, list[list[Any]]([[fields, 0, 0]])  # a struct and its latest field; a list, its kind, items to come
+    while around:
+        items, kind, number = inside = around[-1]
+        if is_list := isinstance(items, list):
+            number -= 1
+        else:
             head, at = data[at], at + 1
-            step, kind = head >> 4, head & 15
-            if head == 0:
-                numbers.pop()
-                continue
-            numbers[-1] += step
-            if step == 0:
-                coded, at = _varint(data, at)
-                numbers[-1] = coded >> 1 ^ -(coded & 1)
-            if kind in _INTEGERS:
-                coded, at = _varint(data, at)
-                if len(numbers) == 1:
-                    fields[numbers[-1]] = coded >> 1 ^ -(coded & 1)
-            elif kind == _STRUCT and len(numbers) <= _DEPTH:
-                numbers.append(0)
-            elif kind == _TEXT:
-                size, at = _varint(data, at)
-                at += size
-            elif kind in (_BYTE, _DOUBLE):
-                at += 1 if kind == _BYTE else 8
-            elif kind not in _BOOLEANS:
-                raise DecodeError(f"the header of a page holds a field of type {kind}; use an intact copy.")
-    except IndexError as error:
-        raise DecodeError("the header of a page is cut; use an intact copy.") from error
+            kind, number = (head & 15, number + (head >> 4)) if head else (0, -1)
+            if 0 < head < 16:  # the number itself follows
+                number, at = (coded := _varint(data, at))[0] >> 1, coded[1]
+        if number < 0:
+            around.pop()
+            continue
+        inside[2] = number
+        value: Any = None
+        if kind in _INTEGERS or kind == _TEXT:
+            value, at = _varint(data, at)
+            at, value = (at + value, None) if kind == _TEXT else (at, value >> 1 ^ -(value & 1))
+        elif kind in (_LIST, _STRUCT) and len(around) < _DEPTH:
+            head, at = (data[at], at + 1) if kind == _LIST else (0, at)
+            size, at = (head >> 4, at) if head < 0xF0 else _varint(data, at)
+            value = [] if kind == _LIST else {}
+            around.append([value, head & 15, min(size, len(data))])
+        elif kind not in (*_BOOLEANS, _BYTE, _DOUBLE):
+            raise DecodeError(f"the header of a page holds a field of type {kind}; use an intact copy.")
+        elif is_list or kind not in _BOOLEANS:  # a field's truth is its kind
+            at += 8 if kind == _DOUBLE else 1
+        if is_list:
+            items.append(value)
+        else:
+            items[number] = value
     return fields, at
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """Whole number in groups of seven bits, and where it ends; a signed one is twice its size, less one below zero."""
+    """Whole number in groups of seven bits, and where it ends."""
     value, shift = data[at] & 0x7F, 7
-    while data[at] & 0x80:
+    while data[at] & 0x80 and shift < 64:
         at += 1
         value |= (data[at] & 0x7F) << shift
         shift += 7
@@ -240,7 +259,7 @@ def _table_text(path: Path, kind: str, most: int | None) -> bytes:
     if kind == "parquet":
         if holds_recording(path):
             raise DecodeError("it is a recording of Plumbob: let its name end in .parquet, and give it no profile.")
-        require_room(unpacked_bytes(path, pq.read_metadata(path)), path.stat().st_size)
+        require_room(unpacked_bytes(path), path.stat().st_size)
     read: dict[str, Any] = {"parquet": pq.read_table, "feather": feather.read_table, "orc": orc.read_table}
     table = read[kind](path)
     require_room(table.nbytes, path.stat().st_size)

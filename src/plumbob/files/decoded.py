@@ -159,7 +159,7 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     rows = parquet.metadata.num_rows
     if rows < 1 or 8 * rows * len(refs) > (16 << 20) + _MOST_BYTES * file.stat().st_size:
         raise DecodeError(f"it claims {rows} rows in {file.stat().st_size} bytes, which cannot be; decode again.")
-    require_room(unpacked_bytes(file, parquet.metadata), file.stat().st_size)
+    require_room(unpacked_bytes(file), file.stat().st_size)
     table = parquet.read(columns=refs)
     words = [ref for ref in profile.texts if ref in refs]
     numbers: dict[Any, Any] = {

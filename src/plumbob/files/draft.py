@@ -11,11 +11,12 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from fractions import Fraction
 from functools import partial
-from itertools import pairwise, product
+from itertools import pairwise, product, takewhile
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,26 +24,29 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import ClockError, DecodeError, ParameterError
 from plumbob.core.files import ARRAYS, existing_file, reading, write_text
 from plumbob.core.text import FactsText
-from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, to_si
+from plumbob.core.time import to_s
+from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, is_name, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import ENOUGH_EFFECTIVE, Turning, turning
 from plumbob.files.arrow import text_bytes
 from plumbob.files.column_names import REVERSED, TEMPERATURE, WEEK, ColumnName, canonical, named_sensor, taken_apart
 from plumbob.files.columns import FORM, StampError, has_zone, is_stamp, is_time_of_day, to_seconds
 from plumbob.files.known_logs import KNOWN
-from plumbob.files.profile import AS_MOUNTED, GUIDE, JSON, Profile, TextLayout, parse_profile
+from plumbob.files.profile import AS_MOUNTED, EPOCHS, GUIDE, JSON, Profile, TextLayout, parse_profile
 from plumbob.files.sniff import FEWEST, Sample, read_sample, rises
-from plumbob.files.stamps import CENTURY, falls
+from plumbob.files.stamps import CENTURY, falls, time_line
 from plumbob.files.text_table import LEFT_OUT_MOST, read_table
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
 _HEAD: Final = 1 << 16  # bytes in which a log that is known has its names
 _TIMES: Final = ("s", "ms", "us", "ns")
 _RATES: Final = (0.5, 50_000.0)  # sampling rates that are plausible, Hz
-_SPREADSHEET: Final = (36_526.0, 51_544.0)  # days since 1899-12-30 of 2000 and 2041; then they may be modified Julian
+_DAYS: Final = {  # of 2000 and 2100; those since 1899-12-30 until 2041, as then they may be modified Julian
+    "spreadsheet": (36_526.0, 51_544.0), "julian": (2_451_544.5, 2_488_069.5), "modified-julian": (51_544.0, 88_069.0),
+}  # fmt: skip
 _HUNDRED_NS: Final = ((1.2591e17, 1.5747e17), (6.3082e17, 6.6239e17))
 """Steps of 100 ns since 1601 (FILETIME) and since the year 1 (.NET), from 2000 to 2100."""
 _SAID_RATES: Final = (
@@ -299,8 +303,8 @@ class _DraftWriter:
     def __init__(self, name: str, sample: Sample, *, stream: str, answers: Mapping[str, Any]) -> None:
         self._names = sample.for_cells(sample.names)
         units = sample.for_cells(sample.units)
-        groups = {name.partition("/")[0] for name in self._names}  # of arrays: one that holds all says nothing of them
-        above = "" if len(groups) > 1 or taken_apart(min(groups)).sensor else f"{min(groups)}/"
+        groups = os.path.commonpath(list(map(os.path.dirname, self._names))).split("/")  # that hold all arrays
+        above = "".join(f"{group}/" for group in takewhile(lambda group: not taken_apart(group).sensor, groups))
         names = [name.removeprefix(above) for name in self._names]
         self._parts = [taken_apart(*both) for both in zip(names, units, strict=True)]
         clocks = [_clock(sample, i) for i, part in enumerate(self._parts) if part.is_time]
@@ -636,6 +640,9 @@ class _DraftWriter:
     def _vectors(self, columns: Sequence[int]) -> Floats:
         return np.stack([self._numbers[i] for i in columns], axis=1)
 
+    def _are_whole(self, columns: Sequence[int]) -> bool:
+        return not (np.nan_to_num(self._vectors(columns)) % 1.0).any()
+
     def _size(self, columns: Sequence[int], zero: float = 0.0) -> float:
         return float(np.median(self._norms(columns, zero)))
 
@@ -769,10 +776,12 @@ class _DraftWriter:
         if weeks:
             self._set("week", self._sample.ref(weeks[0]), "the GPS week that the time is of", ask=True, sure=True)
         seconds = self._numbers[self._time[1]][0] if len(refs) == 2 else 0.0
-        since = seconds + to_si(float(numbers[0]), unit) if unit and not weeks else 0.0
+        epoch = days if (days := _days_since(numbers, part)) in EPOCHS else "unix"
+        since = seconds + to_si(float(numbers[0]) - EPOCHS[epoch], unit) if unit and not weeks else 0.0
         if CENTURY[0] < since < CENTURY[1]:
             start = datetime.fromtimestamp(since, UTC)
-            self._set("epoch", "unix", f"since 1970 (UTC): the first is {start:%Y-%m-%d %H:%M:%S}", ask=True, sure=True)
+            why = f"since {'1970' if epoch == 'unix' else 'day 0'} (UTC): the first is {start:%Y-%m-%d %H:%M:%S}"
+            self._set("epoch", epoch, why, ask=True, sure=True)
 
     def _sampling_rate(self) -> str:
         """Sampling rate that the lines before the table say, with its unit; empty where none does."""
@@ -802,6 +811,7 @@ class _DraftWriter:
         self._set("frame", frame or "", "ENU, NED or NWU: what the quaternion turns to", ask=True, sure=bool(frame))
         self._set("north", "free", "what its heading counts from; free claims nothing", ask=True, sure=True)
         self._set("of", "case", "of the sensor case, or of the body", ask=False)
+        self._set_known("source")
 
     def _write_triad(self, name: str, columns: tuple[int, ...]) -> None:
         self._open(name)
@@ -823,7 +833,7 @@ class _DraftWriter:
             for key_, value in (("unit", unit), (key, number)):
                 self._set(key_, value, "the lines above say it", ask=True, sure=sure)
         stated = not scale and self._write_unit(QUANTITY_BY_TRIAD[name], columns, guess)
-        are_counts = not scale and guess.counts is not None and not stated and not self._has("unit")
+        are_counts = not scale and guess.counts is not None and not stated and not self._fits(name, columns, zero)
         if not scale and not self._has("unit_per_count") and (self._has(_COUNTS) or zero or are_counts):
             self._set(_COUNTS, guess.counts or "", "counts that are one unit, by the data sheet", ask=True)
         self._write_scale(part)
@@ -851,6 +861,13 @@ class _DraftWriter:
                     f'# axes = "{axes_letters(-c.T)}" and mirrored = true if it is left-handed. See the data sheets.',
                 ]
 
+    def _fits(self, name: str, columns: Sequence[int], zero: float) -> bool:
+        """Whether a unit is answered, and gravity does not say that these whole numbers are counts of another size."""
+        unit = str(self._answers.get(f"{name}.unit", self._known.get(f"{name}.unit", "")))
+        if name != "acc" or not self._are_whole(columns) or not is_name(unit, Quantity.ACCELERATION):
+            return bool(unit)
+        return 0.5 < to_si(self._size(columns, zero), unit) / G0 < 2.0
+
     def _write_scale(self, part: ColumnName) -> None:
         """Write what one count is, where an answer, a known log or the header says it."""
         self._set_known("unit_per_count")
@@ -859,8 +876,7 @@ class _DraftWriter:
 
     def _stated_scale(self, name: str) -> tuple[str, str, float] | None:
         """Unit, key and number of the scale of whole numbers that the lines above say, as ``131 LSB/(deg/s)``."""
-        values = self._vectors(self.triads[name])
-        if (values[np.isfinite(values)] % 1.0 != 0.0).any():
+        if not self._are_whole(self.triads[name]):
             return None
         text = "\n".join(f"{key}: {value}" for key, value in self._sample.facts.items())
         scales = {
@@ -923,24 +939,27 @@ class _DraftWriter:
         rates = self._vectors(columns) - zero
         largest = float(np.nanmax(np.abs(rates)))
         if largest > _FASTEST and self._parts[columns[0]].unit_as(Quantity.RATE) in {"", "rad/s"}:
-            integers = bool((rates[np.isfinite(rates)] % 1.0 == 0.0).all())
-            return _Guess("deg/s", f"the largest is {largest:.4g}: not rad/s", "" if integers else None)
+            return _Guess("deg/s", f"the largest is {largest:.4g}: not rad/s", "" if self._are_whole(columns) else None)
         return _Guess()
 
     def _seconds(self) -> Floats | None:
-        """Time, s on the file's clock; None where it is not known or does not increase."""
+        """Time, s on the file's clock, which goes on where it repeats or begins again; None where it is not known."""
         if not self._time:
             return None
+        scale, numbers = 1e9, self._numbers[self._time[0]]
         if self._stamped:
             since, t0_ns = to_seconds([self._sample.cells(i) for i in self._time], None)
-            t = since + t0_ns / 1e9
+            numbers = since + t0_ns / 1e9
+        elif len(self._time) == 2:
+            numbers = to_si(numbers, self._part_of_second(self._time[0])) + self._numbers[self._time[1]]
+        elif unit := _time_unit(numbers, self._parts[self._time[0]])[0]:
+            scale = to_si(1e9, unit)
         else:
-            numbers = self._numbers[self._time[0]]
-            unit = _time_unit(numbers, self._parts[self._time[0]])[0]
-            t = to_si(numbers, unit) if unit else numbers[:0]
-            if len(self._time) == 2:
-                t = to_si(numbers, self._part_of_second(self._time[0])) + self._numbers[self._time[1]]
-        return t if t.size and (np.diff(t) > 0.0).all() else None
+            return None
+        far = numbers[0] if abs(numbers[0] * scale) > 2.0**62 else 0.0  # of days, or of ns since 1601
+        with suppress(ClockError):
+            return to_s(time_line(numbers - far, scale).t_ns) + far * scale / 1e9
+        return None
 
     def turn_as(self, other: "_DraftWriter") -> None:
         """Find by which axes the gyroscope turns as an accelerometer does: its own, unless others fit far better."""
@@ -1041,8 +1060,9 @@ def _time_unit(numbers: Floats, part: ColumnName, said: float = 0.0) -> tuple[st
         return "", "ticks of a length that nothing says; give unit_per_count, or declare rate = '100 Hz'", False
     if "tow" in part.base:
         return "s", "GPS time", True
-    if _SPREADSHEET[0] <= numbers.min() and numbers.max() < _SPREADSHEET[1] and 0.0 < (dt := to_si(step, "day")) < 2.0:
-        return "day", f"days since 1899-12-30, as spreadsheets count them: {1.0 / dt:.4g} Hz", part.is_time
+    if (days := _days_since(numbers, part)) and 0.0 < (dt := to_si(step, "day")) < 2.0:
+        how = f"{days} days" if days in EPOCHS else "days since 1899-12-30, as spreadsheets count them"
+        return "day", f"{how}: {1.0 / dt:.4g} Hz", part.is_time or days in EPOCHS
     plausible = {unit: rate for unit, rate in rates.items() if _RATES[0] <= rate <= _RATES[1]}
     if not plausible:
         return "", f"steps of {step:.4g} make no usual rate; or delete both keys and declare rate = '100 Hz'", False
@@ -1053,6 +1073,13 @@ def _time_unit(numbers: Floats, part: ColumnName, said: float = 0.0) -> tuple[st
         why += f", but the lines above say {said:g} Hz: give unit and unit_per_count, or rate alone"
         unit, sure = "", False
     return unit, why, sure
+
+
+def _days_since(numbers: Floats, part: ColumnName) -> str:
+    """From when days of this century are counted, by their size; modified Julian ones only by their name, too."""
+    is_modified = re.search(r"\b(mjd|julian)\b", part.base) is not None
+    fitting = (epoch for epoch, (low, high) in _DAYS.items() if low <= numbers.min() and numbers.max() < high)
+    return next((epoch for epoch in fitting if is_modified or epoch != "modified-julian"), "")
 
 
 def _field_unit(size: float) -> _Guess:

@@ -96,7 +96,6 @@ FORMATS: Final = (
     _foreign("DataFlash", "ardupilot", ".bin", ".log", ".tlog", takes=("unit",), most=_IN_MEMORY),
     _foreign("EuRoC", "euroc", "", ".csv"),
     _foreign("KITTI", "kitti", ""),
-    _foreign("RepoIMU", "repoimu", ".csv", most=_IN_MEMORY),
     _foreign("phone", "phones", ".zip", ".csv", ".txt", ""),
     _foreign("Xsens", "xsens", ".txt", ".csv", ".mtb", takes=("unit",), most=_IN_MEMORY),
     _foreign("APDM", "apdm", ".h5", ".hdf5", takes=("unit",)),

@@ -358,7 +358,7 @@ def _load(
     if rows < 1:
         raise DecodeError(f"it claims {rows} rows in {stored} bytes, which cannot be; use an intact copy.")
     row = sum(np.dtype(column(name).dtype).itemsize for name in names)
-    require_room(max(rows * row, unpacked_bytes(file, parquet.metadata)), stored)  # by its contents, and by every page
+    require_room(max(rows * row, unpacked_bytes(file)), stored)  # by its contents, and by every page
     bare = {name.rpartition(".")[2] for name in names}
     columns: Columns = {}
     if in_memory or content.get("track") or bare.isdisjoint(GROUPS[name][0] for name in TRIADS):

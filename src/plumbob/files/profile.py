@@ -48,6 +48,7 @@ JSON: Final = "json"  # separator of objects of JSON, whose keys are the names o
 BLANK: Final = "blank"  # separator of rows in which each single blank is one, so that cells may be empty
 AS_MOUNTED: Final = "x y z"  # axes that change nothing
 SEPARATORS: Final = {"tab": "\t", "\\t": "\t", **{word: word for word in (*",;| \t", BLANK, QUOTED, JSON)}}
+EPOCHS: Final = {"unix": 0.0, "julian": 2_440_587.5, "modified-julian": 40_587.0}  # days from each until 1970 (UTC)
 ORDERS: Final = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}  # of the columns of an attitude
 
 
@@ -115,7 +116,7 @@ class TimeSource:
     columns: tuple[ColumnRef, ...] = ()
     unit: str = ""  # of the numbers; empty for others
     unit_per_count: float = 1.0  # what one count is worth in that unit; 1 where the file holds the unit itself
-    unix: bool = False  # whether it counts from 1970 (UTC)
+    epoch: str = ""  # from when it counts, a key of `EPOCHS`; empty where nobody knows
     # week, seconds: column with the number of the GPS week that the time is of, and then it is GPS time; or one with
     # the whole seconds, of which the time is the rest
     week: ColumnRef | None = None
@@ -136,7 +137,7 @@ class TimeSource:
     @property
     def exact(self) -> ColumnRef | None:
         """Column whose digits are more than float64 holds."""
-        return self.columns[0] if self.unix and self.seconds is None else None
+        return self.columns[0] if self.epoch and self.seconds is None else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -366,7 +367,7 @@ def _require_sense(profile: Profile) -> None:
         raise DecodeError("it declares no data; add at least one of [gyr], [acc], [mag] and [reference].")
     if not profile.triads and (profile.temperature is not None or profile.flags is not None):
         raise DecodeError("[temperature] and [flags] belong to a triad; add [gyr], [acc] or [mag].")
-    absolute = 'time.epoch = "unix"' if profile.time.unix else ""
+    absolute = f'time.epoch = "{profile.time.epoch}"' if profile.time.epoch else ""
     absolute = f'time.format = "{FORM}"' if profile.stamps else absolute
     if absolute and "t0_ns" in profile.meta:
         raise DecodeError(f"{absolute} already says when the recording starts; remove t0_ns.")
@@ -447,7 +448,7 @@ def _time(where: str, table: dict[str, Any]) -> TimeSource:
     if "week" in table and {"epoch", "seconds"} & set(table):
         raise DecodeError(f"{where} has week, so it can have no epoch and no seconds; remove them, or week.")
     columns = (table.pop("column"),) if "column" in table else ()
-    return TimeSource(columns, unix=table.pop("epoch", "") == "unix", **table)
+    return TimeSource(columns, **table)
 
 
 def _group(kind: Quantity, extra: Mapping[str, Parse] = MappingProxyType({}), required: tuple[str, ...] = ()) -> Parse:
@@ -506,7 +507,7 @@ _TIME: Final = _form(
         "unit_per_count": schema.nonzero,
         "week": COLUMN,
         "seconds": COLUMN,
-        "epoch": schema.one_of("unix"),
+        "epoch": schema.one_of(*EPOCHS),
         "rate": schema.size(Quantity.FREQUENCY),
         "format": schema.one_of(FORM),
         "columns": columns(2),

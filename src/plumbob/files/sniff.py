@@ -375,13 +375,15 @@ def _is_number(cell: str) -> bool:
 
 
 def _thousands(rows: Sequence[Sequence[str]], decimal: str) -> str:
-    """What stands between groups of three digits, where one number proves it and none tells against it."""
-    said = [cell.strip() for row in rows for cell in row if re.search(r"\d", cell) and not is_clocklike(cell)]
+    """What stands between groups of three digits, where one number proves it and none of its column tells against."""
+    columns = zip(*rows, strict=False)
+    said = [[c for c in map(str.strip, cells) if re.search(r"\d", c) and not is_clocklike(c)] for cells in columns]
     for sign in (sign for sign in ",.' " if sign != decimal):
-        groups = [cell for cell in said if sign in cell]
-        others = [cell for cell in said if sign not in cell and NUMBER[decimal].fullmatch(cell)]
+        grouped_ones = [column for column in said if any(sign in cell for cell in column)]
+        groups = [cell for column in grouped_ones for cell in column if sign in cell]
+        others = [cell for column in grouped_ones for cell in column if NUMBER[decimal].fullmatch(cell)]
         proven = any(cell.count(sign) > 1 for cell in groups) or any(map(str.isdigit, others))
-        proven = proven or any(decimal in cell for cell in said)
+        proven = proven or any(decimal in cell for column in said for cell in column)
         proven = proven and not any(re.match(r"[-+]?\d{4}", cell) for cell in others)
         if groups and proven and all(map(grouped(sign, decimal).fullmatch, groups)):
             return sign

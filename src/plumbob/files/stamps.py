@@ -4,8 +4,8 @@ Samples come in the order in which they were taken; a stamp says when somebody w
 are taken as they are. Otherwise, in this order:
 
 - a counter that begins again at a power of two, or a clock at midnight or at the end of the week, goes on; so does one
-  that begins again at a power of a thousand, or at the hour, as where summer time ends, unless it comes back to its
-  first stamp, for then it is a second recording as well;
+  that begins again at a power of a thousand, or at the hour, as where summer time ends, or at the minute, unless it
+  comes back to its first stamp, for then it is a second recording as well;
 - stamps that repeat or go back by less than they jitter become an even clock: the straight line through the stamps of
   each stretch without a gap, as long as no sample moves by more than a stamp's own coarseness allows; else the samples
   between two different stamps are spread evenly between these;
@@ -98,7 +98,7 @@ def _turns(values: Floats, zero: float, unit_ns: float, place: Callable[[int], s
     lengths = turn_lengths(values.max() + zero if are_whole else np.inf, unit_ns)
     if abs(values[1 + int(np.argmax(far))]) > longest:
         lengths |= {f"{length:.0f}": length for length in _DECIMALS if are_whole and values.max() + zero < length}
-        lengths |= {"the hour": 3600e9 / unit_ns}
+        lengths |= {"the hour": 3600e9 / unit_ns, "the minute": 60e9 / unit_ns}
     for name, length in lengths.items():
         remaining = steps[far] + length
         if ((remaining > 0.0) & (remaining <= longest)).all():

@@ -33,10 +33,11 @@ from plumbob.data.imu import known_rows
 from plumbob.data.recording import Recording, stored_notes
 from plumbob.files.arrow import arrow_column, text_bytes
 from plumbob.files.columns import COLUMNS, GROUPS, TIME, Columns, StampError, to_columns, to_seconds
-from plumbob.files.foreign.logged import Readings, joined, joined_recordings
+from plumbob.files.foreign.logged import NORM, Readings, joined, joined_recordings
 from plumbob.files.header import plain_meta
 from plumbob.files.profile import (
     AS_MOUNTED,
+    EPOCHS,
     NO_COLUMN,
     ColumnRef,
     GroupSource,
@@ -97,9 +98,10 @@ def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -
     """Recording of a table, whose columns are used up, by its profile; `note` says which. Errors as in `read_text`."""
     table = _oldest_first(profile, _without_end(profile, table))
     t, t0_ns, clock = _time(profile, table)
-    track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
+    track, lost = _track(profile.reference, table, t, profile.turn) if profile.reference else (None, [])
     imu, clock = _in_turns(*_imu(profile, table, t, t0_ns, clock)) if profile.triads else (None, clock)
-    notes = (*lasting(as_findings("notes", profile.notes)), note, *table.notes, *clock, *_changes(profile, t0_ns))
+    changes = (*table.notes, *clock, *lost, *_changes(profile, t0_ns))
+    notes = (*lasting(as_findings("notes", profile.notes)), note, *changes)
     return Recording(imu=imu, track=track, name=name, notes=notes)
 
 
@@ -185,16 +187,16 @@ def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[Findin
     factor = units.unit(source.unit).factor * source.unit_per_count
     nanoseconds = Fraction(factor).limit_denominator(10**9) * 10**9
     stamps = table.columns[source.columns[0]]
-    t0_ns = round(Fraction(table.zero) * nanoseconds)
+    t0_ns = round(Fraction(table.zero) * nanoseconds - Fraction(EPOCHS.get(source.epoch, 0.0)) * 86_400 * 10**9)
     larger = source.seconds if source.week is None else source.week
     if larger is not None:
         counts, is_gps = table.columns[larger], source.week is not None
         line = time_line((counts - counts[0]) * (WEEK if is_gps else 1) * 1e9 + stamps * 1e9 * factor, 1.0, table.place)
         first = int(line.t_ns[0])
         start = utc_of_gps(int(counts[0]), first) if is_gps else int(counts[0]) * 10**9 + first
-        return (line.t_ns - first) / 1e9, start if is_gps or source.unix else 0, line.notes
+        return (line.t_ns - first) / 1e9, start if is_gps or source.epoch else 0, line.notes
     first = stamps[0] * factor
-    if not source.unix and first >= _UPTIME and not CENTURY[0] < first < CENTURY[1]:  # no clock that somebody knows
+    if not source.epoch and first >= _UPTIME and not CENTURY[0] < first < CENTURY[1]:  # no clock that somebody knows
         stamps = stamps - first // _UPTIME * _UPTIME / factor
     if (np.diff(stamps) > 0.0).all() and source.unit_per_count == 1.0:
         return inside(stamps, source.unit), t0_ns, ()
@@ -238,13 +240,18 @@ def _imu(
     return imu, notes
 
 
-def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | None) -> AttitudeTrack:
+def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | None) -> tuple[AttitudeTrack, list[Note]]:
+    """Attitude, unknown where a quaternion among others is not a rotation."""
     turn = turn if source.of == "case" else None
-    q_nb, score = _stacked(source.columns, table), _optional(table, source.score)
+    q_nb, score, notes = _stacked(source.columns, table), _optional(table, source.score), list[Note]()
     if source.unit is not None:
         q_nb = quat_from_euler_zyx(inside(q_nb, source.unit))
     elif source.order == "xyzw":
         q_nb = quat_from_xyzw(q_nb)
+    wrong = np.abs(np.linalg.norm(q_nb, axis=1) - 1.0) > NORM
+    if 0 < (lost := int(wrong.sum())) < len(wrong) / 2:
+        q_nb[wrong] = np.nan
+        notes.append(warning("reading.no_rotations", lost=lost, count=len(wrong)))
     if turn is not None:
         q_nb = quat_multiply(q_nb, quat_conjugate(quat_from_dcm(body_axes(turn))))  # q_nb = q_ns ⊗ q_sb
     return AttitudeTrack(
@@ -258,7 +265,7 @@ def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | Non
         score=None if score is None else np.where(np.isfinite(q_nb).all(axis=1), score, 0.0),
         mag_weight=_optional(table, source.mag_weight),
         source=source.source,
-    )
+    ), notes
 
 
 def row_flags(profile: Profile, table: TextTable) -> Floats | NDArray[np.uint32] | None:

@@ -306,11 +306,8 @@ class _Line(NamedTuple):
 
 
 def _lines(text: str) -> Iterator[_Line]:
-    start, line = 0, 1
-    while start < len(text):
-        end = text.find("\n", start)
-        end = len(text) if end < 0 else end
-        yield _Line(text[start:end], start := end + 1, line := line + 1)
+    rows = re.finditer(r"[^\n]+\n?|\n", text)
+    return (_Line(row[0].removesuffix("\n"), row.end(), line) for line, row in enumerate(rows, 2))
 
 
 def find_head(text: str, layout: TextLayout) -> Head:

@@ -32,6 +32,8 @@ def test_without_noise_the_body_comes_back_and_no_unit_measures_anything_beyond(
     assert (one.imu.gyr, one.imu.mag) == (pytest.approx(RATE, abs=1e-12), pytest.approx(FIELD, abs=1e-12))
     # the angular acceleration of samples is a difference, exact to Δt²/6 of the third derivative: 5³·.3·1e-4/6 · .2 m
     assert one.imu.acc[2:-2] == pytest.approx(FORCE[2:-2], abs=2e-4)
+    row = combine(ImuArray({name: unit[:1] for name, unit in array.units.items()}, MOUNTS)).imu
+    assert np.isfinite(row.acc).all() and row.gyr == pytest.approx(RATE[:1], abs=1e-12)
     assert max(float(np.nanmax(np.abs(one.parity[t]))) for t in ("gyr", "mag")) < 1e-12
     assert np.abs(one.parity["acc"][2:-2]).max() < 4e-4  # of that acceleration and of its part in the force
 

@@ -131,7 +131,7 @@ def _forces(
 ) -> None:  # fmt: skip
     """Specific force at the reference point; where there is no rate, that of a body that does not turn."""
     step = nominal_step(array)
-    turn = _causal_slope(rate, array.t) if causal else np.gradient(rate, array.t, axis=0)
+    turn = _causal_slope(rate, array.t) if causal or len(array) < 2 else np.gradient(rate, array.t, axis=0)
     noise2 = 1.0 / float(np.mean(np.sum(1.0 / densities(array.mounts, "gyr") ** 2, axis=0))) / step
     slope_var = 2.0 * noise2 / step**2 * (1.0 if causal else 0.25)
     acc_var = float(np.mean(densities(array.mounts, "acc") ** 2)) / step

@@ -199,7 +199,7 @@ def seconds_to_ns(name: str, seconds: ArrayLike) -> NDArray[np.int64]:
 
 MOST: Final = 2 << 30  # bytes of a log at most: it is kept in memory while it is searched
 _PART: Final = 1 << 14
-_NORM: Final = 1e-3
+NORM: Final = 1e-3  # how far off 1 that of a rotation may be
 RELATIVE_NOTE: Final = (
     f"mag is in arbitrary units, 1 at the place of calibration, which is taken for {NOMINAL_FIELD:g} µT"
 )
@@ -331,7 +331,7 @@ def micro(stamps: NDArray[Any]) -> NDArray[np.int64]:
 def _attitude_at(rows_ns: NDArray[np.int64], logged: LoggedAttitude, notes: list[Note]) -> Floats | None:
     """Quaternions at the rows of the samples, NaN where the log has none; None where it has none at all."""
     (t_ns, _), q_nb = without_leaps(logged.t_ns), logged.q_nb
-    valid = np.abs(np.sqrt(np.sum(q_nb * q_nb, axis=1)) - 1.0) < _NORM
+    valid = np.abs(np.sqrt(np.sum(q_nb * q_nb, axis=1)) - 1.0) < NORM
     if not valid.any():
         return None
     if lost := valid.size - int(valid.sum()):
