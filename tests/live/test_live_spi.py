@@ -13,7 +13,7 @@ from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
 from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected, RecordingSink
-from plumbob.live.sources import spi_source
+from plumbob.live.transports.spi_bus import SpiSource
 from tests.helpers import beside
 from tests.helpers.chips.adxrs290 import Adxrs290
 from tests.helpers.chips.adxrs453 import Adxrs453, Fault, sensor_command
@@ -78,8 +78,8 @@ def run(bench, duration, path=None, text=ADXRS453):
 
 
 def opened(bench, chosen):
-    settings = chosen.source.settings
-    return spi_source(settings, open_bus=lambda: bench, clock=bench.clock, sleep=bench.sleep).open()
+    how = {"open_bus": lambda: bench, "clock": bench.clock, "sleep": bench.sleep}
+    return SpiSource(**chosen.source.settings, **how).open()
 
 
 def flagged(parts, flag):

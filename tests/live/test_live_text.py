@@ -370,6 +370,31 @@ def test_standard_input_is_recorded_to_its_end(tmp_path):
     np.testing.assert_array_equal(again.imu.t_ns, imu.t_ns)
 
 
+def test_messages_of_a_websocket_are_lines_and_it_is_connected_again(tmp_path):
+    from websockets.sync.server import serve
+
+    (tmp_path / "p.toml").write_text(PROFILE)
+    lines, served = lines_of(range(0, 2000, 10)).splitlines(), []
+
+    def send(connection):
+        served.append(connection.request.path)
+        half = lines[:100] if len(served) == 1 else lines[100:]
+        for line in half[:-1]:
+            connection.send(line)
+        connection.send([half[-1][:5], half[-1][5:] + "\n"])  # in two fragments, with an end of its own
+
+    with serve(send, "127.0.0.1", 0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        url = f"ws://127.0.0.1:{server.socket.getsockname()[1]}/imu"
+        made = record(port=url, profile=tmp_path / "p.toml", out=tmp_path / "r.mcap", duration=2.0)
+        server.shutdown()
+    assert served[:2] == ["/imu", "/imu"]
+    assert [*filter(None, raw_text(tmp_path / "r.mcap").decode().split("\n"))][:200] == lines
+    assert made.samples >= 200
+    with pytest.raises(ParameterError, match="not an open WebSocket"):
+        record(port="ws:nowhere", profile=tmp_path / "p.toml")
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -8,7 +8,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from plumbob.live.rows import ATTITUDE_SCHEMA, IMU_SCHEMA
+from plumbob.live.rows import row_schema
 from plumbob.rotations import quat_from_xyzw, quat_rotate
 from plumbob.viewer import foxglove
 from tests.helpers.feeding import COLUMNS, Body, column, hello, serving
@@ -69,8 +69,8 @@ def test_the_greeting_is_that_of_the_protocol_whose_first_known_name_is_agreed_o
             assert json.loads(one["schema"])["type"] == "object"
         assert studio.channels["/tf"]["schemaName"] == "foxglove.FrameTransform"
         assert studio.channels["/events"]["schemaName"] == "foxglove.Log"
-        assert studio.channels["/imu"]["schema"] == IMU_SCHEMA.decode()
-        assert studio.channels["/attitude"]["schema"] == ATTITUDE_SCHEMA.decode()
+        assert studio.channels["/imu"]["schema"] == row_schema("imu")[1].data.decode()
+        assert studio.channels["/attitude"]["schema"] == row_schema("attitude")[1].data.decode()
     for protocols in (["foxglove.sdk.v1"], ["other", "foxglove.sdk.v1", "foxglove.websocket.v1"]):
         with Studio(served, protocols) as studio:
             assert studio.line.subprotocol == "foxglove.sdk.v1"

@@ -14,6 +14,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.event import Event
 from plumbob.core.flags import names
+from plumbob.core.resources import packaged
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.files.mcap import Recorder, Schema
 
@@ -25,75 +26,11 @@ RAW: Final = "raw"
 TRANSFORMS: Final = "tf"
 
 
-def _numbers(count: int, meaning: str) -> dict[str, Any]:
-    each = {"type": ["number", "null"]}
-    return {"type": ["array", "null"], "items": each, "minItems": count, "maxItems": count, "description": meaning}
-
-
-def _schema(title: str, properties: dict[str, Any]) -> bytes:
-    return json.dumps({"title": title, "type": "object", "properties": properties}, ensure_ascii=False).encode()
-
-
-_TIME: Final = {"t_ns": {"type": "integer", "description": "host's monotonic clock, ns"}}
-_FLAGS: Final = {"flags": {"type": "integer", "description": "bits of plumbob.core.flags"}}
-IMU_SCHEMA: Final = _schema(
-    "plumbob.Imu",
-    {
-        **_TIME,
-        "gyr": _numbers(3, "angular rate in body axes, rad/s, uncalibrated"),
-        "acc": _numbers(3, "specific force in body axes, m/s², uncalibrated"),
-        "mag": _numbers(3, "magnetic flux density in body axes, µT, uncalibrated"),
-        "temp_c": {"type": ["number", "null"], "description": "temperature, °C"},
-        **_FLAGS,
-    },
-)
-ATTITUDE_SCHEMA: Final = _schema(
-    "plumbob.Attitude",
-    {
-        **_TIME,
-        "q_nb": _numbers(4, "body to navigation, wxyz"),
-        "bias_b": _numbers(3, "estimated gyroscope bias, rad/s"),
-        **_FLAGS,
-    },
-)
-
-
-def _object(**properties: Any) -> dict[str, Any]:
-    return {"type": "object", "properties": properties}
-
-
-_NUMBER: Final = {"type": "number"}
-TIME_SCHEMA: Final = _object(sec={"type": "integer"}, nsec={"type": "integer"})
-TRANSFORM_SCHEMA: Final = _schema(
-    "foxglove.FrameTransform",
-    {
-        "timestamp": TIME_SCHEMA,
-        "parent_frame_id": {"type": "string"},
-        "child_frame_id": {"type": "string"},
-        "translation": _object(x=_NUMBER, y=_NUMBER, z=_NUMBER),
-        "rotation": _object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER),
-    },
-)
-"""Of Foxglove, whose viewers draw it (https://docs.foxglove.dev/docs/sdk/schemas/frame-transform)."""
-EVENT_SCHEMA: Final = _schema(
-    "plumbob.Event", {**_TIME, "kind": {"type": "string"}, "text": {"type": "string"}, "count": {"type": "integer"}}
-)
-
-
-_KEYS: Final = {
-    IMU: {"t_ns", *TRIADS, "temp_c", "flags"},
-    ATTITUDE: {"t_ns", "q_nb", "bias_b", "flags"},
-    EVENTS: {"t_ns", "kind", "text", "count"},
-}
 _ADVICE: Final = "the file is damaged, or was not made by Plumbob."
 Whole = TypeVar("Whole", np.int64, np.uint32)
-_SCHEMAS: Final = {
-    EVENTS: ("plumbob.Event", EVENT_SCHEMA),
-    RECORDER: ("plumbob.Event", EVENT_SCHEMA),
-    IMU: ("plumbob.Imu", IMU_SCHEMA),
-    ATTITUDE: ("plumbob.Attitude", ATTITUDE_SCHEMA),
-    TRANSFORMS: ("foxglove.FrameTransform", TRANSFORM_SCHEMA),
-}
+_SCHEMAS: Final[dict[str, Any]] = json.loads(packaged("live/rows.json"))
+"""JSON Schema of the rows of each topic, and of what Foxglove's viewers get besides: transforms are theirs
+(https://docs.foxglove.dev/docs/sdk/schemas/frame-transform)."""
 
 
 def unit_topic(unit: str) -> str:
@@ -119,8 +56,9 @@ def declare(recorder: Recorder, topic: str) -> int:
 
 def row_schema(topic: str) -> tuple[str, Schema]:
     """Encoding and schema of the rows of a topic."""
-    name, schema = _SCHEMAS[topic.partition("/")[0]]
-    return "json", Schema(name, "jsonschema", schema)
+    kind = topic.partition("/")[0]
+    schema = _SCHEMAS[EVENTS if kind == RECORDER else kind]
+    return "json", Schema(schema["title"], "jsonschema", json.dumps(schema, ensure_ascii=False).encode())
 
 
 def event_row(event: Event) -> bytes:
@@ -141,7 +79,7 @@ def parsed(topic: str, row: bytes) -> dict[str, Any]:
     """Row of a topic with the keys of its schema; what stands under them is judged by `table` and `whole`."""
     where = f"a row of '{topic}'"
     content = parsed_object(where, row)
-    keys = _KEYS[topic.partition("/")[0]]
+    keys = _SCHEMAS[topic.partition("/")[0]]["properties"].keys()
     if not keys <= content.keys():
         raise DecodeError(f"{where} lacks {', '.join(sorted(keys - content.keys()))}; {_ADVICE}")
     return {key: content[key] for key in keys}

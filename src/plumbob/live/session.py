@@ -24,7 +24,7 @@ from plumbob.rotations import Frame, North
 class SourceSpec:
     """Where the bytes come from."""
 
-    kind: str  # ``"serial"``, ``"stdin"``, ``"file"``, ``"udp"``, ``"tcp"``, ``"iio"``, ``"iio-poll"`` or ``"spi"``
+    kind: str  # ``"serial"``, ``"stdin"``, ``"file"``, ``"udp"`` and so on: the keys of `session_toml`'s parsers
     # what that kind needs: ``port`` and ``baud``, or ``host`` and ``port``, and so on; of a device of the kernel also
     # the ``layout`` of its bytes
     settings: Mapping[str, Any]

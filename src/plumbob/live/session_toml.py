@@ -511,7 +511,8 @@ def _source_table(
     paced = {"rate": f"{rate!r} Hz" if isinstance(rate, int | float) else rate} if rate else {}
     if capture is not None:
         return {"kind": "file", "path": str(capture), **paced}
-    line = {"kind": "stdin"} if port == STDIN else {"kind": "serial", "port": port, "baud": baud}
+    line: dict[str, Any] = {"kind": "stdin"} if port == STDIN else {"kind": "serial", "port": port, "baud": baud}
+    line = {"kind": "websocket", "url": port} if str(port).startswith("ws:") else line
     return line | paced | ({"time": time} if time else {})
 
 
@@ -616,6 +617,7 @@ _KEYS: Final[Mapping[str, tuple[dict[str, Parse], Collection[str]]]] = {
     "udp": ({"host": schema.text, "port": _PORT, **_STREAM}, ("port",)),
     "file": ({"path": schema.text, "rate": _RATE, **_LINES}, ("path",)),
     "stdin": ({key: parse for key, parse in _PATIENT.items() if key != "gather"}, ()),
+    "websocket": ({"url": schema.text, **_PATIENT}, ("url",)),
     "tcp": ({"host": schema.text, "port": _PORT, **_PATIENT}, ("host", "port")),
     "iio": (_IIO | _BUFFER, ("device",)),
     "iio-poll": (_IIO, ("device", "rate")),

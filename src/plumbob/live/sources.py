@@ -3,10 +3,10 @@
 import os
 import select
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,6 @@ from plumbob.protocols.format import Format
 
 if TYPE_CHECKING:
     from plumbob.live.transports.iio import IioPollSource, IioSource
-    from plumbob.live.transports.spi_bus import SpiBus, SpiSource
 
 _PIECE: Final = 1 << 16
 _TOGETHER = 64  # frames that are handed on at a time
@@ -144,7 +143,9 @@ def open_source(spec: SourceSpec | None) -> Source:
 def make_source(spec: SourceSpec) -> Openable:
     """Source of a session, not yet open."""
     if spec.kind == "spi":
-        return spi_source(spec.settings)
+        from plumbob.live.transports.spi_bus import SpiSource
+
+        return SpiSource(**spec.settings)
     if spec.kind in KERNEL:
         return _iio_source(spec)
     if spec.kind in ("file", "stdin"):
@@ -155,12 +156,12 @@ def make_source(spec: SourceSpec) -> Openable:
     if spec.kind == "serial":
         from plumbob.live.transports.serial_line import SerialSource
 
-        return SerialSource(settings.pop("port"), settings.pop("baud"), **settings)
-    from plumbob.live.transports.sockets import TcpSource, UdpSource
+        return SerialSource(**settings)
+    from plumbob.live.transports import sockets
 
-    if spec.kind == "udp":
-        return UdpSource(settings.pop("port"), **settings)
-    return TcpSource(settings.pop("host"), settings.pop("port"), **settings)
+    kinds = {"udp": sockets.UdpSource, "tcp": sockets.TcpSource, "websocket": sockets.WebSocketSource}
+    made: Openable = kinds[spec.kind](**settings)
+    return made
 
 
 def described(spec: SourceSpec) -> str:
@@ -175,44 +176,6 @@ def _iio_source(spec: SourceSpec) -> "IioSource | IioPollSource":
     if spec.kind == "iio":
         return IioSource(settings.pop("device"), **settings)
     return IioPollSource(settings.pop("device"), settings.pop("rate"), **settings)
-
-
-def spi_source(
-    settings: Mapping[str, Any],
-    *,
-    open_bus: "Callable[[], SpiBus] | None" = None,
-    clock: Callable[[], int] = time.monotonic_ns,
-    sleep: Callable[[float], None] = time.sleep,
-) -> "SpiSource":
-    """Source of a chip on SPI, not yet open, of a session's settings.
-
-    ``start`` is commands and times to wait, s; of the replies to a poll the first ``skip`` bytes are left out.
-    """
-    from plumbob.live.transports.spi_bus import SpiSource
-
-    commands, skip, steps = settings["exchange"], settings.get("skip", 0), settings.get("start", ())
-
-    def begin(bus: "SpiBus") -> str:
-        replies = []
-        for step in steps:
-            if isinstance(step, bytes):
-                replies.append(bus.transfer(step).hex())
-            else:
-                sleep(step)
-        return f"start answered {' '.join(replies)}"
-
-    return SpiSource(
-        settings["bus"],
-        settings["device"],
-        lambda bus: b"".join(map(bus.transfer, commands))[skip:],
-        settings["rate"],
-        mode=settings["mode"],
-        hz=settings["hz"],
-        start=begin if steps else None,
-        open_bus=open_bus,
-        clock=clock,
-        sleep=sleep,
-    )
 
 
 class Stretched:

@@ -22,7 +22,7 @@ from plumbob.core.text import counted
 from plumbob.core.time import to_ns
 from plumbob.core.units import deg, dps
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
-from plumbob.live.rows import ATTITUDE, IMU, TIME_SCHEMA, TRANSFORMS, attitude_rows, imu_rows, row_schema, transform_row
+from plumbob.live.rows import ATTITUDE, IMU, TRANSFORMS, attitude_rows, imu_rows, row_schema, transform_row
 from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
 from plumbob.viewer.hub import Hub, delivered
 from plumbob.viewer.messages import as_json
@@ -43,13 +43,6 @@ _WARNED: Final = frozenset({"gap", "lost", "dropped", "rejected", "flag", "fault
 _ANGLES: Final = ("roll", "pitch", "yaw")
 
 
-def _object(title: str, **properties: Any) -> str:
-    return json.dumps({"title": title, "type": "object", "properties": properties}, ensure_ascii=False)
-
-
-_WORDS: Final = {"type": "string"}
-
-
 class AdvertisedChannel(NamedTuple):
     """A channel as it is advertised."""
 
@@ -58,40 +51,16 @@ class AdvertisedChannel(NamedTuple):
     schema: str
 
 
-def _recorded(topic: str) -> AdvertisedChannel:
-    """Channel with the rows of a recording's topic."""
-    schema = row_schema(topic)[1]
-    return AdvertisedChannel(f"/{topic}", schema.name, schema.data.decode())
+def _described(kind: str, topic: str = "") -> AdvertisedChannel:
+    """Channel with the rows of a recording's topic, or of another kind."""
+    schema = row_schema(kind)[1]
+    return AdvertisedChannel(f"/{topic or kind}", schema.name, schema.data.decode())
 
 
 CHANNELS: Final = {
-    1: _recorded(IMU),
-    2: _recorded(ATTITUDE),
-    3: _recorded(TRANSFORMS),
-    4: AdvertisedChannel(
-        "/events",
-        "foxglove.Log",
-        _object(
-            "foxglove.Log",
-            timestamp=TIME_SCHEMA,
-            level={"type": "integer"},
-            message=_WORDS,
-            name=_WORDS,
-            file=_WORDS,
-            line={"type": "integer"},
-        ),
-    ),
-    5: AdvertisedChannel(
-        "/angles",
-        "plumbob.Angles",
-        _object(
-            "plumbob.Angles",
-            **{
-                name: {"type": "number", "description": f"{name} of the session's own estimator, °"} for name in _ANGLES
-            },
-        ),
-    ),
-}
+    1: _described(IMU), 2: _described(ATTITUDE), 3: _described(TRANSFORMS), 4: _described("log", "events"),
+    5: _described("angles"),
+}  # fmt: skip
 """Channels by their number."""
 _IMU, _ATTITUDE, _TF, _EVENTS, _ANGLES_OF = CHANNELS
 

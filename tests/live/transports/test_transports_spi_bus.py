@@ -52,7 +52,7 @@ def make(clock, chip):
     return make
 
 
-def test_one_reply_for_each_poll_on_time_of_one_command_several_or_a_function(make, clock, chip):
+def test_one_reply_for_each_poll_on_time_of_one_command_or_several_behind_a_start(make, clock, chip):
     with make() as source:
         (opened,) = source.read(1)
         start = clock()
@@ -68,9 +68,9 @@ def test_one_reply_for_each_poll_on_time_of_one_command_several_or_a_function(ma
         words = [int.from_bytes(source.read(1)[0].data, "big") for _ in range(2)]
     assert words == [0x00000001_00000001, 0x00000002_00000003]
     chip.__init__(clock)
-    with make(lambda bus: bus.transfer(SENSOR)[::-1], start=lambda bus: bus.transfer(CHECK).hex()) as source:
-        assert "Hz, 00000001) is open" in source.read(1)[0].text
-        assert source.read(1)[0].data.hex() == "01000000"
+    with make(skip=3, start=(CHECK,)) as source:
+        assert "Hz, start answered 00000001) is open" in source.read(1)[0].text
+        assert source.read(1)[0].data.hex() == "01"
     assert chip.commands == [CHECK, SENSOR]
 
 
@@ -135,11 +135,7 @@ def test_a_chip_that_fails_is_opened_again(make, clock, chip):
 def test_a_chip_that_stays_away_is_asked_with_patience(make, clock, chip):
     opened = []
 
-    def start(bus):
-        opened.append(clock())
-        bus.transfer(CHECK)
-
-    with make(start=start) as source:
+    with make(start=(CHECK,), open_bus=lambda: opened.append(clock()) or chip) as source:
         source.read(1)
         chip.broken = True
         source.read(1)

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import select
 import socket
 import struct
@@ -9,7 +10,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, Final, Unpack
 
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.core.event import Event
 from plumbob.core.text import counted
 from plumbob.live.transports.serial_line import GATHER
@@ -191,6 +192,56 @@ class TcpWire(_SocketWire):
         if not data:
             raise ConnectionResetError(errno.ECONNRESET, "the other end has closed the connection")
         return [Received(self._clock(), data)]
+
+
+class WebSocketSource(TcpSource):
+    """Messages of a WebSocket server, a line each, connected again when it goes away; `url` is ``ws://HOST:PORT/PATH``."""
+
+    def __init__(self, url: str, **patience: Any) -> None:
+        if not re.fullmatch(r"ws://[\w.-]+(:\d+)?(/\S*)?", url):
+            raise ParameterError(f"'{url}' is not an open WebSocket; give ws://HOST:PORT/PATH.")
+        try:
+            from websockets.uri import parse_uri
+        except ImportError as error:
+            raise MissingExtraError("a WebSocket needs websockets: pip install 'plumbob[view]'.") from error
+        self._uri = parse_uri(url)
+        super().__init__(self._uri.host, self._uri.port, **patience)
+
+    def _connect(self, patience: float) -> "TcpWire | None":
+        wire = super()._connect(patience)
+        return wire and WebSocketWire(wire._sock, self._name, self._clock, self._uri)
+
+
+class WebSocketWire(TcpWire):
+    """A connection that speaks WebSocket; a message without a line end gets one."""
+
+    def __init__(self, sock: socket.socket, where: str, clock: Callable[[], int], uri: Any) -> None:
+        from websockets.client import ClientProtocol
+
+        super().__init__(sock, where, clock)
+        self._protocol = ClientProtocol(uri)
+        self._protocol.send_request(self._protocol.connect())
+        self._send()
+
+    def _send(self) -> None:
+        self._sock.sendall(b"".join(self._protocol.data_to_send()))
+
+    def take(self) -> list[Received | Event]:
+        """All messages that are there; pings are answered."""
+        from websockets.frames import DATA_OPCODES, Frame
+
+        for item in super().take():
+            assert isinstance(item, Received)
+            self._protocol.receive_data(item.data)
+        self._send()
+        if error := self._protocol.handshake_exc:
+            raise ConnectionRefusedError(errno.ECONNREFUSED, str(error))
+        text = b""
+        for part in self._protocol.events_received():
+            if isinstance(part, Frame) and part.opcode in DATA_OPCODES:
+                text += part.data
+                text += b"\n" * (part.fin and not text.endswith(b"\n"))
+        return [Received(self._clock(), text)] if text else []
 
 
 def _writable(sock: socket.socket, patience: float) -> bool:

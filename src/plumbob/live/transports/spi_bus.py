@@ -20,10 +20,6 @@ class SpiBus(Protocol):
         ...
 
 
-Exchange = Sequence[bytes] | Callable[[SpiBus], bytes]
-"""What one poll does: commands, whose replies are joined, or a function of the bus that returns the reply."""
-
-
 class SpiDev:
     """``/dev/spidev<bus>.<device>``; the driver takes the next lower clock to `hz` that it has."""
 
@@ -53,8 +49,9 @@ class SpiSource(Polled):
     Each command of `exchange` is a transfer of its own, with chip select released after it; the replies are joined,
     none is left out. A chip that answers one transfer late, as the ADXRS453 does, answers command k with reply k + 1:
     the first reply after opening belongs to no command, and what the last one asked for comes with the next poll, a
-    period old. For fresh values, give the command twice. `start` wakes the chip up at each opening; what it returns is
-    reported with it. `open_bus` puts an emulated chip in place of spidev.
+    period old. For fresh values, give the command twice. The first `skip` bytes of the replies are left out. `start`,
+    commands and times to wait, s, wakes the chip up at each opening; its replies are reported with it. `open_bus` puts
+    an emulated chip in place of spidev.
 
     A wire that is pulled off the bus shows as zeros or ones, which is for the decoder to see.
     """
@@ -63,24 +60,25 @@ class SpiSource(Polled):
         self,
         bus: int,
         device: int,
-        exchange: Exchange,
+        exchange: Sequence[bytes],
         rate: float,
         *,
         mode: int,
         hz: int,
-        start: Callable[[SpiBus], str | None] | None = None,
+        skip: int = 0,
+        start: Sequence[bytes | float] = (),
         open_bus: Callable[[], SpiBus] | None = None,
         **pace: Unpack[Pace],
     ) -> None:
         super().__init__(f"spi {bus}.{device}", rate, **pace)
         if mode not in {0, 1, 2, 3} or hz <= 0:
             raise ParameterError(f"SPI has modes 0 to 3 and a clock above 0 Hz, but got mode={mode}, hz={hz}.")
-        if not callable(exchange) and not (exchange and all(exchange)):
+        if not (exchange and all(exchange)):
             raise ParameterError(
                 f"A poll of {self._name} needs at least one command, and none empty, but got {exchange}."
             )
         self._number, self._mode, self._hz = (bus, device), mode, hz
-        self._exchange, self._start, self._open_bus = exchange, start, open_bus or self._spidev
+        self._exchange, self._skip, self._start, self._open_bus = exchange, skip, start, open_bus or self._spidev
         self._bus: SpiBus | None = None
 
     def _spidev(self) -> SpiBus:
@@ -94,14 +92,18 @@ class SpiSource(Polled):
             raise NoLine("absent", f"There is no {path}; is SPI enabled (on a Pi: dtparam=spi=on)?") from error
         except PermissionError as error:
             raise NoLine("denied", f"No permission to open {path}; add yourself to the group spi.") from error
-        said = self._start(self._bus) if self._start is not None else None
-        return f"{self._name} (mode {self._mode}, {self._hz} Hz{f', {said}' if said else ''})"
+        replies = ""
+        for step in self._start:
+            if isinstance(step, bytes):
+                replies += f" {self._bus.transfer(step).hex()}"
+            else:
+                self._sleep(step)
+        said = f", start answered{replies}" if self._start else ""
+        return f"{self._name} (mode {self._mode}, {self._hz} Hz{said})"
 
     def _ask(self) -> bytes:
         assert self._bus is not None
-        if callable(self._exchange):
-            return self._exchange(self._bus)
-        return b"".join(map(self._bus.transfer, self._exchange))
+        return b"".join(map(self._bus.transfer, self._exchange))[self._skip :]
 
     def _let_go(self) -> None:
         bus, self._bus = self._bus, None
