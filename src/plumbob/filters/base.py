@@ -81,10 +81,9 @@ class CommonParams(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Loops:
-    """The ways to call a filter's step; keeping a covariance costs time, so that it has its own."""
+    """The ways to call a filter's step."""
 
     batch: Kernel[..., None]
-    claiming: Kernel[..., None]
     single: Kernel[..., int]
 
 
@@ -147,29 +146,18 @@ def _row(
 @kernel
 def _batch(
     c: Floats, x: Floats, t_ns: NDArray[np.int64], flags_in: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats,
-    q_nb: Floats, bias_b: Floats, words: NDArray[np.uint32],
-) -> None:  # fmt: skip
-    for i in range(t_ns.shape[0]):
-        _row(
-            i, bare(c), bare(x), bare(t_ns), bare(flags_in), bare(gyr), bare(acc), bare(mag),
-            bare(q_nb), bare(bias_b), bare(words),
-        )  # fmt: skip
-
-
-@kernel
-def _claiming(
-    c: Floats, x: Floats, t_ns: NDArray[np.int64], flags_in: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats,
     q_nb: Floats, bias_b: Floats, words: NDArray[np.uint32], first: int, cov: Floats,
 ) -> None:  # fmt: skip
+    last = cov.shape[1] - 2
     for i in range(t_ns.shape[0]):
         _row(
             i, bare(c), bare(x), bare(t_ns), bare(flags_in), bare(gyr), bare(acc), bare(mag),
             bare(q_nb), bare(bias_b), bare(words),
         )  # fmt: skip
-        last = cov.shape[1] - 2
-        for k in range(last):
-            cov[i, k] = x[first + k]
-        cov[i, last], cov[i, last + 1] = x[SEEN], x[SEEN + 1]
+        if cov.shape[0] > 0:  # none where no covariance is kept
+            for k in range(last):
+                cov[i, k] = x[first + k]
+            cov[i, last], cov[i, last + 1] = x[SEEN], x[SEEN + 1]
 
 
 @kernel
@@ -200,7 +188,6 @@ def filter_loops(name: str, step: Kernel[..., int]) -> Loops:
     row = specialise(_row, f"row_{name}", _take=take)
     return Loops(
         batch=specialise(_batch, f"batch_{name}", inline=True, _row=row),
-        claiming=specialise(_claiming, f"claiming_{name}", _row=row),
         single=specialise(_single, f"single_{name}", inline=True, _take=take),
     )
 
@@ -233,7 +220,7 @@ def _require_unit(q_nb: Floats) -> None:
 def specialised() -> list[Kernel[..., Any]]:
     """Loops of all filters of which C is made."""
     all_loops = [filter_loops(name, load(name).step) for name in BUILT_IN]
-    return [loop for loops in all_loops for loop in (loops.batch, loops.claiming, loops.single)]
+    return [loop for loops in all_loops for loop in (loops.batch, loops.single)]
 
 
 class AttitudeEstimator(FactsText):
@@ -489,17 +476,13 @@ class Filter(AttitudeEstimator):
         mag = data.usable("mag") if self.common.mag else check.read_only(np.full((len(data), 3), np.nan))
         n, place = len(data), self._covariance if covariance else slice(0, 0)
         q_nb, bias_b, words = np.empty((n, 4)), np.empty((n, 3)), np.empty(n, dtype=np.uint32)
-        args = (
-            self._c, self._x, data.t_ns, data.flags, data.usable("gyr").ravel(), data.usable("acc").ravel(),
-            mag.ravel(), q_nb.ravel(), bias_b.ravel(), words,
+        size = place.stop - place.start
+        entries = np.empty((n if size else 0, size + 2))
+        self._run(
+            self._loops.batch.compiled, self._c, self._x, data.t_ns, data.flags, data.usable("gyr").ravel(),
+            data.usable("acc").ravel(), mag.ravel(), q_nb.ravel(), bias_b.ravel(), words, place.start, entries,
         )  # fmt: skip
-        cov = None
-        if place.start < place.stop:
-            entries = np.empty((n, place.stop - place.start + 2))
-            self._run(self._loops.claiming.compiled, *args, place.start, entries)
-            cov = self._claimed(q_nb, entries)
-        else:
-            self._run(self._loops.batch.compiled, *args)
+        cov = self._claimed(q_nb, entries) if size else None
         if self._whose:
             self._run(_require_unit, q_nb)
         return AttitudeTrack.trusted(

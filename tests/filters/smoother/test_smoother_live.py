@@ -70,6 +70,23 @@ def test_a_gap_makes_any_attitude_possible_until_the_motion_behind_it_shows_it()
     assert np.abs(bias - track.bias_b[np.searchsorted(t, 19.9)]).max() < dps(0.1)
 
 
+@pytest.mark.parametrize("length", [1.0, 3.0, 10.0])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_first_force_behind_a_gap_shows_the_tilt_and_the_first_fields_the_heading(length, seed):
+    """The tilt at once as well as at a start in motion, whatever was turned in the gap; both within the claim."""
+    h = by_hand(60.0, rest=((0.0, 5.0),), seed=seed, turn=1.5)
+    keep = (h.t < 30.0) | (h.t > 30.0 + length)
+    track, _ = followed(h.rows(keep).imu())
+    since, error = h.t[keep] - 30.0 - length, error_n(track.q_nb, h.q[keep])
+    assert rms_deg(error[(since > 0.0) & (since < 0.5)])[0] < math.degrees(inertial.WIDE)
+    assert rms_deg(error[(since > 1.0) & (since < 2.0)])[0] < 3.0
+    assert rms_deg(error[since > 4.0]).max() < 1.5
+    behind = (since > 0.0) & (since < 4.0)
+    in_body = quat_rotate(quat_conjugate(track.q_nb[behind]), error[behind])
+    claimed = np.linalg.inv(np.linalg.cholesky(track.cov_b[behind]))
+    assert np.mean(np.einsum("nij,nj->ni", claimed, in_body) ** 2) < 4.0
+
+
 @pytest.mark.parametrize("begin", [26, 31])
 def test_a_look_that_falls_due_in_a_long_gap_has_no_seconds_before_it_to_doubt(begin):
     """Of the fifteen seconds in which a jump of the bias is sought nothing came."""

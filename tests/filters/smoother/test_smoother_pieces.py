@@ -98,16 +98,29 @@ def test_a_field_weighs_what_it_weighs_in_a_smoothed_recording():
     p, reference = Params(), Reference(20.0, -40.0, 1.0)
     fields = np.array([0.0, 20.0, -40.0]) + np.random.default_rng(0).normal(0.0, [8.0, 8.0, 4.0], (200, 3))
     expected = weights(reference, p, fields, np.zeros(200, dtype=bool), directed=True)
+    mean, field = np.zeros(MEANS), onward.LocalField.from_reference(reference, p)
+    mean[COUNT] = 5.0
+    for vector, weight in zip(fields, expected, strict=True):
+        mean[FIELD : FIELD + 3] = vector
+        assert onward.field_weight(mean, field, 0.0, 0.0) == pytest.approx(weight, rel=1e-12)
+    mean[COUNT] = 0.0
+    assert onward.field_weight(mean, field, 0.0, 0.0) == 0.0
+    assert onward.field_weight(mean, onward.LocalField.from_reference(None, p), 0.0, 0.0) == 0.0
+
+
+def test_dip_and_direction_say_nothing_against_a_field_where_the_attitude_is_unknown():
+    """A tilt of 5° changes the level part by 40 sin 5° = 3.5 µT, a heading of 60° the direction, none the size."""
+    field = onward.LocalField.from_reference(Reference(20.0, -40.0, 1.0), Params())
     mean = np.zeros(MEANS)
     mean[COUNT] = 5.0
-    for field, weight in zip(fields, expected, strict=True):
-        mean[FIELD : FIELD + 3] = field
-        assert onward.field_weight(mean, onward.LocalField.from_reference(reference, p)) == pytest.approx(
-            weight, rel=1e-12
-        )
-    mean[COUNT] = 0.0
-    assert onward.field_weight(mean, onward.LocalField.from_reference(reference, p)) == 0.0
-    assert onward.field_weight(mean, onward.LocalField.from_reference(None, p)) == 0.0
+    for tilt, heading in ((5.0, 0.0), (0.0, 60.0), (5.0, 60.0)):
+        c, s = math.cos(deg(tilt)), math.sin(deg(tilt))
+        level, up = 20.0 * c + 40.0 * s, 20.0 * s - 40.0 * c
+        mean[FIELD : FIELD + 3] = level * math.sin(deg(heading)), level * math.cos(deg(heading)), up
+        assert onward.field_weight(mean, field, 0.0, 0.0) < 0.1
+        assert onward.field_weight(mean, field, deg(tilt) ** 2, deg(heading) ** 2) > 0.15
+    mean[FIELD : FIELD + 3] = 0.0, 40.0, -80.0
+    assert onward.field_weight(mean, field, deg(5.0) ** 2, deg(60.0) ** 2) < 0.01
 
 
 def test_the_speed_of_a_swing_is_learned():

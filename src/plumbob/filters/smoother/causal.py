@@ -15,15 +15,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg
-from plumbob.filters.smoother.field import (
-    APART,
-    LEAST_LEVEL,
-    STEEPEST,
-    TURNING,
-    Reference,
-    on_earth,
-    white_noise,
-)
+from plumbob.filters.smoother.field import APART, LEAST_LEVEL, STEEPEST, TURNING, Reference, on_earth, white_noise
 from plumbob.filters.smoother.inertial import (
     ANY_SPEED,
     LEAK,
@@ -31,19 +23,20 @@ from plumbob.filters.smoother.inertial import (
     SHORTEST,
     SPEED_TIMES,
     USUAL_SPEED,
+    WIDE,
     WINDOW,
 )
 from plumbob.filters.smoother.keyframes import Bools, turned_by
 from plumbob.filters.smoother.model import SIZE, TH, B, ModelVariances, Params, V
-from plumbob.filters.smoother.samples import (
-    GATED,
-)
+from plumbob.filters.smoother.samples import GATED
 from plumbob.filters.smoother.stationary import CLEAR, HOLDS, JUMPED, STOOD, UNTIL, means, stands, take_bias
 from plumbob.filters.smoother.sweeps import (
     COUNT,
+    EAST,
     FADE,
     FIELD,
     FORCE,
+    HUBER,
     MEANS,
     MEASURED,
     MOVING,
@@ -60,9 +53,11 @@ from plumbob.filters.smoother.sweeps import (
     integrate,
     keep,
     predict,
+    update_one,
     zero_rate_update,
     zero_velocity_update,
 )
+from plumbob.rotations.kernels import rotate
 
 LOST: Final = deg(20.0)  # a tilt that would be off by more than this, rad, is sought again, as at a start in motion
 
@@ -183,16 +178,21 @@ def unlikely_tilt(learned: Floats) -> float:
 
 
 @kernel
-def field_weight(mean: Floats, field: LocalField) -> float:
-    """How far the mean field of a step is believed, 0 to 1, by size, dip and direction; as `weights` has it."""
+def field_weight(mean: Floats, field: LocalField, tilt2: float, heading2: float) -> float:
+    """How far the mean field of a step is believed, 0 to 1, by size, dip and direction; as `weights` has it.
+
+    Dip and direction say the less against it the larger the variances of tilt and heading are, rad².
+    """
     if mean[COUNT] == 0.0:
         return 0.0
     level = math.hypot(mean[FIELD], mean[FIELD + 1])
     if not level > STEEPEST * field.level or field.level == 0.0:
         return 0.0
     half = field.level * math.sin(0.5 * math.atan2(mean[FIELD], mean[FIELD + 1]))
-    off2 = (level - field.level) ** 2 + (mean[FIELD + 2] - field.vertical) ** 2 + half * half
-    share = 1.0 + off2 / (field.spread * field.spread)
+    spread2, level2 = field.spread * field.spread, field.level * field.level
+    share = 1.0 + (level - field.level) ** 2 / (spread2 + field.vertical * field.vertical * tilt2)
+    share += (mean[FIELD + 2] - field.vertical) ** 2 / (spread2 + level2 * tilt2)
+    share += max(half * half - HUBER * 0.25 * level2 * heading2, 0.0) / spread2
     return 1.0 / (share * share)  # type: ignore[no-any-return]
 
 
@@ -225,6 +225,9 @@ def onward(
         fade(p, now, f[FADE], noise.bend)
         if gap[k]:
             forget_velocity(p, now)
+            fx, fy, fz = acc[first[k + 1], 0], acc[first[k + 1], 1], acc[first[k + 1], 2]
+            east, north, up = rotate(attitude[0], attitude[1], attitude[2], attitude[3], fx, fy, fz)
+            tilt_update(p, now, gain, term, column, east, north, up)
         else:
             weight[k] = measure(
                 p, now, gain, term, column, mean, dt, kind, learned, least_speed, untold[k], noise, field
@@ -271,14 +274,29 @@ def measure(
         if kind == RESTING:
             speed2 = 0.5 * (learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2)
             density = 2.0 * max(lasts(learned) * speed2, SHORTEST * REST_SPEED**2)
+        tilt_update(p, now, gain, term, column, mean[FORCE] / dt, mean[FORCE + 1] / dt, mean[FORCE + 2] / dt)
         zero_velocity_update(p, now, gain, term, column, density / dt)
     if kind == RESTING:
         zero_rate_update(p, now, gain, term, column, mean, dt, noise.rest / dt)
-    weight = field_weight(mean, field)
+    weight = field_weight(mean, field, 0.5 * (p[TH, TH] + p[TH + 1, TH + 1]), p[TH + 2, TH + 2])
     if weight > 0.0:
         var = field.white2 / (field.level * field.level * dt * weight)
         heading_update(p, now, gain, term, column, mean, var)
     return weight
+
+
+@kernel
+def tilt_update(
+    p: Floats, now: Floats, gain: Floats, term: Floats, column: Floats, east: float, north: float, up: float
+) -> None:
+    """A tilt that is less sure than that of a start in motion: a force, in navigation axes, is up, as there."""
+    if p[TH, TH] + p[TH + 1, TH + 1] < 2.0 * WIDE * WIDE:
+        return
+    level = math.hypot(east, north)
+    turn = math.atan2(level, up) / max(level, 1e-9)
+    var = WIDE * WIDE + (math.hypot(level, up) / G0 - 1.0) ** 2
+    update_one(p, now, gain[EAST], term[EAST], column, TH, turn * north - now[TH], var)
+    update_one(p, now, gain[EAST], term[EAST], column, TH + 1, -turn * east - now[TH + 1], var)
 
 
 @kernel

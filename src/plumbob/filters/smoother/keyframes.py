@@ -195,7 +195,7 @@ def bridge(t: Floats, values: Floats) -> Bridge:
     holes = np.flatnonzero(is_hole)
     if not holes.size and not outside.any():
         return Bridge(np.ascontiguousarray(values), variance, no, no, no)
-    spread, mean = _around(t[valid], values[valid], holes, np.maximum(span[holes], AROUND))
+    mean, spread = lasting_mean(t[valid], values[valid], holes, np.maximum(span[holes], AROUND))
     missing = np.where(short[holes], span[holes] - usual, 0.0)
     x = missing / (2.0 * CORRELATED)
     share = np.where(x > 0.0, np.tanh(x) / np.maximum(x, 1e-300), 1.0)
@@ -244,14 +244,19 @@ def hidden(t: Floats, values: Floats, digit: float) -> Floats:
     return digit**2 / 12.0 * variance / 3.0 * step
 
 
-def _around(t: Floats, values: Floats, place: NDArray[np.int64], reach: Floats) -> tuple[Floats, Floats]:
-    """Spread (n,) and mean (n, 3) of an axis around the steps behind some values, as far as each reaches, s."""
+def lasting_mean(t: Floats, values: Floats, place: NDArray[np.int64], reach: Floats) -> tuple[Floats, Floats]:
+    """Mean (n, 3) that will last, and spread (n,) about it, around steps behind some values, as far as each reaches.
+
+    A mean over a few times `CORRELATED` is drawn towards none by as much as it is uncertain: [JamesStein1961].
+    """
     low, high = np.searchsorted(t, t[place] - reach), np.searchsorted(t, t[place + 1] + reach, side="right")
-    mean = sum_between(values, low, high, mean=True)
-    square = sum_between((values**2).sum(axis=1), low, high, mean=True) - (mean**2).sum(axis=1)
+    mean, square = sum_between(values, low, high, mean=True), sum_between((values**2).sum(axis=1), low, high, mean=True)
+    mean2, span = (mean**2).sum(axis=1), t[high - 1] - t[low] - (t[place + 1] - t[place])
+    share = np.maximum(1.0 - (square - mean2) * 2.0 * CORRELATED / np.maximum(span * mean2, 1e-30), 0.0)
+    mean *= share[:, np.newaxis]
     ends = 0.5 * ((values[place] - mean) ** 2 + (values[place + 1] - mean) ** 2).sum(axis=1)
-    spread: Floats = np.sqrt(np.maximum(square, ends) / 3.0)
-    return spread, mean
+    spread: Floats = np.sqrt(np.maximum(square - share * (2.0 - share) * mean2, ends) / 3.0)
+    return mean, spread
 
 
 def _steps(t: Floats, spacing: float, again: Bools) -> tuple[NDArray[np.int64], Bools]:

@@ -40,23 +40,8 @@ from plumbob.filters.smoother.causal import (
     turn_heading_by,
     unlikely_tilt,
 )
-from plumbob.filters.smoother.field import (
-    APART,
-    LEAST_TURNING,
-    REST_SHARE,
-    Reference,
-    turning_time,
-)
-from plumbob.filters.smoother.inertial import (
-    GIVEN,
-    LEAK,
-    WIDE,
-    WINDOW,
-    Given,
-    level_speed,
-    peaks,
-    upright,
-)
+from plumbob.filters.smoother.field import APART, LEAST_TURNING, REST_SHARE, Reference, turning_time
+from plumbob.filters.smoother.inertial import GIVEN, LEAK, WIDE, WINDOW, Given, level_speed, peaks, upright
 from plumbob.filters.smoother.keyframes import Bools, Keyframes
 from plumbob.filters.smoother.model import FREE_HEADING, SIZE, TH, B, M, ModelVariances, Params
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
@@ -111,7 +96,7 @@ class Running:
     field: LocalField  # the field of the place
     iron: Floats  # (3,), field that turns with the sensor, µT
     noise: ModelVariances  # of the model
-    since: float  # time of that look, s
+    since: float  # time of that look, or of a gap behind it, s
     # word, weight: of the last step
     word: int
     weight: float
@@ -451,12 +436,13 @@ class Live:
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
-        """Look soon at what comes behind a gap."""
+        """Look soon at what comes behind a gap, but not before there is enough of it."""
         now = self._arriving.time(k)
         self.gaps.append(now)
-        self._pause, self._due = SOONEST, now + SOONEST
+        self._pause = SOONEST if self._running is None else LEAST_PAUSE
+        self._due = now + self._pause
         if self._running is not None:
-            self._anchor = (k, self._running.last.attitude.copy())
+            self._anchor, self._running.since = (k, self._running.last.attitude.copy()), now
 
     def _steps(self, running: Running, k: int, end: int) -> tuple[Keyframes, Room]:
         """Follow some steps."""

@@ -20,7 +20,6 @@ keyframe, so that λ refers to the corrected attitude; the heading is a consider
 second pass starts from the smoothed attitude, with a wide covariance of its own.
 """
 
-import math
 from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import numpy as np
@@ -29,7 +28,6 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg, dps
-from plumbob.filters.smoother.keyframes import CORRELATED
 
 if TYPE_CHECKING:
     from plumbob.data.cards import NoiseCard
@@ -126,26 +124,13 @@ def from_noise(card: "NoiseCard") -> dict[str, float]:
     return {name: value for name, value in params.items() if value > getattr(usual, name)}
 
 
-COARSE_SCALE: Final = 0.05  # standard deviation of the scale of a part that is so coarse that its digit hides rest,
-COARSE_AXES: Final = deg(1.0)
-"""and of the angles between its axes, rad: data sheets allow as much, and nobody calibrates such a part."""
+AS_DELIVERED: Final = {"gyr_scale": 0.05, "gyr_misalignment": deg(1.0)}
+"""Standard deviations of a unit that nobody has calibrated: data sheets allow as much."""
 
 
 def hides_rest(p: Params, digit: Floats | float) -> NDArray[np.bool_]:
     """Whether a slow turn beyond the band of rest may hide in the last digit of the rates, rad/s."""
     return np.asarray((0.5 * np.asarray(digit) >= p.rest_band) & np.isfinite(digit))
-
-
-def for_digit(p: Params, digit: float) -> Params:
-    """Parameters for a unit without a card whose last digit, rad/s, may hide a slow turn.
-
-    What the digit cuts off is as good as noise that lasts as long as rates stay alike.
-    """
-    if not hides_rest(p, digit):
-        return p
-    noise = math.hypot(p.gyr_noise, digit * math.sqrt(CORRELATED / 12.0))
-    scale, axes = max(p.gyr_scale, COARSE_SCALE), max(p.gyr_misalignment, COARSE_AXES)
-    return p._replace(gyr_noise=noise, gyr_scale=scale, gyr_misalignment=axes)
 
 
 CARD_FLOOR: Final = 5e-4  # a scale or an angle that a card has may have changed by so much since

@@ -31,15 +31,16 @@ from plumbob.filters.smoother.inertial import (
     narrowed,
     without_gravity,
 )
-from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
+from plumbob.filters.smoother.keyframes import CORRELATED, Bools, Keyframes, between
 from plumbob.filters.smoother.model import (
+    AS_DELIVERED,
     BIAS_REPEATS,
     FREE_HEADING,
     B,
     M,
     ModelVariances,
     Params,
-    for_digit,
+    hides_rest,
     start_covariance,
 )
 from plumbob.filters.smoother.sensor_fixed_field import Attached, attached_field
@@ -47,10 +48,8 @@ from plumbob.filters.smoother.sweeps import Sweep, sweep
 from plumbob.rotations import Frame, dcm_from_quat
 from plumbob.rotations.frames import turn_heading
 
-AGAIN_TILT, AGAIN_HEADING = (
-    deg(3.0),
-    deg(30.0),
-)  # standard deviations of a smoothed attitude that is taken for a start, rad
+AGAIN_TILT, AGAIN_HEADING = deg(3.0), deg(30.0)
+"""Standard deviations of a smoothed attitude that is taken for a start, rad."""
 PASSES: Final = 2
 CLEARER: Final = 0.5  # a recording has shown a parameter if its standard deviation is at most this share of what it was
 UNEVEN: Final = 1.0  # a field of the unit is known to this, µT: an uneven field of the place looks like one
@@ -141,12 +140,15 @@ class Learned(NamedTuple):
 
 
 def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
-    """Smooth a recording, or a stretch of one that others came before."""
+    """Smooth a recording, or a stretch of one that others came before.
+
+    A unit without a card is taken for a calibrated one, unless its turns in a field say that it is as delivered.
+    """
     if prior.unit is not None:
         sd = math.sqrt(float(np.trace(prior.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
         p = p._replace(bias_start=min(p.bias_start, sd))
-    else:
-        p = for_digit(p, frames.digit)
+    elif hides_rest(p, frames.digit):  # what is cut off is as good as noise that lasts as long as rates stay alike
+        p = p._replace(gyr_noise=math.hypot(p.gyr_noise, frames.digit * math.sqrt(CORRELATED / 12.0)), **AS_DELIVERED)
     original = frames.drifting()
     frames = original.together()
     inertial = level(frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before)
@@ -160,6 +162,8 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
             headed = _headed(frames, p, inertial, field, attached.doubtful, prior)
         if headed is not None:
             smoothed = _with_field(frames, p, inertial, field, headed, attached, prior)
+            if prior.unit is None and _is_as_delivered(smoothed, p):
+                return smooth(original, p._replace(**AS_DELIVERED), prior)
             turn = _iron_turn(frames, p, inertial, headed, attached, prior)
             return replace(smoothed, frames=original, iron_turn=turn)
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=prior.unit)
@@ -168,6 +172,19 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
         original, inertial.sweep, inertial.resting, None, unused, None, p0, bias_sd=inertial.bias_sd,
         tilt_var=inertial.tilt_var,
     )  # fmt: skip
+
+
+def _is_as_delivered(smoothed: Smoothed, p: Params) -> bool:
+    """Whether the scale that was found is likelier of a unit as delivered: the evidence of both priors, by its axes.
+
+    What the recording says is the posterior without its prior. Angles between axes are not asked: soft iron looks
+    alike.
+    """
+    scale, variance = smoothed.sweep.matrix[::4], np.diag(smoothed.sweep.unit_cov)[3::4]
+    sd = np.array([[p.gyr_scale], [AS_DELIVERED["gyr_scale"]]])
+    precision = 1.0 / variance + sd**-2 - p.gyr_scale**-2
+    evidence = np.sum((scale / variance) ** 2 / precision - np.log(precision * sd**2), axis=1)
+    return bool(sd[1] > sd[0] and evidence[1] > evidence[0])
 
 
 def smooth_lately(frames: Keyframes, late: Keyframes, p: Params, prior: Known) -> Smoothed:

@@ -98,25 +98,26 @@ def mean_place(at: int, missing: float) -> int:
 
 
 @kernel
-def spread2(state: Floats, place: int) -> float:
-    """Variance of an axis about a mean."""
-    square = state[place + SQUARE]
+def lasting_mean(state: Floats, place: int, mean: Floats) -> float:
+    """Write the mean that will last, as `keyframes.lasting_mean` has it; returns the variance of an axis about it."""
+    square, mean2 = state[place + SQUARE], state[place] ** 2 + state[place + 1] ** 2 + state[place + 2] ** 2
+    share = max(1.0 - (square - mean2) * 2.0 * CORRELATED / max(AROUND * mean2, 1e-30), 0.0)
     for i in range(3):
-        square -= state[place + i] ** 2
-    return max(square, 0.0) / 3.0  # type: ignore[no-any-return]
+        mean[i] = share * state[place + i]
+    return max(square - share * (2.0 - share) * mean2, 0.0) / 3.0  # type: ignore[no-any-return]
 
 
 @kernel
 def foresee(state: Floats, at: int, since: float, dt: float, out: Floats) -> float:
     """Value of a triad at a time after its last one, s; returns the variance of its integral since then."""
-    place = mean_place(at, since)
+    mean = np.empty(3)
+    variance = lasting_mean(state, mean_place(at, since), mean)
     before, now = math.exp(-(since - dt) / CORRELATED), math.exp(-since / CORRELATED)
     for i in range(3):
-        mean = state[place + i]
-        out[i] = mean + (state[at + i] - mean) * CORRELATED * (before - now) / dt
+        out[i] = mean[i] + (state[at + i] - mean[i]) * CORRELATED * (before - now) / dt
         state[at + GIVEN + i] += out[i] * dt
     share = 2.0 * since / CORRELATED - 3.0 + 4.0 * now - now * now
-    return spread2(state, place) * CORRELATED * CORRELATED * share
+    return variance * CORRELATED * CORRELATED * share
 
 
 @kernel
@@ -124,15 +125,16 @@ def bridge_to(state: Floats, at: int, since: float, dt: float, usual: float, val
     """Value that makes the integral since the last one that of `keyframes.bridge`; returns its variance."""
     covered = min(usual, dt)
     missing = max(since - covered, 0.0)
-    x, ends, place = missing / (2.0 * CORRELATED), 0.0, mean_place(at, missing)
+    x, ends, mean = missing / (2.0 * CORRELATED), 0.0, np.empty(3)
+    variance = lasting_mean(state, mean_place(at, missing), mean)
     decay = math.exp(-2.0 * x)
     share = (1.0 - decay) / ((1.0 + decay) * x) if x > 0.0 else 1.0
     for i in range(3):
-        mean, last = state[place + i], state[at + i]
-        ends += 0.5 * ((last - mean) ** 2 + (values[i] - mean) ** 2) / 3.0
-        line = mean + share * (0.5 * (last + values[i]) - mean)
+        last = state[at + i]
+        ends += 0.5 * ((last - mean[i]) ** 2 + (values[i] - mean[i]) ** 2) / 3.0
+        line = mean[i] + share * (0.5 * (last + values[i]) - mean[i])
         out[i] = (missing * line - state[at + GIVEN + i] + covered * values[i]) / dt
-    return max(spread2(state, place), ends) * 2.0 * CORRELATED * missing * (1.0 - share)
+    return max(variance, ends) * 2.0 * CORRELATED * missing * (1.0 - share)
 
 
 @kernel
@@ -211,6 +213,9 @@ def arrive(
         pushed = hold(state, ACC, t[i], dt, acc[i], acc_out[n - begin])
         long[n - begin] = not first and dt > ABSENT * state[STEP]
         gap = has_rate and not first and missed > LOST * LOST
+        if gap and not math.isnan(acc[i, 0]):
+            for j in range(3):  # what it was before says nothing, and it shows the tilt
+                acc_out[n - begin, j] = acc[i, j]
         if gap and state[LAST] > state[KEY]:
             steps = close(state, recent, n - 1, False, steps, last, gaps, variance)
         state[MISSED] += min(missed, math.pi**2)
