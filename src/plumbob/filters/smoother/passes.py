@@ -51,6 +51,7 @@ from plumbob.rotations.frames import turn_heading
 AGAIN_TILT, AGAIN_HEADING = deg(3.0), deg(30.0)
 """Standard deviations of a smoothed attitude that is taken for a start, rad."""
 PASSES: Final = 2
+UNLIKELY: Final = 7.81  # square of three scales that one in twenty exceeds, in their variance
 CLEARER: Final = 0.5  # a recording has shown a parameter if its standard deviation is at most this share of what it was
 UNEVEN: Final = 1.0  # a field of the unit is known to this, µT: an uneven field of the place looks like one
 DISBELIEVED, BELIEVED = 0.25, 0.5
@@ -175,16 +176,17 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
 
 
 def _is_as_delivered(smoothed: Smoothed, p: Params) -> bool:
-    """Whether the scale that was found is likelier of a unit as delivered: the evidence of both priors, by its axes.
+    """Whether the scale that was found is none of a calibrated unit, and likelier of one as delivered, by its axes.
 
-    What the recording says is the posterior without its prior. Angles between axes are not asked: soft iron looks
-    alike.
+    What the recording says is the posterior without its prior; of one that says little that is many times what was
+    found, so that this itself must be beyond the prior. Angles between axes are not asked: soft iron looks alike.
     """
     scale, variance = smoothed.sweep.matrix[::4], np.diag(smoothed.sweep.unit_cov)[3::4]
     sd = np.array([[p.gyr_scale], [AS_DELIVERED["gyr_scale"]]])
     precision = 1.0 / variance + sd**-2 - p.gyr_scale**-2
     evidence = np.sum((scale / variance) ** 2 / precision - np.log(precision * sd**2), axis=1)
-    return bool(sd[1] > sd[0] and evidence[1] > evidence[0])
+    beyond = scale @ scale > UNLIKELY * p.gyr_scale**2
+    return bool(beyond and sd[1] > sd[0] and evidence[1] > evidence[0])
 
 
 def smooth_lately(frames: Keyframes, late: Keyframes, p: Params, prior: Known) -> Smoothed:
