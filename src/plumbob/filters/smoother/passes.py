@@ -185,8 +185,7 @@ def _is_as_delivered(smoothed: Smoothed, p: Params) -> bool:
     sd = np.array([[p.gyr_scale], [AS_DELIVERED["gyr_scale"]]])
     precision = 1.0 / variance + sd**-2 - p.gyr_scale**-2
     evidence = np.sum((scale / variance) ** 2 / precision - np.log(precision * sd**2), axis=1)
-    beyond = scale @ scale > UNLIKELY * p.gyr_scale**2
-    return bool(beyond and sd[1] > sd[0] and evidence[1] > evidence[0])
+    return bool(scale @ scale > UNLIKELY * p.gyr_scale**2 and sd[1] > sd[0] and evidence[1] > evidence[0])
 
 
 def smooth_lately(frames: Keyframes, late: Keyframes, p: Params, prior: Known) -> Smoothed:
