@@ -482,7 +482,6 @@ class Filter(AttitudeEstimator):
             self._loops.batch.compiled, self._c, self._x, data.t_ns, data.flags, data.usable("gyr").ravel(),
             data.usable("acc").ravel(), mag.ravel(), q_nb.ravel(), bias_b.ravel(), words, place.start, entries,
         )  # fmt: skip
-        cov = self._claimed(q_nb, entries) if size else None
         if self._whose:
             self._run(_require_unit, q_nb)
         return AttitudeTrack.trusted(
@@ -491,7 +490,7 @@ class Filter(AttitudeEstimator):
             frame=self.frame,
             north=self.north("mag" in data.triads),
             bias_b=bias_b,
-            cov_b=cov,
+            cov_b=self._claimed(q_nb, entries) if size else None,
             flags=words,
             source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
         )

@@ -577,7 +577,7 @@ class Examination:
         # stamps follow what they stamp, so where a vector comes early the rates are late, and the attitude with them
         usual = float(np.sqrt(np.nanmean(np.sum(rate * rate, axis=1))))
         angle = abs(fitted.delay) * (usual if fitted.delay < 0.0 else _steady_rate(self.t, rate))
-        clear = abs(fitted.delay) > max(5.0 * fitted.delay_sd, _EXACT, fitted.in_step)
+        clear = abs(fitted.delay) > max(5.0 * fitted.delay_sd, _EXACT, 3.0 * fitted.in_step)
         wrong = sensor.answer is Trust.SURE and agree and clear and angle > _MATTERS
         code = "doctor.late" if fitted.delay > 0.0 else "doctor.early"
         finding = info(code, delay_ms=1e3 * abs(fitted.delay), sd_ms=1e3 * sd)

@@ -280,8 +280,7 @@ def measure(
         zero_rate_update(p, now, gain, term, column, mean, dt, noise.rest / dt)
     weight = field_weight(mean, field, 0.5 * (p[TH, TH] + p[TH + 1, TH + 1]), p[TH + 2, TH + 2])
     if weight > 0.0:
-        var = field.white2 / (field.level * field.level * dt * weight)
-        heading_update(p, now, gain, term, column, mean, var)
+        heading_update(p, now, gain, term, column, mean, field.white2 / (field.level * field.level * dt * weight))
     return weight
 
 
@@ -410,10 +409,5 @@ class Room(NamedTuple):
     @classmethod
     def empty(cls, n: int) -> "Room":
         """For n steps."""
-        return cls(
-            np.empty((n + 1, 4)),
-            np.empty((n + 1, SIZE)),
-            np.empty((n + 1, 3, 3)),
-            np.empty(n, dtype=np.uint32),
-            np.empty(n),
-        )
+        q, x, cov = np.empty((n + 1, 4)), np.empty((n + 1, SIZE)), np.empty((n + 1, 3, 3))
+        return cls(q, x, cov, np.empty(n, dtype=np.uint32), np.empty(n))

@@ -124,8 +124,14 @@ def from_noise(card: "NoiseCard") -> dict[str, float]:
     return {name: value for name, value in params.items() if value > getattr(usual, name)}
 
 
-AS_DELIVERED: Final = {"gyr_scale": 0.05, "gyr_misalignment": deg(1.0)}
-"""Standard deviations of a unit that nobody has calibrated: data sheets allow as much."""
+DELIVERED_SCALE, DELIVERED_AXES = 0.05, deg(1.0)
+"""Standard deviations of scale and of angles between axes, rad, of a unit as delivered: data sheets allow as much."""
+
+
+def as_delivered(p: Params) -> Params:
+    """Parameters for a unit that nobody has calibrated."""
+    scale, axes = max(p.gyr_scale, DELIVERED_SCALE), max(p.gyr_misalignment, DELIVERED_AXES)
+    return p._replace(gyr_scale=scale, gyr_misalignment=axes)
 
 
 def hides_rest(p: Params, digit: Floats | float) -> NDArray[np.bool_]:

@@ -33,13 +33,13 @@ from plumbob.filters.smoother.inertial import (
 )
 from plumbob.filters.smoother.keyframes import CORRELATED, Bools, Keyframes, between
 from plumbob.filters.smoother.model import (
-    AS_DELIVERED,
     BIAS_REPEATS,
     FREE_HEADING,
     B,
     M,
     ModelVariances,
     Params,
+    as_delivered,
     hides_rest,
     start_covariance,
 )
@@ -149,7 +149,7 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
         sd = math.sqrt(float(np.trace(prior.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
         p = p._replace(bias_start=min(p.bias_start, sd))
     elif hides_rest(p, frames.digit):  # what is cut off is as good as noise that lasts as long as rates stay alike
-        p = p._replace(gyr_noise=math.hypot(p.gyr_noise, frames.digit * math.sqrt(CORRELATED / 12.0)), **AS_DELIVERED)
+        p = as_delivered(p)._replace(gyr_noise=math.hypot(p.gyr_noise, frames.digit * math.sqrt(CORRELATED / 12.0)))
     original = frames.drifting()
     frames = original.together()
     inertial = level(frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before)
@@ -164,13 +164,12 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
         if headed is not None:
             smoothed = _with_field(frames, p, inertial, field, headed, attached, prior)
             if prior.unit is None and _is_as_delivered(smoothed, p):
-                return smooth(original, p._replace(**AS_DELIVERED), prior)
-            turn = _iron_turn(frames, p, inertial, headed, attached, prior)
-            return replace(smoothed, frames=original, iron_turn=turn)
+                return smooth(original, as_delivered(p), prior)
+            iron_turn = _iron_turn(frames, p, inertial, headed, attached, prior)
+            return replace(smoothed, frames=original, iron_turn=iron_turn)
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=prior.unit)
-    unused = np.zeros(frames.gap.size)
     return Smoothed(
-        original, inertial.sweep, inertial.resting, None, unused, None, p0, bias_sd=inertial.bias_sd,
+        original, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, p0, bias_sd=inertial.bias_sd,
         tilt_var=inertial.tilt_var,
     )  # fmt: skip
 
@@ -182,10 +181,12 @@ def _is_as_delivered(smoothed: Smoothed, p: Params) -> bool:
     found, so that this itself must be beyond the prior. Angles between axes are not asked: soft iron looks alike.
     """
     scale, variance = smoothed.sweep.matrix[::4], np.diag(smoothed.sweep.unit_cov)[3::4]
-    sd = np.array([[p.gyr_scale], [AS_DELIVERED["gyr_scale"]]])
+    if scale @ scale < UNLIKELY * p.gyr_scale**2:
+        return False
+    sd = np.array([[p.gyr_scale], [as_delivered(p).gyr_scale]])
     precision = 1.0 / variance + sd**-2 - p.gyr_scale**-2
     evidence = np.sum((scale / variance) ** 2 / precision - np.log(precision * sd**2), axis=1)
-    return bool(scale @ scale > UNLIKELY * p.gyr_scale**2 and sd[1] > sd[0] and evidence[1] > evidence[0])
+    return bool(sd[1] > sd[0] and evidence[1] > evidence[0])
 
 
 def smooth_lately(frames: Keyframes, late: Keyframes, p: Params, prior: Known) -> Smoothed:
