@@ -76,8 +76,8 @@ def recording(samples: int, seed: int = 0) -> ImuData:
 def loop(f: Filter, t_ns: np.ndarray, data: ImuData) -> tuple[np.ndarray, np.ndarray]:
     """Run a filter's compiled loop over checked arrays alone; attitudes (N, 4), biases (N, 3)."""
     q_nb, bias_b, words = np.empty((len(data), 4)), np.empty((len(data), 3)), np.empty(len(data), dtype=np.uint32)
-    triads = data.gyr.ravel(), data.acc.ravel(), data.mag.ravel()
-    f._loops.batch.compiled(f._c, f._x, t_ns, data.flags, *triads, q_nb.ravel(), bias_b.ravel(), words)
+    outs = q_nb.ravel(), bias_b.ravel(), words, 0, np.empty((0, 2))  # no covariance
+    f._loops.batch.compiled(f._c, f._x, t_ns, data.flags, *map(np.ravel, (data.gyr, data.acc, data.mag)), *outs)
     return q_nb, bias_b
 
 
