@@ -203,7 +203,7 @@ def start(
     Raises
     ------
     ParameterError
-        If there is no such system.
+        If no system has that name.
     DecodeError
         If a file exists, or the system refuses to write.
     """

@@ -3,10 +3,10 @@
 What a few samples cannot tell (the first tilt, a bias that no rest shows, which of two fields belongs to the place) is
 decided by all of the past together, each time again, and so no rule has to be right at once. In between nothing is
 decided: the filter takes rest, speed and the weight of each field from what came before. The past is smoothed soon
-after a start or a gap, then ever more seldom, and at once when the tilt is in doubt or the fields of a turning unit
-contradict the one of the place. That one is proven by the time in which the unit turned in it: another must be seen for
-longer; one in which the unit merely lay is proven by nothing. What cannot be decided is doubted: the covariance grows
-by the angle in question.
+after a start and some seconds behind a gap, then ever more seldom, and at once when the tilt is in doubt or the fields
+of a turning unit contradict the one of the place. That one is proven by the time in which the unit turned in it:
+another must be seen for longer; one in which the unit merely lay is proven by nothing. What cannot be decided is
+doubted: the covariance grows by the angle in question.
 """
 
 import math
@@ -436,7 +436,7 @@ class Live:
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
-        """Look soon at what comes behind a gap, but not before there is enough of it."""
+        """Look at what comes behind a gap once there is enough of it, or soon where nothing is known yet."""
         now = self._arriving.time(k)
         self.gaps.append(now)
         self._pause = SOONEST if self._running is None else LEAST_PAUSE
