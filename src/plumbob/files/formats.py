@@ -111,7 +111,7 @@ FORMATS: Final = (
     FileFormat("text", (".json",), "formats.read_table", takes=("profile",), accepts="sniff.is_array"),
     FileFormat(
         "arrays", ARRAYS, "foreign.tables.read", takes=("profile",),
-        writers=((".mat", "arrays.write_mat"), (".nc", "arrays.write_netcdf")),
+        writers=((".mat", "foreign.tables.write_mat"), (".nc", "foreign.tables.write_netcdf")),
     ),
 )  # fmt: skip
 

@@ -1,7 +1,7 @@
 """Text files: read as their profile declares them (units to SI, signs, body axes, references, labels), and written.
 
 A CSV has units in its header, and beside it lies the profile that reads it back to the bit. Of MATLAB and NetCDF, whose
-arrays have names and units, `plumbob.files.arrays` writes the same profile into the file.
+arrays have names and units, `plumbob.files.foreign.tables` writes the same profile into the file.
 """
 
 import codecs

@@ -23,9 +23,8 @@ from plumbob.core.check import Floats
 from plumbob.core.findings import info
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.arrays import HDF5_SIGNATURE, opened_hdf5
+from plumbob.files.arrays import HDF5_SIGNATURE, Hdf5Arrays, opened_hdf5
 from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, array_recording, choose, micro
-from plumbob.files.foreign.tables import Hdf5Arrays
 from plumbob.rotations import Frame, North
 
 _PLACE: Final = re.compile(
@@ -47,7 +46,7 @@ def accepts(path: Path) -> bool:
 def _monitors(arrays: Hdf5Arrays) -> dict[str, dict[str, str]]:
     """Data sets by what they hold, of each monitor that has stamps and a sensor of motion."""
     monitors: dict[str, dict[str, str]] = {}
-    for name in arrays.listed.shapes:
+    for name in arrays.shapes:
         if place := _PLACE.fullmatch(name):
             monitors.setdefault(place["new"] or place["old"], {})[place["what"]] = name
     return {key: of for key, of in monitors.items() if "Time" in of and {"Accelerometer", "Gyroscope"} & of.keys()}
@@ -66,7 +65,7 @@ def read(path: Path, unit: str | None = None) -> Recording:
         logs = {label: _log(arrays.load([*of.values()]), of, label, []) for label, of in by_label.items()}
         notes += ["left out: APDM's attitudes, each of one monitor; --unit with its name keeps it"]
         return array_recording({label: log.joined() for label, log in logs.items()}, path.stem, notes)
-    counts = {label: arrays.listed.shapes[of["Time"]][0] for label, of in by_label.items()}
+    counts = {label: arrays.shapes[of["Time"]][0] for label, of in by_label.items()}
     taken = choose(notes, counts, unit)
     of = by_label[taken]
     return _log(arrays.load([*of.values()]), of, taken, notes).recording(path.stem)
