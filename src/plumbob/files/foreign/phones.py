@@ -42,13 +42,13 @@ from plumbob.files.text_table import read_table
 from plumbob.rotations import Frame, North, quat_from_xyzw
 
 _TABLES: Final = (".csv", ".txt")
+Headers = Mapping[str, tuple[str, ...]]
 
 
 def accepts(path: Path) -> bool:
     """Whether a path holds a recording of a phone app, by the names in it and the first line of its tables."""
-    if path.is_dir() or path.suffix.lower() in _TABLES or zipfile_like(path):
-        return _app_reader(Parts(path)) is not None
-    return False
+    is_candidate = path.is_dir() or path.suffix.lower() in _TABLES or zipfile_like(path)
+    return is_candidate and _app_reader(Parts(path)) is not None
 
 
 def read(path: Path) -> Recording:
@@ -56,18 +56,18 @@ def read(path: Path) -> Recording:
     parts = Parts(path)
     app = _app_reader(parts)
     assert app is not None
-    return app(parts)
+    return app(parts, _headers(parts))
 
 
-def _app_reader(parts: Parts) -> Callable[[Parts], Recording] | None:
+def _app_reader(parts: Parts) -> Callable[[Parts, Headers], Recording] | None:
     """Reader of the app that wrote it; None where none is known."""
     if {"record.properties", "accelerometer.txt"} <= set(parts.names):
         return _android
     for name in _tables(parts):
         names = names_in(parts.start(name))
-        if names[:2] == ("time", "seconds_elapsed") and (PurePosixPath(name).stem in _WANTED or {*"xyz"} <= {*names}):
+        if names[:2] == _LOGGER_CLOCKS and (PurePosixPath(name).stem in _WANTED or {*"xyz"} <= {*names}):
             return _sensor_logger
-        if _is_sensorlog(names):
+        if _SENSORLOG_MARKS & {*names}:
             return _sensorlog
         if _phyphox_triads(name, names):
             return _phyphox
@@ -75,11 +75,13 @@ def _app_reader(parts: Parts) -> Callable[[Parts], Recording] | None:
 
 
 def _tables(parts: Parts) -> list[str]:
-    return [
-        name
-        for name in parts.names
-        if PurePosixPath(name).suffix.lower() in _TABLES and PurePosixPath(name).parent.name != "meta"
-    ]
+    places = {name: PurePosixPath(name) for name in parts.names}
+    return [name for name, at in places.items() if at.suffix.lower() in _TABLES and at.parent.name != "meta"]
+
+
+def _headers(parts: Parts) -> Headers:
+    """Names of the columns of each table, none where it is not one."""
+    return {name: names_in(parts.start(name)) for name in _tables(parts)}
 
 
 def _require_one_place(tables: Mapping[str, Any]) -> None:
@@ -139,29 +141,27 @@ def _phyphox_triads(name: str, names: tuple[str, ...]) -> list[tuple[str, list[s
     return triads
 
 
-def _phyphox(parts: Parts) -> Recording:
-    headers = {name: names_in(parts.start(name)) for name in _tables(parts)}
-    headers = {name: names for name, names in headers.items() if _phyphox_triads(name, names)}
-    _require_one_place(headers)
+def _phyphox(parts: Parts, headers: Headers) -> Recording:
+    tables = {name: triads for name, names in headers.items() if (triads := _phyphox_triads(name, names))}
+    _require_one_place(tables)
     events = _phyphox_events(parts)
     log = _log("phyphox: rad/s, m/s² with gravity (specific force) and µT, as its columns say")
     log.epoch_ns, notes = 0 if events else None, log.notes
-    for name, names in headers.items():
-        for kind, columns in _phyphox_triads(name, names):
-            if kind == "acc?":
-                notes.append(info("source.acceleration_left_out", name=name))
-            elif kind in log.streams:
-                notes.append(info("source.second_sensor", columns=columns[0], name=name, kind=kind))
-            elif table := sheet(name, parts.read(name)).table([names[0], *columns]):
-                notes += [note for note in table.notes if note not in notes]
-                stamps = seconds_to_ns(name, table.columns[names[0]])
-                if events:  # as UTC, with the pauses that the time of the experiment leaves out
-                    starts, ahead = np.array(events, dtype=np.int64).T
-                    stamps += ahead[np.maximum(np.searchsorted(starts, stamps, side="right") - 1, 0)]
-                log.add(kind, stamps, vectors(table.columns, *columns))
-            else:
-                notes.append(info("source.sensor_empty", kind=kind, name=name))
-    if others := sorted(name for name in _tables(parts) if name not in headers):
+    for name, kind, columns in ((name, *triad) for name, triads in tables.items() for triad in triads):
+        if kind == "acc?":
+            notes.append(info("source.acceleration_left_out", name=name))
+        elif kind in log.streams:
+            notes.append(info("source.second_sensor", columns=columns[0], name=name, kind=kind))
+        elif table := sheet(name, parts.read(name)).table([clock := headers[name][0], *columns]):
+            notes += [note for note in table.notes if note not in notes]
+            stamps = seconds_to_ns(name, table.columns[clock])
+            if events:  # as UTC, with the pauses that the time of the experiment leaves out
+                starts, ahead = np.array(events, dtype=np.int64).T
+                stamps += ahead[np.maximum(np.searchsorted(starts, stamps, side="right") - 1, 0)]
+            log.add(kind, stamps, vectors(table.columns, *columns))
+        else:
+            notes.append(info("source.sensor_empty", kind=kind, name=name))
+    if others := sorted(headers.keys() - tables):
         notes.append(info("source.left_out", names=excerpt(", ".join(others))))
     paused = f", with {len(events) - 1} of its pauses put back" if len(events) > 1 else ""
     clock = "clock: seconds of the experiment"
@@ -199,21 +199,23 @@ def _phyphox_events(parts: Parts) -> list[tuple[int, int]]:
 # Sensor Logger --------------------------------------------------------------------------------------------------------
 
 
-def _sensor_logger(parts: Parts) -> Recording:
-    tables = {name: names_in(parts.start(name)) for name in _tables(parts)}
-    headers = {name: names for name, names in tables.items() if names[:2] == ("time", "seconds_elapsed")}
+def _sensor_logger(parts: Parts, headers: Headers) -> Recording:
+    headers = {name: names for name, names in headers.items() if names[:2] == _LOGGER_CLOCKS}
     _require_one_place(headers)
-    stems = {name: PurePosixPath(name).stem for name in tables}
-    sheets = {
-        stems[name]: sheet(name, parts.read(name))
-        for name, names in headers.items()
-        if {"x", "y", "z"} <= set(names) and stems[name] in _WANTED
-    }
+    stems = {name: PurePosixPath(name).stem for name in _tables(parts)}
     texts = (parts.text(name) for name in parts.names if PurePosixPath(name).name == "Metadata.csv")
     meta = next(iter(records(small_table(next(texts, "")))), {})
     log = _log("Sensor Logger")
-    log.epoch_ns, notes = 0, log.notes
-    data = {stem: stream for stem, table in sheets.items() if (stream := _logger_stream(table, notes)) is not None}
+    log.epoch_ns, notes, data = 0, log.notes, dict[str, Readings]()
+    for name, names in headers.items():
+        if not {*"xyz"} <= {*names} or stems[name] not in _WANTED:
+            continue
+        if (table := sheet(name, parts.read(name)).table(["time", *"xyz"], "time")) is None:
+            notes.append(info("source.part_empty", name=name))
+            continue
+        notes += table.notes
+        stamps = int(table.zero) + np.round(table.columns["time"]).astype(np.int64)
+        data[stems[name]] = Readings(stamps, vectors(table.columns, *"xyz"))
     for kind, title, unit in (("gyr", "Gyroscope", "rad/s"), ("mag", "Magnetometer", "µT")):
         for stem in [stem for stem in (title, f"{title}Uncalibrated") if stem in data][:1]:
             log.streams[kind] = data[stem]
@@ -221,25 +223,16 @@ def _sensor_logger(parts: Parts) -> Recording:
     if force := _logger_force(data, meta, notes):
         log.streams["acc"] = force
     notes.append(info("source.clock_of_phone"))
-    if others := sorted(stem for stem in stems.values() if stem not in (*_WANTED, "Metadata")):
+    if others := sorted({*stems.values()} - {*_WANTED, "Metadata"}):
         notes.append(info("source.left_out", names=tuple(others)))
     return _recording(parts, log, meta.get("device name", ""))
 
 
+_LOGGER_CLOCKS: Final = ("time", "seconds_elapsed")
 _WANTED: Final = (
     *(f"{sensor}{kind}" for sensor in ("Gyroscope", "Magnetometer", "Accelerometer") for kind in ("", "Uncalibrated")),
     *("TotalAcceleration", "Gravity"),
 )
-
-
-def _logger_stream(log: Sheet, notes: list[Note]) -> Readings | None:
-    table = log.table(["time", "x", "y", "z"], "time")
-    if table is None:
-        notes.append(info("source.part_empty", name=log.title))
-        return None
-    notes += table.notes
-    stamps = int(table.zero) + np.round(table.columns["time"]).astype(np.int64)
-    return Readings(stamps, vectors(table.columns, *"xyz"))
 
 
 def _logger_force(data: Mapping[str, Readings], meta: Mapping[str, str], notes: list[Note]) -> Readings | None:
@@ -249,21 +242,21 @@ def _logger_force(data: Mapping[str, Readings], meta: Mapping[str, str], notes: 
         notes.append(info("source.logger_total"))
         return data["TotalAcceleration"]
     user, gravity, raw = (data.get(stem) for stem in ("Accelerometer", "Gravity", "AccelerometerUncalibrated"))
+    if user and not (gravity or raw):
+        notes.append(warning("source.no_gravity"))
+    if not (raw or (user and gravity)):
+        return None
+    sign, why = _logger_sign(platform, meta)
     if user and gravity:
-        sign, why = _logger_sign(platform, meta)
         notes.append(info("source.logger_with_gravity", why=why))
         field = gravity.values
         if not np.array_equal(user.t_ns, gravity.t_ns):
             field = interpolated(user.t_ns, time_line(gravity.t_ns).t_ns, field)
         return Readings(user.t_ns, sign * (user.values + field))
-    if raw:
-        sign, why = _logger_sign(platform, meta)
-        unit = "g" if sign < 0.0 else "m/s2"
-        notes.append(info("source.logger_uncalibrated", unit=unit, why=why))
-        return Readings(raw.t_ns, sign * units.to_si(raw.values, unit))
-    if user:
-        notes.append(warning("source.no_gravity"))
-    return None
+    assert raw
+    unit = "g" if sign < 0.0 else "m/s2"
+    notes.append(info("source.logger_uncalibrated", unit=unit, why=why))
+    return Readings(raw.t_ns, sign * units.to_si(raw.values, unit))
 
 
 def _logger_sign(platform: str, meta: Mapping[str, str]) -> tuple[float, str]:
@@ -300,12 +293,11 @@ CoreMotion's accelerometer measures the sum of user acceleration and gravity (de
 """
 
 
-def _is_sensorlog(names: tuple[str, ...]) -> bool:
-    return bool({"accelerometerAccelerationX(G)", "motionRotationRateX(rad/s)", "gyroRotationX(rad/s)"} & set(names))
+_SENSORLOG_MARKS: Final = {"accelerometerAccelerationX(G)", "motionRotationRateX(rad/s)", "gyroRotationX(rad/s)"}
 
 
-def _sensorlog(parts: Parts) -> Recording:
-    names = [name for name in _tables(parts) if _is_sensorlog(names_in(parts.start(name)))]
+def _sensorlog(parts: Parts, headers: Headers) -> Recording:
+    names = [name for name, columns in headers.items() if _SENSORLOG_MARKS & {*columns}]
     if len(names) > 1:
         raise DecodeError(f"it holds {len(names)} tables of SensorLog, each a recording of its own; read one of them.")
     raw = parts.read(names[0]).decode("utf-8-sig", "replace").replace("μ", "µ").encode()
@@ -369,7 +361,7 @@ _BLANKS: Final = TextLayout(separator=" ", names=False, missing=("NaN",))
 ATTITUDE_SOURCE: Final = "the phone's own rotation vector (Android), which is an estimate and not a reference"
 
 
-def _android(parts: Parts) -> Recording:
+def _android(parts: Parts, headers: Headers) -> Recording:
     properties = dict(re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", parts.text("record.properties"), re.MULTILINE))
     log = _log("Android sensor events: rad/s, m/s² (specific force), µT; clock: s since StartTime")
     for kind, stems in _ANDROID.items():
