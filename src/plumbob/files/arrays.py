@@ -24,7 +24,7 @@ from plumbob.core.errors import DecodeError, PlumbobError, excerpt, one_line
 from plumbob.core.files import require_room
 from plumbob.core.series import needed
 from plumbob.core.text import first_words
-from plumbob.files.foreign.parts import Parts
+from plumbob.files.foreign.parts import Parts, first_bytes
 
 PROFILE: Final = "plumbob_profile"  # where a file keeps its profile: a text in MATLAB, an attribute in NetCDF
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
@@ -73,11 +73,10 @@ class Arrays:
 
 def open_arrays(file: Path) -> Arrays:
     """Arrays of a file, by its first bytes."""
-    with file.open("rb") as stream:
-        start = stream.read(520)
+    start = first_bytes(file)
     if start.startswith(_MAT5_SIGNATURE):
         return _Mat5(file)
-    if start.startswith(HDF5_SIGNATURE) or start[512:] == HDF5_SIGNATURE:
+    if start.startswith(HDF5_SIGNATURE) or start[512:520] == HDF5_SIGNATURE:
         return Hdf5Arrays(file, transposed=start.startswith(_MAT73))
     if start.startswith((b"PK", b"\x93NUMPY")):
         return _Npz(file)

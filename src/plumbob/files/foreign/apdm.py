@@ -25,6 +25,7 @@ from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.arrays import HDF5_SIGNATURE, Hdf5Arrays, opened_hdf5
 from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, array_recording, choose, micro
+from plumbob.files.foreign.parts import first_bytes
 from plumbob.rotations import Frame, North
 
 _PLACE: Final = re.compile(
@@ -37,10 +38,8 @@ _SOURCE: Final = "APDM's own estimate from the same sensors, which is not a refe
 
 def accepts(path: Path) -> bool:
     """Whether a file has the groups of a monitor."""
-    with path.open("rb") as stream:
-        if not stream.read(len(HDF5_SIGNATURE)).startswith(HDF5_SIGNATURE):
-            return False
-    return bool(_monitors(Hdf5Arrays(path, transposed=False)))
+    is_hdf5 = first_bytes(path).startswith(HDF5_SIGNATURE)
+    return is_hdf5 and bool(_monitors(Hdf5Arrays(path, transposed=False)))
 
 
 def _monitors(arrays: Hdf5Arrays) -> dict[str, dict[str, str]]:

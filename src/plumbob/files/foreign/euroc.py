@@ -37,6 +37,7 @@ from plumbob.data.array import UnitMount
 from plumbob.data.recording import Recording
 from plumbob.files.column_names import taken_apart
 from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, inside, text_rows
+from plumbob.files.foreign.parts import first_bytes
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.quaternions import quat_conjugate, quat_from_dcm, quat_multiply
 
@@ -51,8 +52,7 @@ def accepts(path: Path) -> bool:
     """Whether a folder has the IMU of the ASL layout, or a table begins with its head line."""
     if path.is_dir():
         return _home(path) is not None
-    with path.open("rb") as stream:
-        head = stream.readline(512)
+    head = first_bytes(path, 512).partition(b"\n")[0]
     return head.startswith(b"#timestamp") and b"w_RS_S_x" in head and b"a_RS_S_x" in head
 
 

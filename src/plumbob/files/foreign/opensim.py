@@ -21,6 +21,7 @@ from plumbob.core.text import first_words, visible
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign.logged import RELATIVE_NOTE, SensorLog, chosen, seconds_to_ns, text_rows
+from plumbob.files.foreign.parts import first_bytes
 from plumbob.files.stamps import time_line
 from plumbob.rotations import Frame, North, change_frame
 
@@ -32,8 +33,7 @@ _QUANTITIES: Final = {
 
 def accepts(path: Path) -> bool:
     """Whether a file has the head of a table of OpenSim."""
-    with path.open("rb") as stream:
-        return re.search(rb"^endheader[ \t\r]*$", stream.read(_HEAD), re.MULTILINE | re.IGNORECASE) is not None
+    return re.search(rb"(?im)^endheader[ \t\r]*$", first_bytes(path, _HEAD)) is not None
 
 
 def read(path: Path, unit: str | None = None) -> Recording:

@@ -31,6 +31,15 @@ _KNOWN_METHODS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _SEPARATORS: Final = (",", ";", "\t")
 
 
+def first_bytes(path: Path, count: int = HEAD_BYTES, at: int = 0) -> bytes:
+    """So many bytes of a file, from a place on; none of what is not a regular file."""
+    if not path.is_file():
+        return b""
+    with path.open("rb") as file:
+        file.seek(at)
+        return file.read(count)
+
+
 class Parts:
     """Files of a recording, a zip archive, a folder (with ``meta``) or one file, by their path inside it."""
 
@@ -69,16 +78,14 @@ class Parts:
 
     def _bytes(self, name: str, most: int) -> bytes:
         if not self._zipped:
-            with self._file(name).open("rb") as stream:
-                return stream.read(most)
+            return first_bytes(self._file(name), most)
         with _damage(), zipfile.ZipFile(self.path) as archive, archive.open(self._members[name]) as member:
             return member.read(most)
 
 
 def zipfile_like(path: Path) -> bool:
     """Whether a file begins as a zip archive does."""
-    with path.open("rb") as stream:
-        return stream.read(4) in (b"PK\x03\x04", _END)
+    return first_bytes(path, 4) in (b"PK\x03\x04", _END)
 
 
 @contextmanager

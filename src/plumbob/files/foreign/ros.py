@@ -33,6 +33,7 @@ from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import ros_bags
 from plumbob.files.foreign.logged import SensorLog, chosen, joined_recordings
+from plumbob.files.foreign.parts import first_bytes
 from plumbob.files.foreign.ros_bags import Bag, MessageTable, Topic
 from plumbob.files.mcap import layout
 from plumbob.files.stamps import time_line
@@ -58,24 +59,15 @@ _SENSOR: Final = re.compile(r"(gyro?(scope)?|accel(erometer)?)")
 def accepts(path: Path) -> bool:
     """Whether a path is a bag, by its first bytes; an MCAP by its profile, or its summary's channels; none of ours."""
     if path.is_dir():
-        metadata = path / ros_bags.METADATA
-        return metadata.is_file() and b"rosbag2_bagfile_information" in _start(metadata, 4096)
+        return b"rosbag2_bagfile_information" in first_bytes(path / ros_bags.METADATA)
     suffix = path.suffix.lower()
     if suffix == ".mcap":
         return _is_ros_mcap(path)
-    return _start(path, 16).startswith(ros_bags.SQLITE if suffix == ".db3" else ros_bags.BAG)
-
-
-def _start(path: Path, count: int, at: int = 0) -> bytes:
-    if not path.is_file():
-        return b""
-    with path.open("rb") as file:
-        file.seek(at)
-        return file.read(count)
+    return first_bytes(path, 16).startswith(ros_bags.SQLITE if suffix == ".db3" else ros_bags.BAG)
 
 
 def _is_ros_mcap(path: Path) -> bool:
-    head = _start(path, 64)
+    head = first_bytes(path, 64)
     profile = len(layout.MAGIC) + layout.RECORD_HEAD.size
     if not head.startswith(layout.MAGIC + bytes([Opcode.HEADER])):
         return False
@@ -85,10 +77,10 @@ def _is_ros_mcap(path: Path) -> bool:
     footer = layout.FOOTER_SIZE + len(layout.MAGIC)
     if b"plumbob" in head or size < footer:
         return False
-    summary = int.from_bytes(_start(path, 8, size - footer + layout.RECORD_HEAD.size), "little")
+    summary = int.from_bytes(first_bytes(path, 8, size - footer + layout.RECORD_HEAD.size), "little")
     if not 0 < summary < size:
         return False
-    records = _start(path, 1 << 20, summary)
+    records = first_bytes(path, 1 << 20, summary)
     return any(mark in records for mark in (b"\x03\0\0\0cdr", b"\x04\0\0\0ros1"))
 
 

@@ -36,6 +36,7 @@ from plumbob.core.findings import Note, info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign.logged import SensorLog, Table, choose, micro, of_vehicle, vectors
+from plumbob.files.foreign.parts import first_bytes
 from plumbob.rotations import Frame, North
 
 _MAGIC: Final = b"ULog\x01\x12\x35"
@@ -67,8 +68,7 @@ class _Topics:
 
 def accepts(path: Path) -> bool:
     """Whether a file begins as a ULog does."""
-    with path.open("rb") as stream:
-        return stream.read(len(_MAGIC)) == _MAGIC
+    return first_bytes(path).startswith(_MAGIC)
 
 
 def read(path: Path, unit: str | None = None) -> Recording:

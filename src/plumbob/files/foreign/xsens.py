@@ -35,7 +35,7 @@ from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import xbus
 from plumbob.files.foreign.logged import RELATIVE_NOTE, LoggedAttitude, SensorLog, vectors
-from plumbob.files.foreign.parts import HEAD_BYTES, names_in, sheet
+from plumbob.files.foreign.parts import first_bytes, names_in, sheet
 from plumbob.files.stamps import time_line
 from plumbob.rotations import (
     Frame,
@@ -72,9 +72,7 @@ def accepts(path: Path) -> bool:
     """Whether a text is an export of MT Manager, by its columns, or a file is called as an MTB log is."""
     if path.suffix.lower() == ".mtb":
         return True
-    with path.open("rb") as stream:
-        start = stream.read(HEAD_BYTES)
-    names = names_in(start, comment=COMMENT)
+    names = names_in(first_bytes(path), comment=COMMENT)
     return "PacketCounter" in names and any(columns[0] in names for columns in (*_SENSORS, *_ATTITUDES))
 
 
