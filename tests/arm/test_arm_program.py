@@ -1,17 +1,28 @@
-"""Teach-in: limits, stops and ends are kept whatever was recorded; what is smoothed and slowed is what must be."""
+"""Programs of a taught arm, exported, and figures of it."""
 
+import csv
+import json
+import re
+from base64 import b64encode
 from functools import partial
+from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
-from plumbob.arm import JointTrack, Program, taught
+from plumbob.arm import JointTrack, Program, export, taught
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.data.chain import Chain, Joint, Limits, Segment
+from plumbob.reporting.arm import arm_report, stick_figure
+from plumbob.reporting.report import Report
 from tests.helpers import examples
-from tests.helpers.arm_samples import eased, pick_and_place
+from tests.helpers.arm_samples import arm, eased, pick_and_place, scipy_hand
 
 POSITIVE = ("rate", "smooth", "still", "dwell")
 WIDE = Limits(-10.0, 10.0, 1e3, 1e5, 1e7)
@@ -148,3 +159,134 @@ NO_NUMBER = ([0.0, 1.0, 2.0], [[0.0], [np.nan], [0.0]], ("a",), np.zeros((3, 1))
 def test_what_cannot_be_taught_is_refused(make, error, match):
     with pytest.raises(error, match=match):
         make()
+
+
+@pytest.fixture(scope="module")
+def program() -> Program:
+    """2.5 s and names that need quotes; its smallest numbers have powers of ten."""
+    made = taught(pick_and_place([[0.0, 1e-5], [0.3, 0.4]], rest=0.5, move=1.5), Limits(jerk=50.0), rate=125.0)
+    assert 0.0 < np.abs(made.angles[made.angles != 0.0]).min() < 1e-4
+    return Program(
+        made.t, made.angles, ("elbow: left", 'wrist "1"'), made.velocities, made.accelerations, made.recorded
+    )  # fmt: skip
+
+
+def same_trajectory(found, program: Program) -> None:
+    assert found["joint_names"] == list(program.names)
+    assert len(found["points"]) == len(program)
+    for key, values in (
+        ("positions", program.angles),
+        ("velocities", program.velocities),
+        ("accelerations", program.accelerations),
+    ):
+        np.testing.assert_array_equal([point[key] for point in found["points"]], values, err_msg=key)
+    times = [point["time_from_start"] for point in found["points"]]
+    assert all(isinstance(time["sec"], int) and 0 <= time["nanosec"] < 10**9 for time in times)
+    np.testing.assert_allclose([time["sec"] + 1e-9 * time["nanosec"] for time in times], program.t, atol=1e-9)
+
+
+@pytest.mark.parametrize(("suffix", "reader"), [("yaml", yaml.safe_load), ("json", json.loads)])
+def test_text_is_read_by_readers_of_others(program: Program, tmp_path: Path, suffix: str, reader) -> None:
+    same_trajectory(reader(export(program, tmp_path / f"p.{suffix}").read_text()), program)
+
+
+def test_mcap_is_read_as_ros_2(program: Program, tmp_path: Path) -> None:
+    file = export(program, tmp_path / "p.mcap")
+    with file.open("rb") as stream:
+        found = list(make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages())
+    (whole,) = [one for one in found if one.channel.topic == "joint_trajectory"]
+    assert whole.schema.name == "trajectory_msgs/msg/JointTrajectory"
+    message = whole.decoded_message
+    assert message.joint_names == list(program.names)
+    np.testing.assert_array_equal([point.positions for point in message.points], program.angles)
+    np.testing.assert_array_equal([point.velocities for point in message.points], program.velocities)
+    np.testing.assert_array_equal([point.accelerations for point in message.points], program.accelerations)
+    times = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in message.points]
+    np.testing.assert_allclose(times, program.t, atol=1e-9)
+    states = [one for one in found if one.channel.topic == "joint_states"]
+    assert {one.schema.name for one in states} == {"sensor_msgs/msg/JointState"}
+    np.testing.assert_array_equal([one.decoded_message.position for one in states], program.angles)
+    np.testing.assert_allclose([1e-9 * one.message.log_time for one in states], program.t, atol=1e-9)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("rad", 1.0), ("deg", 180.0 / np.pi)])
+def test_csv_is_read_by_csv_and_by_us(program: Program, tmp_path: Path, unit: str, factor: float) -> None:
+    file = export(program, tmp_path / "p.csv", unit=unit)
+    with file.open(newline="") as stream:
+        head, *rows = csv.reader(stream)
+    assert head == ["t [s]", "recorded [s]", f"elbow: left [{unit}]", f'wrist "1" [{unit}]']
+    np.testing.assert_allclose(np.array(rows, dtype=float)[:, 2:], program.angles * factor, rtol=1e-15)
+    np.testing.assert_allclose(JointTrack.load(file).angles, program.angles, rtol=1e-15)
+    again = Program.load(file)
+    np.testing.assert_array_equal(again.recorded, program.recorded)
+    # Central differences of a motion whose third derivative is at most 50 rad/s³: 50 · 0.008² / 6, of the ends
+    # 50 · 0.008² / 2 (Taylor).
+    np.testing.assert_allclose(again.velocities, program.velocities, atol=50 * 0.008**2)
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "match"),
+    [("p.bag", {}, r"\.bag"), ("p.json", {"unit": "deg"}, "in radians"), ("p.parquet", {}, "exists already")],
+)
+def test_what_cannot_be_written_is_refused(program: Program, tmp_path: Path, name: str, more, match: str) -> None:
+    export(program, tmp_path / "p.parquet")
+    with pytest.raises(ParameterError, match=match):
+        export(program, tmp_path / name, **more)
+
+
+def data_of(page: str) -> dict:
+    return json.loads(re.search(r"<script type='application/json'>(.*?)</script>", page, re.DOTALL)[1])
+
+
+def test_the_stick_figure_is_where_scipy_says() -> None:
+    chain = arm()
+    angles = np.random.default_rng(2).uniform(-2.0, 2.0, (40, 6))
+    scene = stick_figure(chain, np.arange(40) / 10.0, angles)
+    found = data_of(Report("a", scenes=[scene]).page())
+    assert found["names"] == ["base", "upper", "lower", "hand", "tip"] and found["trail"] == 4
+    assert found["lines"] == [[0, 1], [1, 2], [2, 3], [3, 4]]
+    assert found["t"] == [round(k / 10.0, 3) for k in range(40)]
+    np.testing.assert_allclose(found["points"][4], [scipy_hand(row) for row in angles], atol=0.6e-4)
+    name, values = found["values"][3]
+    assert name == "elbow"
+    np.testing.assert_allclose(values, np.degrees(angles[:, 3]), atol=0.051)
+
+
+def test_a_long_motion_has_a_bounded_page_and_unknown_places_are_left_out() -> None:
+    chain = arm()
+    angles = np.zeros((200_000, 6))
+    angles[100_000:, 3] = np.nan
+    found = data_of(Report("a", scenes=[stick_figure(chain, np.arange(200_000) / 100.0, angles)]).page())
+    assert len(found["t"]) <= 1500 and found["t"][0] == 0.0 and found["t"][-1] == 1999.99
+    assert found["points"][4][-1] == [None] * 3 and found["points"][1][-1] is not None
+
+
+def test_only_the_one_script_may_run_and_names_cannot_leave_their_place() -> None:
+    bad = "</script><script>alert(1)</script>"
+    chain = Chain(bad, (Segment("base"), Segment(bad)), (Joint("j", "base", bad, axes=((0, 0, 1.0),)),))
+    page = Report(bad, scenes=[stick_figure(chain, np.arange(3.0), np.zeros((3, 1)))]).page()
+    assert "<script>alert" not in page
+    assert "<script" not in Report("a").page() and "script-src" not in Report("a").page()
+    (script,) = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
+    digest = b64encode(sha256(script.encode()).digest()).decode()
+    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
+    assert policy.startswith("default-src 'none'; style-src 'unsafe-inline'; ")
+    assert re.findall("script-src [^;]*", policy) == [f"script-src 'sha256-{digest}'"]
+    assert data_of(page)["names"] == ["base", bad]
+    assert not re.search(r"(?:src|href)=|https?://(?!www\.w3\.org)", page)
+
+
+def test_a_report_has_angles_hand_and_program() -> None:
+    chain = arm()
+    clean = pick_and_place(np.random.default_rng(4).uniform(-0.9, 0.9, (2, 6)), rest=0.6, move=1.4)
+    angles = clean.angles + np.radians(2.0)
+    track = JointTrack(clean.t, chain.angles, angles, sd=np.full_like(angles, 0.01))
+    truth = JointTrack(clean.t, chain.angles, clean.angles)
+    report = arm_report(chain, track, program=taught(track, chain), truth=truth, facts=[("take", "7")])
+    rows = {row[0]: row for row in report.tables[0].rows}
+    assert rows["elbow"][3:] == ["0.57", "2.00", "2.00"]  # 0.01 rad, and an error of 2° everywhere
+    assert len(data_of(report.page())["shadow"]) == 5
+    with pytest.raises(ParameterError, match="the angles of arm are"):
+        arm_report(chain, JointTrack([0.0], ("a",), [[0.0]]))
+    with pytest.raises(ShapeError, match="truth must have the times"):
+        arm_report(chain, track, truth=truth[1:])

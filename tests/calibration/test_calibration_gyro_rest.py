@@ -1,4 +1,4 @@
-"""Gyroscopes at rest: their bias; and what passes for a rest and is none: turning, dead axes, absurd biases."""
+"""A gyroscope's bias at rest, over temperature, and its drift."""
 
 from dataclasses import replace
 
@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.gyr import fit_hand, fit_temperature, fit_trackball
+from plumbob.calibration.gyr.drift import GyroDrift, accumulate, chen2013, rotation_vectors
 from plumbob.calibration.gyr.rest import UNCALIBRATED, UNSEEN, Rates, fit_rest
 from plumbob.core.constants import G0
-from plumbob.core.errors import CalibrationError
-from plumbob.core.units import dps
+from plumbob.core.errors import CalibrationError, ShapeError
+from plumbob.core.units import dps, to_dps
+from plumbob.data.calibrated import temperature_drift
+from plumbob.rotations import quat_angle, quat_from_rotvec, quat_multiply
 from tests.helpers.gyro_sessions import hand
 from tests.helpers.refusals import reason_kinds, reasons
 
@@ -145,3 +148,211 @@ def test_a_dead_axis_is_named(value):
     ):
         (reason, *_) = reasons(fit, rates)
         assert reason.kind == "implausible" and f"about {axis}" in reason.text
+
+
+WALK = float(dps(2e-4))  # K, rad/s/√s: much, so that it shows within the hour
+
+
+def curve(temp_c, slopes):
+    warmer = np.asarray(temp_c) - 25.0
+    return np.stack([warmer ** (k + 1) for k in range(len(slopes))], axis=1) @ slopes
+
+
+def soak(seed, degree=1, *, walk=0.0, hours=1.0, rate=4.0, cycle=True, hysteresis=0.0):
+    """An hour from 25 to 45 °C and back, or up only; what the bias does besides is white noise and a random walk."""
+    rng = np.random.default_rng(seed)
+    n = round(3600.0 * hours * rate)
+    t = np.arange(n) / rate
+    temp_c = 35.0 - 10.0 * np.cos(2.0 * np.pi * t / t[-1] / (1.0 if cycle else 2.0))
+    sizes = dps(np.array([[0.1, -0.05, 0.03], [2e-3, -1e-3, 3e-3], [6e-5, 4e-5, -3e-5]]))[:degree]
+    slopes = sizes * rng.uniform(0.7, 1.3, sizes.shape)
+    bias = dps(rng.normal(0.0, 1.0, 3))
+    wander = np.cumsum(walk / np.sqrt(rate) * rng.standard_normal((n, 3)), axis=0)
+    gyr = bias + curve(temp_c, slopes) + wander + WHITE * np.sqrt(rate) * rng.standard_normal((n, 3))
+    return t, gyr + hysteresis * np.sign(np.gradient(temp_c))[:, None], temp_c, slopes, bias
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_the_degree_is_the_one_that_is_there(degree):
+    for seed in range(4):  # a power too many once in a thousand
+        t, gyr, temp_c, slopes, _ = soak(seed, degree)
+        found = fit_temperature(Rates(t, gyr, temp_c=temp_c)).calibration
+        assert found.bias_per_k.shape == (degree, 3)
+        left = temperature_drift(found, np.linspace(25.0, 45.0, 21)) - curve(np.linspace(25.0, 45.0, 21), slopes)
+        assert to_dps(np.abs(left).max()) <= 0.005
+
+
+def test_standard_deviations_hold_for_a_bias_that_wanders_or_may_wander():
+    z = []
+    for seed in range(16):
+        t, gyr, temp_c, slopes, _ = soak(seed, 1, walk=WALK, cycle=False)
+        found = fit_temperature(Rates(t, gyr, temp_c=temp_c)).calibration
+        if len(found.bias_per_k) == 1:
+            z.append((found.bias_per_k - slopes) / found.bias_per_k_sd)
+    assert len(z) >= 15  # a power too many once in a hundred; plain least squares finds one in most of them
+    assert 0.55 <= np.mean(np.abs(z) < 1.0) <= 0.86  # 68 to 73 % ± 2 × 6.7 %, of 48
+    assert np.mean(np.square(z)) <= 1.6  # 1 + 3 × √(2/48)
+    # Without one they are N/√T/σ of a slope over the temperature; the largest likely one is more than none.
+    wider = []
+    for seed in range(3):
+        t, gyr, temp_c, *_ = soak(seed)
+        found = fit_temperature(Rates(t, gyr, temp_c=temp_c)).calibration
+        wider.append(found.bias_per_k_sd / (WHITE / np.sqrt(t[-1]) / temp_c.std()))
+    assert np.mean(wider) > 1.2
+
+
+def test_the_bias_is_that_at_the_reference_temperature():
+    t, gyr, temp_c, _, bias = soak(1, 2)
+    found = fit_temperature(Rates(t, gyr, temp_c=temp_c)).calibration
+    assert found.temp_ref_c == 25.0
+    assert found.temp_span_c == (temp_c.min(), temp_c.max())
+    assert (np.abs(found.bias - bias) <= 4.0 * found.bias_sd).all()
+    warm = fit_temperature(Rates(t, gyr, temp_c=temp_c + 30.0)).calibration
+    assert warm.temp_ref_c == pytest.approx(65.0)  # the middle of a span that does not hold 25 °C
+
+
+def test_the_card_is_kept_and_a_knock_cut_out():
+    t, gyr, temp_c, _, bias = soak(2)
+    coupling, acc = dps(0.1) * np.eye(3), np.tile([0.0, 0.0, 9.8], (t.size, 1))
+    known = replace(UNCALIBRATED, matrix=1.02 * np.eye(3), g_sensitivity=coupling, bias=np.ones(3))
+    found = fit_temperature(Rates(t, gyr + acc @ coupling.T, temp_c=temp_c, acc=acc, known=known)).calibration
+    assert (found.matrix == known.matrix).all() and (found.g_sensitivity == coupling).all()
+    assert (np.abs(found.bias - bias) <= 4.0 * found.bias_sd).all()
+    t, gyr, temp_c, slopes, _ = soak(3)
+    knocked = gyr.copy()
+    knocked[5000:5040] += dps(30.0) * np.random.default_rng(1).standard_normal((40, 3))
+    found = fit_temperature(Rates(t, knocked, temp_c=temp_c)).calibration
+    assert (np.abs(found.bias_per_k - slopes) <= 5.0 * found.bias_per_k_sd).all()
+
+
+def test_soaks_that_are_none_are_refused():
+    t, gyr, temp_c, *_ = soak(4)
+    swung = gyr + dps(20.0) * np.sin(t)[:, None] * (t > 2000.0)[:, None]
+    for rates, kind in (
+        (Rates(t, gyr), "no-temperature"),
+        (Rates(t, gyr, temp_c=25.0 + 0.1 * (temp_c - 25.0)), "no-temperature"),
+        (Rates(t, gyr, temp_c=np.where(t < 1.0, np.nan, temp_c)), "no-temperature"),
+        (Rates(t, gyr, temp_c=temp_c, clipped=t > 3599.0), "clipping"),
+        (Rates(t[:200], gyr[:200], temp_c=np.linspace(20.0, 40.0, 200)), "too-few"),
+        (Rates(t, swung, temp_c=temp_c), "not-still"),
+    ):
+        assert reason_kinds(fit_temperature, rates)[0] == kind
+
+
+def test_hysteresis_is_told_and_only_where_it_is():
+    for seed in range(5):
+        for soaked, expected in ((soak(seed, hysteresis=dps(0.02)), True), (soak(seed, walk=WALK), False)):
+            remarks = fit_temperature(Rates(*soaked[:2], temp_c=soaked[2])).remarks
+            assert any("hysteresis" in str(remark) for remark in remarks) is expected
+
+
+EPS = np.finfo(float).eps
+COUPLING = np.array([[1e-4, -2e-4, 3e-4], [4e-4, 5e-4, -6e-4], [-7e-4, 8e-4, 9e-4]])
+RNG = np.random.default_rng(0)
+N = 50
+DRIFT_RATE, FORCE, TEMP = RNG.normal(size=(N, 3)), RNG.normal(size=(N, 3)) * 10.0, RNG.uniform(-10.0, 60.0, N)
+
+
+def whole(**changes):
+    planted = {
+        "bias": [0.01, -0.02, 0.03], "bias_per_k": [1e-3, -2e-3, 3e-3], "scale": [0.01, -0.02, 0.03],
+        "g_sensitivity": COUPLING,
+    }  # fmt: skip
+    return GyroDrift(**{**planted, **changes})
+
+
+def test_the_equation_row_by_row():
+    """[Chen2013] (1) to (5): N = A0 + k_T (T − 25) + B_s ω + k_a a, which the compensation takes off again."""
+    d = whole()
+    drift = [
+        d.bias + d.bias_per_k * (t - 25.0) + d.scale * w + COUPLING @ a
+        for w, t, a in zip(DRIFT_RATE, TEMP, FORCE, strict=True)
+    ]
+    measured = DRIFT_RATE + drift
+    found = d.compensate(measured, TEMP, FORCE)
+    assert (
+        np.abs(found - DRIFT_RATE).max() < 16 * EPS * np.abs(measured).max()
+    )  # a dozen roundings of numbers that large
+    assert (
+        np.abs(d.compensate(measured[7], TEMP[7], FORCE[7]) - DRIFT_RATE[7]).max() < 16 * EPS * np.abs(measured).max()
+    )
+
+
+def test_paper_figures_in_the_paper_units():
+    """[Chen2013] (3), (5): 0.1 °/s at 26 °C, and 0.1 °/s more at 1 g; a in m/s² would give 0.98 °/s.
+
+    As its docstring says, on a part of −0.05 °/s/K (−0.05 − 0.1) · 20 K are left.
+    """
+    d = chen2013()
+    for temp, force, drift in (
+        (26.0, [0.0, 0.0, 0.0], [0.1, 0.1, 0.1]),
+        (25.0, [0.0, 0.0, G0], [0.0, 0.0, 0.1]),
+        (25.0, [G0, -2.0 * G0, 0.0], [0.1, -0.2, 0.0]),
+    ):
+        assert to_dps(d.offset(temp, force)) == pytest.approx(drift, rel=4 * EPS)
+    assert not d.bias.any() and not d.scale.any()
+    assert to_dps(d.compensate(dps(np.full(3, -1.0)), 45.0, np.zeros(3))) == pytest.approx([-3.0] * 3)
+
+
+def test_one_number_is_the_diagonal_and_nan_stays():
+    """The paper's form: each axis answers to its own acceleration only."""
+    d = GyroDrift(bias=0.1, bias_per_k=0.2, scale=0.3, g_sensitivity=0.4)
+    assert [d.bias.tolist(), d.bias_per_k.tolist(), d.scale.tolist()] == [[0.1] * 3, [0.2] * 3, [0.3] * 3]
+    assert d.g_sensitivity.tolist() == (0.4 * np.eye(3)).tolist()
+    rate = np.ones((3, 3))
+    assert GyroDrift(bias=5.0).at_rest(rate).bias.tolist() == [1.0, 1.0, 1.0]  # the old bias does not matter
+    rate[1, 2] = np.nan
+    d = GyroDrift().at_rest(rate)
+    assert d.bias.tolist() == [1.0, 1.0, 1.0]
+    assert np.isnan(d.compensate(rate)).tolist() == np.isnan(rate).tolist()
+
+
+def test_the_bias_at_rest_holds_neither_temperature_nor_gravity():
+    """[Chen2013] (6): A0 and not A: with the warm bias in it, `compensate` would take the temperature off twice."""
+    level = np.tile([0.0, 0.0, G0], (4, 1))
+    warm = np.full(4, 35.0)
+    measured = np.tile(whole(scale=0.0).offset(35.0, level[0]), (4, 1)) + [[0.1], [-0.1], [0.2], [-0.2]]
+    found = whole(bias=0.0, scale=0.0).at_rest(measured, warm, level)
+    np.testing.assert_allclose(found.bias, [0.01, -0.02, 0.03], atol=4 * EPS)
+    assert np.abs(found.compensate(measured, warm, level).mean(axis=0)).max() < 4 * EPS
+    assert (found.g_sensitivity == COUPLING).all()
+
+
+@pytest.mark.parametrize(("call", "error", "text"), [
+    (lambda: GyroDrift(bias=[1.0, 2.0]), CalibrationError, r"bias must be a number or of shape \(3,\)"),
+    (lambda: GyroDrift(bias=np.nan), CalibrationError, "bias must be"),
+    (lambda: GyroDrift(g_sensitivity=[1.0, 2.0, 3.0]), CalibrationError, r"of shape \(3, 3\)"),
+    (lambda: GyroDrift(scale=-1.0), CalibrationError, "scale must be above −1"),
+    (lambda: GyroDrift(temp_ref_c=[25.0]), CalibrationError, "temp_ref_c"),
+    (lambda: GyroDrift().at_rest(np.full((1, 3), np.nan)), CalibrationError, "no row of gyr"),
+    (lambda: chen2013().compensate(DRIFT_RATE, acc=FORCE), CalibrationError, "depends on temp_c, but none is given"),
+    (lambda: chen2013().compensate(DRIFT_RATE, TEMP), CalibrationError, "depends on acc, but none is given"),
+    (lambda: GyroDrift().compensate(DRIFT_RATE.T), ShapeError, "gyr must have shape"),
+])  # fmt: skip
+def test_what_makes_no_sense_is_refused(call, error, text):
+    with pytest.raises(error, match=text):
+        call()
+
+
+A, B, T = 3.0, 2.0, 1.5  # turning with a about the fixed z and with b about the body's x
+
+
+def precessed(n):
+    t = np.linspace(0.0, T, n + 1)
+    rate = np.stack((np.full_like(t, B), A * np.sin(B * t), A * np.cos(B * t)), axis=1)
+    q = np.empty((n + 1, 4))
+    accumulate(rotation_vectors(rate, np.diff(t)), q)
+    return q[-1]
+
+
+def test_a_precession_and_a_constant_rate_end_where_their_closed_forms_do():
+    true = quat_multiply(quat_from_rotvec([0.0, 0.0, A * T]), quat_from_rotvec([B * T, 0.0, 0.0]))
+    for n in (50, 200):
+        error = float(quat_angle(true, precessed(n)))
+        bound = (T / n) ** 2 / 12.0 * T * A * B**2  # of the trapezoidal rule, |ω''| = a b²
+        assert 1e-3 * bound < error <= bound
+    rate = np.tile([0.3, -2.0, 1.0], (40, 1))
+    q = np.empty((40, 4))
+    accumulate(rotation_vectors(rate, np.full(39, 0.1)), q)
+    true = quat_from_rotvec(3.9 * rate[0])
+    assert abs(abs(float(q[-1] @ true)) - 1.0) <= 39 * 8 * np.finfo(float).eps

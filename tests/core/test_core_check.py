@@ -1,10 +1,17 @@
-"""Validators: what passes, passes as float64; what does not is named with rule, expectation, finding and place."""
+"""What public functions check, the errors they raise, and flags, whose words are those of both languages."""
+
+import inspect
+import math
+import re
 
 import numpy as np
 import pytest
 
-from plumbob.core import check
-from plumbob.core.errors import ClockError, PlumbobError, ShapeError
+from plumbob.core import check, errors, flags
+from plumbob.core.errors import ClockError, ParameterError, PlumbobError, ShapeError
+from plumbob.core.params import Parameter, Spec, allowed, checked
+from plumbob.core.text import counted, first_words, p_value
+from plumbob.core.units import Quantity
 
 MASKED = np.ma.masked_array([1.0, 2.0], [False, True])
 ROWS = r"v must have shape \(N, 3\)"
@@ -135,3 +142,67 @@ class TestReadOnly:
         mine.flags.writeable = False
         for given in (mine, mine[2:], np.frombuffer(bytes(16))):
             assert np.shares_memory(check.read_only(given), given)
+
+
+NO_VALUES = {errors.PlumbobError: Exception, errors.MissingExtraError: ImportError, errors.LineError: OSError}
+TREE = [
+    c for _, c in inspect.getmembers(errors, inspect.isclass) if issubclass(c, Exception) and not issubclass(c, Warning)
+]
+
+
+@pytest.mark.parametrize("error", TREE)
+def test_all_descend_from_one_say_what_they_are_and_are_one_of_pythons_own(error):
+    """Who does not know this project catches ValueError."""
+    assert issubclass(error, errors.PlumbobError) and issubclass(error, NO_VALUES.get(error, ValueError))
+    assert re.match(r"[A-Z].*\.$", error.__doc__, re.DOTALL)
+
+
+BITS = {name: value for name, value in vars(flags).items() if name.isupper() and name != "MEANING"}
+
+
+def test_each_flag_is_one_bit_of_32_and_has_its_name_and_a_meaning():
+    assert sorted(BITS.values()) == sorted(flags.MEANING)
+    assert len(set(BITS.values())) == len(BITS)
+    for name, value in BITS.items():
+        assert value.bit_count() == 1
+        assert value < 2**32
+        assert flags.MEANING[value][0] == name.lower().replace("_", "-")
+        assert flags.MEANING[value][1]
+    # Bits never move: recordings on disk hold these numbers, and a new flag takes a new bit.
+    assert [flags.MEANING[1 << i][0] for i in range(16)] == [
+        "gyr-absent", "acc-absent", "mag-absent", "gyr-clipped", "acc-clipped", "mag-clipped",
+        "gyr-invalid", "acc-invalid", "mag-invalid", "gap", "time-fault", "acc-gated", "mag-gated", "gyr-held",
+        "not-converged", "heading-free",
+    ]  # fmt: skip
+    assert (flags.names(0), flags.names(flags.GAP | flags.GYR_ABSENT)) == ((), ("gyr-absent", "gap"))
+    assert len(flags.names(0xFFFF)) == 16
+    words = np.array([flags.GAP, flags.GAP | flags.GYR_ABSENT, 0], dtype=np.uint32)
+    assert (flags.counts(words), flags.counts(words[2:])) == ({"gyr-absent": 1, "gap": 2}, {})
+
+
+def parameter(quantity, low=-math.inf, high=math.inf, **kind):
+    return Parameter("p", Spec(quantity, "", low, high), 0.0, **{"optional": False, "switch": False, **kind})
+
+
+def test_counts_agree_with_their_noun_and_probabilities_end_where_their_use_does():
+    assert [counted(n, "sample") for n in (0, 1, 2)] == ["0 samples", "1 sample", "2 samples"]
+    assert [counted(n, "stretch", "stretches") for n in (1, 2)] == ["1 stretch", "2 stretches"]
+    assert [p_value(p) for p in (0.0321, 0.001, 1e-138)] == ["p = 0.032", "p = 0.001", "p < 0.001"]
+    assert [first_words(["a", "b", "c"], n) for n in (2, 3)] == ["a, b and 1 more", "a, b, c"]
+
+
+@pytest.mark.parametrize(("one", "text"), [
+    (parameter(Quantity.ANGLE, -math.pi, math.pi, optional=True), "-180 to 180 deg, or off"),
+    (parameter(Quantity.RATE, 1e-9, 1.0), "5.8e-08 to 57 deg/s"),  # 5.73e-8 and 57.3, rounded inward
+    (parameter(Quantity.RATE, 0.0, 10.0), "0 to 570 deg/s"),
+    (parameter(Quantity.RATIO, 0.0, 6.75), "0 to 6.75"),
+    (parameter(Quantity.TIME, 0.0), "0 s or more"),
+    (parameter(Quantity.TIME, high=1.0), "at most 1 s"),
+    (parameter(Quantity.TIME), "any number"),
+    (parameter(Quantity.RATIO, switch=True), "on or off"),
+])  # fmt: skip
+def test_a_range_is_printed_as_it_is_declared_or_inside(one, text):
+    assert allowed(one) == text
+    if one.spec.high == 10.0:
+        with pytest.raises(ParameterError, match=r"^f: p must be 0 to 570 deg/s, but it is 859\.437 deg/s\.$"):
+            checked("f", one, 15.0)  # 15 rad/s

@@ -1,11 +1,16 @@
-"""One sample: what is taken, what is refused, and a recording taken apart into samples."""
+"""Samples and recordings as their texts show them, and delays between sensors."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData, ImuMeta, ImuSample, flags
+from plumbob import AttitudeTrack, Filter, Frame, ImuData, ImuMeta, ImuSample, evaluate, flags, simulate
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
-from tests.helpers.motion import noisy
+from plumbob.data.delay import gyr_delay
+from plumbob.filters.smoother import Smoother
+from plumbob.rotations import quat_from_euler_zyx
+from tests.helpers.motion import consistent, noisy
 
 TRIADS = ("gyr", "acc", "mag")
 NINE = np.arange(1.0, 10.0)
@@ -119,3 +124,84 @@ class TestSamplesOfARecording:
         for s in samples:
             f.update(s)
         assert [s.values.tobytes() for s in samples] == before
+
+
+N = 6000
+DATA, _ = consistent(N, amplitude=2.0)
+
+
+def late(by, *, push=0.0, bias=0.0):
+    """Samples whose rates are that much later, s, of a body that is pushed about."""
+    rng = np.random.default_rng(0)
+    gyr = np.stack([np.interp(DATA.t - by, DATA.t, column) for column in DATA.gyr.T], axis=1)
+    noise = np.cumsum(rng.normal(0.0, 0.1, (N, 3)), axis=0)
+    acc = DATA.acc + push * (noise - noise.mean(axis=0)) / noise.std(axis=0) + rng.normal(0.0, 0.03, (N, 3))
+    return ImuData(t=DATA.t, gyr=gyr + bias + rng.normal(0.0, 0.002, (N, 3)), acc=acc)
+
+
+@pytest.mark.parametrize(("by", "push"), [(0.02, 0.5), (0.05, 0.0), (-0.03, 0.5), (0.1, 0.5)])
+def test_a_delay_is_found(by, push):
+    delay = gyr_delay(late(by, push=push, bias=0.03))
+    assert delay.found
+    assert delay.delay == pytest.approx(by, abs=max(3.0 * delay.sd, 1e-3))
+
+
+def test_no_delay_is_none_nor_is_there_one_of_forces_that_have_nothing_to_do_with_the_rates():
+    delay = gyr_delay(late(0.0, push=0.5))
+    assert not delay.found and abs(delay.delay) < 3.0 * delay.sd
+    # forces of 5 m/s² that have nothing to do with the rates
+    found = gyr_delay(late(0.0, push=5.0))
+    assert found is None or not found.found
+    still = ImuData(t=DATA.t, gyr=np.zeros((N, 3)), acc=np.tile([0.0, 0.0, 9.81], (N, 1)))
+    assert not gyr_delay(still).found
+    assert gyr_delay(ImuData(t=DATA.t, gyr=DATA.gyr)) is None
+    assert gyr_delay(DATA[:500]) is None
+    smoother = Smoother(frame=Frame.ENU)
+    smoother.process(late(0.05))
+    assert str(smoother.remarks[0]).startswith("the gyroscope seems to lag the accelerometer by 50 ± ")
+    assert len(smoother.remarks) == 1
+    smoother.process(late(-0.03))
+    assert str(smoother.remarks[0]).startswith("the accelerometer seems to lag the gyroscope by 30 ± ")
+    smoother.process(late(0.0))
+    assert smoother.remarks == ()
+
+
+MADE = simulate("static", frame="NED", sensors="mpu6000+hmc5983", unit="random", seed=0, rate=50.0, duration=2.0)
+SHOWN = {
+    "imu": (MADE.imu, ("<ImuData: samples 100 in 1.98 s at 50 Hz; sensors gyr, acc, mag, temp_c;", "calibration none")),
+    "track": (MADE.truth, ("<AttitudeTrack: samples 100 in 1.98 s at 50 Hz; known 100; frame NED; north true;",)),
+    "evaluation": (evaluate(MADE.truth, MADE.truth), ("<Evaluation: scored 100 of 100 samples; total rmse 0°;",)),
+    "card": (MADE.calibration, ("<CalibrationCard: device mpu6000+hmc5983 #0; date 1970-01-01;", "; of gyr, acc, mag")),
+    "noise": (MADE.noise, ("<NoiseCard: device mpu6000+hmc5983 #0; source", "; of gyr, acc, mag")),
+    "filter": (
+        Filter("mahony", frame="ENU", params={"kp": 0.25}),
+        ("<Filter: name mahony; frame ENU; params kp=0.25 1/s; samples 0>",),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_one_line_and_a_small_table(name):
+    shown, words = SHOWN[name]
+    line, table = repr(shown), shown._repr_html_()
+    assert "\n" not in line
+    assert all(word in line for word in words)
+    assert table.startswith(f"<table><caption>{type(shown).__name__}</caption><tr><th>")
+    assert table.count("<tr>") == table.count("</tr>") == len(shown.facts())
+
+
+def test_what_a_file_says_is_shown_as_text():
+    """A device's name can hold anything: markup, and what steers a terminal."""
+    name = "<script>alert(1)</script>\x1b[2J\nx"
+    imu = ImuData(t=[0.0], gyr=[[0.0, 0.0, 0.0]], meta=ImuMeta(device=name))
+    assert "samples 1; sensors gyr" in repr(imu) and not {"\x1b", "\n"} & {*repr(imu), *imu._repr_html_()}
+    assert "<script>" not in imu._repr_html_() and "&lt;script&gt;" in imu._repr_html_()
+
+
+def test_angles_of_a_track_are_yaw_pitch_roll_in_rad():
+    angles = np.array([[0.1, -0.2, 0.3], [3.0, 1.5, -3.0]])
+    track = AttitudeTrack(t=[0.0, 1.0], q_nb=quat_from_euler_zyx(angles), frame="NED", north="true")
+    np.testing.assert_allclose(track.euler_zyx, angles, rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(np.column_stack((track.yaw, track.pitch, track.roll)), track.euler_zyx)
+    unknown = replace(track, q_nb=np.full((2, 4), np.nan))
+    assert np.isnan(unknown.euler_zyx).all()

@@ -1,17 +1,31 @@
-"""The whole comparison: frames, norths, masks, remarks, and what the report says of them."""
+"""Evaluation of an attitude: errors, claims, consistency, and the page of it."""
 
 import json
+import math
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from plumbob import Filter, ImuData, evaluate, flags
-from plumbob.core.errors import FrameError, ParameterError, ShapeError, UnitError
+from plumbob.core.errors import FrameError, MissingExtraError, ParameterError, ShapeError, UnitError
 from plumbob.core.units import deg
-from plumbob.evaluation.metrics import QUANTITIES
-from plumbob.rotations import Frame, North, change_frame, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
-from plumbob.rotations.frames import turn_heading
+from plumbob.evaluation.metrics import BOUNDS, CONFIDENCE, DOF, QUANTITIES, attitude_errors
+from plumbob.reporting.evaluation import side_by_side
+from plumbob.rotations import (
+    Frame,
+    North,
+    change_frame,
+    dcm_from_quat,
+    quat_conjugate,
+    quat_from_euler_zyx,
+    quat_from_rotvec,
+    quat_multiply,
+)
+from plumbob.rotations.frames import claimed_sd, turn_heading
+from tests.helpers.page_battery import HOSTILE, PageBattery
 
 STATISTICS = {"rmse_deg", "mean_deg", "std_deg", "max_abs_deg", "max_at_s", "p50_deg", "p95_deg", "p99_deg", "count"}
 
@@ -210,3 +224,155 @@ def test_the_motion_is_told_so_that_rest_cannot_flatter(track):
         assert strict(tiny)["samples"]["scored"] == size
         assert (tiny.reference_rate is None) == (size == 1)
         assert max(map(len, tiny.text().splitlines())) <= 80
+
+
+N = 20_000
+SD = np.array([0.004, 0.003, 0.02])  # about the level axes and the vertical, rad
+
+
+def claimed(q):
+    """Covariance in body axes of errors with the deviations `SD` about the navigation axes."""
+    c_nb = dcm_from_quat(q)
+    return np.swapaxes(c_nb, 1, 2) @ np.diag(SD**2) @ c_nb
+
+
+def test_they_are_those_about_the_axes_of_the_navigation_frame_and_nothing_before_the_start():
+    q = quat_from_euler_zyx(np.array([[0.0, 0.0, 0.0], [2.0, -1.2, 3.0], [-1.0, 1.5, 0.4]]))
+    inclination, heading = claimed_sd(q, claimed(q))
+    np.testing.assert_allclose(inclination, 0.005, rtol=1e-12)  # √(4² + 3²) = 5
+    np.testing.assert_allclose(heading, 0.02, rtol=1e-12)
+    # A state of zeros is no certainty.
+    q = quat_from_euler_zyx(np.zeros((3, 3)))
+    cov = np.stack((np.zeros((3, 3)), -np.eye(3), np.full((3, 3), np.nan)))
+    for sd in claimed_sd(q, cov):
+        assert np.isnan(sd).all()
+
+
+def test_errors_have_the_rms_that_is_claimed(motion):
+    """Of N errors as claimed, the rms scatters by 1/√(2N) or 0.5 %; to that come terms of second order, 0.02²."""
+    q = motion(np.arange(N) / 100.0)
+    about_n = np.random.default_rng(5).normal(size=(N, 3)) * SD
+    found = attitude_errors(quat_multiply(quat_from_rotvec(about_n), q), q)
+    inclination, heading = claimed_sd(q, claimed(q))
+    for name, sd in (("inclination", inclination), ("heading", heading)):
+        assert math.sqrt(np.mean(found[name] ** 2)) == pytest.approx(sd[0], rel=5.0 / math.sqrt(2 * N) + 4e-4)
+
+
+COV = np.array([[4.0, 1.0, 0.0], [1.0, 2.0, -0.5], [0.0, -0.5, 1.0]]) * 1e-6
+
+
+@pytest.fixture(scope="module")
+def noisy(motion, track):
+    t = np.arange(N) / 100.0
+    errors = np.random.default_rng(11).multivariate_normal(np.zeros(3), COV, N)
+    q = quat_multiply(motion(t), quat_from_rotvec(errors))
+    return lambda scale, **fields: (
+        track(t, q, cov_b=np.broadcast_to(COV * scale, (N, 3, 3)), **fields),
+        track(t, motion(t)),
+    )
+
+
+def test_bounds_are_those_of_chi_square():
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    np.testing.assert_allclose(BOUNDS, chi2.ppf((tail, 1.0 - tail), DOF), rtol=1e-12)
+
+
+def test_a_true_covariance_is_found_consistent_too_much_trust_shows_and_no_claim_has_no_verdict(noisy):
+    found = evaluate(*noisy(1.0)).consistency
+    assert found.mean == pytest.approx(3.0, abs=5 * np.sqrt(6.0 / N))  # variance of chi-square with 3 degrees is 6
+    assert found.share_inside == pytest.approx(0.95, abs=5 * np.sqrt(0.95 * 0.05 / N))
+    assert (found.count, found.unusable) == (N, 0)
+    found = evaluate(*noisy(0.25)).consistency
+    assert found.mean == pytest.approx(12.0, rel=0.05)
+    assert found.share_inside < 0.6
+    _, reference = noisy(1.0)
+    free = evaluate(*noisy(1.0, north=North.FREE))
+    assert evaluate(reference, reference).consistency is free.consistency is None
+    assert "covariance claimed, but not judged" in " ".join(free.text().split())
+
+
+def test_unusable_covariances_are_counted(noisy, track):
+    estimate, reference = noisy(1.0)
+    cov = estimate.cov_b.copy()
+    cov[:7] = np.nan
+    cov[7:10] = -COV
+    found = evaluate(track(estimate.t, estimate.q_nb, cov_b=cov), reference).consistency
+    assert (found.count, found.unusable) == (N - 10, 10)
+    cov[:] = 0.0
+    assert evaluate(track(estimate.t, estimate.q_nb, cov_b=cov), reference).consistency is None
+
+
+@pytest.fixture(scope="module")
+def judged(track, motion):
+    t = np.arange(6000) / 100.0
+    error = np.random.default_rng(1).normal(0.0, 0.02, (t.size, 3))
+    raised = np.where(t > 50.0, flags.MAG_GATED, 0)
+    q_ref = motion(t)
+    q_ref[2000:2500] = np.nan
+    estimate = track(t, quat_multiply(motion(t), quat_from_rotvec(error)), source=HOSTILE, flags=raised)
+    return evaluate(estimate, track(t, q_ref, source=HOSTILE), settle=3.0)
+
+
+@pytest.fixture(scope="module")
+def text(judged):
+    facts = [("device", HOSTILE), (HOSTILE, "x")]
+    return side_by_side({"first": judged, HOSTILE: judged}, title=HOSTILE, facts=facts).page()
+
+
+class TestPage(PageBattery):
+    def test_it_has_the_numbers_of_what_was_compared(self, judged, text):
+        assert f"{np.degrees(judged.stats['total'].rmse):.3f}" in text
+        assert flags.MEANING[flags.MAG_GATED][1] in text
+
+
+def rows(table):
+    """Cells of a table by the name of their row."""
+    return {row[0]: row[1:] for row in table.rows}
+
+
+def test_a_share_that_rounds_to_nothing_is_not_nothing_and_rows_that_cannot_be_compared(judged, track, monkeypatch):
+    score = np.ones(judged.t.size)
+    score[[1000]] = 0
+    q = judged.estimate.q_nb
+    _, samples = evaluate(track(judged.t, q), track(judged.t, q, score=score)).report().tables
+    shares = [cells[1] for cells in rows(samples).values()]
+    assert shares == ["100.0 %", "< 0.1 %"]
+    other = evaluate(judged.estimate, judged.reference, settle=4.0)
+    free = evaluate(track(judged.t, judged.estimate.q_nb, north=North.FREE), judged.reference)
+    assert side_by_side({"a": judged, "b": judged}).remarks == []
+    assert "the rows differ in the samples scored" in str(side_by_side({"a": judged, "b": other}).remarks[0])
+    both = side_by_side({"free": free, "magnetic": judged}).page()  # with figures of the tilt alone
+    assert both.count("not scored: the heading of the estimate counts from an arbitrary zero") == 1
+    with pytest.raises(ShapeError, match="at least one evaluation"):
+        side_by_side({})
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingExtraError, match=r'pip install "plumbob\[plot\]"'):
+        side_by_side({"x": judged}).page()
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_numbers_of_tiny_tracks(track, judged, size):
+    """Their errors by hand: of e = q_est q_ref⁻¹ = (w, x, y, z) the angle 2 acos |w|, and 2 acos √(w² + z²) of it."""
+    few = slice(1000, 1000 + size)
+    tiny = evaluate(track(judged.t[few], judged.estimate.q_nb[few]), judged.reference)
+    errors, samples = side_by_side({"tiny": tiny}).parts[0].tables
+    w, _, _, z = quat_multiply(judged.estimate.q_nb[few], quat_conjugate(judged.reference.q_nb[few])).T
+    for name, cosine in (("total", np.abs(w)), ("inclination", np.hypot(w, z))):
+        error = np.degrees(2.0 * np.arccos(cosine))
+        rmse, mean, std, worst, at, *_ = (float(v.replace("−", "-")) for v in rows(errors)[name])
+        by_hand = np.sqrt(np.mean(error**2)), error.mean(), error.std(), error.max()
+        assert (rmse, mean, std, worst) == pytest.approx(by_hand, abs=6e-4)  # three decimals
+        assert at == pytest.approx(judged.t[few][np.argmax(error)], abs=6e-3)
+    assert rows(samples)["scored"][:2] == (str(size), "100.0 %")
+    if size == 1:
+        assert tiny.report().page().startswith("<!DOCTYPE html>")
+
+
+@pytest.mark.parametrize("count", [100_000, pytest.param(1_000_000, marks=pytest.mark.long(reason="seconds"))])
+def test_any_number_of_samples_makes_a_small_file(tmp_path, track, count):
+    """Two numbers for each of 100 000 samples alone would be 2 MB of text or more."""
+    t = np.arange(count) / 250.0
+    q = quat_from_rotvec(np.random.default_rng(2).normal(0.0, 0.1, (t.size, 3)))
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (t.size, 1))
+    path = evaluate(track(t, q), track(t, level)).write_html(tmp_path / "page.html")
+    assert 50_000 < path.stat().st_size < 2_000_000

@@ -1,23 +1,43 @@
-"""The line: the same samples as the simulator made, whatever the cuts, and flagged where something is missing."""
+"""Lines of frames: counted samples, repeats, what is inferred, and a line that starts again."""
 
 import errno
+import json
+import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from plumbob import find_format, flags
+from plumbob import find_format, flags, read, replay
+from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.event import Event
 from plumbob.data.cards import CalibrationCard, TriadCalibration
-from plumbob.files.mcap import verify, writer
+from plumbob.data.recording import inferred
+from plumbob.files.mcap import open_log, repair, verify, writer
 from plumbob.filters.offline import run_stage
-from plumbob.live.runner import run_stream
-from plumbob.live.session import RecordSpec
-from plumbob.live.sinks import Collected, RecordingSink
+from plumbob.live.recorded import convert, read_recorded
+from plumbob.live.runner import Watch, report_lines, run_report, run_stream
+from plumbob.live.session import OutputSpec, RecordSpec
+from plumbob.live.sinks import Collected, RecordingSink, named_at
 from plumbob.live.stream import Stream, time_spec
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import values_by_field
 from plumbob.protocols.encode import encode
-from tests.helpers.live_samples import FORMAT, RATE, SESSION, Handed, form, motion, reads, session, stream, through
+from tests.helpers import live_samples
+from tests.helpers.commandline import ok
+from tests.helpers.live_samples import (
+    FORMAT,
+    OFFSET,
+    RATE,
+    SESSION,
+    Handed,
+    form,
+    motion,
+    reads,
+    session,
+    stream,
+    through,
+)
 
 
 def test_samples_are_the_simulated_ones_within_half_a_count_and_the_attitude_is_the_batch_one_to_the_bit():
@@ -128,3 +148,300 @@ def test_card_that_needs_a_temperature_survives_one_that_is_missing(tmp_path):
     raw = np.concatenate([part.sensed.gyr for part in found.parts])
     assert np.isnan(imu[:3]).all()
     np.testing.assert_allclose(imu[3:], raw[3:] - 0.01 * (35.0 - 25.0), rtol=0, atol=1e-12)
+
+
+SERIAL = '[source]\nkind = "serial"\nport = "/dev/null"\nbaud = 115200\nspeed = 60\n'
+COUNTED = SESSION + SERIAL + 'time = "count"\n'
+BARE = FORMAT.replace('role = "counter"', 'role = "status"').replace('role = "clock"\nunit = "us"', 'role = "status"')
+"""The same frame with nothing that its line could tell time by."""
+
+
+def through_counter(items, text=COUNTED, form=FORMAT):
+    return live_samples.through(items, session(text, **{"imu9.toml": form}))
+
+
+def stalling(data, seed):
+    """Reads of any length at any time: a host that stalls for seconds of sixty each, and a line that bursts."""
+    rng = np.random.default_rng(seed)
+    items, at, t_ns = [], 0, 7_000_000_000
+    while at < len(data):
+        end = at + int(rng.choice([1, 29, 150, 4096, 9000]))
+        t_ns += int(rng.choice([0, 10**6, 10**8, 10**10, 10**11]))
+        items.append(Received(t_ns, data[at:end]))
+        at = end
+    return items
+
+
+@pytest.mark.parametrize("form", [FORMAT, BARE], ids=["clock and counter", "neither"])
+def test_no_stall_of_the_host_changes_a_bit(form):
+    quiet, stalled = (through_counter(items, form=form) for items in (reads(stream()), stalling(stream(), 0)))
+    truth = motion().imu
+    for line, found in (quiet, stalled):
+        assert found.t_ns.size == len(truth)
+        np.testing.assert_array_equal(found.t_ns - found.t_ns[0], truth.t_ns)  # 5 ms are whole microseconds
+        assert not (found.imu(calibrated=False).flags & np.uint32(flags.GAP | flags.TIME_FAULT)).any()
+        assert (line.report()["time"]["mode"], line.time.report().inferred) == ("count", 0)
+    np.testing.assert_array_equal(stalled[1].track().q_nb, quiet[1].track().q_nb)
+
+
+def test_by_the_host_the_same_stalls_are_seconds_of_sea():
+    """What counting is for: the same reads, led to the host, are minutes instead of ten seconds."""
+    line, found = through_counter(stalling(stream(), 0), text=SESSION + SERIAL, form=BARE)
+    assert line.time.report().inferred > 0
+    assert found.t_ns[-1] - found.t_ns[0] > 60e9
+
+
+@pytest.mark.parametrize("form", [FORMAT, BARE], ids=["clock and counter", "neither"])
+def test_damaged_frames_keep_their_time(form):
+    data = bytearray(stream())
+    for k in (300, 301, 700):
+        data[30 * k + 12] ^= 1
+    line, found = through_counter(stalling(bytes(data), 1), form=form)
+    np.testing.assert_array_equal(found.t_ns - found.t_ns[0], np.delete(motion().imu.t_ns, [300, 301, 700]))
+    assert np.flatnonzero(found.imu(calibrated=False).flags & np.uint32(flags.GAP)).tolist() == [300, 698]
+    assert (line.time.report().lost, line.time.report().inferred) == (3, 0)
+
+
+@pytest.mark.parametrize("kind", ["dropped", "lost"])
+def test_what_the_line_itself_lost_is_a_gap(kind):
+    """Bytes are gone, and nothing in the frames says how long that was."""
+    items = [Received(10**9, stream()[:3000]), Event(10**9, kind, "gone"), Received(2 * 10**9, stream()[6000:9000])]
+    items[2:2] = [Event(10**9, "reopened", "back")] if kind == "lost" else []
+    _, found = through_counter(items, form=BARE)
+    assert np.flatnonzero(found.imu(calibrated=False).flags & np.uint32(flags.GAP)).tolist() == [100]
+    assert (np.diff(found.t_ns) > 0).all()
+
+
+def test_a_rate_may_stand_beside_the_port_and_datagrams_cannot_be_counted():
+    bare = BARE.replace('rate = "200 Hz"\n', "")
+    _, found = through_counter(reads(stream()), text=COUNTED + 'rate = "200 Hz"\n', form=bare)
+    np.testing.assert_array_equal(found.t_ns - found.t_ns[0], motion().imu.t_ns)
+    with pytest.raises(ParameterError, match=r"neither a clock nor a rate to count time by; give source\.rate"):
+        session(COUNTED, **{"imu9.toml": bare})
+    with pytest.raises(DecodeError, match="no key 'time'"):
+        session(SESSION + '[source]\nkind = "udp"\nport = 4000\ntime = "count"\n')
+
+
+FRAME, AT = 30, 900
+COUNTED_SERIAL = '[source]\nkind = "serial"\nport = "/dev/null"\nbaud = 115200\ntime = "count"\n'
+
+
+def through_serial(data, text=SESSION):
+    return live_samples.through(reads(data), session(text))
+
+
+@pytest.fixture(scope="module", params=[SESSION, SESSION + COUNTED_SERIAL], ids=["by the host", "counted"])
+def once(request):
+    return request.param, through_serial(stream(), request.param)[1]
+
+
+def twice(count):
+    data, block = stream(), slice(FRAME * AT, FRAME * (AT + count))
+    return data[: block.stop] + data[block] + data[block.stop :]
+
+
+@pytest.mark.parametrize("count", [2, 5, 50])
+def test_a_block_that_comes_again_is_left_out(once, count):
+    text, single = once
+    line, found = through_serial(twice(count), text)
+    imu, clean = found.imu(calibrated=False), single.imu(calibrated=False)
+    assert len(imu) == len(clean) == 2000
+    np.testing.assert_array_equal(imu.gyr, clean.gyr)
+    np.testing.assert_array_equal(np.diff(found.t_ns), np.diff(single.t_ns))
+    assert not (imu.flags & np.uint32(flags.GAP | flags.TIME_FAULT)).any()
+    np.testing.assert_array_equal(found.track().q_nb, single.track().q_nb)
+    time = line.time_report()
+    assert (time.frames, time.duplicates, time.late, time.resets) == (2000 + count, count, 0, 0)
+    assert line.report()["not_usable"] == count
+
+
+def test_a_device_that_begins_again_is_not_a_block_sent_twice():
+    """The counter and the clock go back, and the values are others."""
+    data = stream()
+    line, found = through_serial(data[FRAME * 1000 :] + data[: FRAME * 1000])
+    assert line.time_report().resets == 1
+    assert len(found.imu(calibrated=False)) > 1990
+
+
+TELLS = "inferred gaps: 1 gap, 5 s in all, by the host's delays alone: a stall of the host looks the same"
+
+
+def kept(path, *, late_ns=0, gone=0):
+    """Record ten seconds, of which the second half is late or begins after a gap."""
+    data, half = stream(), 1000 * 30
+    shift = late_ns + 5_000_000 * (1000 + gone)
+    after = (replace(item, t_ns=item.t_ns + shift) for item in reads(data[half + 30 * gone :]))
+    line = Stream(session())
+    watch = Watch(line)
+    keeper = RecordingSink(line.session, RecordSpec(str(path)))
+    run_stream(line, Handed([*reads(data[:half]), *after]), sinks=[watch], recording=keeper)
+    return run_report(watch)
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory):
+    """The device's clock and counter go on, and everything is five seconds late."""
+    path = tmp_path_factory.mktemp("late") / "late.mcap"
+    return path, kept(path, late_ns=5_000_000_000)
+
+
+def test_it_is_said_and_goes_from_file_to_file(late, track, tmp_path):
+    _, report = late
+    assert report["notes"][0]["text"].startswith(TELLS)
+    assert report["time"]["inferred"] == 1
+    assert report["time"]["inferred_time"] == pytest.approx(5.0, abs=0.01)
+    assert f"note         {TELLS}" in "\n".join(report_lines(report, ""))
+    copy = shutil.copy(track, tmp_path / "copy.parquet")
+    for words in (["info", late[0]], ["run", late[0], "--filter", "tilt_compass"], ["eval", track, copy]):
+        assert f"note: {words[1].name}: {TELLS}" in ok(*words).stderr
+    assert f"note         {TELLS}" in ok("replay", late[0]).stdout
+    assert (
+        sum(note["text"].startswith(TELLS) for note in json.loads(ok("info", late[0], "--json").stdout)["notes"]) == 1
+    )
+
+
+@pytest.fixture(scope="module")
+def track(late, tmp_path_factory):
+    path = tmp_path_factory.mktemp("track") / "track.parquet"
+    ok("run", late[0], "--filter", "tilt_compass", "--out", path)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
+def test_it_goes_from_file_to_file(late, tmp_path, suffix):
+    convert(late[0], tmp_path / f"out{suffix}")
+    (note,) = [note for note in read_recorded(late[0]).notes if note.code.startswith("reading.inferred")]
+    back = read(tmp_path / f"out{suffix}").notes
+    assert [other for other in back if other.code.startswith("reading.inferred")] == [note]
+
+
+@pytest.mark.parametrize("gone", [0, 100], ids=["whole", "half a second gone"])
+def test_gaps_that_the_device_s_counts_show_are_not_inferred(tmp_path, gone):
+    report = kept(tmp_path / "a.mcap", gone=gone)
+    assert report["time"]["lost"] == gone
+    assert report["notes"] == []
+    assert not any(note.code.startswith("reading.") for note in read_recorded(tmp_path / "a.mcap").notes)
+
+
+@pytest.mark.parametrize(("mode", "drift", "words"), [
+    ("host", 0.0, "add a counter or a clock to the frame, or where"),
+    ("host", float("nan"), "to the frame, declare its rate, or where"),
+    ("clock", 0.0, 'the counter of the frames goes on; where the line waits for its reader set time = "count"'),
+])  # fmt: skip
+def test_what_to_do_depends_on_what_the_frames_have(mode, drift, words):
+    report = Stream(session()).time.report()
+    (finding,) = inferred(replace(report, mode=mode, drift_ppm=drift, inferred=2, inferred_time=3.25))
+    assert "2 gaps, 3.25 s in all" in str(finding)
+    assert words in str(finding)
+
+
+HOUR = 3600 * 10**9
+UTC = 1_773_500_966_123_456_789  # date -u -d @1773500966 is 2026-03-14 15:09:26
+
+
+def start(path, items, offset=OFFSET):
+    """One start of the recorder: a line of its own; gives what it made live."""
+    return through(items, recording=path, next_part=True, offset=offset)[1]
+
+
+def two_starts(path, monkeypatch, *, reboot):
+    """Two starts, the second 2 s later, in the midst of a frame; after a reboot by a clock that began an hour later."""
+    items = reads(stream(4.0))
+    half = len(items) // 2
+    later = 2 * 10**9 - (HOUR if reboot else 0)
+    monkeypatch.setattr(writer, "boot_id", lambda: "first")
+    first = start(path, items[:half])
+    monkeypatch.setattr(writer, "boot_id", lambda: "second" if reboot else "first")
+    again = [Received(item.t_ns + later, item.data) for item in items[half:]]
+    return first, start(path, again, OFFSET + (HOUR if reboot else 0))
+
+
+@pytest.mark.parametrize("reboot", [False, True])
+def test_replay_of_two_starts_equals_live_to_the_bit(tmp_path, monkeypatch, reboot):
+    live = two_starts(tmp_path / "a.mcap", monkeypatch, reboot=reboot)
+    replayed = replay(tmp_path / "a.mcap", check=True)
+    assert replayed.comparison.equal
+    found = replayed.found
+    first = len(live[0].t_ns)
+    shift = HOUR if reboot else 0
+    np.testing.assert_array_equal(found.t_ns, [*live[0].t_ns, *(live[1].t_ns + shift)])
+    np.testing.assert_array_equal(found.track().q_nb, np.vstack([start.track().q_nb for start in live]))
+    assert (np.diff(found.track().t) > 0).all()
+    away = found.track().t[first] - found.track().t[first - 1]
+    assert 1.9 < away < 2.1  # 2 s, a frame cut in two, and the delays of two reads
+    gaps = np.flatnonzero(found.imu(calibrated=False).flags & flags.GAP)
+    assert gaps.tolist() == [first]
+    assert (replayed.stream.report()["time"]["gap_count"], replayed.stream.report()["time"]["lost"]) == (1, 0)
+    assert [event.kind for event in found.events] == ["restarted"]
+    recording = read_recorded(tmp_path / "a.mcap")
+    assert len(recording.imu) == first + len(live[1].t_ns)
+    assert "recorded in 2 sessions; the recorder was off between them" in map(str, recording.notes)
+    assert len(read_recorded(tmp_path / "a.0002.mcap").imu) == len(live[1].t_ns)
+    repair(tmp_path / "a.mcap", tmp_path / "b.mcap")  # one file of both
+    both = replay(tmp_path / "b.mcap").found
+    np.testing.assert_array_equal(both.t_ns, found.t_ns)
+    np.testing.assert_array_equal(both.track().q_nb, found.track().q_nb)
+
+
+def test_outputs_get_the_names_of_a_start_and_a_text_goes_on_as_the_recording_does(tmp_path):
+    path = f"{tmp_path}/a-{{utc}}"
+    chosen = replace(session(), record=RecordSpec(f"{path}.mcap"), output=OutputSpec(text=f"{path}.txt"))
+    named, stem = named_at(chosen, UTC), tmp_path / "a-20260314T150926Z"
+    assert named.record == RecordSpec(f"{stem}.mcap", next_part=True)
+    assert named.output.text == f"{stem}.txt"
+    stem.with_suffix(".txt").touch()
+    assert named_at(chosen, UTC).output.text == f"{stem}.0002.txt"
+    (tmp_path / "a.txt").touch()
+    asked = replace(session(), record=RecordSpec("a.mcap", next_part=True), output=OutputSpec(text=f"{tmp_path}/a.txt"))
+    assert named_at(asked, UTC).output.text == f"{tmp_path}/a.0002.txt"
+    fixed = replace(asked, record=RecordSpec("a.mcap"))
+    assert named_at(fixed, UTC) == fixed
+
+
+def test_another_session_goes_into_parts_of_its_own(tmp_path):
+    start(tmp_path / "a.mcap", reads(stream(4.0))[:50])
+    other = session(session().texts["session.toml"].replace("bench 7", "bench 8"))
+    _, found = through(reads(stream(4.0))[:50], other, recording=tmp_path / "a.mcap", next_part=True)
+    assert "its session is another: parts from a.0002.mcap on are to be read apart" in found.events[0].text
+    assert len(read_recorded(tmp_path / "a.0002.mcap").imu) > 0
+    with pytest.raises(DecodeError, match="does not go on"):
+        read_recorded(tmp_path / "a.mcap")
+
+
+def test_a_wall_clock_that_is_set_is_told_once(tmp_path):
+    """A board without a clock of its own begins in 1970 and learns the time from the network."""
+    offsets = iter([0, 0, UTC, UTC, UTC])
+    recording_sink = RecordingSink(
+        session(), RecordSpec(str(tmp_path / "a.mcap"), reserve=0), offset=lambda: next(offsets)
+    )
+    recording_sink.start()
+    told = [event for s in range(4) for event in recording_sink.tick(s * 10**9)]
+    recording_sink.close()
+    assert [(event.t_ns, event.kind) for event in told] == [(10**9, "wall-clock")]
+    assert "set by +1773500966.123 s" in told[0].text
+
+
+class Full(Collected):
+    """A sink whose disk is full after the third part."""
+
+    def __str__(self):
+        return "a.txt"
+
+    def on_part(self, part):
+        super().on_part(part)
+        if len(self.parts) > 3:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_sink_that_fails_does_not_end_the_recording(tmp_path):
+    chosen, items, full, found = session(), reads(stream(4.0)), Full(), Collected()
+    recording_sink = RecordingSink(chosen, RecordSpec(str(tmp_path / "a.mcap"), reserve=0))
+    run_stream(Stream(chosen), Handed(items), sinks=[full, found], recording=recording_sink)
+    assert len(full.parts) == 4
+    text = "a.txt cannot be written any more: No space left on device."
+    assert [(event.kind, event.text) for event in found.events] == [("failed", text)]
+    assert [event.kind for event in recording_sink.failures] == ["failed"]
+    topics = [row.topic for row in open_log(tmp_path / "a.mcap")]
+    assert (topics.count("raw"), topics.count("recorder")) == (len(items), 1)
+    with pytest.raises(OSError, match="No space"):  # without a recording nothing goes on
+        run_stream(Stream(chosen), Handed(items), sinks=[Full()])

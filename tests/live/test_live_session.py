@@ -1,25 +1,69 @@
-"""Sessions: what they say, and what they refuse before anything is opened."""
+"""Sessions: what a file may say, with cards, and the filter of it."""
 
+import json
 import re
 import sys
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
+import pyarrow.csv
 import pytest
 
 import plumbob
-from plumbob import Frame, Stream, json_schema
+from plumbob import (
+    AttitudeTrack,
+    Filter,
+    Frame,
+    NoiseCard,
+    North,
+    Recording,
+    Stream,
+    earth_acceleration,
+    files,
+    flags,
+    json_schema,
+    replay,
+    simulate,
+)
 from plumbob.arm.array.paper import paper
-from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, ShapeError, UnitError
-from plumbob.data.cards import CalibrationCard, TriadCalibration
+from plumbob.calibration.calibration import Capture, card_of
+from plumbob.calibration.fit import Fitted, Mounted
+from plumbob.cli.main import main
+from plumbob.core.constants import G0
+from plumbob.core.errors import (
+    CalibrationError,
+    ClockError,
+    DecodeError,
+    FrameError,
+    ParameterError,
+    ShapeError,
+    UnitError,
+)
+from plumbob.core.event import Event
+from plumbob.core.units import dps
+from plumbob.data import UNCALIBRATED, ImuData, ImuMeta
+from plumbob.data.cards import UNITS, CalibrationCard, Mount, TriadCalibration, TriadNoise
+from plumbob.files import read, write
+from plumbob.filters import filter_names, load, takes_noise
+from plumbob.filters.offline import CHUNK, Stage, bias_beyond, run_stage, with_noise
+from plumbob.filters.smoother import FixedLag, Smoother
+from plumbob.fleet.experiments.scenario import measure_scenario
 from plumbob.live.emulated import running_rig
+from plumbob.live.runner import SETTLED, Watch
 from plumbob.live.session_toml import load_session, parse_session, plain_session, recorded_session
+from plumbob.live.sinks import TextSink
+from plumbob.live.stream import STARTED_AGAIN
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
+from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate
+from plumbob.simulation.presets import draw_module
 from tests.helpers import beside
 from tests.helpers.commandline import ok, refused
+from tests.helpers.hand_motion import by_hand
 from tests.helpers.live_samples import FORMAT, SESSION, motion, reads, session, stream, through
+from tests.helpers.motion import noisy
 
 ALL = beside(__file__, "all_units.toml")
 CARDED = SESSION + '[calibration]\ncard = "card.json"\n'
@@ -209,3 +253,303 @@ def test_editors_get_the_schema_of_each_kind_of_file():
     assert [made["properties"]["kind"]["enum"] for made in sources[:2]] == [["serial"], ["udp"]]
     with pytest.raises(ShapeError, match="kind must be one of array, chain"):
         json_schema("card")
+
+
+STALE = (
+    "It was found with the axes that the accelerometer had before its calibration of 2026-11-21: calibrate it again."
+)
+
+
+def fitted(name, *, gain=1.01, remarks=()):
+    model = TriadCalibration(gain * np.eye(3), np.zeros(3), UNITS[name], UNITS[name], method=f"{name} known")
+    return Fitted(model, np.zeros((1, 3)), np.zeros(1), np.ones(1, dtype=bool), remarks)
+
+
+def captured(base=None):
+    imu = ImuData(t=[0.0, 1.0], acc=np.full((2, 3), 5.0), meta=ImuMeta(device="unit 7"))
+    return Capture(imu, "unit 7", base, "2026-11-21")
+
+
+DIP = ("the dip is 62°.",)
+MOUNTED = Mounted(Mount([1.0, 0.0, 0.0, 0.0]), ("nothing shows the heading.",))
+
+
+def said(part):
+    return tuple(map(str, part.remarks))
+
+
+def test_remarks_of_fits_and_of_a_mounting_are_on_the_card_and_stay_when_it_grows():
+    card = card_of(captured(), {"mag": fitted("mag", remarks=("the dip is 62°.",))}, mounted=MOUNTED)
+    read = CalibrationCard.from_text(card.text(), "card.json")
+    assert [said(part) for part in (card.mag, card.mount, read.mag)] == [DIP, MOUNTED.remarks, DIP]
+    grown = card_of(captured(card), {"acc": fitted("acc", remarks=("pose 3 was moved.",))}, mounted=MOUNTED)
+    assert (said(grown.acc), said(grown.mount)) == (("pose 3 was moved.",), MOUNTED.remarks)
+    assert len(card_of(captured(card), {"mag": fitted("mag")}).mag.remarks) == 0
+    assert (
+        card_of(captured(card_of(captured(), {"gyr": fitted("gyr", remarks=DIP)})), {}).gyr.remarks[0].values["text"]
+        == DIP[0]
+    )
+
+
+@pytest.mark.parametrize("had_acc", [False, True])
+def test_a_new_accelerometer_makes_what_hangs_on_it_old(had_acc):
+    older = {"gyr": fitted("gyr", remarks=("it was cold.",)), "mag": fitted("mag")}
+    first = card_of(captured(), older | ({"acc": fitted("acc")} if had_acc else {}), mounted=MOUNTED)
+    grown = card_of(captured(first), {"acc": fitted("acc")})
+    later = card_of(replace(captured(grown), date="2027-01-01"), {"acc": fitted("acc"), "mag": fitted("mag")})
+    assert {name: said(getattr(grown, name)) for name in ("acc", "gyr", "mag", "mount")} == {
+        "acc": (), "gyr": ("it was cold.", STALE), "mag": (STALE,), "mount": (*MOUNTED.remarks, STALE),
+    }  # fmt: skip
+    assert said(later.gyr) == ("it was cold.", STALE.replace("2026-11-21", "2027-01-01"))
+    at_rest = card_of(captured(), {"gyr": fitted("gyr", gain=1.0)})  # a bias at rest does not hang on it
+    assert len(later.mag.remarks) == len(card_of(captured(at_rest), {"acc": fitted("acc")}).gyr.remarks) == 0
+
+
+CARD = NoiseCard("unit 7", "a test", gyr=TriadNoise([1e-4] * 3, [0.0] * 3, [2e-5] * 3))
+
+
+def test_what_filters_offer_is_what_their_files_hold_and_cards_go_to_those_that_take_one():
+    assert [name for name in filter_names() if hasattr(load(name), "COVARIANCE")] == ["ekf7", "mekf"]
+    assert [name for name in filter_names() if takes_noise(name)] == ["ekf7", "mekf"]
+    assert all(hasattr(load(name), "COVARIANCE") is hasattr(load(name), "covariance") for name in filter_names())
+    stages = [Stage("mekf", {"mag": False}, "a"), Stage("mahony", {}, "b"), Stage("mekf", {}, "c")]
+    given = with_noise(stages, CARD)
+    assert [stage.noise for stage in given] == [CARD, None, CARD]
+    assert [(stage.name, stage.params) for stage in given] == [(stage.name, stage.params) for stage in stages]
+    assert run_stage(noisy(CHUNK + 100), given[1], frame=Frame.ENU).cov_b is None
+    with pytest.raises(ParameterError, match="mahony has no parameter that a noise card could give"):
+        run_stage(noisy(), with_noise([Stage("mahony", {})], CARD)[0], frame=Frame.ENU)
+
+
+@pytest.mark.parametrize("name", ["ekf7", "mekf"])
+def test_a_covariance_goes_on_over_chunks_and_a_card_sets_the_noise_but_parameters_have_the_last_word(name):
+    data = noisy(CHUNK + 100)
+    track = run_stage(data, Stage(name, {}), frame=Frame.ENU)
+    whole = Filter(name, frame=Frame.ENU).process(data, covariance=True)
+    assert track.cov_b.shape == (len(data), 3, 3)
+    assert track.q_nb.tobytes() == whole.q_nb.tobytes()
+    assert track.cov_b.tobytes() == whole.cov_b.tobytes()
+    data, field = noisy(), {"ekf7": "gyro_noise", "mekf": "gyr_noise"}[name]
+    given = {field: 3e-4}
+    for params in ({}, given):
+        track = run_stage(data, Stage(name, params, noise=CARD), frame=Frame.ENU)
+        made = Filter(name, frame=Frame.ENU, params=params, noise=CARD)
+        assert track.source == f"{made.describe()}; calibration {UNCALIBRATED}"
+        assert getattr(made.params, field) == pytest.approx(params.get(field, 1e-4), rel=1e-15)
+
+
+T = np.arange(400) / 100.0
+
+
+def moved(frame, q_nb=None):
+    """A body that turns and swings by sin along all axes; samples of ideal sensors, attitudes, and the acceleration."""
+    frame = Frame.parse(frame)
+    acc_n = np.outer(np.sin(2.0 * np.pi * T), [1.0, -2.0, 0.5])
+    q_nb = quat_from_rotvec(np.outer(T, [0.3, -0.2, 0.5])) if q_nb is None else q_nb
+    force_b = quat_rotate(quat_conjugate(q_nb), acc_n + G0 * np.asarray(frame.up))
+    rate = np.tile([0.3, -0.2, 0.5], (T.size, 1))  # about a fixed axis, so it is the same in body axes
+    imu = ImuData(t=T, gyr=rate, acc=force_b, meta=ImuMeta(frame=frame, calibration="ideal", rate_nominal=100.0))
+    return imu, AttitudeTrack(t=T, q_nb=q_nb, frame=frame, north="true", cov_b=np.zeros((T.size, 3, 3))), acc_n
+
+
+@pytest.mark.parametrize("frame", ["ENU", "NED", "NWU"])
+def test_what_was_put_in_comes_out_along_the_axes_of_the_frame(frame):
+    imu, track, acc_n = moved(frame)
+    found = earth_acceleration(imu, track)
+    assert found.acc_n == pytest.approx(acc_n, abs=1e-13)
+    assert found.sd_n == pytest.approx(0.0, abs=1e-13)  # an ideal unit and attitude
+    word = {"ENU": "east", "NED": "north", "NWU": "north"}[frame]
+    assert list(found.columns())[:2] == ["t [s]", f"acc_{word} [m/s2]"]
+
+
+def test_the_deviation_is_the_spread_of_attitudes_and_samples_of_that_covariance():
+    imu, track, acc_n = moved("ENU")
+    rng, at, count = np.random.default_rng(5), 130, 40_000
+    root = np.array([[0.02, 0.0, 0.0], [0.005, 0.01, 0.0], [0.0, -0.01, 0.03]])  # rad
+    card = NoiseCard("u", "made", acc=TriadNoise([0.01, 0.02, 0.03], np.zeros(3), np.zeros(3)))
+    cov = np.broadcast_to(root @ root.T, (T.size, 3, 3))
+    claimed = earth_acceleration(imu, AttitudeTrack(T, track.q_nb, "ENU", "true", cov_b=cov), noise=card).sd_n[at]
+    turned = quat_multiply(track.q_nb[at], quat_from_rotvec(rng.normal(size=(count, 3)) @ root.T))
+    noise = rng.normal(size=(count, 3)) * [0.1, 0.2, 0.3]  # N √rate, rate 100 Hz
+    spread = (quat_rotate(turned, imu.acc[at] + noise) - [0.0, 0.0, G0] - acc_n[at]).std(axis=0)
+    assert claimed == pytest.approx(spread, rel=0.02)  # 1/√(2 · 40 000) is 0.35 %; the rest is of second order
+
+
+def test_run_writes_it_and_what_does_not_fit_is_refused(tmp_path):
+    imu, track, _ = moved("ENU")
+    write(tmp_path / "a.parquet", imu)
+    words = ["run", str(tmp_path / "a.parquet"), "--filter", "mekf", "--out", str(tmp_path / "track.parquet")]
+    assert main([*words, "--acceleration", str(tmp_path / "acc.csv")]) == 0
+    table = pyarrow.csv.read_csv(tmp_path / "acc.csv")
+    columns = earth_acceleration(imu, read(tmp_path / "track.parquet").track).columns()
+    assert table.column_names == list(columns)
+    assert table.column_names[3:5] == ["acc_up [m/s2]", "acc_east_sd [m/s2]"]
+    assert all(np.array_equal(table[name].to_numpy(), values) for name, values in columns.items())
+    with pytest.raises(ClockError, match="different times"):
+        earth_acceleration(imu[1:], track)
+    with pytest.raises(ShapeError, match="no accelerometer"):
+        earth_acceleration(ImuData(t=T, gyr=imu.gyr), track)
+
+
+LAG = {"lag": "0.6 s"}
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch):
+    """Little of the past is smoothed with each part, so that its border moves through these few seconds."""
+    for where in ("live", "samples", "smoothing"):  # live first: what is imported later would keep it
+        monkeypatch.setattr(f"plumbob.filters.smoother.{where}.MARGIN", 2.0)
+
+
+def lagged(**params):
+    return replace(session(), stage=Stage("smoother", LAG | params))
+
+
+def test_attitudes_are_those_of_the_recording_to_the_bit_and_none_is_lost():
+    """They come by the lag later, and no more than a part beyond: reads bring up to some tens of samples."""
+    line, found = through(reads(stream(4.0)), lagged())
+    batch = run_stage(found.imu(calibrated=True), line.session.stage, frame=line.session.frame)
+    for name in ("t", "q_nb", "bias_b", "cov_b", "flags"):
+        np.testing.assert_array_equal(getattr(found.track(), name), getattr(batch, name))
+    assert [part.t_ns.size for part in found.parts][-1] == 0  # the last ones come with the end of the stream
+    np.testing.assert_array_equal(np.concatenate([part.track_ns for part in found.parts]), found.t_ns)
+    late = [part.imu.t[-1] - part.track.t[0] for part in found.parts[:-1] if part.track is not None]
+    assert len(late) > 3 and min(late) > 0.6 and max(late) < 0.8
+
+
+def test_a_recording_of_it_is_replayed_to_the_bit_and_text_has_the_times_of_its_attitudes(tmp_path):
+    chosen = lagged()
+    _, live = through(reads(stream(4.0)), chosen, TextSink(tmp_path / "a.txt", 0.1), recording=tmp_path / "a.mcap")
+    track, again = live.track(), replay(tmp_path / "a.mcap", session=chosen, check=True)
+    assert again.comparison.equal
+    assert again.comparison.compared == len(track)
+    lines = [line.split("\t") for line in (tmp_path / "a.txt").read_text().splitlines() if line[0].isdigit()]
+    for line in lines[:: len(lines) // 5]:
+        place = int(np.searchsorted(track.t, float(line[0]) - 1e-6))
+        roll = np.degrees(plumbob.rotations.euler_zyx_from_quat(track.q_nb[place]))[0]
+        assert float(line[0]) == pytest.approx(track.t[place], abs=1e-6)
+        assert float(line[3]) == pytest.approx(roll, abs=1e-4)
+
+
+def test_what_waits_is_given_before_a_recorder_starts_again_and_where_a_stream_ends_at_once():
+    items = reads(stream(4.0))
+    half = len(items) // 2
+    event = Event(items[half].t_ns, STARTED_AGAIN, "the recorder was away")
+    later = [Received(item.t_ns + 10**9, item.data) for item in items[half:]]
+    _, found = through([*items[:half], event, *later], lagged())
+    track = found.track()
+    np.testing.assert_array_equal(np.concatenate([part.track_ns for part in found.parts]), found.t_ns)
+    first = int(np.argmax(np.diff(track.t))) + 1
+    assert track.flags[first] & flags.GAP
+    alone = run_stage(found.imu(calibrated=True)[:first], lagged().stage, frame=Frame.NED)
+    np.testing.assert_array_equal(track.q_nb[:first], alone.q_nb)
+    _, found = through(reads(stream(4.0))[:1], lagged())
+    assert len(found.track()) == len(found.t_ns) > 0
+    assert through([], lagged())[1].track() is None
+    with pytest.raises(ParameterError, match="cannot wait for the end, but lag is off"):
+        Stream(lagged(lag=None))
+
+
+def test_without_a_lag_attitudes_come_with_their_samples_and_are_replayed_to_the_bit(tmp_path):
+    chosen = lagged(lag="0 s")
+    _, live = through(reads(stream(4.0)), chosen, recording=tmp_path / "a.mcap")
+    for part in live.parts:
+        np.testing.assert_array_equal(part.track_ns, part.t_ns)
+    _, other = through(reads(stream(4.0), seed=3), chosen)
+    np.testing.assert_array_equal(live.track().q_nb, other.track().q_nb)  # however it was read
+    assert replay(tmp_path / "a.mcap", session=chosen, check=True).comparison.equal
+    batch = run_stage(live.imu(calibrated=True), chosen.stage, frame=chosen.frame)
+    np.testing.assert_array_equal(live.track().q_nb, batch.q_nb)
+
+
+@pytest.mark.parametrize("lag", [0.3, 1.0, 100.0])
+def test_it_does_not_matter_how_the_stream_is_cut_nor_where_it_has_gaps(lag):
+    h = by_hand(8.0, seed=2)
+    imu = h.rows((h.t < 3.0) | (h.t > 4.5)).imu()
+    whole = Smoother(frame="ENU", params={"lag": lag}).process(imu)
+    for size in (1, 7, 100, 5000):
+        lagging, parts = FixedLag(frame="ENU", params={"lag": lag}), []
+        for part in imu.chunks(size):
+            ready = lagging.take(part)
+            parts += [] if ready is None else [ready]
+            waits = part.t[-1] - imu.t[min(sum(map(len, parts)), len(imu) - 1)]
+            assert waits <= max(lag, 0.0) + 1e-9  # no attitude waits for longer than it must
+        parts.append(lagging.finish())
+        for name in ("t", "q_nb", "cov_b", "flags"):
+            np.testing.assert_array_equal(np.concatenate([getattr(p, name) for p in parts]), getattr(whole, name))
+        assert lagging.finish() is None
+
+
+def track(bias_dps):
+    bias_b = None if bias_dps is None else dps(np.atleast_2d(np.asarray(bias_dps, dtype=float)))
+    n = 3 if bias_b is None else len(bias_b)
+    return AttitudeTrack(np.arange(n) * 0.01, np.tile([1.0, 0, 0, 0], (n, 1)), Frame.NED, North.FREE, bias_b=bias_b)
+
+
+def test_filters_with_a_prior_are_those_with_such_a_parameter():
+    made = {name: Filter(name, frame=Frame.NED).bias_prior for name in filter_names()}
+    assert {name: prior for name, prior in made.items() if prior} == {
+        "ekf7": ("start_bias", dps(1.0)), "mekf": ("bias_start", dps(0.5)), "vqf": ("bias_start", dps(0.5)),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("filter", "params", "bias", "beyond"), [
+    ("mekf", {}, [1.49, 0.0, -1.49], False),  # 3 × 0.5 °/s
+    ("mekf", {}, [0.0, 0.0, -1.51], True),
+    ("mekf", {}, [[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]], False),  # the last counts, not the start
+    ("mekf", {"bias_start": "5 deg/s"}, [12.3, 0.0, 0.0], False),
+    ("mekf", {}, [np.nan, 0.0, 0.0], False),
+    ("mekf", {}, None, False),
+    ("mahony", {}, [100.0, 0.0, 0.0], False),  # it has no prior
+])  # fmt: skip
+def test_three_standard_deviations(filter, params, bias, beyond):
+    assert (bias_beyond(Filter(filter, frame=Frame.NED, params=params), track(bias)) != ()) is beyond
+    (beyond,) = bias_beyond(Filter("mekf", frame=Frame.NED), track([0.1, -12.3, 0.0]))
+    assert "the estimated gyroscope bias, 12.3 °/s, is far outside of the prior of 0.5 °/s (1 sd)" in str(beyond)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """A gyroscope that is off by 4 °/s and perfect otherwise, at rest."""
+    perfect = draw_module("mpu6000+hmc5983", 1).calibrated()
+    unit = replace(perfect, gyr=replace(perfect.gyr, bias=dps(np.array([0.0, 4.0, 0.0]))))
+    found = simulate("static", frame=Frame.NED, sensors=unit, unit="random", seed=1, duration=20.0, rate=100.0)
+    path = tmp_path_factory.mktemp("bias") / "a.parquet"
+    return files.write(path, Recording(imu=found.imu, name="a"))
+
+
+def test_run_says_it_and_json_has_it(file):
+    done = ok("run", file, "--filter", "mekf", "--json")
+    (beyond,) = [n["text"] for n in json.loads(done.stdout)["notes"] if n["code"] == "estimate.bias_beyond"]
+    assert "is far outside of the prior of 0.5 °/s" in beyond
+    assert f"note: {beyond}" in done.stderr
+    fits = ok("run", file, "--filter", "mekf", "--params", "bias_start=4 deg/s", "--json")
+    assert "estimate.bias_beyond" not in [note["code"] for note in json.loads(fits.stdout)["notes"]]
+
+
+def test_a_benchmark_says_in_how_many_seeds():
+    found = measure_scenario(
+        "static", [Stage("mekf", {}), Stage("mahony", {})], frame=Frame.NED, sensors="mpu6000+hmc5983",
+        unit="random", seeds=range(3), settings={"duration": 20.0, "rate": 100.0},
+    )  # fmt: skip
+    many = len(found.warnings["mekf"])
+    text = " ".join(found.text().split())
+    assert many > 0  # the sheet allows ±20 °/s; within ±1.5 °/s on all three axes of all three units are (0.075)⁹
+    assert f"in {many} of 3 seeds, as in the first of them: the estimated gyroscope bias" in text
+    assert found.warnings["mahony"] == []
+    assert found.summary()["warnings"]["mekf"] == found.warnings["mekf"]
+    assert text.count("plumbob calibrate gyro") == 1
+
+
+def test_a_line_says_it_in_the_part_in_which_a_start_in_motion_is_over():
+    doubts_all = 'filter = "mekf"\nparams = { bias_start = "0.00001 deg/s", gyr_walk = "0.1 deg/s2/rtHz" }\n'
+    line = Stream(session(SESSION.split("filter")[0] + doubts_all))
+    notes, begins, size = [], [], 30 * 140
+    status, data = Watch(line, notes.append), stream(duration=32.0)
+    for at in range(0, len(data), size):  # reads of 0.7 s: one begins before the time and ends after it
+        part = line.feed(Received(round((at + size) / 30 * 5e6), data[at : at + size]))
+        if part is not None:
+            status.on_part(part)
+            begins += [part.imu.t[0]] if part.imu.t[-1] >= SETTLED else []
+    assert begins[0] < SETTLED - 0.1
+    assert notes == [f"at {begins[0]:.1f} s: {status.beyond[0]}"]

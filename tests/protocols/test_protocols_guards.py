@@ -1,15 +1,22 @@
-"""What guards a frame beside its check: ranges of counts, a fixed end, confirmation by the next frame."""
+"""Guards of frames: overlaps, and how often noise is taken for a frame."""
+
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchmarks.harness.false_accepts import false_accepts
 from plumbob import Decoder, decode, flags
+from plumbob.core import errors
 from plumbob.core.errors import DecodeError
 from plumbob.protocols.encode import encode
-from plumbob.protocols.format_toml import find_format, parse_format
+from plumbob.protocols.format_toml import device_names, find_format, parse_format
+from plumbob.protocols.overlap import passes_anything
+from plumbob.protocols.page import framing_words
 from plumbob.protocols.unpack import read_counts
-from tests.helpers import beside
+from tests.helpers import beside, slow_as_python
+from tests.helpers.commandline import table_of
 from tests.helpers.decoder_battery import in_pieces
 
 HEAD = 'kind = "plumbob format"\nversion = 1\nname = "mine"\ntitle = "mine"\n'
@@ -163,3 +170,81 @@ def test_parts_lie_one_behind_the_other_and_their_places_count_from_their_first_
     ):
         with pytest.raises(DecodeError, match=pattern):
             parse_format(HEAD + PARTS.replace(old, new))
+
+
+BOARD = beside(__file__, "board.toml")
+
+
+@pytest.mark.parametrize(("error", "old", "new", "pattern"), table_of(beside(__file__, "board_wrong.txt")))
+def test_what_cannot_lie_in_the_frame_is_refused_with_its_field(error, old, new, pattern):
+    with pytest.raises(getattr(errors, error), match=pattern):
+        parse_format(BOARD.replace(old.replace(r"\n", "\n"), new.replace(r"\n", "\n"), 1))
+
+
+def test_a_buffer_that_is_used_again_does_not_change_what_waits():
+    """A caller who reads into one buffer must not change the half frame that the decoder keeps."""
+    form = parse_format(BOARD)
+    assert form.message().length == 18
+    stream = encode(form, {"gyr.x": np.zeros(4)}).tobytes()
+    decoder, buffer, found = Decoder(form), bytearray(9), 0
+    for at in range(0, len(stream), 9):
+        buffer[:] = stream[at : at + 9]
+        found += sum(map(len, decoder.feed(memoryview(buffer)).values()))
+    assert (found, decoder.counts.junk) == (4, 0)
+    assert len(decode(np.frombuffer(stream, dtype=np.uint8), form)[0]["board"]) == 4
+
+
+STREAMS = [name for name in device_names() if not find_format(name).framing.transfers]
+
+
+def settled(name):
+    """A device with options that are not known given some number: they do not change what passes."""
+    form = find_format(name)
+    return form.bind({key: "1" for key, option in form.options.items() if option.default is None})
+
+
+@pytest.mark.parametrize("name", device_names())
+def test_a_format_that_takes_anything_is_one_that_every_random_transfer_passes(name):
+    form = settled(name)
+    assert passes_anything(form) == (form.framing.transfers and false_accepts(form) == 1.0)
+    rows = np.random.default_rng(1).integers(0, 256, 2000 * form.framing.most, dtype=np.uint8)
+    taken = sum(decode(rows.tobytes(), form)[1].frames.values())
+    assert (taken == 2000) == passes_anything(form)
+    assert passes_anything(form) == (", NO CHECK" in framing_words(form))
+
+
+@pytest.mark.parametrize("name", STREAMS)
+def test_the_catalogue_declares_what_follows_from_the_format(name):
+    text, _ = find_format(name).facts["false_accepts"]
+    declared = float(re.search(r" (\S+) per byte", text)[1])
+    assert declared == float(f"{false_accepts(settled(name)):.1e}")
+
+
+@pytest.mark.parametrize(("name", "odds"), [
+    # sync twice (confirmed), sum of 8 bits, a pitch of 32769 and a temperature of 4096 counts among 65536
+    ("ahrs400", 256.0**-2 / 256 * 32769 / 65536 * 4096 / 65536),
+    # sync of 16 bits, two sums of 16 bits, pitch as above
+    ("ahrs500ga", 256.0**-2 * 2 * 256.0**-2 * 32769 / 65536),
+    # sync, kind out of 5, sum of 8 bits, the next sync
+    ("witmotion", 256.0**-4 * 5),
+    # one of two beginnings of 16 bits, three messages with a register behind; the next, of either kind, confirms
+    ("witmotion_ble", 256.0**-2 * (1 + 3 * 256.0**-2) * 2 * 256.0**-2),
+    # sync of 24 bits out of 8 twice (confirmed), base and identity of 9 reports; the sync says the length
+    ("bno08x_shtp", (8 * 256.0**-3) ** 2 * 9 * 256.0**-2),
+    # sync of 32 bits, check of 16
+    ("vectornav_ypr", 256.0**-6),
+])  # fmt: skip
+def test_it_is_the_product_of_what_guards(name, odds):
+    assert false_accepts(settled(name)) == pytest.approx(odds, rel=1e-12)
+
+
+@slow_as_python
+@pytest.mark.parametrize("name", ["ahrs400", "witmotion", "witmotion_ble"])
+def test_random_bytes_pass_as_often_as_computed(name):
+    form = settled(name)
+    form = replace(form, framing=replace(form.framing, confirm=False))  # else there would be nothing to count
+    size = 40_000_000 if name == "witmotion" else 20_000_000
+    noise = np.random.default_rng(1).integers(0, 256, size, dtype=np.uint8).tobytes()
+    expected = false_accepts(form) * size
+    found = sum(decode(noise, form)[1].frames.values())
+    assert expected > 9 and abs(found - expected) < 4 * expected**0.5  # a Poisson count within four of its deviations

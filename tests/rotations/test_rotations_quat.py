@@ -1,4 +1,7 @@
-"""Quaternion algebra: the axioms of a group, and of its action on vectors."""
+"""Quaternions: kernels, averages, and direction cosine matrices."""
+
+import itertools
+import math
 
 import hypothesis.strategies as st
 import numpy as np
@@ -8,6 +11,18 @@ from hypothesis.extra import numpy as hnp
 
 from plumbob import rotations as rot
 from plumbob.core.errors import ShapeError
+from plumbob.rotations import (
+    dcm_from_quat,
+    kernels,
+    quat_angle,
+    quat_from_dcm,
+    quat_from_rotvec,
+    quat_mean,
+    quat_multiply,
+    quat_normalize,
+    quat_rotate,
+    quat_slerp,
+)
 
 EPS = np.finfo(float).eps
 PRODUCT = 8 * EPS  # a component takes 7 roundings of EPS/2 on numbers up to 1; twice that, for the inputs' own norms
@@ -128,3 +143,167 @@ def test_chained_rotations_are_their_product_in_order():
     for i, turn in enumerate(turns, start=1):
         q = rot.quat_multiply(q, rot.quat_from_rotvec(turn))
         assert rot.quat_chained(turns)[i] == pytest.approx(q, abs=1e-14)
+
+
+MEAN = 64 * EPS  # an eigenvector of a 4 × 4 matrix with gaps of order 1
+
+
+def test_of_one_is_itself_and_of_two_half_way(quats):
+    for a, b in zip(quats[:20], quats[20:40], strict=True):
+        assert quat_angle(quat_mean(a[np.newaxis]), a) <= MEAN
+        assert all(quat_mean(mean_of)[0] >= 0.0 for mean_of in ([-a], [a, b], [a, -a, -b]))
+        gap = abs(a @ b)  # the two eigenvalues are 1 ± |a·b|
+        assert quat_angle(quat_mean([a, b]), quat_slerp(a, b, 0.5)) <= MEAN / gap
+
+
+def test_about_one_axis_is_the_circular_mean_and_weights_count_like_repetitions():
+    """[Markley2007] (12): max Σ w (q·q_i)² with angles 2φ = α gives tan α = Σ w sin α_i / Σ w cos α_i."""
+    rng = np.random.default_rng(4)
+    angle, weight, axis = rng.uniform(-1.5, 1.5, 50), rng.uniform(0.1, 3.0, 50), np.array([0.48, -0.6, 0.64])
+    expected = np.arctan2(np.sum(weight * np.sin(angle)), np.sum(weight * np.cos(angle)))
+    mean = quat_mean(quat_from_rotvec(angle[:, np.newaxis] * axis), weight)
+    assert quat_angle(mean, quat_from_rotvec(expected * axis)) <= MEAN
+    a, b = quat_from_rotvec([[0.2, 0, 0], [0, 0.4, 0]])
+    assert quat_angle(quat_mean([a, b], [3, 1]), quat_mean([a, a, a, b])) <= MEAN
+    assert quat_angle(quat_mean([a, b], [0, 1]), b) <= MEAN
+    assert np.array_equal(quat_mean([a, [np.nan] * 4, b]), quat_mean([a, b]))
+
+
+def test_signs_do_not_matter_and_turning_all_turns_the_average(quats):
+    near = quat_multiply(quats[0], quat_from_rotvec(0.1 * np.random.default_rng(1).normal(size=(100, 3))))
+    flipped = near * np.where(np.arange(100) % 3 == 0, -1.0, 1.0)[:, np.newaxis]
+    assert np.array_equal(quat_mean(near), quat_mean(flipped))
+    near = quat_from_rotvec(0.3 * np.random.default_rng(1).normal(size=(100, 3)))
+    mean = quat_mean(near)
+    assert quat_angle(quat_mean(quat_multiply(quats[5], near)), quat_multiply(quats[5], mean)) <= MEAN
+    assert quat_angle(quat_mean(quat_multiply(near, quats[5])), quat_multiply(mean, quats[5])) <= MEAN
+
+
+NOTHING, TWO = "nothing to average", "not unique"
+AVERAGE_REFUSED = [
+    *(((q,), NOTHING) for q in (np.zeros((0, 4)), [[np.nan] * 4], [[1, 0, 0, np.nan]])),
+    *(((q,), TWO) for q in (np.eye(4), np.eye(4)[:2], quat_from_rotvec([[0, 0, 0], [np.pi, 0, 0]]))),
+    *(((np.eye(4)[:2], [1.0, bad]), "weights must be finite and ≥ 0") for bad in (-1.0, np.nan, np.inf)),
+    ((np.eye(4), [1.0]), "weights must have one entry"),
+]
+
+
+@pytest.mark.parametrize(("given", "says"), AVERAGE_REFUSED)
+def test_what_has_no_average_is_refused(given, says):
+    with pytest.raises(ShapeError, match=says):
+        quat_mean(*given)
+
+
+def test_bijection_with_quaternions_by_proper_rotations(rotvec):
+    q = quat_from_rotvec(rotvec)
+    c = dcm_from_quat(q)
+    assert c.shape == (*rotvec.shape, 3)
+    assert np.abs(c @ np.swapaxes(c, -1, -2) - np.eye(3)).max(initial=0) <= 8 * EPS
+    assert np.abs(np.linalg.det(c) - 1).max(initial=0) <= 8 * EPS
+    back = quat_from_dcm(c)
+    assert back.shape == q.shape
+    assert quat_angle(q, back).max(initial=0) <= 8 * EPS  # entries of the matrix are right to 3 EPS
+    assert (back[..., 0] >= 0).all()
+
+
+def test_matrix_times_vector_is_rotation_of_vector(quats):
+    """[Sola2017] (115)."""
+    v = np.random.default_rng(5).normal(size=(1000, 3))
+    turned = (dcm_from_quat(quats) @ v[..., np.newaxis])[..., 0]
+    np.testing.assert_allclose(turned, quat_rotate(quats, v), rtol=0, atol=16 * EPS * np.abs(v).max())
+
+
+def test_the_24_right_angle_rotations_are_exact_and_tolerance_is_on_the_orthogonality():
+    """All proper signed permutation matrices: every pivot of the conversion, and all 180° turns."""
+    proper = [
+        c
+        for order in itertools.permutations(range(3))
+        for signs in itertools.product((1.0, -1.0), repeat=3)
+        if np.linalg.det(c := np.diag(signs)[:, order]) > 0
+    ]
+    assert len(proper) == 24
+    assert np.abs(dcm_from_quat(quat_from_dcm(proper)) - proper).max() <= 2 * EPS
+    tilted = np.eye(3)
+    tilted[0, 1] = 5e-4
+    with pytest.raises(ShapeError, match=r"reaches 0\.0005"):
+        quat_from_dcm(tilted)
+    np.testing.assert_allclose(quat_from_dcm(tilted, tolerance=1e-3), [1, 0, 0, -1.25e-4], atol=1e-7)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("off", [0.0, 1e-16, 1e-12, 1e-9, 1e-8, 1e-5])
+def test_next_to_half_turns_nothing_is_lost(axis, off):
+    """A conversion that always divides by the scalar part loses all digits here."""
+    q = quat_from_rotvec((np.pi - off) * np.eye(3)[axis])
+    assert quat_angle(quat_from_dcm(dcm_from_quat(q)), q) <= 8 * EPS
+
+
+@pytest.mark.parametrize(("c", "says"), [
+    (np.diag([1.0, 1.0, -1.0]), "determinant −1"),
+    (-np.eye(3), "determinant −1"),
+    (1.001 * np.eye(3), "not orthogonal"),
+    (np.zeros((3, 3)), "not orthogonal"),
+    (np.full((3, 3), np.nan), "not orthogonal"),
+    (np.eye(4), r"shape \(\.\.\., 3\)"),
+    (np.ones(3), r"shape \(\.\.\., 3, 3\)"),
+    (np.ones((2, 3)), r"shape \(\.\.\., 3, 3\)"),
+])  # fmt: skip
+def test_refuses_what_is_no_rotation(c, says):
+    with pytest.raises(ShapeError, match=says):
+        quat_from_dcm(c)
+
+
+@pytest.fixture(params=["compiled", "py_func"])
+def run(request):
+    """Call a kernel row by row, on Python floats."""
+
+    def rows(kernel, *tables):
+        call = getattr(kernel, request.param)
+        return np.array([call(*map(float, row)) for row in np.concatenate(tables, axis=1)])
+
+    return rows
+
+
+@pytest.fixture
+def kernels_vectors():
+    return np.random.default_rng(13).normal(size=(1000, 3))
+
+
+def test_shared_formulas_give_the_same_bits(run, quats, kernels_vectors):
+    other = quats[::-1]
+    assert np.array_equal(run(kernels.quat_mul, quats, other), quat_multiply(quats, other))
+    assert np.array_equal(run(kernels.rotate, quats, kernels_vectors), quat_rotate(quats, kernels_vectors))
+    assert np.array_equal(
+        run(kernels.cross, kernels_vectors, kernels_vectors[::-1]), np.cross(kernels_vectors, kernels_vectors[::-1])
+    )
+    np.testing.assert_allclose(run(kernels.third_row, quats), dcm_from_quat(quats)[:, 2], rtol=0, atol=2 * EPS)
+
+
+def test_twins_agree_to_rounding(run, quats, kernels_vectors):
+    """Where the array function is written otherwise, the two differ by their own roundings: 2 EPS each."""
+    scaled = quats * np.logspace(-100, 100, 1000)[:, np.newaxis]
+    np.testing.assert_allclose(run(kernels.quat_unit, scaled), quat_normalize(scaled), rtol=4 * EPS, atol=0)
+    for size in (1e-9, 9e-3, 1.1e-2, 1.0):
+        r = size * kernels_vectors
+        np.testing.assert_allclose(run(kernels.quat_exp, r), quat_from_rotvec(r), rtol=4 * EPS, atol=EPS)
+
+
+def test_what_has_no_direction_becomes_the_identity_and_nan_stays_nan(run):
+    """A kernel that turns NaN into a number hides a lost sample."""
+    nan, inf = math.nan, math.inf
+    for q in ((0.0,) * 4, (nan, 0.0, 0.0, 1.0), (1.0, inf, 0.0, 0.0), (inf, -inf, nan, 0.0)):
+        assert np.array_equal(run(kernels.quat_unit, [q]), [[1, 0, 0, 0]])
+    assert np.isnan(run(kernels.rotate, [[1.0, 0, 0, 0]], [[nan, nan, nan]])).all()
+    assert np.isnan(run(kernels.quat_exp, [[nan, 0, 0]]))[0, :2].all()
+
+
+def test_a_turn_is_the_same_however_many_steps_it_takes(run):
+    """1e5 steps of exp compose to one: the norm drifts by a random walk of roundings, √n EPS, here under n EPS/100."""
+    n, q = 20_000, (1.0, 0.0, 0.0, 0.0)
+    step = run(kernels.quat_exp, [[1e-4, 2e-4, -1e-4]])[0].tolist()
+    mul = kernels.quat_mul.py_func
+    for _ in range(n):
+        q = mul(*q, *step)
+    whole = run(kernels.quat_exp, [[1e-4 * n, 2e-4 * n, -1e-4 * n]])[0]
+    assert abs(math.sqrt(sum(c * c for c in q)) - 1) <= n * EPS
+    assert np.abs(np.array(q) - whole * np.sign(whole @ q)).max() <= n * EPS

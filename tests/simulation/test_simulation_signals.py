@@ -1,9 +1,17 @@
-"""Signals: derivatives against differences, and each shape against its closed form."""
+"""Signals: noise has the spectra of its card, waves those of their sea."""
+
+import math
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.signal import welch
 
-from plumbob.simulation import signals
+from plumbob.core.constants import G0
+from plumbob.simulation import TriadErrors, errors, signals
+from plumbob.simulation.errors import measure, stream
+from plumbob.simulation.motion import draw_sea, jonswap, oscillator
+from plumbob.simulation.signals import Sinusoids
 
 RNG = np.random.default_rng(5)
 T = np.sort(RNG.uniform(0.3, 9.7, 200))
@@ -103,3 +111,144 @@ def test_oscillator_answers_a_wave_with_its_transfer_function_and_rests_where_a_
     found = signals.Driven(1.0, 0.1, np.full((5, 1), 3.0), 10.0, 0.2).at(np.array([1.0, 1.23, 1.4]))
     np.testing.assert_allclose(found.value, 0.03, rtol=1e-12)  # drive / ω²
     np.testing.assert_allclose(found.rate, 0.0, atol=1e-12)
+
+
+COUNT, RATE = 200_000, 50.0
+LEVEL = np.array([0.02, 0.05, 0.1])
+FLOOR = np.sqrt(2.0 * np.log(2.0) / np.pi)  # 0.6643, IEEE Std 952, from the two-sided density B²/(2πf)
+
+
+def allan(y, n):
+    """Overlapping Allan deviation, NIST SP 1065 (11), at n samples, of each column."""
+    x = np.concatenate((np.zeros((1, y.shape[1])), np.cumsum(y, axis=0)))
+    d = x[2 * n :] - 2.0 * x[n:-n] + x[: -2 * n]
+    return np.sqrt(np.mean(d * d, axis=0) / 2.0) / n
+
+
+def edf(n, kind):
+    """Degrees of freedom of the overlapping estimate, NIST SP 1065 table 5 (white, flicker, random walk of rate)."""
+    m = COUNT
+    return {
+        "white": (3.0 * (m - 1) / (2.0 * n) - 2.0 * (m - 2) / m) * 4.0 * n**2 / (4.0 * n**2 + 5.0),
+        "flicker": 5.0 * m**2 / (4.0 * n * (m + 3.0 * n)),
+        "walk": (m - 2.0) / n * ((m - 1.0) ** 2 - 3.0 * n * (m - 1.0) + 4.0 * n**2) / (m - 3.0) ** 2,
+    }[kind]
+
+
+def assert_near(found, expected, n, kind):
+    """Within four standard deviations of an Allan deviation: a fraction 1/√(2 edf) each."""
+    np.testing.assert_allclose(found, expected, rtol=4.0 / np.sqrt(2.0 * edf(n, kind)))
+
+
+@pytest.mark.parametrize("n", [1, 10, 100, 1000])
+def test_white_noise_lies_at_n_over_root_tau(n):
+    y = errors.white(errors.white_sd(LEVEL, RATE), COUNT, stream(1, "test"))
+    assert_near(allan(y, n), LEVEL / np.sqrt(n / RATE), n, "white")  # IEEE Std 952
+
+
+@pytest.mark.parametrize("n", [16, 64, 256, 1024, 4096])
+def test_flicker_noise_is_flat_at_two_thirds_of_b(n):
+    y = errors.flicker(LEVEL, COUNT, stream(2, "test"))
+    # folding raises the sampled deviation by 0.2 % at 16 samples (variance ratio 1.015 at 8, 1.000 at 64, from the
+    # integral of the folded density), far below the tolerance there
+    assert_near(allan(y, n), FLOOR * LEVEL, n, "flicker")
+
+
+def test_flicker_at_one_sample_shows_the_folded_spectrum_and_a_ramp_rises_with_tau():
+    y = errors.flicker(LEVEL, COUNT, stream(2, "test"))
+    # half the mean square of the first difference: ∫ B²/|2 sin πf| · 2 sin²(πf) df over ±½ = B² 2/π (closed form)
+    assert_near(allan(y, 1), LEVEL * np.sqrt(2.0 / np.pi), 1, "white")
+    drifting = TriadErrors(ramp=LEVEL)
+    still = np.zeros((5000, 3))
+    y = measure(drifting, still, triad="gyr", seed=0, rate=RATE, temp_c=np.full(5000, 25.0), force_b=still).values
+    for n in (1, 30, 1000):
+        np.testing.assert_allclose(allan(y, n), LEVEL * n / RATE / np.sqrt(2.0), rtol=1e-8)  # IEEE Std 952: R τ/√2
+
+
+@pytest.mark.parametrize("n", [1, 10, 100, 1000])
+def test_random_walk_rises_with_root_tau(n):
+    y = errors.random_walk(LEVEL, COUNT, RATE, stream(3, "test"))
+    # K √(τ/3), IEEE Std 952; a walk that is sampled, not averaged, has 1 + 1/(2n²) of that variance (closed form)
+    expected = LEVEL * np.sqrt(n / RATE / 3.0 * (1.0 + 0.5 / n**2))
+    assert_near(allan(y, n), expected, n, "walk")
+
+
+def test_streams_are_repeatable_and_do_not_share_numbers():
+    again, other, another = (stream(*key).standard_normal(1000) for key in
+                             ((1, "gyr", "white"), (1, "acc", "white"), (1, "gyr", "flicker")))  # fmt: skip
+    np.testing.assert_array_equal(stream(1, "gyr", "white").standard_normal(1000), again)
+    for x in (other, another, stream(2, "gyr", "white").standard_normal(1000)):
+        assert abs(np.corrcoef(again, x)[0, 1]) < 4.0 / np.sqrt(1000)  # sd of a correlation of independent numbers
+
+
+SEA = {"height": 1.5, "period": 6.0, "peakedness": 1.0, "direction": 0.8, "spread": 0.3}
+
+
+def sea(seed=0, **changes):
+    return draw_sea(**{**SEA, **changes}, rng=stream(seed, "sea"))
+
+
+def elevation(waves):
+    """Height of the surface over its mean, m."""
+    return Sinusoids.from_phasors(waves.omega, waves.phasor)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_significant_height_is_four_standard_deviations(seed):
+    waves = sea(seed)
+    assert 4.0 * math.sqrt(0.5 * np.sum(np.abs(waves.phasor) ** 2)) == pytest.approx(1.5, rel=1e-12)  # mean power
+    # over a time T two lines mix by at most a b / (½ Δω T), and each with itself and the mean by less: closed form of
+    # the mean product of two cosines
+    duration, size = 7200.0, np.abs(waves.phasor)
+    apart = np.abs(waves.omega[:, np.newaxis] - waves.omega) + np.eye(size.size) * waves.omega
+    mixing = np.sum(np.outer(size, size) / (apart * duration))
+    variance = elevation(waves).at(np.arange(0.0, duration, 0.25)).value.var()
+    assert mixing < 0.1 * variance
+    assert variance == pytest.approx((1.5 / 4.0) ** 2, abs=mixing)
+
+
+def test_the_spectrum_peaks_at_the_period_has_its_energy_and_is_narrower_on_the_low_side():
+    t = np.arange(0.0, 7200.0, 0.5)
+    f, power = welch(elevation(sea(peakedness=7.0)).at(t).value, fs=2.0, nperseg=240)
+    spacing = 3.4 / 6.0 / 64.0  # between wave trains; the analyser's own bins are 1/120 Hz apart
+    assert f[np.argmax(power)] == pytest.approx(1.0 / 6.0, abs=spacing + 1.0 / 120.0)
+    energy, _ = quad(
+        lambda f: float(jonswap(np.array(f), peak=0.2, peakedness=1.0)), 1e-3, 50.0, points=[0.2], limit=500
+    )
+    assert energy == pytest.approx(0.2 * 0.2, rel=1e-6)  # ∫ f⁻⁵ exp(−1.25 f⁻⁴) df = 1/5, times the peak frequency
+    # closed form [Hasselmann1973]: γ to the power exp(−(f/fp − 1)²/2σ²), σ 0.07 below the peak and 0.09 above
+    for f, sigma in ((0.9, 0.07), (1.1, 0.09)):
+        raised, plain = (jonswap(np.array([f]), peak=1.0, peakedness=p)[0] for p in (3.3, 1.0))
+        assert math.log(raised / plain) == pytest.approx(math.log(3.3) * math.exp(-0.01 / (2.0 * sigma**2)), rel=1e-12)
+
+
+@pytest.mark.parametrize("peakedness", [1.0, 3.3])
+def test_spectra_peak_where_they_should_and_by_as_much(peakedness):
+    f = np.linspace(0.05, 0.6, 200_001)
+    shape = jonswap(f, peak=0.15, peakedness=peakedness)
+    assert f[np.argmax(shape)] == pytest.approx(0.15, abs=1e-5)
+    at_peak = jonswap(np.array([0.15]), peak=0.15, peakedness=peakedness)[0]
+    assert at_peak == pytest.approx(peakedness * math.exp(-1.25), rel=1e-12)  # γ times Pierson and Moskowitz's
+
+
+def test_water_feels_gravity_along_its_normal_and_crests_travel_where_they_are_said_to():
+    waves = sea()
+    acceleration = -(waves.omega**2)[:, np.newaxis] * waves.displacement_ned  # twice derived phasors
+    # linear deep-water waves: a free surface feels no force along itself, so that a = −g · slope horizontally
+    np.testing.assert_allclose(acceleration[:, :2], -G0 * waves.slope_ne, atol=1e-12)
+    waves = sea(spread=0.0, direction=0.5)
+    rising = 1j * waves.omega * waves.phasor
+    ahead = waves.slope_ne @ [math.cos(0.5), math.sin(0.5)]
+    # η(x − ct): the surface rises where it slopes down ahead, ∂η/∂t = −c ∂η/∂x with c = g/ω
+    np.testing.assert_allclose(rising, -(G0 / waves.omega) * ahead, atol=1e-12)
+    turned = np.concatenate([sea(s).direction for s in range(20)]) - 0.8
+    np.testing.assert_allclose(turned.std(), 0.3, rtol=4.0 / math.sqrt(2.0 * turned.size))
+
+
+def test_a_damped_oscillator():
+    omega = 2.0 * math.pi * np.array([0.0, 0.5, 1e6])
+    h = oscillator(omega, period=2.0, damping=0.2)
+    assert h[0] == 1.0
+    assert h[1] == pytest.approx(-1j / 0.4)  # at resonance 1/(2jζ)
+    assert abs(h[2]) < 1e-11
+    np.testing.assert_array_equal(oscillator(omega, period=0.0, damping=0.2), 1.0)
