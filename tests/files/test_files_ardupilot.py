@@ -11,7 +11,7 @@ from plumbob.files import read, write
 from plumbob.rotations import Frame, North, quat_angle
 from tests.helpers import log_samples as made
 from tests.helpers.file_kinds import telemetry
-from tests.helpers.io_samples import refused
+from tests.helpers.io_samples import put, refused
 from tests.helpers.real_data import DATA, needs
 
 REAL = DATA / "formats" / "ardupilot_test.bin"
@@ -19,9 +19,7 @@ real = needs("formats/ardupilot_test.bin")
 
 
 def test_samples_have_the_units_and_frames_of_ardupilot(tmp_path):
-    path = tmp_path / "00000001.BIN"
-    path.write_bytes(made.dataflash())
-    recording = read(path)
+    recording = read(put(tmp_path / "00000001.BIN", made.dataflash()))
     imu, track = recording.imu, recording.track
     _, gyr, acc, q_nb = made.motion()
     np.testing.assert_allclose(imu.gyr, gyr, atol=1e-7)
@@ -37,8 +35,7 @@ def test_samples_have_the_units_and_frames_of_ardupilot(tmp_path):
 
 
 def test_the_first_of_several_units_is_taken_and_the_others_are_listed(tmp_path):
-    path = tmp_path / "two.bin"
-    path.write_bytes(made.dataflash(instances=True))
+    path = put(tmp_path / "two.bin", made.dataflash(instances=True))
     recording = read(path)
     np.testing.assert_allclose(recording.imu.gyr[:, 2], 0.5, atol=1e-6)
     assert any("400 messages; not taken: IMU.1 (400); --unit IMU.1 takes" in str(note) for note in recording.notes)
@@ -51,8 +48,7 @@ def test_the_first_of_several_units_is_taken_and_the_others_are_listed(tmp_path)
 
 
 def test_all_units_on_the_same_stamps_are_an_array(tmp_path):
-    path = tmp_path / "two.bin"
-    path.write_bytes(made.dataflash(instances=True))
+    path = put(tmp_path / "two.bin", made.dataflash(instances=True))
     array = read(path, unit="all").array
     assert array.names == ("IMU.0", "IMU.1")
     np.testing.assert_allclose(array.units["IMU.1"].gyr - array.units["IMU.0"].gyr, 1.0, atol=1e-6)
@@ -81,9 +77,7 @@ def test_old_logs_count_ms(tmp_path):
     out += made.fmt(129, "IMU", "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", 31)
     for i in range(100):
         out += b"\xa3\x95\x81" + struct.pack("<I6f", 1000 + 20 * i, 0, 0, 0.1, 0, 0, -9.8)
-    path = tmp_path / "old.bin"
-    path.write_bytes(out)
-    np.testing.assert_allclose(np.diff(read(path).imu.t), 0.02)
+    np.testing.assert_allclose(np.diff(read(put(tmp_path / "old.bin", out)).imu.t), 0.02)
 
 
 @real
@@ -123,9 +117,7 @@ def sent_raw(sender, wire, mavlink, autopilot=3):
 
 
 def test_telemetry_in_si(tmp_path):
-    path = tmp_path / "a.tlog"
-    path.write_bytes(telemetry(sent_highres))
-    recording = read(path)
+    recording = read(put(tmp_path / "a.tlog", telemetry(sent_highres)))
     _, gyr, acc, q_nb = made.motion(200)
     np.testing.assert_allclose(recording.imu.gyr, gyr, atol=1e-7)
     np.testing.assert_allclose(recording.imu.acc, acc, rtol=1e-6)
@@ -135,9 +127,7 @@ def test_telemetry_in_si(tmp_path):
 
 
 def test_telemetry_in_milli_units_where_ardupilot_sent_it(tmp_path):
-    path = tmp_path / "a.tlog"
-    path.write_bytes(telemetry(sent_raw))
-    imu = read(path).imu
+    imu = read(put(tmp_path / "a.tlog", telemetry(sent_raw))).imu
     np.testing.assert_allclose(imu.acc, [[0.0, 0.0, -made.G]] * 200)  # −1000 mg
     np.testing.assert_allclose(imu.gyr, [[0.0, 0.0, 0.5]] * 200)  # 500 mrad/s
     np.testing.assert_allclose(imu.mag, [[20.0, 0.0, 40.0]] * 200)  # 200 and 400 mgauss
@@ -150,8 +140,7 @@ def test_another_imu_of_telemetry(tmp_path):
             sender.scaled_imu_send(20 * i, 0, 0, -1000, 100, 0, 0, 0, 0, 0)
             sender.scaled_imu2_send(20 * i, 0, 0, -1000, 200, 0, 0, 0, 0, 0)
 
-    path = tmp_path / "a.tlog"
-    path.write_bytes(telemetry(sent))
+    path = put(tmp_path / "a.tlog", telemetry(sent))
     assert any("not taken: SCALED_IMU2 (50); --unit SCALED_IMU2" in str(note) for note in read(path).notes)
     np.testing.assert_allclose(read(path, unit="scaled_imu2").imu.gyr, [[0.2, 0.0, 0.0]] * 50)
 
@@ -159,9 +148,7 @@ def test_another_imu_of_telemetry(tmp_path):
 def test_a_packet_with_a_wrong_crc_is_left_out(tmp_path):
     raw = bytearray(telemetry(sent_highres))
     raw[8 + 10 + 12] ^= 1  # in the first packet's payload
-    path = tmp_path / "a.tlog"
-    path.write_bytes(bytes(raw))
-    recording = read(path)
+    recording = read(put(tmp_path / "a.tlog", bytes(raw)))
     assert len(recording.imu) == 199
     assert any("1 packet left out" in str(note) for note in recording.notes)
 

@@ -11,7 +11,7 @@ from plumbob.files import kind_of, read
 from plumbob.files.foreign import phones
 from plumbob.rotations import Frame, North, quat_rotate
 from tests.helpers import file_kinds as kinds
-from tests.helpers.io_samples import refused
+from tests.helpers.io_samples import put, refused
 from tests.helpers.real_data import DATA, needs
 
 
@@ -44,8 +44,7 @@ def test_phyphox_pauses_short_names_and_single_tables(tmp_path):
     np.testing.assert_allclose(recording.imu.acc[5], kinds.REST)
     assert recording.imu.meta.t0_ns == 0
     assert any("the start and any pauses are not known" in str(note) for note in recording.notes)
-    path = tmp_path / "Raw Data.csv"
-    path.write_text(kinds.phyphox_table("Gyroscope ", "rad/s", kinds.RATE), encoding="utf-8")
+    path = put(tmp_path / "Raw Data.csv", kinds.phyphox_table("Gyroscope ", "rad/s", kinds.RATE))
     imu = read(path).imu
     assert (kind_of(path).name, imu.triads, imu.gyr.tolist()) == ("phone", ("gyr",), [[*kinds.RATE]] * 200)
     path.write_text(path.read_text().replace("Time (s)", "Time (ms)"))  # of another logger
@@ -144,9 +143,7 @@ def test_sensorlog_turns_the_sign_of_ios_and_takes_each_sample_once(tmp_path):
         stamp = f"2025-10-05 10:20:{i * 0.01:06.3f} +0200"
         values = (0.01, -0.02, -1.0, sampled, *kinds.RATE, *kinds.FIELD, 1.0)
         lines.append(",".join([stamp, f"{sampled:.4f}", *(f"{v}" for v in values)]))
-    path = tmp_path / "2025-10-05_10_20_00_iPhone.csv"
-    path.write_text("\n".join([names, *lines, ""]), encoding="utf-8")
-    recording = read(path)
+    recording = read(put(tmp_path / "2025-10-05_10_20_00_iPhone.csv", "\n".join([names, *lines, ""])))
     imu = recording.imu
     assert len(imu) == 50
     # face up at rest: CoreMotion's z is -1, and the specific force points up [CMAccelerometerData]
@@ -165,8 +162,7 @@ def test_sensorlog_of_device_motion_alone_adds_gravity_and_takes_no_field_of_zer
     user, gravity = (0.1, 0.0, -0.2), (0.0, 0.6, -0.8)
     # CoreMotion gives a field of zeros while it is not calibrated, or the attitude asks for none
     rows = [[i / 100, i / 100, *user, *gravity, *kinds.RATE, 0.0, 0.0, 0.0, *kinds.FIELD] for i in range(100)]
-    path = tmp_path / "log.csv"
-    path.write_text("\n".join([",".join(names), *(",".join(map(str, row)) for row in rows), ""]), encoding="utf-8")
+    path = put(tmp_path / "log.csv", "\n".join([",".join(names), *(",".join(map(str, row)) for row in rows), ""]))
     imu = read(path).imu
     # what iOS measures is gravity and user acceleration together, and specific force its opposite
     np.testing.assert_allclose(imu.acc, np.tile([-0.1 * G0, -0.6 * G0, 1.0 * G0], (100, 1)), rtol=1e-12)
@@ -241,8 +237,7 @@ def test_archives_that_are_no_recording_or_hostile_say_why(tmp_path, case):
 
 
 def test_links_in_a_folder_are_not_followed(tmp_path):
-    outside = tmp_path / "Gyroscope.csv"
-    outside.write_text(kinds.logger_table(kinds.RATE), encoding="utf-8")
+    outside = put(tmp_path / "Gyroscope.csv", kinds.logger_table(kinds.RATE))
     folder = tmp_path / "walk"
     folder.mkdir()
     (folder / "Gyroscope.csv").symlink_to(outside)

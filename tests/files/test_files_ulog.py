@@ -11,7 +11,7 @@ from plumbob.files import read
 from plumbob.files.foreign import ulog as reader
 from plumbob.rotations import Frame, North, quat_angle
 from tests.helpers import log_samples as made
-from tests.helpers.io_samples import refused
+from tests.helpers.io_samples import put, refused
 from tests.helpers.real_data import DATA, needs
 from tests.helpers.real_data import real as real_file
 
@@ -50,9 +50,7 @@ def test_a_new_acceleration_has_its_own_stamp(tmp_path):
         struct.pack("<Q3fIi3f", 1_000_000 + 5000 * i, 0, 0, 0, 5000, 0x7FFFFFFF if i % 2 else 1000, i, 0, -9.8)
         for i in range(100)
     ]
-    path = tmp_path / "a.ulg"
-    path.write_bytes(made.ulog(topics=[("sensor_combined", 0, made.COMBINED, rows)]))
-    imu = read(path).imu
+    imu = read(put(tmp_path / "a.ulg", made.ulog(topics=[("sensor_combined", 0, made.COMBINED, rows)]))).imu
     known = np.isfinite(imu.acc[:, 0])
     # every other row has none; each of the others is 1 ms later than its row: linear in time, x(t) = (t − 1 ms) / 5 ms
     np.testing.assert_allclose(imu.acc[known, 0], imu.t[known] / 0.005 - 0.2, atol=1e-6)
@@ -66,9 +64,7 @@ def test_single_sensors_are_taken_where_there_is_nothing_else(tmp_path):
         ("sensor_accel", 0, made.SINGLE, rows),
         ("sensor_mag", 0, made.SINGLE, rows),
     ]
-    path = tmp_path / "single.ulg"
-    path.write_bytes(made.ulog(topics=topics))
-    recording = read(path)
+    recording = read(put(tmp_path / "single.ulg", made.ulog(topics=topics)))
     np.testing.assert_allclose(recording.imu.gyr, [[0.1, 0.2, 0.3]] * 200, rtol=1e-6)
     np.testing.assert_allclose(recording.imu.mag, [[10.0, 20.0, 30.0]] * 200, rtol=1e-6)
     assert recording.track is None
@@ -100,8 +96,7 @@ def several(turned=0):
 
 
 def test_another_imu_is_taken_where_it_is_asked_for(tmp_path):
-    path = tmp_path / "several.ulg"
-    path.write_bytes(several())
+    path = put(tmp_path / "several.ulg", several())
     first = read(path)
     assert first.imu.gyr[0, 0] == 0.5
     assert any(
@@ -122,8 +117,7 @@ def test_another_imu_is_taken_where_it_is_asked_for(tmp_path):
 
 
 def test_a_turned_boards_single_sensors_stand_alone(tmp_path):
-    path = tmp_path / "turned.ulg"
-    path.write_bytes(several(turned=4))
+    path = put(tmp_path / "turned.ulg", several(turned=4))
     recording = read(path, unit="sensor_gyro.0")
     assert recording.imu.mag is None and recording.track is None
     assert any("which are in body axes, as the board is turned" in str(note) for note in recording.notes)
@@ -133,9 +127,7 @@ def test_a_turned_boards_single_sensors_stand_alone(tmp_path):
 def test_damage_between_messages_is_skipped_and_said(tmp_path):
     raw = made.px4()
     middle = raw.find(b"D", len(raw) // 2) - 2
-    path = tmp_path / "damaged.ulg"
-    path.write_bytes(raw[:middle] + bytes(100) + raw[middle:])
-    recording = read(path)
+    recording = read(put(tmp_path / "damaged.ulg", raw[:middle] + bytes(100) + raw[middle:]))
     assert len(recording.imu) >= 390
     assert any("skipped" in str(note) for note in recording.notes)
 

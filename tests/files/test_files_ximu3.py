@@ -7,16 +7,14 @@ from plumbob.core.constants import G0
 from plumbob.files import read
 from plumbob.rotations import Frame, North
 from tests.helpers.file_kinds import binary
-from tests.helpers.io_samples import refused
+from tests.helpers.io_samples import put, refused
 
 # 0.5, -0.25, 0 deg/s; 0, 0, 1 g; t = 1 s
 VECTOR = bytes.fromhex("C940420F00000000000000003F000080BE0000000000000000000000000000803F0A")
 
 
 def test_the_vector_of_the_protocol_escapes_other_messages_and_junk(tmp_path):
-    path = tmp_path / "a.ximu3"
-    path.write_bytes(VECTOR + b"I,1010000,0.5,-0.25,0.0,0.0,0.0,1.0\r\n")
-    imu = read(path).imu
+    imu = read(put(tmp_path / "a.ximu3", VECTOR + b"I,1010000,0.5,-0.25,0.0,0.0,0.0,1.0\r\n")).imu
     np.testing.assert_allclose(imu.t, [0.0, 0.01])
     np.testing.assert_allclose(imu.gyr, np.tile(np.deg2rad([0.5, -0.25, 0.0]), (2, 1)))
     np.testing.assert_allclose(imu.acc, np.tile([0.0, 0.0, G0], (2, 1)))
@@ -29,9 +27,7 @@ def test_the_vector_of_the_protocol_escapes_other_messages_and_junk(tmp_path):
     raw += (
         b'{"ping":{}}\n' + binary("B", 1, 50.0, 3.9, 0.0) + b"rubbish\n" + b"\xc9short\n" + b"I,1,2\r\n" + b"\xc9\x40"
     )
-    path = tmp_path / "a.ximu3"
-    path.write_bytes(raw)
-    recording = read(path)
+    recording = read(put(tmp_path / "a.ximu3", raw))
     imu = recording.imu
     assert len(imu) == 30
     np.testing.assert_allclose(np.diff(imu.t), 0xDB * 256 / 1e6, atol=1e-9)

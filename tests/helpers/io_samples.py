@@ -63,6 +63,12 @@ def make_track(rows: int = ROWS, *, full: bool = True) -> AttitudeTrack:
     )  # fmt: skip
 
 
+def put(path: Path, content: str | bytes) -> Path:
+    """The path, where a file of this content lies now."""
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
 LEFT = tuple(np.random.default_rng(9).normal(size=78).tolist())
 EXTREMES = np.zeros((ROWS, 3))
 EXTREMES[0] = [-0.0, 5e-324, -2.2250738585072009e-308]  # smallest and largest denormal (IEEE 754 binary64)

@@ -14,7 +14,7 @@ stamp was set. Stamps are UTC where they lie behind the year 2001; earlier ones 
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 from typing import Final
@@ -135,16 +135,6 @@ def _left_out(topics: Iterable[Topic], used: Iterable[Topic]) -> list[Note]:
     return [info("source.left_out", names=_listed(rest))] if rest else []
 
 
-@dataclass
-class _RosImu:
-    """One IMU as it was read."""
-
-    imu: ImuData | None
-    track: AttitudeTrack | None
-    used: list[Topic]
-    notes: list[Note]
-
-
 def _measured(table: MessageTable) -> dict[str, Floats]:
     """Triads that an IMU's messages hold: neither absent by their covariance nor zero in every one, as no sensor is."""
     triads = {}
@@ -174,26 +164,26 @@ def _of_imus(several: list[Topic], topics: list[Topic], name: str) -> Recording:
             f"{several[0].name} (in Python, unit='{several[0].name}')."
         )
     units = [_unit(topic, table, topics) for topic, table in zip(several, tables, strict=True)]
-    used = [topic for unit in units for topic in unit.used]
+    used = [topic for _, own in units for topic in own]
     omitted = _left_out(topics, used)
     if is_one:
-        parts = [Recording(imu=unit.imu, notes=tuple(unit.notes)) for unit in units if unit.imu is not None]
-        together, why = joined_recordings(parts, name), info("source.ros_joined", topics=_listed(several))
+        together = joined_recordings([unit for unit, _ in units if unit.imu is not None], name)
+        why = info("source.ros_joined", topics=_listed(several))
         return replace(together, notes=(info("source.ros"), why, *together.notes, *omitted))
-    notes = [info("source.ros"), *(line for unit in units for line in unit.notes), *omitted]
+    notes = [info("source.ros"), *(line for unit, _ in units for line in unit.notes), *omitted]
     if any(topic.kind in {MAG, TEMPERATURE} and topic not in used for topic in topics):
         notes.append(info("source.ros_one_magnetometer"))
     if len(units) == 1:
-        return Recording(imu=units[0].imu, track=units[0].track, name=name, notes=tuple(dict.fromkeys(notes)))
-    notes += [info("source.ros_orientation_left_out", name=unit.used[0].name) for unit in units if unit.track]
-    samples = {unit.used[0].name: unit.imu for unit in units if unit.imu is not None}
+        return replace(units[0][0], name=name, notes=tuple(dict.fromkeys(notes)))
+    notes += [info("source.ros_orientation_left_out", name=own[0].name) for unit, own in units if unit.track]
+    samples = {own[0].name: unit.imu for unit, own in units if unit.imu is not None}
     if not samples:
         raise ParameterError(f"it holds orientations alone, on {_listed(several)}. Name one with --unit.")
     return Recording(array=ImuArray(samples), name=name, notes=tuple(dict.fromkeys(notes)))
 
 
-def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> _RosImu:
-    """Samples and orientation of one IMU, and of the magnetometer and thermometer in its frame."""
+def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> tuple[Recording, list[Topic]]:
+    """Samples and orientation of one IMU, the magnetometer and thermometer in its frame too, and what they are of."""
     stamps, notes = table.t_ns, [*table.notes]
     if len(table.frames) > 1:
         raise DecodeError(f"{topic.name}: its messages are in the frames {', '.join(table.frames[:5])}, not in one.")
@@ -209,12 +199,12 @@ def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> _RosImu:
     if not log.streams:
         if track is None:
             raise DecodeError(f"{topic.name} holds neither rates, accelerations nor orientations of norm 1.")
-        return _RosImu(None, track, used, notes)
+        return Recording(track=track, notes=tuple(notes)), used
     for key, kind in (("mag", MAG), ("temp_c", TEMPERATURE)):
         if beside := _in_frame(kind, topic, table, topics):
             _add(key, *beside, log, stamps, used)
     made = log.joined()
-    return _RosImu(made.imu, track, used, notes + list(made.notes))
+    return Recording(imu=made.imu, track=track, notes=(*notes, *made.notes)), used
 
 
 def _present(values: Floats, said: Floats) -> Floats:
