@@ -2,16 +2,18 @@
 
 import errno
 import os
+import pickle
 
 import numpy as np
 import pytest
 
+from plumbob import profile
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeError
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files import FORMATS, read, write
 from tests.helpers import full_disk
-from tests.helpers.io_samples import CASES, ROWS, assert_same, make_imu, make_track, refused
+from tests.helpers.io_samples import CASES, ROWS, assert_same, make_imu, make_track, put, refused
 
 FORMATS_WRITTEN = {
     **{suffix: {"nan_bits": True} for suffix in (".parquet", ".mat", ".nc")},
@@ -129,6 +131,25 @@ def test_what_no_format_takes_is_refused(tmp_path):
     refused(Recording, match="imu, track or both", error=ShapeError)
     refused(Recording, imu=imu, notes="one text", match="notes", error=ShapeError)
     assert [path.name for path in tmp_path.iterdir()] == ["pipe.parquet"]
+
+
+KNOWN = {
+    "a.db": (b"SQLite format 3\0" + bytes(84), "a SQLite database.*sqlite3 -header -csv"),
+    "a.pkl": (pickle.dumps({"gyr": [0.0]}), "a pickle of Python.*numpy.savez"),
+    "a.csv": (pickle.dumps([1]), "a pickle of Python"),
+    "a.fit": (b"\x0e\x10\x43\x08" + bytes(4) + b".FIT" + bytes(9), "a FIT file"),
+    "b.csv": (b"Type,Local Number,Message,Field 1,Value 1,Units 1\nData,0,x,y,1,s\n" * 9, "a table of FitCSVTool"),
+    "a.txt": (b"#RAWIMUSXA,COM1,0,81.5,FINE,2074,1.0,0,3f,1;00,11,2074,1.0,0,1,-3,4,5,6,7*2c\n" * 9, "a log of NovAtel"),
+    "a.bin": (b"\xaaD\x12\x1c" + bytes(60), "a binary log of NovAtel"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_kinds_that_are_known_and_not_read_are_refused_with_the_way_on(tmp_path, name):
+    content, match = KNOWN[name]
+    path = put(tmp_path / name, content)
+    for verb in (read, profile):
+        assert str(path) not in refused(verb, path, match=f"{name} is {match}").removeprefix(str(path))
 
 
 def test_suffixes_do_not_depend_on_case_and_a_native_file_takes_no_profile(tmp_path):

@@ -34,7 +34,7 @@ from plumbob.data.plausibility import ENOUGH_EFFECTIVE, Turning, turning
 from plumbob.files.arrow import text_bytes
 from plumbob.files.column_names import REVERSED, TEMPERATURE, WEEK, ColumnName, canonical, named_sensor, taken_apart
 from plumbob.files.columns import FORM, StampError, has_zone, is_stamp, is_time_of_day, to_seconds
-from plumbob.files.known_logs import KNOWN
+from plumbob.files.known_logs import KNOWN, refuse_known
 from plumbob.files.profile import AS_MOUNTED, EPOCHS, GUIDE, JSON, Profile, TextLayout, parse_profile
 from plumbob.files.sniff import FEWEST, Sample, read_sample, rises
 from plumbob.files.stamps import CENTURY, falls, time_line
@@ -105,6 +105,7 @@ def drafted(
         raise ParameterError(f"{out} exists already; answer its questions, or name another file with --out.")
     streams: list[_DraftWriter] = []
     for file in files:
+        refuse_known(file)
         with reading(file):
             if file.suffix.lower() in ARRAYS:
                 from plumbob.files.foreign.tables import array_sample

@@ -60,7 +60,9 @@ def read_table(path: Path, profile: "Profile | str | Path | None") -> Recording:
 
     if profile is None and not profiles_beside(path):
         from plumbob.files.draft import known_profile
+        from plumbob.files.known_logs import refuse_known
 
+        refuse_known(path)
         profile = known_profile(path)
     return read_text(path, profile)
 
@@ -310,9 +312,7 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
         )
     if file.stat().st_size == 0:
         raise DecodeError(f"{file} is empty: it has 0 bytes; use an intact copy.")
-    raise UnknownFormatError(
-        f"{file}: its content is not that of a '{file.suffix}' file that is known, which are {names}."
-    )
+    raise _unknown(file, f"its content is not that of a '{file.suffix}' file that is known, which are {names}.")
 
 
 def is_recording(path: Path) -> bool:
@@ -331,10 +331,15 @@ def is_known_log(file: Path) -> bool:
     return any(kind.claims(file) for kind in looking) or known_profile(file) is not None
 
 
-def _unknown(path: Path) -> UnknownFormatError:
-    """Error of a suffix that nobody reads."""
+def _unknown(path: Path, why: str = "") -> UnknownFormatError:
+    """Error of a kind that nobody reads, by its first bytes, because of its content, or by its suffix."""
+    from plumbob.files.known_logs import refuse_known
     from plumbob.files.numbers import SUFFIXES
 
+    if path.is_file():
+        refuse_known(path)
+    if why:
+        return UnknownFormatError(f"{path}: {why}")
     hint = " Plain numbers are not a recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
     hint += " Save a spreadsheet's table as .xlsx or .csv." if path.suffix.lower() in (".xls", ".ods") else ""
     return UnknownFormatError(

@@ -1,5 +1,7 @@
 """Logs and arrays that are known by their names: what their makers say of them and the files do not, as profiles.
 
+Kinds that no reader takes are known by their first bytes, and refused with what to do.
+
 ``known_logs.toml`` holds them, and `KnownLog` says what the keys of a log mean.
 """
 
@@ -9,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
+
+from plumbob.core.errors import UnknownFormatError
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,3 +53,12 @@ _TABLES: Final = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(enc
 KNOWN: Final = tuple(KnownLog(**log) for log in _TABLES["log"])
 KNOWN_ARRAYS: Final[Mapping[str, Mapping[str, Any]]] = _TABLES["arrays"]  # data sets, by what they are called
 SENTENCES: Final[Mapping[str, list[str]]] = _TABLES["sentences"]  # names of the fields of a sentence, by its own
+
+
+def refuse_known(file: Path) -> None:
+    """UnknownFormatError where a file is of a kind that is known and not read."""
+    with file.open("rb") as stream:
+        start = stream.read(64)
+    for pattern, words in _TABLES["refused"].items():
+        if re.match(pattern.encode("latin-1"), start):
+            raise UnknownFormatError(f"{file} is {words}")
