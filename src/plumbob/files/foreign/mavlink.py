@@ -58,6 +58,7 @@ _KINDS: Final = {  # by message number: fields and CRC_EXTRA of `common.xml`
 }  # fmt: skip
 _ANGLES: Final = ("yaw", "pitch", "roll")
 _PREFERRED: Final = (105, 26, 27, 116, 129)
+_VERSIONS: Final = {0xFE: (6, 3, 5), 0xFD: (10, 5, 7)}  # bytes of a head; where the system is in it, and the message
 _EARLIEST_US, _LATEST_US = 946_684_800 * 10**6, 4_102_444_800 * 10**6
 _BITS: Final = {"acc": 0x007, "gyr": 0x038, "mag": 0x1C0}  # `HIGHRES_IMU_UPDATED_FLAGS`
 
@@ -67,9 +68,8 @@ _Packets = dict[tuple[int, int], "array[int]"]  # by system and message: where e
 
 def starts(start: bytes) -> bool:
     """Whether these first bytes of a file are a stamp of this century, and a packet."""
-    return (
-        len(start) >= 17 and start[8] in (0xFE, 0xFD) and _EARLIEST_US < int.from_bytes(start[:8], "big") < _LATEST_US
-    )
+    came = int.from_bytes(start[:8], "big")
+    return len(start) >= 17 and start[8] in _VERSIONS and _EARLIEST_US < came < _LATEST_US
 
 
 def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
@@ -118,25 +118,17 @@ def _scanned(raw: bytes) -> tuple[_Packets, int]:
     messages: _Packets = {}
     at, size, skipped = 0, len(raw), 0
     while at + 17 <= size:
-        begin = at + 8
-        version = raw[begin]
-        if version == 0xFE:
-            length, system, number, head, tail = raw[begin + 1], raw[begin + 3], raw[begin + 5], 6, 2
-        elif version == 0xFD:
-            length, system, head = raw[begin + 1], raw[begin + 5], 10
-            number = int.from_bytes(raw[begin + 7 : begin + 10], "little")
-            tail = 15 if raw[begin + 2] & 0x01 else 2
-        else:
+        begin, came = at + 8, int.from_bytes(raw[at : at + 8], "big")
+        head, system, number_at = _VERSIONS.get(raw[begin], (0, 0, 0))
+        length, is_signed = raw[begin + 1], raw[begin] == 0xFD and raw[begin + 2] & 0x01
+        end = begin + head + length + (15 if is_signed else 2)
+        follows = end == size or (end + 8 < size and raw[end + 8] in _VERSIONS) or size - end < 17
+        if not head or not _EARLIEST_US < came < _LATEST_US or end > size or not follows:
             at, skipped = at + 1, skipped + 1
             continue
-        came = int.from_bytes(raw[at:begin], "big")
-        end = begin + head + length + tail
-        follows = end == size or (end + 8 < size and raw[end + 8] in (0xFE, 0xFD)) or size - end < 17
-        if not _EARLIEST_US < came < _LATEST_US or end > size or not follows:
-            at, skipped = at + 1, skipped + 1
-            continue
+        number = int.from_bytes(raw[begin + number_at : begin + head], "little")
         if number in _KINDS:
-            messages.setdefault((system, number), array("q")).extend((begin, length, came))
+            messages.setdefault((raw[begin + system], number), array("q")).extend((begin, length, came))
         at = end
     return messages, skipped + size - at
 
@@ -152,7 +144,7 @@ def _checked(
     versions = data[places]
     for version, length in {(int(v), int(n)) for v, n in zip(versions, lengths, strict=True)}:
         group = np.flatnonzero((versions == version) & (lengths == length))
-        head = 6 if version == 0xFE else 10
+        head = _VERSIONS[version][0]
         layout = np.dtype([("covered", "u1", (head - 1 + length,)), ("crc", "<u2")])
         for part in np.array_split(group, 1 + group.size // 16384):
             packet = records(data, places[part] + 1, layout)

@@ -164,7 +164,7 @@ def _of_imus(several: list[Topic], topics: list[Topic], name: str) -> Recording:
             f"{several[0].name} (in Python, unit='{several[0].name}')."
         )
     units = [_unit(topic, table, topics) for topic, table in zip(several, tables, strict=True)]
-    used = [topic for _, own in units for topic in own]
+    used = [topic for _, sources in units for topic in sources]
     omitted = _left_out(topics, used)
     if is_one:
         together = joined_recordings([unit for unit, _ in units if unit.imu is not None], name)
@@ -175,8 +175,8 @@ def _of_imus(several: list[Topic], topics: list[Topic], name: str) -> Recording:
         notes.append(info("source.ros_one_magnetometer"))
     if len(units) == 1:
         return replace(units[0][0], name=name, notes=tuple(dict.fromkeys(notes)))
-    notes += [info("source.ros_orientation_left_out", name=own[0].name) for unit, own in units if unit.track]
-    samples = {own[0].name: unit.imu for unit, own in units if unit.imu is not None}
+    notes += [info("source.ros_orientation_left_out", name=sources[0].name) for unit, sources in units if unit.track]
+    samples = {sources[0].name: unit.imu for unit, sources in units if unit.imu is not None}
     if not samples:
         raise ParameterError(f"it holds orientations alone, on {_listed(several)}. Name one with --unit.")
     return Recording(array=ImuArray(samples), name=name, notes=tuple(dict.fromkeys(notes)))

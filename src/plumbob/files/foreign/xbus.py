@@ -94,6 +94,8 @@ class _CheckedMessages:
     sizes: NDArray[np.int64]
     bus: NDArray[np.uint8]
     kind: NDArray[np.uint8]
+    configuration: bytes = b""  # data of the message that says how the units are set
+    devices: Sequence[bytes] = ()  # and its part of each unit
 
     def indices(self, kind: int, bus: int | None = None) -> NDArray[np.int64]:
         """Numbers of the messages of a kind, of one bus identifier or of all."""
@@ -118,11 +120,11 @@ def read_unit(raw: bytes, unit: str | None) -> XbusUnit:
     """One unit of a log: that of an identity, as 037003F8, or a number from 1 in the order of the bus; or the first."""
     notes: list[Note] = [info("source.mtb")]
     messages = _messages(raw, notes)
-    configuration = _configuration(messages)
+    messages.configuration, messages.devices = _configuration(messages)
     data = np.isin(messages.kind, (_MTDATA, _MTDATA2)) & (messages.sizes > 0)
     names: dict[str, int] = {}
     for bus in np.unique(messages.bus[data]).tolist():
-        label = _name(messages, bus, configuration)
+        label = _name(messages, bus)
         names[f"{label}.bus{bus}" if label in names else label] = bus
     if not names:
         kinds = ", ".join(f"{kind:02X}" for kind in np.unique(messages.kind).tolist()[:20])
@@ -132,9 +134,9 @@ def read_unit(raw: bytes, unit: str | None) -> XbusUnit:
     counts = {key: int(np.count_nonzero(data & (messages.bus == bus))) for key, bus in names.items()}
     name = choose(notes if len(counts) > 1 else [], counts, unit, "unit", "packet")
     content = XbusUnit({} if name == f"bus{names[name]}" else {"deviceid": name}, {}, notes)
-    if product := _product(messages, names[name], configuration):
+    if product := _product(messages, names[name]):
         content.head["productcode"] = product
-    groups, rate = _groups(messages, names[name], configuration, content)
+    groups, rate = _groups(messages, names[name], content)
     _fill(content, messages.data, groups, rate)
     return content
 
@@ -182,52 +184,48 @@ def _candidates(
     return at[fits], ends[fits]
 
 
-def _configuration(messages: _CheckedMessages) -> bytes:
-    """Data of the message Configuration that the first packets follow; empty where there is none."""
-    numbers = [number for number in messages.indices(_CONFIGURATION)[:1000] if _devices(messages.body(int(number)))]
-    if not numbers:
-        return b""
+def _configuration(messages: _CheckedMessages) -> tuple[bytes, list[bytes]]:
+    """Data of the message Configuration that the first packets follow, 98 bytes of the master, and 20 of each device.
+
+    Empty where there is none.
+    """
     data = np.flatnonzero(np.isin(messages.kind, (_MTDATA, _MTDATA2)))
-    before = [number for number in numbers if not data.size or number < data[0]]
-    return messages.body(int(before[-1] if before else numbers[0]))
-
-
-def _devices(configuration: bytes) -> int:
-    """How many devices a configuration lists: 98 bytes of the master, and 20 of each."""
-    number = _uint(configuration, 96, 2) if len(configuration) >= 98 else 0
-    return number if len(configuration) >= 98 + 20 * number else 0
+    configuration, devices = b"", list[bytes]()
+    for number in messages.indices(_CONFIGURATION)[:1000].tolist():
+        if devices and data.size and number > data[0]:
+            break
+        body = messages.body(number)
+        end = 98 + 20 * _uint(body, 96, 2)
+        if 98 < end <= len(body):
+            configuration, devices = body, [body[at : at + 20] for at in range(98, end, 20)]
+    return configuration, devices
 
 
 def _uint(data: bytes, at: int, size: int) -> int:
     return int.from_bytes(data[at : at + size], "big")
 
 
-def _name(messages: _CheckedMessages, bus: int, configuration: bytes) -> str:
+def _name(messages: _CheckedMessages, bus: int) -> str:
     """Identity of a unit as Xsens writes it; where no message tells it, its bus identifier."""
-    devices = _devices(configuration)
-    if bus == _MASTER and devices > 1:
-        return f"{_uint(configuration, 0, 4):08X}"
+    if bus == _MASTER and len(messages.devices) > 1:
+        return messages.configuration[:4].hex().upper()
     for number in messages.indices(_DEVICE_ID, bus)[:1]:
         if messages.sizes[number] in {4, 8}:
             return messages.body(int(number)).hex().upper().lstrip("0").zfill(8)
     place = 0 if bus == _MASTER else bus - 1
-    if 0 <= place < devices:
-        return f"{_uint(configuration, 98 + 20 * place, 4):08X}"
-    return f"bus{bus}"
+    return messages.devices[place][:4].hex().upper() if 0 <= place < len(messages.devices) else f"bus{bus}"
 
 
-def _product(messages: _CheckedMessages, bus: int, configuration: bytes) -> str:
+def _product(messages: _CheckedMessages, bus: int) -> str:
     """Product code of a unit; that in the configuration is the master's, which a unit alone is itself."""
     said = [messages.body(int(number)) for number in messages.indices(_PRODUCT_CODE, bus)[:1]]
-    if not said and _devices(configuration) == 1:
-        said = [configuration[32:52]]
+    if not said and len(messages.devices) == 1:
+        said = [messages.configuration[32:52]]
     text = b"".join(said).split(b"\0")[0].decode("ascii", "replace").strip()
     return text if text.isprintable() and len(text) <= 40 else ""
 
 
-def _groups(
-    messages: _CheckedMessages, bus: int, configuration: bytes, unit: XbusUnit
-) -> tuple[list[_Group], float | None]:
+def _groups(messages: _CheckedMessages, bus: int, unit: XbusUnit) -> tuple[list[_Group], float | None]:
     """Packets of a unit by their layouts, and its packets per second, where a message tells them."""
     numbers = np.flatnonzero(np.isin(messages.kind, (_MTDATA, _MTDATA2)) & (messages.bus == bus) & (messages.sizes > 0))
     modern = messages.kind[numbers] == _MTDATA2
@@ -239,7 +237,7 @@ def _groups(
             body = messages.body(int(number))
             rates += [rate for at in range(2, len(body) - 1, 4) if (rate := _uint(body, at, 2)) not in (0, 0xFFFF)]
         return _modern(messages, numbers[modern], unit.notes), float(max(rates)) or None
-    return _legacy(messages, numbers, configuration, unit)
+    return _legacy(messages, numbers, unit)
 
 
 def _modern(messages: _CheckedMessages, numbers: NDArray[np.int64], notes: list[Note]) -> list[_Group]:
@@ -278,17 +276,17 @@ def _blocks(data: bytes) -> tuple[list[_Block], bool]:
 
 
 def _legacy(
-    messages: _CheckedMessages, numbers: NDArray[np.int64], configuration: bytes, unit: XbusUnit
+    messages: _CheckedMessages, numbers: NDArray[np.int64], unit: XbusUnit
 ) -> tuple[list[_Group], float | None]:
     """Packets of MTData by the configuration of their unit."""
-    devices = _devices(configuration)
-    if devices != 1:
-        what = f"lists {devices} units, whose packets it packs in one" if devices else "is not in the log"
+    configuration, devices = messages.configuration, messages.devices
+    if len(devices) != 1:
+        what = f"lists {len(devices)} units, whose packets it packs in one" if devices else "is not in the log"
         raise DecodeError(
             "its packets are of the older kind (MTData), whose layout the message Configuration gives, but that "
             f"{what}. Export it as text with MT Manager (File, Export)."
         )
-    mode, settings = _uint(configuration, 104, 2), _uint(configuration, 106, 4)
+    mode, settings = _uint(devices[0], 6, 2), _uint(devices[0], 8, 4)
     blocks, total = _legacy_blocks(mode, settings)
     sizes = messages.sizes[numbers]
     fits = sizes == total
