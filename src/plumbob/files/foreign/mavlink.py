@@ -120,8 +120,8 @@ def _scanned(raw: bytes) -> tuple[_Packets, int]:
     while at + 17 <= size:
         begin, came = at + 8, int.from_bytes(raw[at : at + 8], "big")
         head, system, number_at = _VERSIONS.get(raw[begin], (0, 0, 0))
-        length, is_signed = raw[begin + 1], raw[begin] == 0xFD and raw[begin + 2] & 0x01
-        end = begin + head + length + (15 if is_signed else 2)
+        length = raw[begin + 1]
+        end = begin + head + length + (15 if head == 10 and raw[begin + 2] & 0x01 else 2)  # a signature, or a CRC alone
         follows = end == size or (end + 8 < size and raw[end + 8] in _VERSIONS) or size - end < 17
         if not head or not _EARLIEST_US < came < _LATEST_US or end > size or not follows:
             at, skipped = at + 1, skipped + 1
