@@ -56,16 +56,14 @@ def test_all_units_on_the_same_stamps_are_an_array(tmp_path):
     np.testing.assert_array_equal(again.units["IMU.1"].gyr, array.units["IMU.1"].gyr)
     path.write_bytes(path.read_bytes()[: -2 * 36 - 40])  # a message of one unit fewer
     refused(read, path, unit="all", match=r"stamps of their own.*--unit IMU.0", error=ParameterError)
-    path.write_bytes(made.dataflash())
-    assert read(path, unit="all").imu is not None
+    assert read(put(path, made.dataflash()), unit="all").imu is not None
 
 
 def test_text_and_bytes_say_the_same(tmp_path):
     whole = made.dataflash_text(*made.motion())
     text, binary = tmp_path / "a.log", tmp_path / "a.bin"
     text.write_text(whole + "\nIMU, 1, 2\nIMU, x, 0, 0, 0, 0, 0, 0")
-    binary.write_bytes(made.dataflash())
-    of_text, of_bytes = read(text), read(binary)
+    of_text, of_bytes = read(text), read(put(binary, made.dataflash()))
     np.testing.assert_allclose(of_text.imu.acc, of_bytes.imu.acc, rtol=1e-6)
     assert quat_angle(of_text.track.q_nb, of_bytes.track.q_nb).max() < 1e-3
     assert of_text.imu.meta.declination == pytest.approx(0.2)

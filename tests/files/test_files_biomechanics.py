@@ -12,7 +12,7 @@ from plumbob.core.errors import ClockError, MissingExtraError, ParameterError, S
 from plumbob.files import read, write
 from plumbob.files.foreign.opensim import write_orientations
 from plumbob.rotations import Frame, North, change_frame
-from tests.helpers.io_samples import make_imu, make_track, refused
+from tests.helpers.io_samples import make_imu, make_track, put, refused
 
 h5py = pytest.importorskip("h5py")
 ROWS = 256
@@ -188,8 +188,7 @@ def test_a_spreadsheet_is_a_table_and_its_sheets_are_sensors(tmp_path):
 def test_a_spreadsheet_needs_its_extra_and_a_damaged_one_is_refused(tmp_path, monkeypatch):
     path = workbook(tmp_path / "a.xlsx", {"Data": [["t", "x"], [1.0, 2.0]]})
     refused(profile, path, match="no separator makes a table")
-    path.write_bytes(path.read_bytes()[:-200])
-    refused(profile, path, match="cut or damaged")
+    refused(profile, put(path, path.read_bytes()[:-200]), match="cut or damaged")
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     workbook_path = tmp_path / "b.xlsx"
     with zipfile.ZipFile(workbook_path, "w") as archive:

@@ -9,7 +9,7 @@ from plumbob.files import kind_of, read
 from plumbob.rotations import Frame, North, quat_angle, quat_multiply, quat_rotate
 from tests.helpers import log_samples as made
 from tests.helpers.file_kinds import HEAD, IDENTITY, IMU_HEAD, QUARTER, START, asl, drive, yaml
-from tests.helpers.io_samples import refused
+from tests.helpers.io_samples import put, refused
 
 
 def test_euroc_has_the_units_and_frames_of_its_head_lines_and_its_truth_the_axes_of_the_imu(tmp_path):
@@ -47,8 +47,7 @@ def test_columns_are_those_of_the_row_of_names(tmp_path):
     right = read(table).imu
     lines = [line.split(",") for line in table.read_text().splitlines()]
     swapped = "\n".join(",".join([row[0], *row[4:], *row[1:4]]) for row in lines)
-    table.write_text(swapped + "\n")
-    imu = read(table).imu
+    imu = read(put(table, swapped + "\n")).imu
     np.testing.assert_array_equal(imu.acc, right.acc)
     np.testing.assert_array_equal(imu.gyr, right.gyr)
     table.write_text(swapped.replace("rad s^-1", "deg s^-1") + "\n")
@@ -129,8 +128,7 @@ def test_repoimu_has_the_units_of_its_description(tmp_path):
     path = tmp_path / "TStick_Test01.csv"
     rows = [f"{0.01 * i:.2f};1;0;0;0;0;0;9.81;0.1;0.2;0.3;0;0.4;-0.9\n" for i in range(1, 101)]
     rows[10] = rows[10].replace(";1;0;0;0;0", ";0;0;0;0;0")  # Vicon lost the markers
-    path.write_text(HEAD + "".join(rows))
-    recording = read(path)
+    recording = read(put(path, HEAD + "".join(rows)))
     np.testing.assert_allclose(recording.imu.acc, [[0, 0, 9.81]] * 100)
     np.testing.assert_allclose(recording.imu.gyr, [[0.1, 0.2, 0.3]] * 100)
     np.testing.assert_allclose(recording.imu.mag, [[0, 20.0, -45.0]] * 100)  # local fields of 50 µT
@@ -138,5 +136,4 @@ def test_repoimu_has_the_units_of_its_description(tmp_path):
     assert recording.track.north is North.FREE
     assert np.flatnonzero(~recording.track.known).tolist() == [10]
     assert "--align heading,mounting" in recording.track.source
-    path.write_text(HEAD + "".join(rows) + "1;2;3\n")
-    assert len(read(path).imu) == 100
+    assert len(read(put(path, HEAD + "".join(rows) + "1;2;3\n")).imu) == 100

@@ -22,7 +22,7 @@ from plumbob.files.arrow import text_bytes, unpacked_bytes
 from plumbob.files.columns import COLUMNS, to_columns
 from plumbob.files.parquet import read_parquet, write_parquet
 from tests.helpers import examples
-from tests.helpers.io_samples import CASES, assert_same, make_imu, refused, sealed
+from tests.helpers.io_samples import CASES, assert_same, make_imu, put, refused, sealed
 from tests.helpers.record_samples import flipped
 
 ROWS = 5
@@ -63,8 +63,7 @@ def test_a_cut_is_refused_and_a_flipped_bit_never_gives_other_numbers(folder, na
     write_parquet(whole, recording, overwrite=True)
     raw, before = whole.read_bytes(), read_parquet(whole)
     for size in [*range(0, len(raw) - 12, 97), *range(len(raw) - 12, len(raw))]:
-        path.write_bytes(raw[:size])
-        refused(read_parquet, path, match="damaged.parquet")
+        refused(read_parquet, put(path, raw[:size]), match="damaged.parquet")
     refusals = 0
     for bit in np.random.default_rng(3).choice(8 * len(raw), 120, replace=False):
         path.write_bytes(flipped(raw, bit >> 3, 1 << (bit & 7)))

@@ -18,7 +18,7 @@ from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitE
 from plumbob.core.files import MAX_TEXT
 from plumbob.files.foreign import ros
 from plumbob.rotations import Frame, North, dcm_from_quat
-from tests.helpers.io_samples import refused
+from tests.helpers.io_samples import put, refused
 from tests.helpers.real_data import DATA, needs
 from tests.helpers.record_samples import flipped
 
@@ -277,10 +277,8 @@ class TestOwn:
         assert not ros.accepts(path)
         whole = path.read_bytes()
         for at in range(0, 60):
-            path.write_bytes(flipped(whole, at, 0x41))
-            assert not ros.accepts(path)
-        path.write_bytes(whole[: len(whole) // 2])
-        assert not ros.accepts(path)
+            assert not ros.accepts(put(path, flipped(whole, at, 0x41)))
+        assert not ros.accepts(put(path, whole[: len(whole) // 2]))
 
 
 @pytest.mark.parametrize("container", ["bag", "bag, bz2", "bag, lz4", "db3", "mcap", "folder, mcap"])
@@ -311,8 +309,7 @@ def test_files_that_were_never_closed(tmp_path):
     at = whole.index(b"index_pos=") + 10
     (index,) = struct.unpack_from("<Q", whole, at)
     whole[at : at + 8] = bytes(8)
-    path.write_bytes(whole[:index])
-    check_common(plumbob.read(path), given)
+    check_common(plumbob.read(put(path, whole[:index])), given)
     path = made.write_2(tmp_path / "a", made.all_rows()) / "a.db3"
     path.with_name("a.db3-wal").write_bytes(b"x")
     found = plumbob.read(path)

@@ -140,8 +140,7 @@ def test_what_a_crash_cut_is_read_up_to_the_cut(tmp_path):
     recording = read(path)
     assert len(recording.imu) == 399  # the last was cut; pyulog leaves out what follows, and that is said
     assert any("damage" in str(note) for note in recording.notes)
-    path.write_bytes(made.px4()[:-60])
-    assert "cut: the file ends within a message" in map(str, read(path).notes)
+    assert "cut: the file ends within a message" in map(str, read(put(path, made.px4()[:-60])).notes)
 
 
 LOOP = [("sensor_combined", 0, "uint64_t timestamp;sensor_combined x;", [bytes(20)])]
@@ -160,8 +159,7 @@ LAYERS += [(f"n{i}", 0, f"n{i + 1}[65535] a;", []) for i in range(7)]
     ],
 )
 def test_what_is_no_log_of_samples_is_refused(tmp_path, raw, match):
-    (tmp_path / "a.ulg").write_bytes(raw)
-    refused(read, tmp_path / "a.ulg", match=match)
+    refused(read, put(tmp_path / "a.ulg", raw), match=match)
     assert reader.accepts(tmp_path / "a.ulg") == (len(raw) > 16)
 
 

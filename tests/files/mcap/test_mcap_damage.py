@@ -16,7 +16,7 @@ from plumbob.core.errors import DecodeError
 from plumbob.files.mcap import layout, open_log, verify
 from plumbob.files.mcap.scan import FileBytes
 from tests.helpers import record_samples as made
-from tests.helpers.io_samples import refused
+from tests.helpers.io_samples import put, refused
 
 CHUNK_ROWS = 20  # 0.1 s of two channels at 100 Hz
 
@@ -31,8 +31,7 @@ def whole(tmp_path_factory):
 
 def judge(path, raw, rows, most_lost=CHUNK_ROWS):
     """Read damaged bytes: rows that come are right, in order, and those that do not are few and counted."""
-    path.write_bytes(raw)
-    log, got = made.read(path)
+    log, got = made.read(put(path, raw))
     there = set(got)
     assert got == [row for row in rows if row in there]
     assert len(rows) - len(got) <= most_lost
@@ -48,8 +47,7 @@ def test_a_cut_anywhere_leaves_a_readable_prefix(tmp_path):
     raw = path.read_bytes()
     ends = [at + length for at, length in made.chunks_of(raw)]
     for size in sorted({*range(0, len(raw), 7), *(end + k for end in ends for k in (-1, 0, 1)), len(raw) - 1}):
-        path.write_bytes(raw[:size])
-        log, got = made.read(path)
+        log, got = made.read(put(path, raw[:size]))
         assert got == rows[: len(got)]
         assert len(got) == CHUNK_ROWS * sum(end <= size for end in ends)  # every chunk that is there as a whole
         assert not log.clean
@@ -122,8 +120,7 @@ def test_swapped_and_repeated_chunks_give_all_rows_once_and_a_finding(whole, tmp
         (raw[:a] + raw[b:c] + raw[a:b] + raw[c:], sorted(rows), "out of order"),
         (raw[:b] + raw[a:b] + raw[b:], rows, "is repeated"),
     ):
-        (tmp_path / "a.mcap").write_bytes(damaged)
-        log, got = made.read(tmp_path / "a.mcap")
+        log, got = made.read(put(tmp_path / "a.mcap", damaged))
         assert (sorted(got) if order != rows else got) == order
         assert log.lost == {}
         assert what in str(log.damage)
@@ -136,8 +133,7 @@ def test_swapped_disk_blocks(whole, tmp_path):
         i, j = sorted(rng.sample(range(len(raw) // 512), 2))
         blocks = [raw[k : k + 512] for k in range(0, len(raw), 512)]
         blocks[i], blocks[j] = blocks[j], blocks[i]
-        (tmp_path / "a.mcap").write_bytes(b"".join(blocks))
-        log, got = made.read(tmp_path / "a.mcap")
+        log, got = made.read(put(tmp_path / "a.mcap", b"".join(blocks)))
         assert set(got) <= set(rows)
         assert len(got) == len(set(got))
         assert log.damage
@@ -153,8 +149,7 @@ def test_a_recording_inside_a_message_never_comes_out(whole, tmp_path):
         for i in range(3):
             r.write(number, i * 10**9, inner + bytes([i]))
     raw = path.read_bytes()
-    path.write_bytes(made.flipped(raw, made.chunks_of(raw)[1][0] + 60))
-    log, got = made.read(path)
+    log, got = made.read(put(path, made.flipped(raw, made.chunks_of(raw)[1][0] + 60)))
     assert [(row[0], row[1]) for row in got] == [("raw", 0), ("raw", 2)]
     assert log.lost == {"raw": 1}
 
@@ -187,8 +182,7 @@ def test_lost_rows_of_a_rare_channel_are_counted_though_it_never_comes_again(tmp
             if i == 25:
                 r.write(rare, i * 10**7, b"once")
     raw = path.read_bytes()
-    path.write_bytes(made.flipped(raw, made.chunks_of(raw)[2][0] + 70))
-    log, _ = made.read(path)
+    log, _ = made.read(put(path, made.flipped(raw, made.chunks_of(raw)[2][0] + 70)))
     assert log.lost == {"a": 10, "rare": 1}
 
 
@@ -212,8 +206,7 @@ def test_a_bomb_is_not_inflated(tmp_path, compression, claimed):
     writer.start()
     raw = buffer.getvalue()
     chunk = layout.encode(records.Chunk(compression, stored, 0, 0, uncompressed_crc=1, uncompressed_size=claimed))
-    (tmp_path / "a.mcap").write_bytes(raw + chunk)
-    log, got, peak = read_within(tmp_path / "a.mcap")
+    log, got, peak = read_within(put(tmp_path / "a.mcap", raw + chunk))
     assert got == []
     assert log.damage
     assert peak < 16 << 20
@@ -229,8 +222,7 @@ def test_schemas_and_channels_that_nobody_uses_take_bounded_memory(tmp_path):
         body = struct.pack("<HI", number + 1, 1) + b"s" + struct.pack("<II", 0, 4 << 20) + bytes(4 << 20)
         record = struct.pack("<BQ", layout.Opcode.SCHEMA, len(body)) + body
         chunks.append(layout.chunk_record(record, zstandard.compress(record), "zstd", 0, 0))
-    (tmp_path / "a.mcap").write_bytes(buffer.getvalue() + b"".join(chunks))
-    log, got, peak = read_within(tmp_path / "a.mcap")
+    log, got, peak = read_within(put(tmp_path / "a.mcap", buffer.getvalue() + b"".join(chunks)))
     assert got == []
     assert any("schemas and channels" in str(damage) for damage in log.damage)
     assert peak < 100 << 20
@@ -290,8 +282,7 @@ def test_what_is_no_recording_is_refused_by_name(tmp_path):
     refused(open_log, path, match="no such file")
     refused(open_log, tmp_path, match=r"no \.mcap file in it")
     for content in (b"hello, world\n" * 100, bytes(4096), b"PK\x03\x04" + bytes(100), b"\x89MCAP1\r\n"):
-        path.write_bytes(content)
-        refused(open_log, path, match=r"a\.mcap is not an MCAP file: it begins with")
+        refused(open_log, put(path, content), match=r"a\.mcap is not an MCAP file: it begins with")
 
 
 def forged(raw, rng, share=0.7):
@@ -322,8 +313,7 @@ def test_forged_files_raise_nothing_but_errors_of_ours(whole, tmp_path):
             verify(tmp_path / "a.mcap")
         untouched = [row for i, row in enumerate(rows) if not changed[i // CHUNK_ROWS]]
         assert set(untouched) <= set(made.read(tmp_path / "a.mcap")[1])
-    (tmp_path / "a.mcap").write_bytes(forged(raw, rng, share=0.0)[0])
-    assert verify(tmp_path / "a.mcap").whole
+    assert verify(put(tmp_path / "a.mcap", forged(raw, rng, share=0.0)[0])).whole
     assert made.read(tmp_path / "a.mcap")[1] == rows
 
 
@@ -380,8 +370,7 @@ def test_a_damaged_file_of_the_library_is_read_on(tmp_path):
     rows = foreign(path)
     raw = path.read_bytes()
     at, _ = made.chunks_of(raw)[2]
-    path.write_bytes(made.flipped(raw, at + 70))
-    log, got = made.read(path)
+    log, got = made.read(put(path, made.flipped(raw, at + 70)))
     assert 0 < len(rows) - len(got) < 15
     assert [row for row in rows if row in got] == got
     assert log.damage[0].offset == at
@@ -392,8 +381,7 @@ def test_the_crc_catches_what_the_compression_does_not_and_without_it_verify_say
     path = tmp_path / "a.mcap"
     foreign(path, compression=CompressionType.NONE)
     damaged = path.read_bytes().replace(b'{"i": 7}', b'{"i": 8}', 1)
-    path.write_bytes(damaged)
-    log, got = made.read(path)
+    log, got = made.read(put(path, damaged))
     assert (0, 1007, b'{"i": 8}') not in [row[1:] for row in got]
     assert "CRC" in log.damage[0].what
     foreign(tmp_path / "a.mcap", enable_crcs=False)

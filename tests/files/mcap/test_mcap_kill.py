@@ -14,6 +14,7 @@ import time
 import pytest
 
 from plumbob.files.mcap import repair, verify, writer
+from tests.helpers.io_samples import put
 from tests.helpers.record_samples import channels, fill, library_rows, read, recorder
 
 CHILD = """
@@ -126,10 +127,8 @@ def test_everything_before_the_last_fsync_survives(tmp_path, monkeypatch, seed):
         size = log.synced_size(last)
         if not size:  # not even the beginning has been confirmed
             continue
-        bad.write_bytes(content[:size])
-        safe = read(bad)[1]
-        bad.write_bytes(content)
-        _, got = read(bad)
+        safe = read(put(bad, content[:size]))[1]
+        _, got = read(put(bad, content))
         assert got[: len(safe)] == safe == rows[: len(safe)]
         assert set(got) <= set(rows)
         out = tmp_path / f"{at}.mcap"

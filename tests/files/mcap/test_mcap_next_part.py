@@ -8,7 +8,7 @@ import pytest
 from plumbob.core.errors import ParameterError
 from plumbob.files.mcap import Recorder, layout, open_log, repair, verify, writer
 from plumbob.files.mcap.log import UNKNOWN_NS
-from tests.helpers.io_samples import refused
+from tests.helpers.io_samples import put, refused
 from tests.helpers.record_samples import RAW, channels, fill, payload, recorder, rows_of
 
 HOUR = 3600 * 10**9
@@ -142,8 +142,7 @@ def test_a_damaged_part_is_left_as_it_is(tmp_path, boots, left):
 
 
 def test_an_empty_first_part_is_followed(tmp_path, boots):
-    (tmp_path / "a.mcap").write_bytes(b"")
-    start(tmp_path / "a.mcap", 0, 25)
+    start(put(tmp_path / "a.mcap", b""), 0, 25)
     assert data_of(tmp_path / "a.mcap") == [payload(i) for i in range(25)]
 
 

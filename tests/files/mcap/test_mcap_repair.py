@@ -8,7 +8,7 @@ from mcap.writer import Writer
 from plumbob.core.errors import ParameterError
 from plumbob.files.mcap import layout, open_log, repair, verify
 from tests.helpers import record_samples as made
-from tests.helpers.io_samples import refused
+from tests.helpers.io_samples import put, refused
 
 
 def check(path, out, rows):
@@ -57,8 +57,7 @@ def test_a_damaged_recording(tmp_path, damaged):
     bad = tmp_path / "c" / "a.mcap"
     bad.parent.mkdir()
     for raw in damaged((tmp_path / "a.mcap").read_bytes(), random.Random(2)):
-        bad.write_bytes(raw)
-        verdict, got = check(bad, tmp_path / "out.mcap", rows)
+        verdict, got = check(put(bad, raw), tmp_path / "out.mcap", rows)
         assert verdict.lossy >= (len(got) < len(rows)) or damaged is cuts
         if damaged is cuts:
             assert got == rows[: len(got)]
@@ -73,8 +72,7 @@ def test_a_crash_between_chunks_loses_nothing(tmp_path):
     rows = made.record(tmp_path / "a.mcap", count=40)
     raw = (tmp_path / "a.mcap").read_bytes()
     end = [at for opcode, at, _ in made.records_of(raw) if opcode == layout.Opcode.METADATA][1]
-    (tmp_path / "c.mcap").write_bytes(raw[:end])
-    verdict, got = check(tmp_path / "c.mcap", tmp_path / "out.mcap", rows)
+    verdict, got = check(put(tmp_path / "c.mcap", raw[:end]), tmp_path / "out.mcap", rows)
     assert got == rows
     assert (verdict.clean, verdict.lossy, verdict.damage) == (False, False, [])
 
@@ -97,8 +95,7 @@ def test_a_later_part_alone_is_repaired_alone(tmp_path):
 
 
 def test_a_part_whose_name_is_lost_has_one_of_as_many_digits_again(tmp_path):
-    (tmp_path / "a.mcap").write_bytes(layout.MAGIC)
-    assert open_log(tmp_path / "a.mcap").recording == ""
+    assert open_log(put(tmp_path / "a.mcap", layout.MAGIC)).recording == ""
     repair(tmp_path / "a.mcap", tmp_path / "b.mcap")
     assert len(open_log(tmp_path / "b.mcap").recording) == 32
 
@@ -122,8 +119,7 @@ def test_refusals(tmp_path):
 def test_a_verdict_names_rows_time_and_losses(tmp_path):
     made.record(tmp_path / "a.mcap", count=40)
     raw = (tmp_path / "a.mcap").read_bytes()
-    (tmp_path / "a.mcap").write_bytes(made.flipped(raw, made.chunks_of(raw)[1][0] + 60))
-    verdict = verify(tmp_path / "a.mcap")
+    verdict = verify(put(tmp_path / "a.mcap", made.flipped(raw, made.chunks_of(raw)[1][0] + 60)))
     assert verdict.lost == {made.RAW: 10, made.DECODED: 10}
     assert verdict.rows == {made.RAW: 30, made.DECODED: 30}
     assert verdict.duration == pytest.approx(0.39)

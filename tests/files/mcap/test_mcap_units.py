@@ -17,7 +17,7 @@ from plumbob.files.header import array_told
 from plumbob.files.mcap import open_log
 from plumbob.protocols.decode import decode, triads_of
 from tests.helpers.commandline import PLUMBOB
-from tests.helpers.io_samples import refused
+from tests.helpers.io_samples import put, refused
 from tests.helpers.record_samples import flipped, recorder
 
 UNITS = ("u1", "u2", "u3")
@@ -77,8 +77,7 @@ def test_damage_of_a_file_for_viewers_costs_its_rows_only(tmp_path):
     plumbob.convert(plumbob.Recording(array=whole, name="a"), path)
     raw = path.read_bytes()
     for at in np.random.default_rng(0).integers(len(raw) // 10, len(raw) * 9 // 10, 6):
-        path.write_bytes(flipped(raw, at, 16))
-        found = read_array(path)
+        found = read_array(put(path, flipped(raw, at, 16)))
         assert len(found) > 400
         rows = np.searchsorted(whole.t, found.t)
         for name in UNITS:
