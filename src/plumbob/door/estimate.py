@@ -29,17 +29,7 @@ from plumbob.data.recording import Recording, findings, unsaved
 from plumbob.door.reading import read
 from plumbob.files import write
 from plumbob.files.parquet import write_parquet
-from plumbob.filters import SMOOTHER, Filter
-from plumbob.filters.offline import (
-    Stage,
-    bias_beyond,
-    declination_deg,
-    lagged,
-    make_estimator,
-    navigation_frame,
-    started,
-    track_parts,
-)
+from plumbob.filters import SMOOTHER, Filter, offline
 from plumbob.filters.settling import error_sensitivity, residual_covariance
 from plumbob.rotations import Frame, North, dcm_from_quat, euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.frames import claimed_sd, counted_from, heading_zero
@@ -164,7 +154,7 @@ class Estimated(Series):
             "last_attitude_deg": {"heading": heading, **dict(zip(("yaw", "pitch", "roll"), angles, strict=True))},
             "flags": {name: outline.flags[name] for _, (name, _) in flags.MEANING.items() if name in outline.flags},
             "filter": self.filter.describe(),
-            "declination_deg": declination_deg(self.filter, track),
+            "declination_deg": offline.declination_deg(self.filter, track),
             "notes": as_json(self.notes),
             "noise_card": self.noise_card,
             "claimed_sd_deg": claimed,
@@ -401,9 +391,9 @@ def estimate(
     written = None if out is None else check.path("out", out)
     native = written is not None and written.suffix.lower() == ".parquet"
     label, source, imu = opened_samples(recording, profile, unit, whole=keep and not native, carded=calibration is None)
-    named, settings = lagged(filter, lag, params, causal=causal)
-    stage = Stage(named or SMOOTHER, dict(settings or {}), noise=given_noise(noise), init=init)
-    frame = navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
+    named, settings = offline.lagged(filter, lag, params, causal=causal)
+    stage = offline.Stage(named or SMOOTHER, dict(settings or {}), noise=given_noise(noise), init=init)
+    frame = offline.navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
 
     def say(*of: Finding, name: str = "") -> None:
         notes.extend(of)
@@ -416,9 +406,9 @@ def estimate(
     doubt = warnings(lasting(source.notes))
     before = warnings(source.notes if card is None else (*lasting(source.notes), *findings(imu)))
     say(*before, *beyond, *upside_down(imu, frame), name=f"{source.name}: ")
-    used, runs = started(imu, stage, frame, source.track)
-    made_by = make_estimator(stage, frame, imu.meta) if isinstance(runs, Filter) else runs
-    parts, outline = track_parts(used, runs), Outline()
+    used, runs = offline.started(imu, stage, frame, source.track)
+    made_by = offline.make_estimator(stage, frame, imu.meta) if isinstance(runs, Filter) else runs
+    parts, outline = offline.track_parts(used, runs), Outline()
     parts = outline.gather(parts, used, progress, follow)
     attitude: AttitudeTrack | Path
     if written is not None and native and source.track is None:
@@ -429,7 +419,7 @@ def estimate(
         deque(parts, maxlen=0)
         attitude = outline.last
     say(*(_restarts(imu, outline) if isinstance(made_by, Filter) else made_by.remarks))
-    say(*bias_beyond(made_by, outline.last))
+    say(*offline.bias_beyond(made_by, outline.last))
     model = None if stage.noise is None else f"{stage.noise.device} ({stage.noise.source})"
     result = Estimated(attitude, outline, imu, made_by, source.name, tuple(notes), source.track, model, doubt, card)
     if written is not None and attitude is not written:
@@ -504,7 +494,9 @@ def _calibrated(imu: ImuData, card: "CalibrationCard") -> tuple[ImuData, tuple[F
     return imu, temperature_beyond(card, imu)
 
 
-def _placed(imu: ImuData, place: str | None, date: str | None, stage: Stage, say: Callable[..., None]) -> ImuData:
+def _placed(
+    imu: ImuData, place: str | None, date: str | None, stage: offline.Stage, say: Callable[..., None]
+) -> ImuData:
     """Samples with the declination of their place, and a note of the field there."""
     if place is None:
         raise ParameterError("date needs place. Give both.")

@@ -26,23 +26,11 @@ from plumbob.core.findings import Finding, warning
 from plumbob.core.time import GAP_FACTOR
 from plumbob.data import TRIADS
 from plumbob.data.cards import UNITS
+from plumbob.files import text_table
 from plumbob.files.columns import stamps_ns
 from plumbob.files.profile import JSON, Profile
 from plumbob.files.stamps import WEEK, turn_lengths
 from plumbob.files.text import inside, row_flags, to_vectors
-from plumbob.files.text_table import (
-    Head,
-    Reading,
-    TextTable,
-    belongs,
-    column_index,
-    decode,
-    ended,
-    is_idle,
-    object_cells,
-    row_cells,
-    with_cells_apart,
-)
 from plumbob.protocols.decode import Counts, Decoder, Frames, Ints
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Framing, Message
@@ -133,7 +121,7 @@ class _Rows:
         self._wanted = {ref for ref in refs if isinstance(ref, str)}
         self._columns = {f.name: i for i, f in enumerate(f for f in message.fields if f.physical)}
         exact = profile.time.columns[0] if profile.time.unit else None
-        self._reading = Reading(self.layout, 0, {}, exact, {ref: [] for ref in profile.texts})
+        self._reading = text_table.Reading(self.layout, 0, {}, exact, {ref: [] for ref in profile.texts})
         self._numbers: dict[Any, list[float]] = {}
         self._lines: list[tuple[int, int]] = []
         self._widths: Counter[int] = Counter()
@@ -145,7 +133,9 @@ class _Rows:
     def fits(self, row: str) -> bool:
         """Whether a row is of this profile."""
         where = self.layout.where
-        return not (where and isinstance(where[0], str) and not self._names) and belongs(row, self._names, self.layout)
+        return not (where and isinstance(where[0], str) and not self._names) and text_table.belongs(
+            row, self._names, self.layout
+        )
 
     def take(self, row: str, number: int, start: int, host_ns: int) -> bool:
         """Take a row of numbers, and tell whether it was one; a row of names is none."""
@@ -162,7 +152,7 @@ class _Rows:
             raise DecodeError(f"line {number} has {width} cells, but most rows of numbers have {usual}.")
         if width != reading.width or not reading.places:
             refs = dict.fromkeys(self.profile.used)
-            places = {ref: column_index(ref, self._names, width, self.layout) for ref in refs}
+            places = {ref: text_table.column_index(ref, self._names, width, self.layout) for ref in refs}
             reading = replace(reading, width=width, places=places)
         numbers = {ref: self._numbers.setdefault(ref, []) for ref in reading.places if ref not in reading.texts}
         time = self.profile.time
@@ -179,13 +169,13 @@ class _Rows:
     def _cells(self, row: str, number: int) -> list[str]:
         layout = self.layout
         if layout.separator == JSON:
-            cells = object_cells(row, number)
+            cells = text_table.object_cells(row, number)
             if tuple(cells) != self._names:
                 self._names, self._reading.places = tuple(cells), {}
             return list(cells.values())
         if layout.cells:
-            row = with_cells_apart(row, Head((), 0, number), layout)[0]
-        return row_cells(row, layout, number)
+            row = text_table.with_cells_apart(row, text_table.Head((), 0, number), layout)[0]
+        return text_table.row_cells(row, layout, number)
 
     def rows(self, sensor: int) -> Iterator[_Row]:
         """What was taken since the last call, as of the sensor of that number."""
@@ -193,7 +183,7 @@ class _Rows:
             return
         reading, profile, count = self._reading, self.profile, len(self._lines)
         columns = {ref: np.array(some) for ref, some in self._numbers.items()}
-        table = TextTable(columns, reading.zero or Decimal(0), count, (), reading.texts, lambda row: row)
+        table = text_table.TextTable(columns, reading.zero or Decimal(0), count, (), reading.texts, lambda row: row)
         values = np.full((count, len(self._columns)), np.nan)
         for name, group in profile.triads.items():
             at = self._columns[f"{name}.x"]
@@ -207,7 +197,7 @@ class _Rows:
         for (start, host_ns), t_ns, row, word in zip(lines, stamps, values, flags, strict=True):
             yield _Row(start, host_ns, t_ns, word, sensor, row)
 
-    def _stamps(self, table: TextTable) -> list[int]:
+    def _stamps(self, table: text_table.TextTable) -> list[int]:
         """Times by the device, ns, of an origin that is one for all."""
         source = self.profile.time
         if source.rate:
@@ -401,7 +391,7 @@ class LineDecoder:
         if self._pending:
             layout, rows = self._sensors[0].layout, [row for sensor in self._sensors for row in sensor.recent]
             text = "\n".join([*rows, self._pending.decode(layout.encoding, "replace")])
-            if rows and not ended(text, layout)[1]:
+            if rows and not text_table.ended(text, layout)[1]:
                 self._pending += b"\n"
             else:
                 self.counts.junk += len(self._pending)
@@ -431,8 +421,8 @@ class LineDecoder:
         """Take a line, and tell whether it was a row of numbers."""
         midway, self._midway = self._midway, False
         try:
-            row = decode(line, self._sensors[0].layout.encoding)
-            if midway or is_idle(row, self._sensors[0].layout.comment):
+            row = text_table.decode(line, self._sensors[0].layout.encoding)
+            if midway or text_table.is_idle(row, self._sensors[0].layout.comment):
                 return False
             sensor = next((sensor for sensor in self._sensors if sensor.fits(row)), None)
             host_ns = int(self._reads.times(np.array([start]))[0])

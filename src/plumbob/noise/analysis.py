@@ -14,19 +14,10 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, UnitError
 from plumbob.core.findings import Note, warning
 from plumbob.core.units import Quantity
+from plumbob.noise import likelihood
 from plumbob.noise.bands import least_squares, leave_out, lines, mask_first_order
 from plumbob.noise.curve import Curve, curve, interval, skew_edf, with_noise
 from plumbob.noise.findings import Analysis, Band, Candidate, Coefficient, Estimates, GaussMarkov, Mask
-from plumbob.noise.likelihood import (
-    LikelihoodFit,
-    coefficients,
-    departures,
-    fit,
-    is_more_than,
-    markov_coefficients,
-    most_likely,
-    octaves,
-)
 from plumbob.noise.spectrum import LETTERS, Spectrum, densities, edges, find_sinusoids, ramp_coefficients, spectrum
 from plumbob.noise.terms import DATASHEET, variance
 
@@ -39,7 +30,7 @@ _INSIDE = 4.0  # times must a process's corner lie below the highest frequency; 
 class Choice(NamedTuple):
     """A model of a record."""
 
-    best: LikelihoodFit  # the fit that was chosen
+    best: likelihood.LikelihoodFit  # the fit that was chosen
     markov: GaussMarkov | None  # its Gauss–Markov process
     candidates: tuple[Candidate, ...]  # what was weighed
     notes: tuple[str, ...]  # what a reader must know of it
@@ -50,16 +41,16 @@ class Choice(NamedTuple):
 
 def choose(kept: Spectrum) -> Choice:
     """Fit with or without a Gauss–Markov process, by the criterion of Schwarz [Schwarz1978]."""
-    plain = fit(kept)
+    plain = likelihood.fit(kept)
     low, high = _INSIDE / (2.0 * math.pi * float(kept.frequency[-1])), 0.1 * kept.count * kept.step
     starts = np.geomspace(low, high, _TIMES) if high > low else ()
-    fits = (fit(kept, markov_time=float(t)) for t in starts)
+    fits = (likelihood.fit(kept, markov_time=float(t)) for t in starts)
     richer = min((f for f in fits if math.exp(f.logs[-1]) > low), key=lambda f: f.deviance, default=None)
     if richer is None:
         return Choice(plain, None, (Candidate(_FIVE, 0.0, chosen=True),), ())
     worse = richer.deviance + 2.0 * math.log(float(kept.terms.sum())) - plain.deviance  # [Schwarz1978]
     taken = worse < -BETTER
-    markov = GaussMarkov(*markov_coefficients(kept, richer)) if taken else None
+    markov = GaussMarkov(*likelihood.markov_coefficients(kept, richer)) if taken else None
     least = min(worse, 0.0)
     candidates = Candidate(_FIVE, -least, not taken), Candidate(_SEVEN, worse - least, taken)
     notes: tuple[str, ...] = ()
@@ -137,8 +128,8 @@ _SLOW: Final = "KR"
 
 
 def within_the_curve(
-    kept: Spectrum, best: LikelihoodFit, of: Curve, mask: Mask, bands: Sequence[Band] = ()
-) -> tuple[dict[str, Coefficient], LikelihoodFit, tuple[str, ...]]:
+    kept: Spectrum, best: likelihood.LikelihoodFit, of: Curve, mask: Mask, bands: Sequence[Band] = ()
+) -> tuple[dict[str, Coefficient], likelihood.LikelihoodFit, tuple[str, ...]]:
     """Coefficients around a fit of which the curve contradicts none, the fit they are quoted from, and what to tell.
 
     Quantization is held to the whole curve, masked or not, for no filter of a device takes it away and leaves the
@@ -148,7 +139,7 @@ def within_the_curve(
     limits = {letter: _limit(letter, of, sure, mask) for letter in _JUDGED}
     reasons: dict[str, str] = {}
     while True:
-        terms, fitted = coefficients(kept, best, barred=reasons, bands=bands)
+        terms, fitted = likelihood.coefficients(kept, best, barred=reasons, bands=bands)
         shown = [letter for letter in _JUDGED if terms[letter].observable]
         more = {w: why for w in shown if (why := _against(w, terms, limits[w], of, mask))}
         if not more:
@@ -291,7 +282,7 @@ def analyse_averages(
         if below is not None:
             unmasked, choice = below, choose(below)
     by_likelihood, best, doubted = within_the_curve(unmasked, choice.best, of, mask, bands)
-    likely = most_likely(best, by_likelihood["R"])
+    likely = likelihood.most_likely(best, by_likelihood["R"])
     if choice.smoothed is not None:  # of what was smoothed away, nothing
         by_likelihood, likely = {}, {}
     process = () if choice.markov is None else (choice.markov,)
@@ -342,9 +333,11 @@ def _notes(unmasked: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, 
     yield from choice.notes
     unseen = [letter for letter in "BK" if letter in quoted and not quoted[letter].observable]
     shown = [letter for letter, c in quoted.items() if c.observable]
-    if len(unseen) == 2 and is_more_than(unmasked, choice.best, shown):
+    if len(unseen) == 2 and likelihood.is_more_than(unmasked, choice.best, shown):
         yield warning("noise.b_or_k")
-    for inside, excess, sd in departures(unmasked, choice.best, octaves(unmasked)):  # from the model
+    for inside, excess, sd in likelihood.departures(
+        unmasked, choice.best, likelihood.octaves(unmasked)
+    ):  # from the model
         if abs(excess) > max(_MISFIT, _SURE * sd):
             low, high = unmasked.frequency[inside][[0, -1]]
             yield (warning("noise.excess", low=low, high=high, factor=1.0 + excess))

@@ -24,18 +24,7 @@ from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.findings import Finding, warning
 from plumbob.core.units import Quantity, deg, dps
 from plumbob.data.plausibility import clipped
-from plumbob.noise.artefacts import (
-    ChannelWatch,
-    Parts,
-    Spikes,
-    Stillness,
-    between,
-    find_step,
-    hold_length,
-    interleaved,
-    joined,
-    shaking,
-)
+from plumbob.noise import artefacts
 
 # Averages over 1 to 100 of them, two decades of time, are known to 20 %; through a shorter curve any line can be laid.
 # [Riley2008]: 13 degrees of freedom of white noise
@@ -141,9 +130,9 @@ class StaticCheck:
         self._bad = [(-1, 0)] * columns
         self._numbers, self._since = (0, 0), 0
         self._low, self._high = np.full(columns, np.inf), np.full(columns, -np.inf)
-        self._still = [Stillness(dt) for _ in self.names]
-        self._spikes = [Spikes() for _ in self.names]
-        self._runs = [ChannelWatch() for _ in self.names]
+        self._still = [artefacts.Stillness(dt) for _ in self.names]
+        self._spikes = [artefacts.Spikes() for _ in self.names]
+        self._runs = [artefacts.ChannelWatch() for _ in self.names]
         self._excerpt: list[Floats] = []
         self._grain: list[tuple[float, float]] | None = None
         self._second = max(1, round(1.0 / dt))
@@ -202,7 +191,7 @@ class StaticCheck:
     def _changing(self) -> list[int]:
         return [c for c, (_, bad) in enumerate(self._bad) if not bad and self._high[c] > self._low[c]]
 
-    def moving(self, start: float, stop: float, *, limit: float = 1.0) -> Parts:
+    def moving(self, start: float, stop: float, *, limit: float = 1.0) -> artefacts.Parts:
         """When something moved between two times, s, by what is quiet between them; a `limit` below 1 is stricter."""
         first, end = round((start - self.start) / self.dt), round((stop - self.start) / self.dt)
         parts = [
@@ -214,29 +203,31 @@ class StaticCheck:
             parts = self._impossible(first, end)
         return self._times(parts)
 
-    def moves(self, known: Parts) -> Parts:
+    def moves(self, known: artefacts.Parts) -> artefacts.Parts:
         """When something moved outside of the known parts, s; with margins, if it is short enough to be skipped."""
-        gaps = between(known, self.start, self.stop)
+        gaps = artefacts.between(known, self.start, self.stop)
         parts = [part for gap in gaps for part in self.moving(*gap)]
         wide = widened(parts, self.start, self.stop)
         if not parts or self.too_much(wide):
-            return joined(parts)
-        while more := [p for gap in between(known + wide, self.start, self.stop) for p in self.strict(*gap)]:
+            return artefacts.joined(parts)
+        while more := [p for gap in artefacts.between(known + wide, self.start, self.stop) for p in self.strict(*gap)]:
             wide = widened(wide + more, self.start, self.stop)
             if self.too_much(wide):
                 break
         return wide
 
-    def strict(self, start: float, stop: float) -> Parts:
+    def strict(self, start: float, stop: float) -> artefacts.Parts:
         """When something moved between two times, s, by a stricter measure; of too few samples, nothing is reported."""
         return self.moving(start, stop, limit=_STRICT) if (stop - start) / self.dt >= FEWEST_SAMPLES else []
 
-    def skip_parts(self, skip: Sequence[tuple[float, float]]) -> Parts:
+    def skip_parts(self, skip: Sequence[tuple[float, float]]) -> artefacts.Parts:
         """Times to skip, s, as far as the record has them."""
         for a, b in skip:
             if not a < b:
                 raise ParameterError(f"a time to skip must end after it begins, but it is {a:g} s to {b:g} s.")
-        parts = joined([(max(a, self.start), min(b, self.stop)) for a, b in skip if a < self.stop and b > self.start])
+        parts = artefacts.joined(
+            [(max(a, self.start), min(b, self.stop)) for a, b in skip if a < self.stop and b > self.start]
+        )
         if total(parts) > MOST_ASKED * (self.stop - self.start):
             raise ParameterError(
                 f"{total(parts):.4g} s of {self.stop - self.start:.4g} s would be skipped, but at most "
@@ -249,14 +240,14 @@ class StaticCheck:
         """Average of each second of the channels of numbers that change up and down."""
         return np.concatenate(self._means)[:, self._sound]
 
-    def too_much(self, parts: Parts) -> bool:
+    def too_much(self, parts: artefacts.Parts) -> bool:
         """Whether parts that were found, s, are too long to be skipped."""
         longest = max((b - a for a, b in parts), default=0.0)
         return longest > LONGEST or total(parts) > MOST * (self.stop - self.start)
 
-    def stuck(self) -> Parts:
+    def stuck(self) -> artefacts.Parts:
         """When a channel repeated one value for longer than its noise can, s."""
-        parts = Parts()
+        parts = artefacts.Parts()
         for column in self._sound:
             scatter = _local_sds(self.excerpt()[:, column])
             lively = scatter[scatter > 0.0]
@@ -264,10 +255,10 @@ class StaticCheck:
                 parts += self._runs[column].stuck()
         return self._times(parts)
 
-    def _times(self, parts: Parts) -> Parts:
-        return joined([(float(self.start + a * self.dt), float(self.start + b * self.dt)) for a, b in parts])
+    def _times(self, parts: artefacts.Parts) -> artefacts.Parts:
+        return artefacts.joined([(float(self.start + a * self.dt), float(self.start + b * self.dt)) for a, b in parts])
 
-    def _impossible(self, first: int, end: int) -> Parts:
+    def _impossible(self, first: int, end: int) -> artefacts.Parts:
         """Seconds of some samples in which the averages are not those of a sensor at rest."""
         begin, size = -(-first // self._second), self._second
         means = np.concatenate(self._means)[begin : end // size]
@@ -296,7 +287,7 @@ class StaticCheck:
             columns = np.ascontiguousarray(self.excerpt().T)
             sound = self._sound
             self._grain = [
-                (find_step(c), float(np.median(_local_sds(c)))) if i in sound else (0.0, 0.0)
+                (artefacts.find_step(c), float(np.median(_local_sds(c)))) if i in sound else (0.0, 0.0)
                 for i, c in enumerate(columns)
             ]
         return self._grain
@@ -337,13 +328,13 @@ class StaticCheck:
         if (way := self._runs[column].one_way) is not None:
             return [_remark("rest.one_way", name, **{way: True})]
         values = self.excerpt()[:, column]
-        if (times := interleaved(values)) > 1:
+        if (times := artefacts.interleaved(values)) > 1:
             return [_remark("rest.interleaved", name, times=times)]
         return [*self._artefacts(column, name, values)]
 
     def _artefacts(self, column: int, name: str, values: Floats) -> Iterator[Remark]:
         """What the first samples of a channel that changes show of a converter, of its range, of spikes and shaking."""
-        if (times := hold_length(values)) > 1:
+        if (times := artefacts.hold_length(values)) > 1:
             yield _remark("rest.held", name, times=times, rate=1.0 / (self.dt * times))
         step, sd = self._grains()[column]
         levels = np.unique(values).size
@@ -357,7 +348,7 @@ class StaticCheck:
         if places := self._spikes[column].places(3.0 * step):
             first, others = tuple(places[:5]), len(places) > 5 or None
             yield _remark("rest.spikes", name, refuses=False, count=len(places), places=first, more=others)
-        wave = shaking(values, self.dt)
+        wave = artefacts.shaking(values, self.dt)
         if wave is not None and wave.amplitude >= step:  # less is as the stairs of a quantised ramp
             rule = np.arange(values.size)
             power = float(np.var(values - np.polyval(np.polyfit(rule, values, 1), rule)))
@@ -379,10 +370,10 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
     requested = {sensor: sensor.skip_parts(skip) for sensor in enough}
     stuck = {sensor: sensor.stuck() for sensor in enough}  # beside which noise would seem a motion
     moving = {sensor: parts or sensor.moves(requested[sensor]) for sensor, parts in stuck.items()}
-    together = joined([part for parts in moving.values() for part in parts])
+    together = artefacts.joined([part for parts in moving.values() for part in parts])
     skipped: dict[str, tuple[tuple[float, float], ...]] = {}
     for sensor, parts in moving.items():
-        excluded = joined(parts + requested[sensor])
+        excluded = artefacts.joined(parts + requested[sensor])
         lasts = bool(parts) and (bool(stuck[sensor]) or sensor.too_much(parts))
         level = None
         if parts and not lasts:  # when a part ends, s, after which the level may be another
@@ -408,7 +399,7 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
     return StaticReport(tuple(f for group in findings.values() for f in group), steps, tuple(together), still, skipped)
 
 
-def _left_out(sensor: StaticCheck, parts: Parts) -> Remark:
+def _left_out(sensor: StaticCheck, parts: artefacts.Parts) -> Remark:
     """Finding that lists what is skipped."""
     listed = tuple(f"{a:.6g} to {b:.6g} s" for a, b in parts[:5])
     share = 100.0 * (1.0 - total(parts) / (sensor.stop - sensor.start))
@@ -416,12 +407,12 @@ def _left_out(sensor: StaticCheck, parts: Parts) -> Remark:
     return _remark("rest.disturbed", ", ".join(sensor.names), refuses=False, **values)
 
 
-def _longest_still(checks: Sequence[StaticCheck], motions: Parts) -> tuple[float, float] | None:
+def _longest_still(checks: Sequence[StaticCheck], motions: artefacts.Parts) -> tuple[float, float] | None:
     """Longest stretch outside the known motions, a second away from any, in which nothing else moved."""
     span = max(float(sensor.start) for sensor in checks), min(float(sensor.stop) for sensor in checks)
     while True:
         stretch = max(
-            between([(a - MARGIN, b + MARGIN) for a, b in motions], *span), key=np.ptp, default=(span[0],) * 2
+            artefacts.between([(a - MARGIN, b + MARGIN) for a, b in motions], *span), key=np.ptp, default=(span[0],) * 2
         )
         if any((stretch[1] - stretch[0]) / sensor.dt < FEWEST_SAMPLES - 0.5 for sensor in checks):
             return None
@@ -431,7 +422,7 @@ def _longest_still(checks: Sequence[StaticCheck], motions: Parts) -> tuple[float
         motions = motions + more
 
 
-def _disturbed(sensor: StaticCheck, parts: Parts, kind: str, level: float | None) -> Remark:
+def _disturbed(sensor: StaticCheck, parts: artefacts.Parts, kind: str, level: float | None) -> Remark:
     still = _longest_still([sensor], parts)
     begin, end = parts[0]
     values: dict[str, Any] = {"begin": begin, "end": end, "more": len(parts) - 1 or None, "level": level}
@@ -466,17 +457,17 @@ def _local_sds(values: Floats, size: int = 64) -> Floats:
     return values[:stop].reshape(-1, size).std(axis=1) if stop else np.array([values.std()])
 
 
-def widened(parts: Parts, start: float, stop: float) -> Parts:
+def widened(parts: artefacts.Parts, start: float, stop: float) -> artefacts.Parts:
     """Parts with their margins, s, inside of a record from `start` to `stop`; those that then meet are one."""
-    return joined([(max(start, a - MARGIN), min(stop, b + MARGIN)) for a, b in parts])
+    return artefacts.joined([(max(start, a - MARGIN), min(stop, b + MARGIN)) for a, b in parts])
 
 
-def total(parts: Parts) -> float:
+def total(parts: artefacts.Parts) -> float:
     """Sum of their lengths."""
     return sum(b - a for a, b in parts)
 
 
-def jumped(means: Floats, parts: Parts, start: float) -> float | None:
+def jumped(means: Floats, parts: artefacts.Parts, start: float) -> float | None:
     """When, s, a part ends after which the level is another; None where the record drifts as much by itself.
 
     By the average of each second of the record, (n, k), and the parts that are skipped, s.
@@ -486,7 +477,9 @@ def jumped(means: Floats, parts: Parts, start: float) -> float | None:
     for first, end in seconds:
         disturbed[first:end] = 1.0
     levels = _sums(means, _LEVEL) / _LEVEL
-    for begin, late in joined([(a, b + _LEVEL) for a, b in seconds]):  # those that share a level are judged together
+    for begin, late in artefacts.joined(
+        [(a, b + _LEVEL) for a, b in seconds]
+    ):  # those that share a level are judged together
         before, end = int(begin) - _LEVEL, int(late) - _LEVEL
         if before < 0 or end >= len(levels):
             continue
@@ -507,7 +500,7 @@ def _sums(rows: Floats, size: int) -> Floats:
     return np.asarray(total[size:] - total[:-size])
 
 
-def bridged(samples: Floats, dt: float, start: float, parts: Parts) -> Floats:
+def bridged(samples: Floats, dt: float, start: float, parts: artefacts.Parts) -> Floats:
     """Samples (N, k), every `dt` s from `start` on, with their neighbours in place of the parts.
 
     A part at an end of the record is cut off.

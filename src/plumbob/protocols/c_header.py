@@ -10,18 +10,7 @@ from typing import Final
 from plumbob.core.resources import packaged
 from plumbob.core.text import visible
 from plumbob.core.units import unit
-from plumbob.protocols.checksum import (
-    CRC,
-    FLETCHER16,
-    SUM8,
-    SUM8_ZERO,
-    SUM16,
-    SUM16_EITHER,
-    SUM16_REST,
-    SUM16_WORDS,
-    XOR8,
-    algorithm,
-)
+from plumbob.protocols import checksum
 from plumbob.protocols.encode import parities
 from plumbob.protocols.field import Checksum, Field
 from plumbob.protocols.format import Format, Message
@@ -35,14 +24,15 @@ _KEYWORDS: Final = (
 )
 
 _CHECKS: Final = {
-    SUM8: "    value += data[i];",
-    SUM8_ZERO: "    value -= data[i];",
-    XOR8: "    value ^= data[i];",
-    SUM16: "    value += data[i];",
-    SUM16_EITHER: "    value += data[i];",
-    SUM16_WORDS: "    value += i % 2 ? data[i] : (uint32_t)data[i] << 8;",
-    SUM16_REST: "    value = (value + (i % 2 ? data[i] : (uint32_t)data[i] << 8)) % 65535u;",
-    FLETCHER16: "    first += data[i], second += first & 0xFFu, value = (first & 0xFFu) << 8 | (second & 0xFFu);",
+    checksum.SUM8: "    value += data[i];",
+    checksum.SUM8_ZERO: "    value -= data[i];",
+    checksum.XOR8: "    value ^= data[i];",
+    checksum.SUM16: "    value += data[i];",
+    checksum.SUM16_EITHER: "    value += data[i];",
+    checksum.SUM16_WORDS: "    value += i % 2 ? data[i] : (uint32_t)data[i] << 8;",
+    checksum.SUM16_REST: "    value = (value + (i % 2 ? data[i] : (uint32_t)data[i] << 8)) % 65535u;",
+    checksum.FLETCHER16: "    first += data[i], second += first & 0xFFu, "
+    "value = (first & 0xFFu) << 8 | (second & 0xFFu);",
 }
 
 
@@ -83,16 +73,16 @@ def _check_name(kind: str) -> str:
 
 
 def _check_function(kind: str) -> str:
-    how = algorithm(kind)
+    how = checksum.algorithm(kind)
     mask = f"0x{(1 << how.width) - 1:X}u"
     guard = _check_name(kind).upper()
     head = [f"#ifndef {guard}", f"#define {guard}", f"/* {how.meaning} */"]
     head += [f"static inline uint32_t {_check_name(kind)}(const uint8_t *data, int size)", "{"]
-    if how.code == CRC:
+    if how.code == checksum.CRC:
         return "\n".join(
             [*head, *_cyclic(how.width, how.polynomial, how.start, how.final, how.reflected), "}", "#endif", ""]
         )
-    running = ["    uint32_t first = 0, second = 0;"] if how.code == FLETCHER16 else []
+    running = ["    uint32_t first = 0, second = 0;"] if how.code == checksum.FLETCHER16 else []
     loop = ["    uint32_t value = 0;", *running, "    for (int i = 0; i < size; i++)", "    " + _CHECKS[how.code]]
     return "\n".join([*head, *loop, f"    return value & {mask};", "}", "#endif", ""])
 
@@ -140,7 +130,7 @@ def _members(form: Format, message: Message) -> Iterator[str]:
         meanings = words.setdefault(field.at, (field.size, _member(message, field), []))[2]
         meanings.append(_meaning(field))
     if check := framing.checksum:
-        how = algorithm(check.kind)
+        how = checksum.algorithm(check.kind)
         place = check.at + (message.length if check.at < 0 else 0)
         words[place] = (how.size, "check", [f"{how.meaning}, {check.order}-endian"])
     if framing.end:
@@ -246,7 +236,7 @@ def _seal(form: Format, kind: str, message: Message) -> Iterator[str]:
 
 
 def _put_check(check: Checksum, begin: int, length: int) -> str:
-    size = algorithm(check.kind).size
+    size = checksum.algorithm(check.kind).size
     stop = check.stop + (length if check.stop <= 0 else 0)
     at = begin + check.at + (length if check.at < 0 else 0)
     value = f"{_check_name(check.kind)}(at + {begin + check.start}, {stop - check.start})"

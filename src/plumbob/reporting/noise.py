@@ -16,24 +16,10 @@ from plumbob.core.text import measured, number
 from plumbob.core.units import Quantity, from_si, written
 from plumbob.data import TITLES
 from plumbob.data.cards import UNITS, NoiseCard, TriadNoise
+from plumbob.noise import findings
 from plumbob.noise.allan import Noise
 from plumbob.noise.compare import ChannelComparison
 from plumbob.noise.curve import Curve
-from plumbob.noise.findings import (
-    AXES,
-    Analysis,
-    Coefficient,
-    Deviation,
-    Triad,
-    coefficient,
-    length,
-    length_and_rate,
-    lowest,
-    points,
-    shown,
-    triads,
-    trusted,
-)
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
 from plumbob.reporting.content import INK, SERIES, SHADE, Figure, Table
 from plumbob.reporting.report import Report
@@ -76,18 +62,18 @@ def _in_brackets(unit: str) -> str:
     return "" if unit == Quantity.RATIO.value else f" [{written(unit)}]"
 
 
-def verdict(c: Coefficient, unit: str) -> str:
+def verdict(c: findings.Coefficient, unit: str) -> str:
     """The same in words, with the unit."""
     if c.observable:
-        return with_unit(coefficient(c, unit), unit)
+        return with_unit(findings.coefficient(c, unit), unit)
     limit = from_si(c.upper, unit)
     bound = f"; < {with_unit(number(limit, 2), unit)} (95 %)" if math.isfinite(limit) else ""
     return f"not observable{bound}; to show half of it takes a record of {longer(c)}"
 
 
-def longer(c: Coefficient) -> str:
+def longer(c: findings.Coefficient) -> str:
     """How long a record would have to be to show half of the limit of a coefficient that is not observable."""
-    return "more than a year" if c.hours is None else length(3600.0 * c.hours)
+    return "more than a year" if c.hours is None else findings.length(3600.0 * c.hours)
 
 
 def noise(result: Noise, *, device: str | None = None) -> Report:
@@ -96,18 +82,18 @@ def noise(result: Noise, *, device: str | None = None) -> Report:
     return datasheet(result.analyses, facts=list(facts.items()))
 
 
-def datasheet(analyses: Sequence[Analysis], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+def datasheet(analyses: Sequence[findings.Analysis], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
     """Data sheet: a part for each sensor, its axes side by side, with a figure and the details of each channel.
 
     Names of channels such as "gyr x" say which belong together.
     """
-    parts = [_triad(triad) for triad in triads(analyses)]
+    parts = [_triad(triad) for triad in findings.triads(analyses)]
     return Report(
         "Noise data sheet", facts=facts, remarks=[info("page.limits")], parts=parts, definitions=[info("page.allan")]
     )
 
 
-def curves_report(deviations: Sequence[Deviation]) -> Report:
+def curves_report(deviations: Sequence[findings.Deviation]) -> Report:
     """Deviations alone."""
     parts = [Report(d.name, tables=[_curve(d)]) for d in deviations]
     return Report("Deviation over averaging time", parts=parts)
@@ -120,13 +106,13 @@ def before_and_after(found: Sequence[ChannelComparison], *, facts: Sequence[tupl
     )
 
 
-def _triad(triad: Triad) -> Report:
+def _triad(triad: findings.Triad) -> Report:
     first, channels = triad.first, list(triad.channels.values())
     title = TITLES[triad.name].capitalize() if triad.name in TITLES else triad.name
     alone = len(channels) == 1
     return Report(
         title,
-        facts=[("record", length_and_rate(triad))],
+        facts=[("record", findings.length_and_rate(triad))],
         tables=[Table("", ["", *triad.channels], _coefficient_rows(triad))],
         details=partial(_details, first) if alone else None,
         remarks=_remarks(triad),
@@ -135,16 +121,19 @@ def _triad(triad: Triad) -> Report:
     )
 
 
-def _channel(a: Analysis) -> Report:
+def _channel(a: findings.Analysis) -> Report:
     """Details of a channel among others."""
     return Report(a.name, details=partial(_details, a), figures=lambda: [channel_figure(a)])
 
 
-def _details(a: Analysis) -> list[Table]:
+def _details(a: findings.Analysis) -> list[Table]:
     """Methods side by side, the models that were weighed, and the curve."""
     units, methods = DATASHEET[a.quantity], (a.lines, a.least_squares, a.likelihood)
     rows = [
-        [f"{letter} [{written(units[letter])}]", *(coefficient(e.terms.get(letter), units[letter]) for e in methods)]
+        [
+            f"{letter} [{written(units[letter])}]",
+            *(findings.coefficient(e.terms.get(letter), units[letter]) for e in methods),
+        ]
         for letter in TERMS
         if any(letter in e.terms for e in methods)
     ]
@@ -156,7 +145,7 @@ def _details(a: Analysis) -> list[Table]:
     return [*tables, replace(_curve(a), detail="curve")]
 
 
-def _curve(a: Analysis | Deviation) -> Table:
+def _curve(a: findings.Analysis | findings.Deviation) -> Table:
     """Averaging time, deviation, ends of its interval, degrees of freedom, error of IEEE Std 952, kind of noise."""
     c, unit = a.curve, DEVIATION[a.quantity]
     use = thinned_rows(c, _ROWS)
@@ -191,7 +180,7 @@ def _compared(pair: ChannelComparison) -> Report:
     return Report(pair.name, tables=[Table(title, head, rows)], remarks=c.notes, figures=[_compared_figure(pair)])
 
 
-def _remarks(triad: Triad) -> list[str]:
+def _remarks(triad: findings.Triad) -> list[str]:
     """What a reader must know beside the coefficients, each remark once with the axes that it holds for."""
     axes_by_remark: dict[str, list[str]] = {}
     for axis, a in triad.channels.items():
@@ -202,11 +191,11 @@ def _remarks(triad: Triad) -> list[str]:
     return [*_verdicts(triad), *rest]
 
 
-def _coefficient_rows(triad: Triad) -> list[list[str]]:
+def _coefficient_rows(triad: findings.Triad) -> list[list[str]]:
     """Rows of the table of a triad: name with unit, and one cell for each axis."""
     units, sample, channels = DATASHEET[triad.first.quantity], DEVIATION[triad.first.quantity], triad.channels.values()
     floors, times = [], []
-    for least in map(lowest, channels):
+    for least in map(findings.lowest, channels):
         if least is None:
             floors.append("-")
             times.append("-")
@@ -215,7 +204,10 @@ def _coefficient_rows(triad: Triad) -> list[list[str]]:
             times.append(f"{number(least.tau)} s" + ("" if least.risen else " or later"))
     return [
         *(
-            [f"{k} {term.name} [{written(units[k])}]", *(coefficient(a.terms.get(k), units[k]) for a in channels)]
+            [
+                f"{k} {term.name} [{written(units[k])}]",
+                *(findings.coefficient(a.terms.get(k), units[k]) for a in channels),
+            ]
             for k, term in TERMS.items()
         ),
         [f"floor of the curve [{written(sample)}]", *floors],
@@ -225,7 +217,7 @@ def _coefficient_rows(triad: Triad) -> list[list[str]]:
     ]
 
 
-def _verdicts(triad: Triad) -> Iterator[str]:
+def _verdicts(triad: findings.Triad) -> Iterator[str]:
     """Coefficients that this record does not show, and how long ones would."""
     for letter in TERMS:
         terms = {axis: a.terms[letter] for axis, a in triad.channels.items() if letter in a.terms}
@@ -238,7 +230,7 @@ def _verdicts(triad: Triad) -> Iterator[str]:
             yield f"{letter} is not observable{where}: to show half of the limit takes a record of {lengths}"
 
 
-def _extras(a: Analysis) -> list[str]:
+def _extras(a: findings.Analysis) -> list[str]:
     """Sinusoids, bands, Gauss–Markov process, mask and step."""
     unit = DEVIATION[a.quantity]
     notes = []
@@ -263,7 +255,7 @@ def _extras(a: Analysis) -> list[str]:
     return notes
 
 
-def _rounding(a: Analysis) -> str:
+def _rounding(a: findings.Analysis) -> str:
     """How much of the white noise is the rounding of the values to their step, which scatters by step/√12."""
     white = a.terms.get("N")
     density = a.step**2 / 12.0 * a.curve.dt
@@ -280,7 +272,7 @@ _FADED = 0.35
 _ROOM = 1.2  # between a letter and the ends of the scales, as a ratio
 
 
-def triad_figure(triad: Triad) -> Figure:
+def triad_figure(triad: findings.Triad) -> Figure:
     """Deviations of all axes of a triad."""
     channels = list(triad.channels.values())
     axes = [(axis, colour, "solid") for axis, colour in zip(triad.channels, SERIES, strict=False)]
@@ -289,7 +281,7 @@ def triad_figure(triad: Triad) -> Figure:
     return Figure("Allan deviation of all axes", draw, keys, HEIGHT)
 
 
-def channel_figure(analysis: Analysis) -> Figure:
+def channel_figure(analysis: findings.Analysis) -> Figure:
     """One channel with everything that was found in it: the terms with their values where they are read off."""
     keys = [
         (f"deviation, {100.0 * analysis.curve.confidence:.1f} % interval", CURVE, "solid"),
@@ -302,19 +294,21 @@ def channel_figure(analysis: Analysis) -> Figure:
 
 def _compared_figure(pair: ChannelComparison) -> Figure:
     c = pair.comparison
-    both = [Deviation(pair.name, pair.quantity, curve) for curve in (c.before, c.after)]
+    both = [findings.Deviation(pair.name, pair.quantity, curve) for curve in (c.before, c.after)]
     bent = [("bent by the filter", SHADE, "block")] if c.bent_below is not None else []
     keys = [("before", SERIES[0], "solid"), ("after", SERIES[1], "solid"), *bent]
     draw = partial(_draw_curves, curves=both, shaded=c.bent_below)
     return Figure("Allan deviation before and after", draw, keys, HEIGHT)
 
 
-def _masked(channels: Sequence[Analysis]) -> float | None:
+def _masked(channels: Sequence[findings.Analysis]) -> float | None:
     """Averaging time below which the mask leaves out what an axis has; None where no axis has one."""
     return max((a.mask.n * a.curve.dt for a in channels if a.mask.n > 1), default=None)
 
 
-def _draw_curves(canvas: "FigureBase", curves: Sequence[Analysis | Deviation], shaded: float | None) -> "Axes":
+def _draw_curves(
+    canvas: "FigureBase", curves: Sequence[findings.Analysis | findings.Deviation], shaded: float | None
+) -> "Axes":
     """Deviations, each with its model where it has one; shaded below an averaging time."""
     ax = canvas.subplots()
     _frame(ax, curves)
@@ -322,20 +316,20 @@ def _draw_curves(canvas: "FigureBase", curves: Sequence[Analysis | Deviation], s
         ax.axvspan(ax.get_xlim()[0], shaded, color=SHADE, linewidth=0, zorder=0)
     for curve, colour in zip(curves, SERIES, strict=False):
         _draw_curve(ax, curve, colour, band=0.22 if len(curves) == 1 else 0.15)
-        if isinstance(curve, Analysis):
+        if isinstance(curve, findings.Analysis):
             tau = np.geomspace(*ax.get_xlim(), 400)
             ax.plot(tau, from_si(curve.model(tau), DEVIATION[curve.quantity]), color=MODEL, linewidth=0.7)
     return ax
 
 
-def _draw_channel(canvas: "FigureBase", analysis: Analysis) -> None:
+def _draw_channel(canvas: "FigureBase", analysis: findings.Analysis) -> None:
     ax = _draw_curves(canvas, [analysis], _masked([analysis]))
     sample, tau = DEVIATION[analysis.quantity], np.geomspace(*ax.get_xlim(), 200)
-    for letter, c in shown(analysis).items():
+    for letter, c in findings.shown(analysis).items():
         line = from_si(np.sqrt(variance(letter, c.value, tau)), sample)
         ax.plot(tau, line, color=TERM, linewidth=0.7, linestyle=(0, (4, 3)))
         _name(ax, letter, tau, line)
-    for letter, at, dev in points(analysis):
+    for letter, at, dev in findings.points(analysis):
         dot = (at, from_si(dev, sample))
         ax.plot(*dot, "o", color=TERM, markersize=3.5, zorder=4)
         name = DATASHEET[analysis.quantity][letter]
@@ -347,10 +341,10 @@ def _draw_channel(canvas: "FigureBase", analysis: Analysis) -> None:
         )  # fmt: skip
 
 
-def _draw_curve(ax: "Axes", analysis: Analysis | Deviation, colour: str, *, band: float) -> None:
+def _draw_curve(ax: "Axes", analysis: findings.Analysis | findings.Deviation, colour: str, *, band: float) -> None:
     """Deviation and its interval, paler above a relative uncertainty of 50 %."""
     curve, unit = analysis.curve, DEVIATION[analysis.quantity]
-    until = int(np.count_nonzero(np.logical_and.accumulate(trusted(curve))))
+    until = int(np.count_nonzero(np.logical_and.accumulate(findings.trusted(curve))))
     pale = slice(max(0, until - 1), None if until < curve.n.size else 0)
     for part, alpha in ((slice(0, until), 1.0), (pale, _FADED)):
         tau = curve.tau[part]
@@ -372,7 +366,7 @@ def _thinned(tau: Floats, dev: Floats) -> tuple[Floats, Floats]:
     return np.exp(x), y
 
 
-def _frame(ax: "Axes", analyses: Sequence[Analysis | Deviation]) -> None:
+def _frame(ax: "Axes", analyses: Sequence[findings.Analysis | findings.Deviation]) -> None:
     """Scales, limits and labels; what is drawn afterwards does not change them."""
     unit = DEVIATION[analyses[0].quantity]
     low, high = (from_si(end, unit) for end in _range(analyses))
@@ -386,17 +380,17 @@ def _frame(ax: "Axes", analyses: Sequence[Analysis | Deviation]) -> None:
     ax.set_ylabel(f"Allan deviation [{written(unit)}]")
 
 
-def _range(analyses: Sequence[Analysis | Deviation]) -> tuple[float, float]:
+def _range(analyses: Sequence[findings.Analysis | findings.Deviation]) -> tuple[float, float]:
     """Least and greatest deviation of the picture: those of trusted points, or of all where none can be trusted.
 
     A picture of one channel shows its read-off points too, if they are not far below the curve.
     """
-    devs = [a.curve.dev[use if (use := trusted(a.curve)).any() else slice(None)] for a in analyses]
-    tops = [a.curve.hi[trusted(a.curve) & np.isfinite(a.curve.hi)] for a in analyses]
+    devs = [a.curve.dev[use if (use := findings.trusted(a.curve)).any() else slice(None)] for a in analyses]
+    tops = [a.curve.hi[findings.trusted(a.curve) & np.isfinite(a.curve.hi)] for a in analyses]
     low = min(float(dev[dev > 0.0].min(initial=math.inf)) for dev in devs)
     high = max(float(values.max(initial=0.0)) for values in [*devs, *tops])
-    if len(analyses) == 1 and isinstance(analyses[0], Analysis):
-        low = min([low, *(point.dev for point in points(analyses[0]) if point.dev > low / 30.0)])
+    if len(analyses) == 1 and isinstance(analyses[0], findings.Analysis):
+        low = min([low, *(point.dev for point in findings.points(analyses[0]) if point.dev > low / 30.0)])
     return low / 1.7, high * 1.5
 
 
@@ -428,7 +422,7 @@ def _name(ax: "Axes", letter: str, tau: Floats, line: Floats) -> None:
 def card_report(card: NoiseCard) -> Report:
     """What a noise card holds, in the units of data sheets."""
     parts = [
-        Report(TITLES[name].capitalize(), tables=[Table("", ["", *AXES], _card_rows(name, triad))])
+        Report(TITLES[name].capitalize(), tables=[Table("", ["", *findings.AXES], _card_rows(name, triad))])
         for name in UNITS
         if (triad := getattr(card, name)) is not None
     ]

@@ -16,22 +16,9 @@ from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.params import Spec, build
 from plumbob.core.units import Quantity, deg, dps, g
 from plumbob.rotations import Frame
+from plumbob.simulation import signals
 from plumbob.simulation.captures import Bands, Cone, Faces, LevelRing, Poses, Raise, Sway, Table36, Tumble
 from plumbob.simulation.motion import ConingMotion, EulerMotion, Motion, Scenario, draw_sea, oscillator
-from plumbob.simulation.signals import (
-    Moves,
-    Polynomial,
-    Ramps,
-    Signal,
-    Sine,
-    Sinusoids,
-    Stack,
-    Windowed,
-    constant,
-    cycloid,
-    random_phases,
-    sinusoid,
-)
 
 _QUARTER = np.pi / 2.0
 _FACES: Final = _QUARTER * np.array(
@@ -51,17 +38,17 @@ def spins(rates: Floats, hold: float, ramp: float) -> tuple[Floats, Floats]:
     return knots, np.append(np.repeat(held, 2), 0.0)
 
 
-def session(knots: Floats, rates: Floats, remount: float) -> tuple[Floats, Floats, Moves]:
+def session(knots: Floats, rates: Floats, remount: float) -> tuple[Floats, Floats, signals.Moves]:
     """Instants and rates of all six faces, and the moves of yaw, pitch and roll from face to face in `remount`, s.
 
     `knots`, `rates` (m,) are those of one face, as `spins` gives them.
     """
     starts = (knots[-1] + remount) * np.arange(len(_FACES))
-    moves = Moves(starts[1:] - remount, np.full(len(_FACES) - 1, remount), np.diff(_FACES, axis=0))
+    moves = signals.Moves(starts[1:] - remount, np.full(len(_FACES) - 1, remount), np.diff(_FACES, axis=0))
     return (starts[:, np.newaxis] + knots).ravel(), np.tile(rates, len(_FACES)), moves
 
 
-_REST = constant(0.0)
+_REST = signals.constant(0.0)
 _TURN = math.pi
 
 
@@ -75,7 +62,7 @@ class Static(Scenario):
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Motion that is none."""
-        return EulerMotion(Frame.NED, constant((self.heading, self.pitch, self.roll)))
+        return EulerMotion(Frame.NED, signals.constant((self.heading, self.pitch, self.roll)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,8 +87,8 @@ class Turntable(Scenario):
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Heading that is a parabola and then a line."""
-        heading = Ramps((self.lead, self.lead + self.spin_up), (0.0, self.peak_rate))
-        return EulerMotion(Frame.NED, Stack((heading, _REST, _REST)), lever_b=(-self.radius, 0.0, 0.0))
+        heading = signals.Ramps((self.lead, self.lead + self.spin_up), (0.0, self.peak_rate))
+        return EulerMotion(Frame.NED, signals.Stack((heading, _REST, _REST)), lever_b=(-self.radius, 0.0, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,8 +115,8 @@ class Ball(Scenario):
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Roll that is a parabola and then a line, and a pitch that is a sine of such a phase."""
         knots = (self.lead, self.lead + self.spin_up)
-        lean = self.lean * Sine(Ramps(knots, (0.0, 2.0 * math.pi / self.period)))
-        return EulerMotion(Frame.NED, Stack((_REST, lean, Ramps(knots, (0.0, self.rolling)))))
+        lean = self.lean * signals.Sine(signals.Ramps(knots, (0.0, 2.0 * math.pi / self.period)))
+        return EulerMotion(Frame.NED, signals.Stack((_REST, lean, signals.Ramps(knots, (0.0, self.rolling)))))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +138,7 @@ class RateTable(Scenario):
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Spins of each face about the vertical, and moves from face to face between them."""
         knots, rates, faces = session(*self._spins, self.remount)
-        return EulerMotion(Frame.NED, Stack((Ramps(knots, rates), _REST, _REST)) + faces)
+        return EulerMotion(Frame.NED, signals.Stack((signals.Ramps(knots, rates), _REST, _REST)) + faces)
 
     @property
     def _spins(self) -> tuple[Floats, Floats]:
@@ -186,8 +173,8 @@ class Slide(Scenario):
         course = self.heading + self.direction
         ahead = np.array([math.cos(course), math.sin(course), 0.0])
         start, change = self.lead + i * (self.stroke + self.pause), np.outer(length * (-1.0) ** i, ahead)
-        way = Moves(start, np.full(i.size, self.stroke), change, law=cycloid)
-        return EulerMotion(Frame.NED, constant((self.heading, 0.0, 0.0)), way)
+        way = signals.Moves(start, np.full(i.size, self.stroke), change, law=signals.cycloid)
+        return EulerMotion(Frame.NED, signals.constant((self.heading, 0.0, 0.0)), way)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,16 +221,16 @@ class Buoy(Scenario):
         north, east = (sea.slope_ne * tilt[:, np.newaxis]).T
         rising_ahead = north * math.cos(self.heading) + east * math.sin(self.heading)
         rising_right = east * math.cos(self.heading) - north * math.sin(self.heading)
-        tilts = Sinusoids.from_phasors(sea.omega, np.stack((0.0 * north, rising_ahead, -rising_right), axis=-1))
-        way = Sinusoids.from_phasors(sea.omega, sea.displacement_ned * follow[:, np.newaxis])
+        tilts = signals.Sinusoids.from_phasors(sea.omega, np.stack((0.0 * north, rising_ahead, -rising_right), axis=-1))
+        way = signals.Sinusoids.from_phasors(sea.omega, sea.displacement_ned * follow[:, np.newaxis])
         return EulerMotion(Frame.NED, tilts + self._yaw(rng), way)
 
-    def _yaw(self, rng: np.random.Generator) -> Signal:
+    def _yaw(self, rng: np.random.Generator) -> signals.Signal:
         """Yaw about the mean heading in five slow sinusoids of periods 40 to 200 s."""
         omega = 2.0 * np.pi / rng.uniform(40.0, 200.0, 5)
-        phasors = self.yaw_wander * math.sqrt(2.0 / 5.0) * random_phases(5, rng)
-        wander = Sinusoids.from_phasors(omega, phasors[:, np.newaxis] * np.array([1.0, 0.0, 0.0]))
-        return constant((self.heading, 0.0, 0.0)) + wander
+        phasors = self.yaw_wander * math.sqrt(2.0 / 5.0) * signals.random_phases(5, rng)
+        wander = signals.Sinusoids.from_phasors(omega, phasors[:, np.newaxis] * np.array([1.0, 0.0, 0.0]))
+        return signals.constant((self.heading, 0.0, 0.0)) + wander
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,17 +270,17 @@ class Rod(Scenario):
         start = self.lead + np.cumsum(cycle) - cycle
         targets = (2.0 * chance[:, 2:] - 1.0) * (self.pitch_limit, self.roll_limit)
         tilts = np.column_stack((np.zeros(time.size), np.diff(targets, axis=0, prepend=np.zeros((1, 2)))))
-        angles = Moves(start, time, tilts) + constant((self.heading, 0.0, 0.0))
+        angles = signals.Moves(start, time, tilts) + signals.constant((self.heading, 0.0, 0.0))
         return EulerMotion(Frame.NED, angles, vibration, lever_b=(0.0, 0.0, -self.lever))
 
-    def _vibration(self, rng: np.random.Generator) -> Signal:
+    def _vibration(self, rng: np.random.Generator) -> signals.Signal:
         """Forty sinusoids along each axis, equally strong in acceleration."""
         edges = np.linspace(self.vibration_low, self.vibration_high, 41)
         omega = 2.0 * np.pi * rng.uniform(edges[:-1], edges[1:])
         way = self.vibration * math.sqrt(2.0 / omega.size) / omega**2
-        phasors = way[:, np.newaxis] * random_phases((omega.size, 3), rng)
-        growth = Moves((self.vibration_start,), (2.0,), (1.0,))
-        return Windowed(Sinusoids.from_phasors(omega, phasors), growth)
+        phasors = way[:, np.newaxis] * signals.random_phases((omega.size, 3), rng)
+        growth = signals.Moves((self.vibration_start,), (2.0,), (1.0,))
+        return signals.Windowed(signals.Sinusoids.from_phasors(omega, phasors), growth)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -314,9 +301,11 @@ class Fin(Scenario):
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Two sinusoids."""
-        swing = sinusoid(self.swing, self.frequency)
-        twist = sinusoid(self.twist, self.frequency, -self.lag) + constant(self.twist * math.sin(self.lag))
-        return EulerMotion(Frame.NED, Stack((swing, _REST, twist)))
+        swing = signals.sinusoid(self.swing, self.frequency)
+        twist = signals.sinusoid(self.twist, self.frequency, -self.lag) + signals.constant(
+            self.twist * math.sin(self.lag)
+        )
+        return EulerMotion(Frame.NED, signals.Stack((swing, _REST, twist)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -332,7 +321,7 @@ class Arm(Scenario):
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Heading that is a line."""
-        return EulerMotion(Frame.NED, Stack((Polynomial((0.0, self.turn / self.time)), _REST, _REST)))
+        return EulerMotion(Frame.NED, signals.Stack((signals.Polynomial((0.0, self.turn / self.time)), _REST, _REST)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,31 +25,11 @@ from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.encode import encode
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
+from plumbob.viewer import overlays as drawn
+from plumbob.viewer import rows
 from plumbob.viewer.charts import Rows
 from plumbob.viewer.commands import Outlet
 from plumbob.viewer.messages import Batch, Hello, Link, numbers
-from plumbob.viewer.overlays import (
-    ChainFollower,
-    Overlay,
-    described,
-    frame_faults,
-    greeting,
-    joined_units,
-    require_addable,
-)
-from plumbob.viewer.rows import (
-    Attitudes,
-    RowLayout,
-    ShownEstimator,
-    attitudes_now,
-    headed_estimators,
-    newest,
-    raw_columns,
-    raw_fields,
-    rows_at,
-    sensed_rows,
-    shown_estimator,
-)
 
 EVERY_NS: Final = 16_000_000  # Least time between two batches, ns
 _STILL_NS: Final = 500_000_000  # After this time a batch without samples says how the line does
@@ -73,7 +53,7 @@ class Aligned:
     t_ns: NDArray[np.int64]
     imu: ImuData
     sensed: ImuData
-    attitudes: Attitudes | None
+    attitudes: rows.Attitudes | None
 
 
 class Aligner:
@@ -105,17 +85,17 @@ class Aligner:
         imu, sensed = ImuData.joined([part.imu for part in parts]), ImuData.joined([part.sensed for part in parts])
         return Aligned(parts, t_ns, imu, sensed, self._attitudes(t_ns))
 
-    def _attitudes(self, t_ns: NDArray[np.int64]) -> Attitudes | None:
+    def _attitudes(self, t_ns: NDArray[np.int64]) -> rows.Attitudes | None:
         filter_ = self._stream.filter
         if filter_ is None:
             return None
         if not self._tracks:
-            return Attitudes.unknown(t_ns.size, filter_.frame, filter_.north(False))
+            return rows.Attitudes.unknown(t_ns.size, filter_.frame, filter_.north(False))
         track_ns = np.concatenate([stamps for stamps, _ in self._tracks])
         track = AttitudeTrack.joined([segment for _, segment in self._tracks], track_ns.size)
         self._tracks = [(stamps, segment) for stamps, segment in self._tracks if stamps[-1] > t_ns[-1]]
-        rows = None if np.array_equal(track_ns, t_ns) else rows_at(t_ns, track_ns)
-        return Attitudes.from_track(track, rows, filter_.common.declination)
+        places = None if np.array_equal(track_ns, t_ns) else rows.rows_at(t_ns, track_ns)
+        return rows.Attitudes.from_track(track, places, filter_.common.declination)
 
 
 class FlagWatch:
@@ -169,9 +149,9 @@ class Feed(Sink):
         self._triads = () if probe is None else probe.imu.triads
         self._temperature = probe is not None and probe.imu.temp_c is not None
         self._message = session.form.message(session.message)
-        self._raw_columns = [] if probe is None else raw_columns(self._message, probe.frames.columns)
+        self._raw_columns = [] if probe is None else rows.raw_columns(self._message, probe.frames.columns)
         self._frame = session.frame or (None if truth is None else truth.frame)
-        self._overlays: dict[str, Overlay] = {}
+        self._overlays: dict[str, drawn.Overlay] = {}
         self._preparing: dict[str, threading.Thread] = {}
         self._started = False
         self._follower = None if chain is None else self._following(chain)
@@ -185,7 +165,7 @@ class Feed(Sink):
         self._flags = FlagWatch()
         self._known: dict[str, Any] = {"raw": [None] * len(self._raw_columns), "attitudes": {}, "gravity_b": None,
                                        "field_b": None, "points": None, "arrived_ns": None}  # fmt: skip
-        self._current: Attitudes | None = None
+        self._current: rows.Attitudes | None = None
         self._due_ns = self._still_ns = 0
         for name in also:
             self.add(name)
@@ -206,13 +186,13 @@ class Feed(Sink):
         frame = self._frame
         if name in (*self._overlays, *self._preparing) or (self._own is not None and name == self._own.name):
             raise ParameterError(f"{name} is already running.")
-        require_addable(name, self._triads, beside=len(self._overlays) + len(self._preparing))
+        drawn.require_addable(name, self._triads, beside=len(self._overlays) + len(self._preparing))
         if frame is None:
             raise ParameterError("the session names no frame, so that nothing can be estimated; give --frame.")
         if not self._started:
             self._attach(name, frame)
             return f"{name} runs beside"
-        ready = threading.Thread(target=lambda: Overlay(name, frame, self._stream.session.meta), daemon=True)
+        ready = threading.Thread(target=lambda: drawn.Overlay(name, frame, self._stream.session.meta), daemon=True)
         self._preparing[name] = ready  # the first use of a filter may be compiled, which the line must not wait for
         ready.start()
         return f"{name} will run beside"
@@ -220,7 +200,7 @@ class Feed(Sink):
     def _attach(self, name: str, frame: Frame) -> None:
         at = self._current
         start = None if at is None or not np.isfinite(at.q_nb).all() else Start(at.q_nb[-1], at.north)
-        self._overlays[name] = Overlay(name, frame, self._stream.session.meta, start)
+        self._overlays[name] = drawn.Overlay(name, frame, self._stream.session.meta, start)
         self._lay_out()
 
     def _attach_prepared(self) -> None:
@@ -306,9 +286,9 @@ class Feed(Sink):
         self._due_ns, self._still_ns = now_ns + EVERY_NS, now_ns + _STILL_NS
         self._attach_prepared()
         nothing: Any = Rows.none(len(self._layout.columns))._asdict() | {"sensed": np.zeros((0, 10))}
-        rows = nothing if ready is None else self._rows(ready)
+        part = nothing if ready is None else self._rows(ready)
         fields = {**self._known, "link": self._link(now_ns), "playback": None, "recording": None, "text": None}
-        self._outlet.batch(Batch(rows, fields | dict(self._beside())))
+        self._outlet.batch(Batch(part, fields | dict(self._beside())))
 
     def _rows(self, ready: Aligned) -> dict[str, NDArray[Any]]:
         """Rows of samples; what is known now changes with them."""
@@ -329,26 +309,28 @@ class Feed(Sink):
             self._outlet.event(t, "flag", text)
         self._remember(ready, attitudes, reference)
         values = layout.values(imu, len(imu), attitudes, reference)
-        return {"t": imu.t, "flags": words, "values": values, "sensed": sensed_rows(ready.sensed)}
+        return {"t": imu.t, "flags": words, "values": values, "sensed": rows.sensed_rows(ready.sensed)}
 
-    def _remember(self, ready: Aligned, attitudes: Mapping[str, Attitudes], reference: Attitudes | None) -> None:
+    def _remember(
+        self, ready: Aligned, attitudes: Mapping[str, rows.Attitudes], reference: rows.Attitudes | None
+    ) -> None:
         """The newest of what has no rows."""
         last, now = ready.parts[-1], self._known
         if self._follower is not None:
-            self._follower.take(joined_units([part.units for part in ready.parts]))
+            self._follower.take(drawn.joined_units([part.units for part in ready.parts]))
             now["points"] = self._follower.points
         fields = {name: values[-1:] for name, values in last.frames.columns.items()}
-        now["raw"] = [numbers(column)[0] for column in raw_fields(self._message, fields).values()]
-        now["attitudes"] |= attitudes_now(self._layout, attitudes, reference)
-        now["gravity_b"] = newest(ready.imu.usable("acc")) or now["gravity_b"]
-        now["field_b"] = newest(ready.imu.usable("mag")) or now["field_b"]
+        now["raw"] = [numbers(column)[0] for column in rows.raw_fields(self._message, fields).values()]
+        now["attitudes"] |= rows.attitudes_now(self._layout, attitudes, reference)
+        now["gravity_b"] = rows.newest(ready.imu.usable("acc")) or now["gravity_b"]
+        now["field_b"] = rows.newest(ready.imu.usable("mag")) or now["field_b"]
         if not self._stretched:
             now["arrived_ns"] = int(last.frames.t_ns[-1])
 
-    def _reference(self, ready: Aligned) -> Attitudes | None:
+    def _reference(self, ready: Aligned) -> rows.Attitudes | None:
         """Reference at the samples, in its own frame."""
         if self._truth is not None:
-            return Attitudes.read(self._truth, ready.imu.t, None)
+            return rows.Attitudes.read(self._truth, ready.imu.t, None)
         reference = self._stream.session.reference
         if reference is None:
             return None
@@ -356,7 +338,7 @@ class Feed(Sink):
         angles = np.concatenate([
             np.stack([part.frames.columns[name] for name in names], axis=1) for part in ready.parts
         ])  # fmt: skip
-        return Attitudes(quat_from_euler_zyx(angles), Frame.NED, reference.north)
+        return rows.Attitudes(quat_from_euler_zyx(angles), Frame.NED, reference.north)
 
     def _link(self, now_ns: int) -> dict[str, Any]:
         """How the stream does."""
@@ -369,7 +351,7 @@ class Feed(Sink):
         rate = (after - before) / (end_ns - begin_ns) * 1e9 if end_ns - begin_ns > _STILL_NS else None
         link = Link(
             rate=rate, latency=None, age=None, samples=self._samples, skipped=0,
-            **frame_faults(self._stream), **self._told[1],
+            **drawn.frame_faults(self._stream), **self._told[1],
         )  # fmt: skip
         return asdict(link)
 
@@ -383,19 +365,19 @@ class Feed(Sink):
         return {"lost": report.lost, "gaps": report.gap_count, "clock": mode,
                 "drift_ppm": float(drift) if long_enough and np.isfinite(drift) else None}  # fmt: skip
 
-    def _own_shown(self) -> ShownEstimator:
+    def _own_shown(self) -> rows.ShownEstimator:
         stage, filter_ = self._stream.session.stage, self._stream.filter
         assert stage is not None
         assert filter_ is not None
-        return shown_estimator(stage.name, stage.filter, described(filter_), primary=True)
+        return rows.shown_estimator(stage.name, stage.filter, drawn.described(filter_), primary=True)
 
-    def _following(self, chain: Chain) -> ChainFollower:
+    def _following(self, chain: Chain) -> drawn.ChainFollower:
         session = self._stream.session
         if self._frame is None:
             raise ParameterError("a chain needs a navigation frame; give --frame.")
         if not session.units:
             raise ParameterError("a chain needs a line of several units that are all decoded; give --unit all.")
-        return ChainFollower(chain, self._frame, [unit.unit for unit in session.units])
+        return drawn.ChainFollower(chain, self._frame, [unit.unit for unit in session.units])
 
     def _lay_out(self) -> None:
         """Take over other estimators."""
@@ -403,15 +385,15 @@ class Feed(Sink):
         self._known["attitudes"] = {}
         self._greeted = False
 
-    def _laid_out(self, attitudes: Mapping[str, Attitudes], north: North | None = None) -> RowLayout:
+    def _laid_out(self, attitudes: Mapping[str, rows.Attitudes], north: North | None = None) -> rows.RowLayout:
         shown = [overlay.shown for overlay in self._overlays.values()]
         if self._own is not None:
             shown = [self._own, *shown]
         elif shown:
             shown[0] = shown[0]._replace(estimator=replace(shown[0].estimator, primary=True))
         if attitudes:
-            shown = headed_estimators(shown, attitudes, north)
-        return RowLayout(self._triads, self._temperature, tuple(shown), self._reference_told())
+            shown = rows.headed_estimators(shown, attitudes, north)
+        return rows.RowLayout(self._triads, self._temperature, tuple(shown), self._reference_told())
 
     def _reference_told(self) -> str | None:
         if self._truth is not None:
@@ -438,7 +420,7 @@ class Feed(Sink):
             recording=self._recording,
             duration=None,
             started_utc=None if t0_ns is None else (t0_ns + epoch_offset_ns()) / 1e9,
-            **greeting(self._layout, self._frame),
+            **drawn.greeting(self._layout, self._frame),
         )
 
 
@@ -449,6 +431,6 @@ def probed(session: Session) -> ItemResult | None:
     if isinstance(session.form, LineFormat):
         return other.through({message.name: blank_frames(message)})
     physical = [field.name for field in message.fields if field.physical][:1]
-    rows = encode(session.form, dict.fromkeys(physical, np.zeros(3)), message=message.name)
-    part = other.feed(Received(0, rows.tobytes()))
+    silence = encode(session.form, dict.fromkeys(physical, np.zeros(3)), message=message.name)
+    part = other.feed(Received(0, silence.tobytes()))
     return part or other.finish()

@@ -27,23 +27,10 @@ from plumbob.live.runner import Note
 from plumbob.live.session_toml import SESSION, of_unit, recorded_session
 from plumbob.protocols.format import Message
 from plumbob.rotations import Frame
+from plumbob.viewer import rows
 from plumbob.viewer.commands import Outlet
 from plumbob.viewer.messages import Batch, Hello, Link, Playback, numbers
 from plumbob.viewer.overlays import ChainFollower, described, frame_faults, greeting, require_addable
-from plumbob.viewer.rows import (
-    Attitudes,
-    RowLayout,
-    ShownEstimator,
-    attitudes_now,
-    headed_estimators,
-    newest,
-    raw_columns,
-    raw_fields,
-    rows_at,
-    sensed_rows,
-    shown_estimator,
-    shown_of_track,
-)
 
 BEFORE: Final = 60.0  # Time before a place that is shown with it, s
 SPEEDS: Final = 0.1, 100.0
@@ -56,7 +43,7 @@ _STILL_NS: Final = 250_000_000
 class Estimate:
     """An estimate of the whole recording."""
 
-    shown: ShownEstimator
+    shown: rows.ShownEstimator
     track: AttitudeTrack
     declination: float | None
 
@@ -137,7 +124,7 @@ def _estimated(
 ) -> Estimate:
     result = estimate(recording, name, frame=frame, **settings)
     kind = result.filter.name
-    shown = shown_estimator(kind, kind, described(result.filter), primary=primary)
+    shown = rows.shown_estimator(kind, kind, described(result.filter), primary=primary)
     return Estimate(shown, result.track, result.filter.common.declination)
 
 
@@ -187,7 +174,7 @@ def _loaded(
 def _carried(track: AttitudeTrack, imu: ImuData | None) -> Estimate:
     title = track.source.partition(";")[0] or RECORDED
     declination = None if imu is None else imu.meta.declination
-    return Estimate(shown_of_track(RECORDED, track, title, primary=True), track, declination)
+    return Estimate(rows.shown_of_track(RECORDED, track, title, primary=True), track, declination)
 
 
 def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, frame: Any) -> Loaded:
@@ -207,7 +194,7 @@ def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, fram
     estimates = []
     if stage is not None and replayed.track is not None and replayed.stream.filter is not None:
         filter_ = replayed.stream.filter
-        shown = shown_estimator(stage.name, stage.filter, described(filter_), primary=True)
+        shown = rows.shown_estimator(stage.name, stage.filter, described(filter_), primary=True)
         estimates = [Estimate(shown, replayed.track, filter_.common.declination)]
     message = session.form.message(session.message)
     card = replayed.stream.session.card
@@ -237,7 +224,7 @@ def _recorded_raw(replayed: Replayed, message: Message) -> dict[str, NDArray[Any
         present = [part for part in parts if part is not None]
         if present:
             columns[entry.name] = np.concatenate(present).astype(np.float64)
-    return raw_fields(message, columns)
+    return rows.raw_fields(message, columns)
 
 
 class Player:
@@ -354,19 +341,19 @@ class Player:
 
     def batch(self, start: int, stop: int) -> Batch:
         """Batch of some rows of the recording; without any, what is known at the place before."""
-        loaded, rows = self._loaded, slice(start, stop)
+        loaded, span = self._loaded, slice(start, stop)
         at = slice(max(stop - 1, 0), max(stop, 1))
-        attitudes = {est.shown.name: held.rows(rows) for est, held in zip(loaded.estimates, self._held, strict=True)}
-        reference = None if self._reference is None else self._reference.rows(rows)
-        imu = None if loaded.imu is None or stop <= start else loaded.imu[rows]
+        attitudes = {est.shown.name: held.rows(span) for est, held in zip(loaded.estimates, self._held, strict=True)}
+        reference = None if self._reference is None else self._reference.rows(span)
+        imu = None if loaded.imu is None or stop <= start else loaded.imu[span]
         count = stop - start
         sensed = np.full((count, 10), np.nan)
         if count and loaded.sensed is not None:
-            sensed = sensed_rows(loaded.sensed[rows])
+            sensed = rows.sensed_rows(loaded.sensed[span])
         values = (
             self._layout.values(imu, count, attitudes, reference) if count else np.zeros((0, len(self._layout.columns)))
         )
-        arrays = {"t": self._t[rows], "flags": self._words[rows], "values": values, "sensed": sensed}
+        arrays = {"t": self._t[span], "flags": self._words[span], "values": values, "sensed": sensed}
         return Batch(arrays, self._fields(at))
 
     def _fields(self, at: slice) -> dict[str, Any]:
@@ -380,9 +367,9 @@ class Player:
         )  # fmt: skip
         return {
             "raw": numbers(np.array([column[at.start] for column in loaded.raw.values()], dtype=np.float64)),
-            "attitudes": attitudes_now(self._layout, attitudes, reference),
-            "gravity_b": None if imu is None else newest(imu.usable("acc")),
-            "field_b": None if imu is None else newest(imu.usable("mag")),
+            "attitudes": rows.attitudes_now(self._layout, attitudes, reference),
+            "gravity_b": None if imu is None else rows.newest(imu.usable("acc")),
+            "field_b": None if imu is None else rows.newest(imu.usable("mag")),
             "points": None if self._chain is None else self._chain.points(at.start),
             "link": asdict(link),
             "recording": None,
@@ -396,15 +383,15 @@ class Player:
         loaded = self._loaded
         self._held = [_at_samples(est, loaded.t) for est in loaded.estimates]
         reference = loaded.reference
-        self._reference = None if reference is None else Attitudes.read(reference, loaded.t, None)
+        self._reference = None if reference is None else rows.Attitudes.read(reference, loaded.t, None)
         attitudes = {est.shown.name: held for est, held in zip(loaded.estimates, self._held, strict=True)}
-        shown = headed_estimators(
+        shown = rows.headed_estimators(
             [est.shown for est in loaded.estimates], attitudes, None if reference is None else reference.north
         )
         triads = () if loaded.imu is None else loaded.imu.triads
         warm = loaded.imu is not None and loaded.imu.temp_c is not None
         title = None if reference is None else reference.source or "reference"
-        self._layout = RowLayout(triads, warm, tuple(shown), title)
+        self._layout = rows.RowLayout(triads, warm, tuple(shown), title)
         self._words = np.zeros(loaded.t.size, dtype=np.uint32) if loaded.imu is None else loaded.imu.flags
         if self._held and self._held[0].flags is not None:
             self._words = self._words | self._held[0].flags
@@ -424,7 +411,7 @@ class Player:
             live=False,
             north=str(self._held[0].north) if self._held else None,
             rate=self._rate,
-            raw=[] if loaded.message is None else raw_columns(loaded.message, loaded.raw),
+            raw=[] if loaded.message is None else rows.raw_columns(loaded.message, loaded.raw),
             skeleton=None if self._chain is None else self._chain.skeleton,
             guides=(),
             control=self._control,
@@ -435,11 +422,11 @@ class Player:
         )
 
 
-def _at_samples(est: Estimate, t: Floats) -> Attitudes:
+def _at_samples(est: Estimate, t: Floats) -> rows.Attitudes:
     """An estimate at the samples; its covariance, bias and flags where it has these very times."""
     if len(est.track) == len(t) and np.array_equal(est.track.t, t):
-        return Attitudes.from_track(est.track, None, est.declination)
-    return Attitudes.from_track(est.track, rows_at(to_ns(t), to_ns(est.track.t)), est.declination)
+        return rows.Attitudes.from_track(est.track, None, est.declination)
+    return rows.Attitudes.from_track(est.track, rows.rows_at(to_ns(t), to_ns(est.track.t)), est.declination)
 
 
 class _Postures:

@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob import rotations
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import FrameError
@@ -18,13 +19,6 @@ from plumbob.data.reading import read_at
 from plumbob.filters.known import EXTENSIBLE, SMOOTHER
 from plumbob.protocols.format import Message
 from plumbob.protocols.unpack import counts_for
-from plumbob.rotations import (
-    Frame,
-    North,
-    change_frame,
-    quat_rotate,
-    wrap,
-)
 from plumbob.rotations.frames import HeadingPolicy, euler_sd, heading_policy, turn_heading
 from plumbob.viewer.charts import euler_deg
 from plumbob.viewer.messages import Column, Estimator, numbers
@@ -41,8 +35,8 @@ class Attitudes:
     """Attitudes at samples; NaN where there is none."""
 
     q_nb: Floats  # (N, 4), body to navigation, wxyz
-    frame: Frame  # navigation frame
-    north: North  # what headings count from
+    frame: rotations.Frame  # navigation frame
+    north: rotations.North  # what headings count from
     declination: float | None = None  # of the place, rad, as far as is known
     # bias_b, cov_b: (N, 3), estimated bias, rad/s, and covariance of the error in body axes, rad²
     bias_b: Floats | None = None
@@ -66,7 +60,7 @@ class Attitudes:
         return cls(q, track.frame, track.north, declination)
 
     @classmethod
-    def unknown(cls, count: int, frame: Frame, north: North) -> Self:
+    def unknown(cls, count: int, frame: rotations.Frame, north: rotations.North) -> Self:
         """No attitude at so many samples."""
         return cls(_nothing(count, 4), frame, north)
 
@@ -213,7 +207,7 @@ def claimed_sd(at: Attitudes) -> Floats:
     if at.cov_b is None:
         return _nothing(len(at.q_nb), 3)
     sd = to_deg(euler_sd(at.q_nb, at.cov_b))[:, ::-1]
-    if at.north is North.FREE:
+    if at.north is rotations.North.FREE:
         sd[:, 2] = np.nan
     return sd
 
@@ -251,7 +245,7 @@ def newest(values: Floats) -> list[float] | None:
 
 
 def headed_estimators(
-    shown: Sequence[ShownEstimator], norths: Mapping[str, Attitudes], reference: North | None
+    shown: Sequence[ShownEstimator], norths: Mapping[str, Attitudes], reference: rotations.North | None
 ) -> list[ShownEstimator]:
     """Estimators, with whether their headings can be compared with the reference's."""
     if reference is None:
@@ -264,13 +258,13 @@ def in_primary_frame(primary: Attitudes | None, reference: Attitudes) -> Floats:
     """Attitudes (N, 4) of a reference in the frame of the primary estimator, from its North as far as is known."""
     if primary is None:
         return reference.q_nb
-    q = change_frame(reference.q_nb, to=primary.frame, from_=reference.frame)
+    q = rotations.change_frame(reference.q_nb, to=primary.frame, from_=reference.frame)
     turn = _policy(primary.north, reference.north, primary.declination).turn
     return turn_heading(q, turn, primary.frame) if turn else q
 
 
 @cache  # every flush asks
-def _policy(estimate: North, reference: North, declination: float | None) -> HeadingPolicy:
+def _policy(estimate: rotations.North, reference: rotations.North, declination: float | None) -> HeadingPolicy:
     try:
         return heading_policy(estimate, reference, aligned=False, declination=declination)
     except FrameError as error:
@@ -279,17 +273,17 @@ def _policy(estimate: North, reference: North, declination: float | None) -> Hea
 
 def _from_up(at: Attitudes, acc: Floats) -> Floats:
     """Angle (N,) of the specific force to the estimate's up, degrees."""
-    force_n = quat_rotate(at.q_nb, acc)
+    force_n = rotations.quat_rotate(at.q_nb, acc)
     return to_deg(np.arctan2(np.hypot(force_n[:, 0], force_n[:, 1]), force_n @ at.frame.up))
 
 
 def _from_north(at: Attitudes, mag: Floats) -> Floats:
     """Angle (N,) from the estimate's magnetic North to the field's level direction, clockwise, degrees."""
-    if at.north is North.FREE or (at.north is North.TRUE and at.declination is None):
+    if at.north is rotations.North.FREE or (at.north is rotations.North.TRUE and at.declination is None):
         return np.full(len(mag), np.nan)
-    field_n = quat_rotate(at.q_nb, mag)
+    field_n = rotations.quat_rotate(at.q_nb, mag)
     heading = np.arctan2(field_n @ at.frame.east, field_n @ at.frame.north)
-    return to_deg(wrap(heading - (at.declination or 0.0 if at.north is North.TRUE else 0.0)))
+    return to_deg(rotations.wrap(heading - (at.declination or 0.0 if at.north is rotations.North.TRUE else 0.0)))
 
 
 def raw_columns(message: Message, names: Mapping[str, Any]) -> list[Column]:

@@ -8,16 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob.arm.array.channels import (
-    aligned,
-    combined_noise,
-    densities,
-    directions,
-    levers,
-    nominal_step,
-    stacked,
-    weighting,
-)
+from plumbob.arm.array import channels
 from plumbob.arm.array.direction_filter import NAME, noise_params, track_directions
 from plumbob.arm.array.monitoring import Monitored, MonitoringSettings, common_flags, monitor, virtual
 from plumbob.arm.array.solve import combine_rows, force_rows
@@ -96,18 +87,18 @@ def combined(
     array: ImuArray, weights: str, excluded: "Monitored | Mapping[str, ArrayLike] | None", causal: bool
 ) -> Combined:
     """Combine the units as their mounts say; arguments and errors as of `plumbob.array.combine`."""
-    array = aligned(array)
+    array = channels.aligned(array)
     out = _masks(excluded, array)
-    axes, arms = directions(array.mounts), levers(array.mounts)
+    axes, arms = channels.directions(array.mounts), channels.levers(array.mounts)
     values = np.full((len(array), 3, 3), np.nan)
     parity: dict[str, Floats] = {}
     for i, triad in enumerate(TRIADS):
         if all(getattr(imu, triad) is None for imu in array.units.values()):
             continue
-        y = stacked(array, triad)
+        y = channels.stacked(array, triad)
         if triad in out:
             y = np.where(out[triad][:, :, np.newaxis], np.nan, y)
-        weight, x, residual = weighting(array, triad, weights), np.empty((len(array), 3)), np.empty(y.shape)
+        weight, x, residual = channels.weighting(array, triad, weights), np.empty((len(array), 3)), np.empty(y.shape)
         if triad == "acc" and arms.any() and "gyr" in parity:
             rate = np.ascontiguousarray(values[:, 0])
             _forces(array, y, axes, weight, arms, rate, x, residual, causal)
@@ -122,7 +113,7 @@ def combined(
     any_out = np.any([mask.any(axis=1) for mask in out.values()], axis=0) if out else np.zeros(len(array), dtype=bool)
     excluded_flags = np.where(any_out, np.uint32(flags.UNIT_EXCLUDED), np.uint32(0)).astype(np.uint32)
     imu = virtual(array, values, common_flags(array) | excluded_flags)
-    return Combined(imu, parity, array.names, combined_noise(array, imu.meta.device))
+    return Combined(imu, parity, array.names, channels.combined_noise(array, imu.meta.device))
 
 
 def _forces(
@@ -130,11 +121,11 @@ def _forces(
     causal: bool,
 ) -> None:  # fmt: skip
     """Specific force at the reference point; where there is no rate, that of a body that does not turn."""
-    step = nominal_step(array)
+    step = channels.nominal_step(array)
     turn = _causal_slope(rate, array.t) if causal or len(array) < 2 else np.gradient(rate, array.t, axis=0)
-    noise2 = 1.0 / float(np.mean(np.sum(1.0 / densities(array.mounts, "gyr") ** 2, axis=0))) / step
+    noise2 = 1.0 / float(np.mean(np.sum(1.0 / channels.densities(array.mounts, "gyr") ** 2, axis=0))) / step
     slope_var = 2.0 * noise2 / step**2 * (1.0 if causal else 0.25)
-    acc_var = float(np.mean(densities(array.mounts, "acc") ** 2)) / step
+    acc_var = float(np.mean(channels.densities(array.mounts, "acc") ** 2)) / step
     turn_weight = float(np.mean(weight)) * acc_var / slope_var  # in the units of the weights
     finite_rate = np.where(np.isfinite(rate), rate, 0.0)
     force_rows(y, axes, weight, arms, finite_rate, turn, turn_weight, x, residual, np.zeros((6, 6)), np.zeros(6))

@@ -13,17 +13,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.calibration import ellipsoid_fit
 from plumbob.calibration.autocorrelation import alike
-from plumbob.calibration.ellipsoid_fit import (
-    SPARE,
-    Ellipsoid,
-    NormFit,
-    Shape,
-    first_ellipsoid,
-    fit_norm,
-    mean_radius,
-    scaled,
-)
 from plumbob.calibration.fit import HEADING, TILT, grade_of
 from plumbob.calibration.mag.checks import DIP
 from plumbob.calibration.mag.field_gradient import one_axis, unevenness
@@ -404,8 +395,12 @@ class AccelGuide(Guide):
             self._say(news)
 
     def _fit(self, poses: Floats) -> None:
-        enough = len(poses) >= Shape.ELLIPSOID.value + SPARE
-        fit = fit_norm(poses, Shape.ELLIPSOID, first_ellipsoid(poses)) if enough else None
+        enough = len(poses) >= ellipsoid_fit.Shape.ELLIPSOID.value + ellipsoid_fit.SPARE
+        fit = (
+            ellipsoid_fit.fit_norm(poses, ellipsoid_fit.Shape.ELLIPSOID, ellipsoid_fit.first_ellipsoid(poses))
+            if enough
+            else None
+        )
         self._centre, self._sd = (np.zeros(3), None) if fit is None else (fit.ellipsoid.centre, _predicted(fit, poses))
 
     def _words(self, here: int | None, goal: int | None) -> str:
@@ -416,9 +411,9 @@ class AccelGuide(Guide):
         return f"hold it with {pose_words(goal)}, and {_UNTIL}"
 
 
-def _predicted(fit: NormFit, poses: Floats) -> float:
+def _predicted(fit: ellipsoid_fit.NormFit, poses: Floats) -> float:
     shared = alike(fit.residuals, fit.ellipsoid.to_sphere(poses), fit.used)
-    return tilt_sd(*scaled(fit, G0, alike=shared.factor), size=G0)
+    return tilt_sd(*ellipsoid_fit.scaled(fit, G0, alike=shared.factor), size=G0)
 
 
 def _unit(vector: Floats) -> Floats:
@@ -449,7 +444,7 @@ class MagGuide(Guide):
         self._seen = Seen()
         self._sample = _Sample()
         self._count = 0
-        self._fit: NormFit | None = None
+        self._fit: ellipsoid_fit.NormFit | None = None
         self._sd: tuple[float, float] | None = None
         self._field: Floats | None = None
 
@@ -498,7 +493,7 @@ class MagGuide(Guide):
         vectors = self._sample.vectors
         fit = _determined(vectors) if one_axis(vectors, None) is None else None
         self._fit = fit
-        full = fit is not None and fit.shape is Shape.ELLIPSOID
+        full = fit is not None and fit.shape is ellipsoid_fit.Shape.ELLIPSOID
         self._sd = _predicted_heading(fit, vectors) if fit is not None and full else None
         if fit is None:
             return
@@ -569,30 +564,30 @@ class _Sample:
         self.vectors = every[keep]
 
 
-def _determined(vectors: Floats) -> NormFit | None:
+def _determined(vectors: Floats) -> ellipsoid_fit.NormFit | None:
     """Fit of the full shape, else of a sphere, whose centre is known well enough to tell directions."""
-    start = first_ellipsoid(vectors)
-    for shape in (Shape.ELLIPSOID, Shape.SPHERE):
-        if len(vectors) < shape.value + SPARE:
+    start = ellipsoid_fit.first_ellipsoid(vectors)
+    for shape in (ellipsoid_fit.Shape.ELLIPSOID, ellipsoid_fit.Shape.SPHERE):
+        if len(vectors) < shape.value + ellipsoid_fit.SPARE:
             continue
-        fit = fit_norm(vectors, shape, start, robust=False)
+        fit = ellipsoid_fit.fit_norm(vectors, shape, start, robust=False)
         if fit is not None and _is_certain(fit):
             return fit
-        start = Ellipsoid(start.centre, np.eye(3) * np.trace(start.shape) / 3.0)
+        start = ellipsoid_fit.Ellipsoid(start.centre, np.eye(3) * np.trace(start.shape) / 3.0)
     return None
 
 
-def _is_certain(fit: NormFit) -> bool:
+def _is_certain(fit: ellipsoid_fit.NormFit) -> bool:
     radius = 3.0 / float(np.trace(fit.ellipsoid.shape))
     centre_sd = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:3, :3])[-1]))
     return centre_sd < _CERTAIN * radius and fit.sd < _HOLLOW * radius
 
 
-def _predicted_heading(fit: NormFit, vectors: Floats) -> tuple[float, float]:
+def _predicted_heading(fit: ellipsoid_fit.NormFit, vectors: Floats) -> tuple[float, float]:
     """Predicted heading error, rad, and what of it more turning can make smaller: a length never shows the rest."""
-    matrix, independent = scaled(fit, None, alike=1.0)
+    matrix, independent = ellipsoid_fit.scaled(fit, None, alike=1.0)
     samples = fit.residuals, fit.ellipsoid.to_sphere(vectors), fit.used
-    memory, radius = alike(*samples).memory, mean_radius(fit.ellipsoid.shape)
+    memory, radius = alike(*samples).memory, ellipsoid_fit.mean_radius(fit.ellipsoid.shape)
     fields = (unevenness(*samples, lengths=lengths) for lengths in (True, False))
     residuals = fit.residuals[fit.used]
     counted = (

@@ -17,35 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.kernels import kernel
+from plumbob.live.timing import spec as state
 from plumbob.live.timing.delay import LEARNING, Ints, begin_line, is_doubtful, line_at, settle, turn
-from plumbob.live.timing.spec import (
-    AHEAD,
-    CHAIN,
-    CHAIN_COUNT,
-    COUNT,
-    DUPLICATE,
-    EXTRA,
-    HOST,
-    INFERRED,
-    INFERRED_NS,
-    LATE,
-    MODULUS,
-    NOW,
-    ORIGIN,
-    REOPENED,
-    RESET,
-    SIGN,
-    SINCE,
-    STEP,
-    SUSPECT,
-    SUSPECTS,
-    TICK,
-    TYPICAL,
-    USUAL,
-    WRAPPED,
-    Counter,
-    TimeSpec,
-)
 
 ANOTHER_HOST: Final = 2  # value of REOPENED where host times before and after do not belong together
 
@@ -65,65 +38,65 @@ def advance(n: Ints, r: Floats, histogram: Ints, count: int, host_ns: int) -> in
     STEP is set to the counts since the last accepted frame; after a reset EXTRA, ns, stands in its place. Returns what
     became of the frame.
     """
-    n[STEP], n[EXTRA] = 0, 0
-    forward = int((n[SIGN] * (count - n[COUNT])) % n[MODULUS])
-    delay = float(host_ns - n[ORIGIN]) - line_at(r, r[NOW] + forward * r[TICK])
-    close = _is_next(r, forward * r[TICK])
-    back = (n[MODULUS] - forward) * r[TICK] if forward else 0.0
+    n[state.STEP], n[state.EXTRA] = 0, 0
+    forward = int((n[state.SIGN] * (count - n[state.COUNT])) % n[state.MODULUS])
+    delay = float(host_ns - n[state.ORIGIN]) - line_at(r, r[state.NOW] + forward * r[state.TICK])
+    close = _is_next(r, forward * r[state.TICK])
+    back = (n[state.MODULUS] - forward) * r[state.TICK] if forward else 0.0
     if _impossible(n, r, forward, delay, host_ns) and not close:
-        kind = LATE if back <= _BEHIND * r[TYPICAL] else AHEAD
+        kind = state.LATE if back <= _BEHIND * r[state.TYPICAL] else state.AHEAD
         return begin_again(n, r, host_ns, count) if _insists(n, r, count) else kind
-    turns = _turns(n, r, delay, close and not n[REOPENED])
+    turns = _turns(n, r, delay, close and not n[state.REOPENED])
     if forward == 0 and turns <= 0:
-        return DUPLICATE
-    if turns == _NO and n[REOPENED]:
+        return state.DUPLICATE
+    if turns == _NO and n[state.REOPENED]:
         return begin_again(n, r, host_ns, count)
-    n[CHAIN], n[COUNT] = 0, count
-    n[STEP] = forward + max(turns, 0) * n[MODULUS]
-    r[NOW] += n[STEP] * r[TICK]
-    if n[REOPENED] == ANOTHER_HOST:
-        begin_line(r, r[NOW], float(host_ns - n[ORIGIN]))
+    n[state.CHAIN], n[state.COUNT] = 0, count
+    n[state.STEP] = forward + max(turns, 0) * n[state.MODULUS]
+    r[state.NOW] += n[state.STEP] * r[state.TICK]
+    if n[state.REOPENED] == ANOTHER_HOST:
+        begin_line(r, r[state.NOW], float(host_ns - n[state.ORIGIN]))
     lasting = settle(n, r, histogram, host_ns)
     if lasting > 0.0:
         return make_up(n, r, lasting)
-    return (WRAPPED if turns > 0 else 0) | (SUSPECT if is_doubtful(n, r) else 0)
+    return (state.WRAPPED if turns > 0 else 0) | (state.SUSPECT if is_doubtful(n, r) else 0)
 
 
 @kernel
 def _is_next(r: Floats, ahead: float) -> bool:
     """Whether a step is that to the very next frame, whatever the host says."""
-    if r[TYPICAL] == 0.0:
+    if r[state.TYPICAL] == 0.0:
         return 0.0 < ahead <= _FIRST
-    return bool(abs(ahead - r[TYPICAL]) <= _CLOSE * r[TYPICAL])
+    return bool(abs(ahead - r[state.TYPICAL]) <= _CLOSE * r[state.TYPICAL])
 
 
 @kernel
 def _slack(n: Ints, r: Floats, passed: float) -> float:
     """How early a frame may seem to be, because the line is not yet where it belongs, ns."""
-    if r[NOW] - r[SINCE] < LEARNING:
+    if r[state.NOW] - r[state.SINCE] < LEARNING:
         return float(min(_FIRST, 0.25 * turn(n, r)))
-    return float(_SLACK + 0.5 * r[TYPICAL] + _UNSURE * passed)
+    return float(_SLACK + 0.5 * r[state.TYPICAL] + _UNSURE * passed)
 
 
 @kernel
 def _impossible(n: Ints, r: Floats, forward: int, delay: float, host_ns: int) -> bool:
     """Whether so many counts forward would be in the future, or a little way back is all but certain."""
-    ahead = forward * r[TICK]
-    passed = float(host_ns - n[HOST])
+    ahead = forward * r[state.TICK]
+    passed = float(host_ns - n[state.HOST])
     if delay < -_slack(n, r, passed):
         return True
-    nearly = (n[MODULUS] - forward) * r[TICK] <= 0.5 * _BEHIND * r[TYPICAL]
-    return bool(nearly and ahead > passed + _BEHIND * r[TYPICAL])
+    nearly = (n[state.MODULUS] - forward) * r[state.TICK] <= 0.5 * _BEHIND * r[state.TYPICAL]
+    return bool(nearly and ahead > passed + _BEHIND * r[state.TYPICAL])
 
 
 @kernel
 def _insists(n: Ints, r: Floats, count: int) -> bool:
     """Count the frames that contradict in a row, in order among themselves; True when they are enough."""
-    after = int((n[SIGN] * (count - n[CHAIN_COUNT])) % n[MODULUS])
-    follows = n[CHAIN] > 0 and after > 0 and after * r[TICK] <= _BEHIND * r[TYPICAL]
-    n[CHAIN] = n[CHAIN] + 1 if follows else 1
-    n[CHAIN_COUNT] = count
-    return bool(n[CHAIN] >= _RISING or n[REOPENED])
+    after = int((n[state.SIGN] * (count - n[state.CHAIN_COUNT])) % n[state.MODULUS])
+    follows = n[state.CHAIN] > 0 and after > 0 and after * r[state.TICK] <= _BEHIND * r[state.TYPICAL]
+    n[state.CHAIN] = n[state.CHAIN] + 1 if follows else 1
+    n[state.CHAIN_COUNT] = count
+    return bool(n[state.CHAIN] >= _RISING or n[state.REOPENED])
 
 
 @kernel
@@ -135,7 +108,7 @@ def _turns(n: Ints, r: Floats, delay: float, close: bool) -> int:
     if close:
         return _NO
     turns = math.floor((delay + _SLACK) / turn_ns)
-    return int(turns) if delay - turns * turn_ns <= min(r[USUAL], 0.5 * turn_ns) else _NO
+    return int(turns) if delay - turns * turn_ns <= min(r[state.USUAL], 0.5 * turn_ns) else _NO
 
 
 @kernel
@@ -143,31 +116,31 @@ def make_up(n: Ints, r: Floats, lasting: float) -> int:
     """Add the turns that a lasting delay shows, or begin again where it is not a number of turns."""
     turn_ns = turn(n, r)
     turns = math.floor(lasting / turn_ns + 0.5)
-    fits = abs(lasting - turns * turn_ns) <= r[USUAL]
-    by_turns = turns > 0 and (fits or n[MODULUS] == 1)
-    n[INFERRED] += 1
-    n[INFERRED_NS] += int(turns * turn_ns if by_turns else lasting)
+    fits = abs(lasting - turns * turn_ns) <= r[state.USUAL]
+    by_turns = turns > 0 and (fits or n[state.MODULUS] == 1)
+    n[state.INFERRED] += 1
+    n[state.INFERRED_NS] += int(turns * turn_ns if by_turns else lasting)
     if by_turns:
-        n[STEP] += turns * n[MODULUS]
-        r[NOW] += turns * turn_ns
-        return WRAPPED
-    r[NOW] += lasting
-    n[EXTRA] = int(n[STEP] * r[TICK] + lasting)
-    n[STEP] = 0
-    begin_line(r, r[NOW], float(n[HOST] - n[ORIGIN]))
-    return RESET
+        n[state.STEP] += turns * n[state.MODULUS]
+        r[state.NOW] += turns * turn_ns
+        return state.WRAPPED
+    r[state.NOW] += lasting
+    n[state.EXTRA] = int(n[state.STEP] * r[state.TICK] + lasting)
+    n[state.STEP] = 0
+    begin_line(r, r[state.NOW], float(n[state.HOST] - n[state.ORIGIN]))
+    return state.RESET
 
 
 @kernel
 def begin_again(n: Ints, r: Floats, host_ns: int, count: int) -> int:
     """Go on from the host's time, because the count does not say how long it has been."""
-    n[STEP] = 0
-    n[EXTRA] = max(host_ns - n[HOST], 1)
-    n[CHAIN], n[SUSPECTS] = 0, 0
-    n[COUNT], n[HOST] = count, host_ns
-    r[NOW] += float(n[EXTRA])
-    begin_line(r, r[NOW], float(host_ns - n[ORIGIN]))
-    return RESET
+    n[state.STEP] = 0
+    n[state.EXTRA] = max(host_ns - n[state.HOST], 1)
+    n[state.CHAIN], n[state.SUSPECTS] = 0, 0
+    n[state.COUNT], n[state.HOST] = count, host_ns
+    r[state.NOW] += float(n[state.EXTRA])
+    begin_line(r, r[state.NOW], float(host_ns - n[state.ORIGIN]))
+    return state.RESET
 
 
 class CountedTime:
@@ -178,7 +151,7 @@ class CountedTime:
     how frames are handed over.
     """
 
-    def __init__(self, spec: TimeSpec) -> None:
+    def __init__(self, spec: state.TimeSpec) -> None:
         if spec.clock is None and spec.rate is None:
             raise ParameterError("without a clock in the frame, time can only be counted at a rate; give the rate.")
         self._spec = spec
@@ -196,7 +169,7 @@ class CountedTime:
         passed = self._placed(place) if spec.frames is None else self._counted(_as_int64(frames), spec.frames)
         return np.asarray(np.rint(passed * (1e9 / float(spec.rate or 1.0))), dtype=np.int64)
 
-    def _counted(self, counts: NDArray[np.int64], counter: Counter) -> NDArray[np.int64]:
+    def _counted(self, counts: NDArray[np.int64], counter: state.Counter) -> NDArray[np.int64]:
         half, turn = counter.modulus // 2, counter.modulus
         steps = self._steps(counts) * (-1 if counter.down else 1)
         return self._sum(np.maximum((steps + half) % turn - half, 0))

@@ -32,83 +32,49 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 from plumbob.core.time import BINS, bin_index, quantile
-from plumbob.live.timing.spec import (
-    ASIDE,
-    ASIDE_SINCE,
-    BEST_X,
-    BEST_Y,
-    BLOCK,
-    BLOCK_END,
-    BLOCK_SINCE,
-    BLOCK_X,
-    BLOCK_Y,
-    CAPACITY,
-    DRIFT,
-    FRAMES,
-    HOST,
-    HULL_X,
-    HULL_Y,
-    LINE_X,
-    LINE_Y,
-    MODULUS,
-    NOW,
-    ORIGIN,
-    POINTS,
-    PRIOR,
-    ROUGH,
-    SCATTER,
-    SINCE,
-    SINCE_HOST,
-    SPEED,
-    SUSPECT_DELAY,
-    SUSPECT_SINCE,
-    SUSPECTS,
-    TICK,
-    TOLD_DELAY,
-    TYPICAL,
-    USUAL,
-    WORST,
-)
+from plumbob.live.timing import spec as state
 
 _SHORTEST: Final = 50e6  # ns
 _LONGEST: Final = 3.2e9  # 50 ms doubled six times
 _YOUNG: Final = 10e9  # ns, in which a drift of more than _SAFE is sooner a backlog that drains
 _SAFE: Final = 0.05
 _FASTEST, _SLOWEST = -0.9, 9.0  # ten times, or a tenth of, what is nominal
-_WINDOW: Final = 1.25 * CAPACITY * _LONGEST  # a block before that is forgotten, even if few came since
+_WINDOW: Final = 1.25 * state.CAPACITY * _LONGEST  # a block before that is forgotten, even if few came since
 
 
 @kernel
 def line_at(r: Floats, x: float) -> float:
     """Host time at which a frame of device time x arrives at the earliest, ns since the first."""
-    return float(r[LINE_Y] + (x - r[LINE_X]) + (x - r[LINE_X]) * r[DRIFT])
+    return float(r[state.LINE_Y] + (x - r[state.LINE_X]) + (x - r[state.LINE_X]) * r[state.DRIFT])
 
 
 @kernel
 def begin_line(r: Floats, x: float, y: float) -> None:
     """Forget all points but keep the drift, which is the oscillator's."""
-    r[LINE_X], r[LINE_Y] = x, y
-    r[PRIOR], r[SINCE], r[SINCE_HOST] = r[DRIFT], x, y
-    r[SCATTER], r[POINTS] = 0.0, 0.0
-    r[BLOCK], r[BLOCK_END] = _SHORTEST, x + _SHORTEST
-    r[BEST_X], r[BEST_Y], r[BLOCK_SINCE] = x, y, y
+    r[state.LINE_X], r[state.LINE_Y] = x, y
+    r[state.PRIOR], r[state.SINCE], r[state.SINCE_HOST] = r[state.DRIFT], x, y
+    r[state.SCATTER], r[state.POINTS] = 0.0, 0.0
+    r[state.BLOCK], r[state.BLOCK_END] = _SHORTEST, x + _SHORTEST
+    r[state.BEST_X], r[state.BEST_Y], r[state.BLOCK_SINCE] = x, y, y
 
 
 @kernel
 def observe(r: Floats, x: float, y: float) -> float:
     """Take a point and return its delay, ns; x must not fall."""
-    if x >= r[BLOCK_END] and y >= r[BLOCK_SINCE] + 0.5 * r[BLOCK]:  # a backlog is not spread over blocks
+    if (
+        x >= r[state.BLOCK_END] and y >= r[state.BLOCK_SINCE] + 0.5 * r[state.BLOCK]
+    ):  # a backlog is not spread over blocks
         _keep_block(r)
         _fit(r)
-        r[BLOCK_END] = x + r[BLOCK]
-        r[BEST_X], r[BEST_Y], r[BLOCK_SINCE] = x, y, y
+        r[state.BLOCK_END] = x + r[state.BLOCK]
+        r[state.BEST_X], r[state.BEST_Y], r[state.BLOCK_SINCE] = x, y, y
     else:
-        across = x - r[BEST_X]
-        if y - r[BEST_Y] < across + across * r[DRIFT]:
-            r[BEST_X], r[BEST_Y] = x, y
+        across = x - r[state.BEST_X]
+        if y - r[state.BEST_Y] < across + across * r[state.DRIFT]:
+            r[state.BEST_X], r[state.BEST_Y] = x, y
     delay = y - line_at(r, x)
     if delay < 0.0:
-        r[LINE_Y] += delay
+        r[state.LINE_Y] += delay
         return 0.0
     return delay
 
@@ -116,61 +82,61 @@ def observe(r: Floats, x: float, y: float) -> float:
 @kernel
 def _keep_block(r: Floats) -> None:
     """Remember the lowest point of the block that ends."""
-    count = int(r[POINTS])
-    if count == CAPACITY and r[BLOCK] < _LONGEST:
+    count = int(r[state.POINTS])
+    if count == state.CAPACITY and r[state.BLOCK] < _LONGEST:
         _pair_blocks(r)
-        count = CAPACITY // 2
-    old = 1 if count == CAPACITY else 0
-    while old < count and r[BLOCK_X + old] < r[BEST_X] - _WINDOW:
+        count = state.CAPACITY // 2
+    old = 1 if count == state.CAPACITY else 0
+    while old < count and r[state.BLOCK_X + old] < r[state.BEST_X] - _WINDOW:
         old += 1
     for k in range(old, count):
-        r[BLOCK_X + k - old], r[BLOCK_Y + k - old] = r[BLOCK_X + k], r[BLOCK_Y + k]
+        r[state.BLOCK_X + k - old], r[state.BLOCK_Y + k - old] = r[state.BLOCK_X + k], r[state.BLOCK_Y + k]
     count -= old
-    r[BLOCK_X + count], r[BLOCK_Y + count] = r[BEST_X], r[BEST_Y]
-    r[POINTS] = count + 1.0
+    r[state.BLOCK_X + count], r[state.BLOCK_Y + count] = r[state.BEST_X], r[state.BEST_Y]
+    r[state.POINTS] = count + 1.0
 
 
 @kernel
 def _pair_blocks(r: Floats) -> None:
     """Make one block of each two."""
-    for k in range(CAPACITY // 2):
+    for k in range(state.CAPACITY // 2):
         a, b = 2 * k, 2 * k + 1
-        across = r[BLOCK_X + b] - r[BLOCK_X + a]
-        lower = b if r[BLOCK_Y + b] - r[BLOCK_Y + a] < across + across * r[DRIFT] else a
-        r[BLOCK_X + k], r[BLOCK_Y + k] = r[BLOCK_X + lower], r[BLOCK_Y + lower]
-    r[BLOCK] *= 2.0
+        across = r[state.BLOCK_X + b] - r[state.BLOCK_X + a]
+        lower = b if r[state.BLOCK_Y + b] - r[state.BLOCK_Y + a] < across + across * r[state.DRIFT] else a
+        r[state.BLOCK_X + k], r[state.BLOCK_Y + k] = r[state.BLOCK_X + lower], r[state.BLOCK_Y + lower]
+    r[state.BLOCK] *= 2.0
 
 
 @kernel
 def _fit(r: Floats) -> None:
     """Draw the line anew: slope from the hull, height from the lowest point."""
-    last = int(r[POINTS]) - 1
+    last = int(r[state.POINTS]) - 1
     if last >= 2:
         slope = _slope_in_the_middle(r, _hull(r))
         feigned = 4.0 * _raise_line(r, slope) / (last + 1.0)
-        span = r[BLOCK_X + last] - r[BLOCK_X]
-        moved = (slope - r[PRIOR]) * span
+        span = r[state.BLOCK_X + last] - r[state.BLOCK_X]
+        moved = (slope - r[state.PRIOR]) * span
         believed = 1.0 - (feigned / moved) ** 2 if abs(moved) > feigned else 0.0
-        r[DRIFT] = r[PRIOR] + believed * (slope - r[PRIOR])
+        r[state.DRIFT] = r[state.PRIOR] + believed * (slope - r[state.PRIOR])
     elif last == 0:
-        r[PRIOR] = r[DRIFT]  # after a long silence
-    r[SCATTER] = _raise_line(r, r[DRIFT])
+        r[state.PRIOR] = r[state.DRIFT]  # after a long silence
+    r[state.SCATTER] = _raise_line(r, r[state.DRIFT])
 
 
 @kernel
 def _hull(r: Floats) -> int:
     """Corners of the lower convex hull of the blocks' points, from left to right; returns how many."""
     corners = 0
-    for k in range(int(r[POINTS])):
-        x, y = r[BLOCK_X + k], r[BLOCK_Y + k]
+    for k in range(int(r[state.POINTS])):
+        x, y = r[state.BLOCK_X + k], r[state.BLOCK_Y + k]
         while corners >= 2:
             a, b = corners - 2, corners - 1
-            left = (r[HULL_X + b] - r[HULL_X + a]) * (y - r[HULL_Y + a])  # [Zhang2002]
-            right = (r[HULL_Y + b] - r[HULL_Y + a]) * (x - r[HULL_X + a])
+            left = (r[state.HULL_X + b] - r[state.HULL_X + a]) * (y - r[state.HULL_Y + a])  # [Zhang2002]
+            right = (r[state.HULL_Y + b] - r[state.HULL_Y + a]) * (x - r[state.HULL_X + a])
             if left > right:
                 break
             corners -= 1
-        r[HULL_X + corners], r[HULL_Y + corners] = x, y
+        r[state.HULL_X + corners], r[state.HULL_Y + corners] = x, y
         corners += 1
     return corners
 
@@ -179,13 +145,13 @@ def _hull(r: Floats) -> int:
 def _slope_in_the_middle(r: Floats, corners: int) -> float:
     """Slope less 1 of the hull's edge in the middle of the window, in host time: a backlog that drains is short."""
     # departs from [Zhang2002]: the edge in the middle gives the slope
-    middle = 0.5 * (r[HULL_Y] + r[HULL_Y + corners - 1])
+    middle = 0.5 * (r[state.HULL_Y] + r[state.HULL_Y + corners - 1])
     k = 1
-    while r[HULL_Y + k] < middle:
+    while r[state.HULL_Y + k] < middle:
         k += 1
-    across = r[HULL_X + k] - r[HULL_X + k - 1]
-    slope = (r[HULL_Y + k] - r[HULL_Y + k - 1] - across) / across
-    if r[ROUGH] == 0.0 and r[HULL_Y + corners - 1] - r[SINCE_HOST] < _YOUNG:
+    across = r[state.HULL_X + k] - r[state.HULL_X + k - 1]
+    slope = (r[state.HULL_Y + k] - r[state.HULL_Y + k - 1] - across) / across
+    if r[state.ROUGH] == 0.0 and r[state.HULL_Y + corners - 1] - r[state.SINCE_HOST] < _YOUNG:
         return float(min(max(slope, -_SAFE), _SAFE))
     return float(min(max(slope, _FASTEST), _SLOWEST))
 
@@ -193,15 +159,15 @@ def _slope_in_the_middle(r: Floats, corners: int) -> float:
 @kernel
 def _raise_line(r: Floats, slope: float) -> float:
     """Lay the line of that slope against the blocks' points from below; returns their mean height above it, ns."""
-    count = int(r[POINTS])
-    x, y = r[BLOCK_X + count - 1], r[BLOCK_Y + count - 1]
+    count = int(r[state.POINTS])
+    x, y = r[state.BLOCK_X + count - 1], r[state.BLOCK_Y + count - 1]
     least, total = math.inf, 0.0
     for k in range(count):
-        across = r[BLOCK_X + k] - x
-        height = r[BLOCK_Y + k] - y - across - across * slope
+        across = r[state.BLOCK_X + k] - x
+        height = r[state.BLOCK_Y + k] - y - across - across * slope
         least = min(least, height)
         total += height
-    r[LINE_X], r[LINE_Y] = x, y + least
+    r[state.LINE_X], r[state.LINE_Y] = x, y + least
     return float(total / count - least)
 
 
@@ -224,7 +190,7 @@ _FORMING: Final = 12e9  # ns of the host's time, in which a new line may have to
 @kernel
 def turn(n: Ints, r: Floats) -> float:
     """Time of one turn of the counter, ns; of one frame where there is no counter."""
-    return float(n[MODULUS] * r[TICK])
+    return float(n[state.MODULUS] * r[state.TICK])
 
 
 @kernel
@@ -234,43 +200,44 @@ def _limit(n: Ints, r: Floats) -> float:
     Where a read brings several frames, the least delay drifts with the beat between frames and reads, and then jumps by
     up to a frame, exactly as if one were lost: there it takes two.
     """
-    if n[MODULUS] > 1:
+    if n[state.MODULUS] > 1:
         return float(min(0.5 * turn(n, r), _STOPPED))
-    beat = r[TICK] if r[USUAL] > 0.5 * r[TICK] else 0.0
-    return float(max(0.5 * r[TICK], 4.0 * r[SCATTER], _LEAST) + beat)
+    beat = r[state.TICK] if r[state.USUAL] > 0.5 * r[state.TICK] else 0.0
+    return float(max(0.5 * r[state.TICK], 4.0 * r[state.SCATTER], _LEAST) + beat)
 
 
 @kernel
 def _is_told(n: Ints, r: Floats, delay: float, host_ns: int) -> bool:
     """Whether the line takes a frame: not one out of a backlog, which would bend it, unless all are like that."""
-    if float(host_ns - n[ORIGIN]) - r[SINCE_HOST] < _FORMING and (
-        r[ROUGH] > 0.0 or delay < r[TOLD_DELAY] + _limit(n, r)  # a rate that is not as nominal shows little by little
+    if float(host_ns - n[state.ORIGIN]) - r[state.SINCE_HOST] < _FORMING and (
+        r[state.ROUGH] > 0.0
+        or delay < r[state.TOLD_DELAY] + _limit(n, r)  # a rate that is not as nominal shows little by little
     ):
         return True
-    if n[ASIDE] > 0 and host_ns - n[ASIDE_SINCE] > _CHANGED * r[SPEED]:
+    if n[state.ASIDE] > 0 and host_ns - n[state.ASIDE_SINCE] > _CHANGED * r[state.SPEED]:
         return True
-    return bool(delay < min(_limit(n, r), max(_BACKLOG * r[USUAL], _LITTLE)))
+    return bool(delay < min(_limit(n, r), max(_BACKLOG * r[state.USUAL], _LITTLE)))
 
 
 @kernel
 def settle(n: Ints, r: Floats, histogram: Ints, host_ns: int) -> float:
     """Take the frame at NOW into the line, unless it is suspect; returns a delay that has lasted, ns, else 0."""
-    y = float(host_ns - n[ORIGIN])
-    delay = y - line_at(r, r[NOW])
+    y = float(host_ns - n[state.ORIGIN])
+    delay = y - line_at(r, r[state.NOW])
     if _is_told(n, r, delay, host_ns):
-        n[ASIDE] = 0
-        delay = r[TOLD_DELAY] = observe(r, r[NOW], y)
+        n[state.ASIDE] = 0
+        delay = r[state.TOLD_DELAY] = observe(r, r[state.NOW], y)
         histogram[BINS + bin_index(delay)] += 1
     else:
-        n[ASIDE_SINCE] = n[ASIDE_SINCE] if n[ASIDE] > 0 else host_ns
-        n[ASIDE] += 1
-    if n[FRAMES] % _REVIEW == 0 or r[USUAL] == 0.0:
-        r[USUAL] = max(1.25 * quantile(histogram, BINS, 0.99), _LEAST)
-    n[HOST] = host_ns
+        n[state.ASIDE_SINCE] = n[state.ASIDE_SINCE] if n[state.ASIDE] > 0 else host_ns
+        n[state.ASIDE] += 1
+    if n[state.FRAMES] % _REVIEW == 0 or r[state.USUAL] == 0.0:
+        r[state.USUAL] = max(1.25 * quantile(histogram, BINS, 0.99), _LEAST)
+    n[state.HOST] = host_ns
     histogram[bin_index(delay)] += 1
-    r[WORST] = max(r[WORST], delay)
+    r[state.WORST] = max(r[state.WORST], delay)
     if delay < _limit(n, r):
-        n[SUSPECTS] = 0
+        n[state.SUSPECTS] = 0
         return 0.0
     return _wait(n, r, delay, host_ns)
 
@@ -278,18 +245,18 @@ def settle(n: Ints, r: Floats, histogram: Ints, host_ns: int) -> float:
 @kernel
 def is_doubtful(n: Ints, r: Floats) -> bool:
     """Whether the last frame has been suspect for some time."""
-    return bool(n[SUSPECTS] > 0 and n[HOST] - n[SUSPECT_SINCE] >= _DOUBT * r[SPEED])
+    return bool(n[state.SUSPECTS] > 0 and n[state.HOST] - n[state.SUSPECT_SINCE] >= _DOUBT * r[state.SPEED])
 
 
 @kernel
 def _wait(n: Ints, r: Floats, delay: float, host_ns: int) -> float:
     """Count a suspect frame; returns the least delay once it has lasted, ns, else 0."""
-    least = r[SUSPECT_DELAY] if n[SUSPECTS] > 0 else math.inf
-    if delay < least - max(0.5 * r[TYPICAL], 0.01 * delay):
-        n[SUSPECT_SINCE] = host_ns
-    r[SUSPECT_DELAY] = min(least, delay)
-    n[SUSPECTS] += 1
-    if n[SUSPECTS] < _ENOUGH or host_ns - n[SUSPECT_SINCE] < _PATIENCE * r[SPEED]:
+    least = r[state.SUSPECT_DELAY] if n[state.SUSPECTS] > 0 else math.inf
+    if delay < least - max(0.5 * r[state.TYPICAL], 0.01 * delay):
+        n[state.SUSPECT_SINCE] = host_ns
+    r[state.SUSPECT_DELAY] = min(least, delay)
+    n[state.SUSPECTS] += 1
+    if n[state.SUSPECTS] < _ENOUGH or host_ns - n[state.SUSPECT_SINCE] < _PATIENCE * r[state.SPEED]:
         return 0.0
-    n[SUSPECTS] = 0
-    return float(r[SUSPECT_DELAY])
+    n[state.SUSPECTS] = 0
+    return float(r[state.SUSPECT_DELAY])

@@ -22,60 +22,9 @@ from plumbob.core.flags import GAP, TIME_FAULT
 from plumbob.core.kernels import kernel
 from plumbob.core.time import BINS
 from plumbob.data.recording import Stamps, TimeReport, delays
+from plumbob.live.timing import spec as state
 from plumbob.live.timing.counter import ANOTHER_HOST, advance, begin_again, make_up
 from plumbob.live.timing.delay import Ints, begin_line, is_doubtful, line_at, settle
-from plumbob.live.timing.spec import (
-    BROKEN,
-    COUNT,
-    DRIFT,
-    DUPLICATE,
-    EXTRA,
-    FRACTION,
-    FRAME,
-    FRAME_BYTES,
-    FRAME_MODULUS,
-    FRAME_SIGN,
-    FRAMES,
-    GAPS,
-    HOST,
-    INFERRED,
-    INFERRED_NS,
-    LATEST,
-    LEARN_SINCE,
-    LEARNT,
-    LOST,
-    MISSING,
-    MODULUS,
-    NOW,
-    ODD,
-    ORIGIN,
-    PLACE,
-    REALS,
-    REMAINDER,
-    REOPENED,
-    RESET,
-    ROUGH,
-    SHIFT,
-    SIGN,
-    SINCE,
-    SPEED,
-    STAMP,
-    STARTED,
-    STEP,
-    SUSPECT,
-    TALLY,
-    TICK,
-    TICK_DENOMINATOR,
-    TICK_REST,
-    TICK_WHOLE,
-    TYPICAL,
-    UNSURE,
-    UNUSED,
-    WHOLES,
-    WORST,
-    Counter,
-    TimeSpec,
-)
 
 _HASTE: Final = 2e-3  # of a step: by more no step is made longer or shorter
 _SHORT, _LONG = 1e9, 30e9  # ns: time constants towards the line, when it is new and when it is old
@@ -104,20 +53,20 @@ def stamp_frames(
     """Stamp frames in order; the last five arrays take what comes out."""
     for k in range(host_ns.size):
         kind = stamp_frame(n, r, histogram, host_ns[k], place[k], count[k], frame[k])
-        t_ns[k], step[k], lost[k], kinds[k] = n[STAMP], n[STEP], n[MISSING], kind
+        t_ns[k], step[k], lost[k], kinds[k] = n[state.STAMP], n[state.STEP], n[state.MISSING], kind
         words[k] = _frame_flags(n, kind)
 
 
 @kernel
 def _frame_flags(n: Ints, kind: int) -> int:
     """Flags of the frame; counts it."""
-    n[FRAMES] += 1
+    n[state.FRAMES] += 1
     for bit in range(8):
-        n[TALLY + bit] += (kind >> bit) & 1
-    word = TIME_FAULT if kind & (UNUSED | UNSURE) else 0
-    if n[MISSING] > 0 or kind & (RESET | BROKEN):
-        n[LOST] += n[MISSING]
-        n[GAPS] += 1
+        n[state.TALLY + bit] += (kind >> bit) & 1
+    word = TIME_FAULT if kind & (state.UNUSED | state.UNSURE) else 0
+    if n[state.MISSING] > 0 or kind & (state.RESET | state.BROKEN):
+        n[state.LOST] += n[state.MISSING]
+        n[state.GAPS] += 1
         word |= GAP
     return int(word)
 
@@ -125,29 +74,29 @@ def _frame_flags(n: Ints, kind: int) -> int:
 @kernel
 def stamp_frame(n: Ints, r: Floats, histogram: Ints, host_ns: int, place: int, count: int, frame: int) -> int:
     """Move STAMP on to the next frame, and MISSING to what is lost before it; returns what became of the frame."""
-    n[MISSING], n[STEP] = 0, 0
-    if n[STARTED] == 0:
+    n[state.MISSING], n[state.STEP] = 0, 0
+    if n[state.STARTED] == 0:
         return _start(n, r, host_ns, place, count, frame)
     host = _never_back(n, r, int(host_ns))
-    if r[TICK] == 0.0:
+    if r[state.TICK] == 0.0:
         kind = _learn(n, r, host, place, count)
-    elif n[TICK_DENOMINATOR] > 0:
+    elif n[state.TICK_DENOMINATOR] > 0:
         kind = _by_clock(n, r, histogram, host, count, frame)
     else:
         kind = _by_frames(n, r, histogram, host, place, count)
-    if kind & UNUSED:
+    if kind & state.UNUSED:
         return kind
-    kind |= BROKEN if n[REOPENED] else 0
-    n[REOPENED], n[PLACE] = 0, place
+    kind |= state.BROKEN if n[state.REOPENED] else 0
+    n[state.REOPENED], n[state.PLACE] = 0, place
     return kind
 
 
 @kernel
 def _start(n: Ints, r: Floats, host_ns: int, place: int, count: int, frame: int) -> int:
     """Begin at the first frame, at its host time."""
-    n[STARTED], n[REOPENED] = 1, 0
-    n[ORIGIN] = n[LATEST] = n[HOST] = n[STAMP] = n[LEARN_SINCE] = host_ns
-    n[COUNT], n[FRAME], n[PLACE] = count, frame, place
+    n[state.STARTED], n[state.REOPENED] = 1, 0
+    n[state.ORIGIN] = n[state.LATEST] = n[state.HOST] = n[state.STAMP] = n[state.LEARN_SINCE] = host_ns
+    n[state.COUNT], n[state.FRAME], n[state.PLACE] = count, frame, place
     begin_line(r, 0.0, 0.0)
     return 0
 
@@ -155,13 +104,13 @@ def _start(n: Ints, r: Floats, host_ns: int, place: int, count: int, frame: int)
 @kernel
 def _never_back(n: Ints, r: Floats, host_ns: int) -> int:
     """Host time that goes on where the host's clock has been set back; how long that took, nobody knows."""
-    host = host_ns + n[SHIFT]
-    if host < n[LATEST]:
-        resumed = n[LATEST] + int(r[TYPICAL])
-        n[SHIFT] += resumed - host
+    host = host_ns + n[state.SHIFT]
+    if host < n[state.LATEST]:
+        resumed = n[state.LATEST] + int(r[state.TYPICAL])
+        n[state.SHIFT] += resumed - host
         host = resumed
-        n[REOPENED] = ANOTHER_HOST
-    n[LATEST] = host
+        n[state.REOPENED] = ANOTHER_HOST
+    n[state.LATEST] = host
     return int(host)
 
 
@@ -169,21 +118,21 @@ def _never_back(n: Ints, r: Floats, host_ns: int) -> int:
 def _by_clock(n: Ints, r: Floats, histogram: Ints, host: int, count: int, frame: int) -> int:
     """Take the device's own time, in exact arithmetic."""
     kind = advance(n, r, histogram, count, host)
-    if kind & UNUSED:
-        if kind == DUPLICATE and n[FRAME_MODULUS] > 0:
-            n[FRAME] = frame  # another frame in the same tick
+    if kind & state.UNUSED:
+        if kind == state.DUPLICATE and n[state.FRAME_MODULUS] > 0:
+            n[state.FRAME] = frame  # another frame in the same tick
         return kind
-    if kind & RESET:
-        passed = float(n[EXTRA])
-        n[STAMP] += n[EXTRA]
-        n[REMAINDER] = 0
-        n[MISSING] = _missed(r, passed)
-        n[FRAME] = frame
+    if kind & state.RESET:
+        passed = float(n[state.EXTRA])
+        n[state.STAMP] += n[state.EXTRA]
+        n[state.REMAINDER] = 0
+        n[state.MISSING] = _missed(r, passed)
+        n[state.FRAME] = frame
         return kind
-    passed = n[STEP] * r[TICK]
+    passed = n[state.STEP] * r[state.TICK]
     lead = _exactly(n)
-    n[STAMP] += lead
-    n[MISSING] = _missed_frames(n, r, passed, frame)
+    n[state.STAMP] += lead
+    n[state.MISSING] = _missed_frames(n, r, passed, frame)
     _learn_pace(n, r, passed)
     return kind
 
@@ -191,121 +140,121 @@ def _by_clock(n: Ints, r: Floats, histogram: Ints, host: int, count: int, frame:
 @kernel
 def _learn_pace(n: Ints, r: Floats, passed: float) -> None:
     """Follow the time from frame to frame; steps that do not fit change it only when there is nothing else any more."""
-    if abs(passed - r[TYPICAL]) <= 0.5 * r[TYPICAL]:
-        r[TYPICAL] += _MEMORY * (passed - r[TYPICAL])
-        n[ODD] = 0
+    if abs(passed - r[state.TYPICAL]) <= 0.5 * r[state.TYPICAL]:
+        r[state.TYPICAL] += _MEMORY * (passed - r[state.TYPICAL])
+        n[state.ODD] = 0
         return
-    n[ODD] += 1
-    if n[ODD] == _ALL_ODD:
-        r[TYPICAL], n[ODD] = passed, 0
+    n[state.ODD] += 1
+    if n[state.ODD] == _ALL_ODD:
+        r[state.TYPICAL], n[state.ODD] = passed, 0
 
 
 @kernel
 def _exactly(n: Ints) -> int:
     """STEP counts in whole nanoseconds; what is left over is kept."""
-    turns = n[STEP] // n[TICK_DENOMINATOR]
-    rest = n[STEP] - turns * n[TICK_DENOMINATOR]
-    over = rest * n[TICK_REST] + n[REMAINDER]
-    carried = over // n[TICK_DENOMINATOR]
-    n[REMAINDER] = over - carried * n[TICK_DENOMINATOR]
-    return int(n[STEP] * n[TICK_WHOLE] + turns * n[TICK_REST] + carried)
+    turns = n[state.STEP] // n[state.TICK_DENOMINATOR]
+    rest = n[state.STEP] - turns * n[state.TICK_DENOMINATOR]
+    over = rest * n[state.TICK_REST] + n[state.REMAINDER]
+    carried = over // n[state.TICK_DENOMINATOR]
+    n[state.REMAINDER] = over - carried * n[state.TICK_DENOMINATOR]
+    return int(n[state.STEP] * n[state.TICK_WHOLE] + turns * n[state.TICK_REST] + carried)
 
 
 @kernel
 def _missed(r: Floats, passed: float) -> int:
     """Frames that time says are missing."""
-    if r[TYPICAL] == 0.0:
-        r[TYPICAL] = passed
-    return int(max(math.floor(passed / r[TYPICAL] + 0.5) - 1, 0))
+    if r[state.TYPICAL] == 0.0:
+        r[state.TYPICAL] = passed
+    return int(max(math.floor(passed / r[state.TYPICAL] + 0.5) - 1, 0))
 
 
 @kernel
 def _missed_frames(n: Ints, r: Floats, passed: float, frame: int) -> int:
     """Frames that the frame counter says are missing, with as many turns as time says; without a counter, time says."""
     by_time = _missed(r, passed)
-    if n[FRAME_MODULUS] == 0:
+    if n[state.FRAME_MODULUS] == 0:
         return by_time
-    forward = int((n[FRAME_SIGN] * (frame - n[FRAME])) % n[FRAME_MODULUS])
-    n[FRAME] = frame
-    expected = passed / r[TYPICAL]
-    turns = max(math.floor((expected - forward) / n[FRAME_MODULUS] + 0.5), 0)
-    total = int(forward + turns * n[FRAME_MODULUS])
+    forward = int((n[state.FRAME_SIGN] * (frame - n[state.FRAME])) % n[state.FRAME_MODULUS])
+    n[state.FRAME] = frame
+    expected = passed / r[state.TYPICAL]
+    turns = max(math.floor((expected - forward) / n[state.FRAME_MODULUS] + 0.5), 0)
+    total = int(forward + turns * n[state.FRAME_MODULUS])
     return total - 1 if 1 <= total <= 2.0 * expected + 8.0 else by_time
 
 
 @kernel
 def _by_frames(n: Ints, r: Floats, histogram: Ints, host: int, place: int, count: int) -> int:
     """Count periods, from the frame counter or from the place in the stream."""
-    counted = n[MODULUS] > 1
+    counted = n[state.MODULUS] > 1
     kind = advance(n, r, histogram, count, host) if counted else _by_place(n, r, histogram, host, place)
-    if kind & UNUSED:
+    if kind & state.UNUSED:
         return kind
-    if kind & RESET:
-        n[STAMP] += n[EXTRA]
-        n[MISSING] = _missed(r, float(n[EXTRA]))
-        r[FRACTION] = 0.0
+    if kind & state.RESET:
+        n[state.STAMP] += n[state.EXTRA]
+        n[state.MISSING] = _missed(r, float(n[state.EXTRA]))
+        r[state.FRACTION] = 0.0
     else:
-        lead = _lead(n, r, n[STEP] * r[TICK])
-        n[STAMP] += lead
-        n[MISSING] = n[STEP] - 1
+        lead = _lead(n, r, n[state.STEP] * r[state.TICK])
+        n[state.STAMP] += lead
+        n[state.MISSING] = n[state.STEP] - 1
     return kind
 
 
 @kernel
 def _by_place(n: Ints, r: Floats, histogram: Ints, host: int, place: int) -> int:
     """Without a counter: the next frame, unless bytes between the two, or a lasting delay, tell of more."""
-    if n[REOPENED]:
+    if n[state.REOPENED]:
         return begin_again(n, r, host, 0)
     frames = _frames_in(n, place)
-    early = line_at(r, r[NOW] + frames * r[TICK]) - float(host - n[ORIGIN])
-    n[STEP] = frames if early <= 0.5 * r[TICK] else 1  # what is too early for frames was noise
-    r[NOW] += n[STEP] * r[TICK]
+    early = line_at(r, r[state.NOW] + frames * r[state.TICK]) - float(host - n[state.ORIGIN])
+    n[state.STEP] = frames if early <= 0.5 * r[state.TICK] else 1  # what is too early for frames was noise
+    r[state.NOW] += n[state.STEP] * r[state.TICK]
     lasting = settle(n, r, histogram, host)
     if lasting > 0.0:
         return make_up(n, r, lasting)
-    return SUSPECT if is_doubtful(n, r) else 0
+    return state.SUSPECT if is_doubtful(n, r) else 0
 
 
 @kernel
 def _frames_in(n: Ints, place: int) -> int:
     """Frames that the bytes since the last one have room for."""
-    if n[FRAME_BYTES] == 0:
+    if n[state.FRAME_BYTES] == 0:
         return 1
-    return int(max((2 * (place - n[PLACE]) + n[FRAME_BYTES]) // (2 * n[FRAME_BYTES]), 1))
+    return int(max((2 * (place - n[state.PLACE]) + n[state.FRAME_BYTES]) // (2 * n[state.FRAME_BYTES]), 1))
 
 
 @kernel
 def _lead(n: Ints, r: Floats, nominal: float) -> int:
     """Length of a step of so much nominal time, ns, led towards the line; what is below a nanosecond is kept."""
-    step = nominal + nominal * r[DRIFT]
-    behind = line_at(r, r[NOW]) - float(n[STAMP] - n[ORIGIN]) - r[FRACTION] - step
-    slowly = min(max(_AGE * (r[NOW] - r[SINCE]), _SHORT), _LONG)
+    step = nominal + nominal * r[state.DRIFT]
+    behind = line_at(r, r[state.NOW]) - float(n[state.STAMP] - n[state.ORIGIN]) - r[state.FRACTION] - step
+    slowly = min(max(_AGE * (r[state.NOW] - r[state.SINCE]), _SHORT), _LONG)
     haste = _HASTE * nominal
-    step += r[FRACTION] + min(max(behind * min(nominal / slowly, 1.0), -haste), haste)
+    step += r[state.FRACTION] + min(max(behind * min(nominal / slowly, 1.0), -haste), haste)
     step_ns = max(math.floor(step), 1)
-    r[FRACTION] = step - step_ns
+    r[state.FRACTION] = step - step_ns
     return int(step_ns)
 
 
 @kernel
 def _learn(n: Ints, r: Floats, host: int, place: int, count: int) -> int:
     """Take the host's times while the period is being measured; frames of one read cannot be told apart in time."""
-    if n[REOPENED]:
-        n[LEARNT], n[LEARN_SINCE] = 0, host
+    if n[state.REOPENED]:
+        n[state.LEARNT], n[state.LEARN_SINCE] = 0, host
     step = _frames_in(n, place)
-    if n[MODULUS] > 1:
-        step = int((n[SIGN] * (count - n[COUNT])) % n[MODULUS])
+    if n[state.MODULUS] > 1:
+        step = int((n[state.SIGN] * (count - n[state.COUNT])) % n[state.MODULUS])
         if step == 0:
-            return DUPLICATE
-    newer = host > n[STAMP]
-    n[LEARNT] += step if host > n[LEARN_SINCE] else 0  # what the first read brings may have waited
-    n[COUNT], n[HOST] = count, host
-    n[STAMP] = host if newer else n[STAMP] + 1
-    if host - n[LEARN_SINCE] >= _LEARN_TIME and n[LEARNT] >= _LEARN_FRAMES:
-        r[TICK] = r[TYPICAL] = (host - n[LEARN_SINCE]) / n[LEARNT]
-        r[ROUGH] = 1.0
-        begin_line(r, r[NOW], float(host - n[ORIGIN]))
-    return 0 if newer else UNSURE
+            return state.DUPLICATE
+    newer = host > n[state.STAMP]
+    n[state.LEARNT] += step if host > n[state.LEARN_SINCE] else 0  # what the first read brings may have waited
+    n[state.COUNT], n[state.HOST] = count, host
+    n[state.STAMP] = host if newer else n[state.STAMP] + 1
+    if host - n[state.LEARN_SINCE] >= _LEARN_TIME and n[state.LEARNT] >= _LEARN_FRAMES:
+        r[state.TICK] = r[state.TYPICAL] = (host - n[state.LEARN_SINCE]) / n[state.LEARNT]
+        r[state.ROUGH] = 1.0
+        begin_line(r, r[state.NOW], float(host - n[state.ORIGIN]))
+    return 0 if newer else state.UNSURE
 
 
 REMEMBERED: Final = 1000  # gaps that a report lists
@@ -318,10 +267,10 @@ class TimeBase:
     calls.
     """
 
-    def __init__(self, spec: TimeSpec) -> None:
+    def __init__(self, spec: state.TimeSpec) -> None:
         self.spec = spec
-        self._whole = np.zeros(WHOLES, dtype=np.int64)
-        self._real = np.zeros(REALS)
+        self._whole = np.zeros(state.WHOLES, dtype=np.int64)
+        self._real = np.zeros(state.REALS)
         self._histogram = np.zeros(2 * BINS, dtype=np.int64)
         self._gaps: deque[tuple[int, int, int]] = deque(maxlen=REMEMBERED)
         configure(self._whole, self._real, spec)
@@ -343,7 +292,7 @@ class TimeBase:
         size = host.shape[0]
         counter = self._counts("clock", clock, self.spec.clock, size)
         second = self._counts("frames", frames, self.spec.frames, size)
-        before = int(self._whole[STAMP])
+        before = int(self._whole[state.STAMP])
         out = Stamps(
             np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.uint32),
             np.empty(size, np.int64), np.empty(size, np.uint8),
@@ -359,25 +308,25 @@ class TimeBase:
     def reopened(self, t_ns: int) -> None:
         """Say that the source was opened again at that host time, ns: before the next frame there is a gap."""
         n = self._whole
-        if n[STARTED]:
-            back = max(int(n[LATEST] - n[SHIFT]) - t_ns, 0)  # another clock, after a restart of the host
-            n[SHIFT] += back
-            n[REOPENED] = ANOTHER_HOST if back else 1
+        if n[state.STARTED]:
+            back = max(int(n[state.LATEST] - n[state.SHIFT]) - t_ns, 0)  # another clock, after a restart of the host
+            n[state.SHIFT] += back
+            n[state.REOPENED] = ANOTHER_HOST if back else 1
 
     def report(self) -> TimeReport:
         """What the frames so far have shown."""
         n, r = self._whole, self._real
-        tally = [int(count) for count in n[TALLY : TALLY + 8]]
+        tally = [int(count) for count in n[state.TALLY : state.TALLY + 8]]
         has_rate = self.spec.clock is not None or self.spec.rate is not None
         duplicates, late, ahead, resets, wrapped, suspects, broken, unsure = tally
         return TimeReport(
             mode=self.spec.mode,
-            frames=int(n[FRAMES]),
+            frames=int(n[state.FRAMES]),
             rate=self._rate(tally[0] + tally[1] + tally[2]),
-            drift_ppm=1e6 * float(r[DRIFT]) if has_rate else float("nan"),
-            delays=delays(self._histogram, float(r[WORST])),
-            offset=(int(n[STAMP] - n[ORIGIN]) - line_at(r, float(r[NOW]))) / 1e9,
-            lost=int(n[LOST]),
+            drift_ppm=1e6 * float(r[state.DRIFT]) if has_rate else float("nan"),
+            delays=delays(self._histogram, float(r[state.WORST])),
+            offset=(int(n[state.STAMP] - n[state.ORIGIN]) - line_at(r, float(r[state.NOW]))) / 1e9,
+            lost=int(n[state.LOST]),
             duplicates=duplicates,
             late=late,
             ahead=ahead,
@@ -386,22 +335,24 @@ class TimeBase:
             suspects=suspects,
             reopened=broken,
             unsure=unsure,
-            inferred=int(n[INFERRED]),
-            inferred_time=int(n[INFERRED_NS]) / 1e9,
-            gap_count=int(n[GAPS]),
+            inferred=int(n[state.INFERRED]),
+            inferred_time=int(n[state.INFERRED_NS]) / 1e9,
+            gap_count=int(n[state.GAPS]),
             gaps=tuple(self._gaps),
         )
 
     def _rate(self, unused: int) -> float:
         """Frames in a second of the host: on average by a device clock, else as the line says."""
         n, r = self._whole, self._real
-        period = float(r[TYPICAL])
+        period = float(r[state.TYPICAL])
         if self.spec.clock is not None:
-            steps = int(n[FRAMES] + n[LOST]) - unused - 1
-            period = int(n[STAMP] - n[ORIGIN]) / steps if steps > 0 else 0.0
-        return 1e9 / (period * (1.0 + float(r[DRIFT]))) if period else float("nan")
+            steps = int(n[state.FRAMES] + n[state.LOST]) - unused - 1
+            period = int(n[state.STAMP] - n[state.ORIGIN]) / steps if steps > 0 else 0.0
+        return 1e9 / (period * (1.0 + float(r[state.DRIFT]))) if period else float("nan")
 
-    def _counts(self, name: str, counts: ArrayLike | None, counter: Counter | None, size: int) -> NDArray[np.int64]:
+    def _counts(
+        self, name: str, counts: ArrayLike | None, counter: state.Counter | None, size: int
+    ) -> NDArray[np.int64]:
         if counter is None:
             return np.zeros(size, dtype=np.int64)
         if counts is None:
@@ -414,23 +365,23 @@ class TimeBase:
             self._gaps.append((start, int(stamps.t_ns[k]), int(stamps.lost[k])))
 
 
-def configure(ints: NDArray[np.int64], real: NDArray[np.float64], spec: TimeSpec) -> None:
+def configure(ints: NDArray[np.int64], real: NDArray[np.float64], spec: state.TimeSpec) -> None:
     """Write into a state what does not change."""
     counter = spec.clock or spec.frames
-    ints[MODULUS] = 1 if counter is None else counter.modulus
-    ints[SIGN] = -1 if counter is not None and counter.down else 1
-    ints[FRAME_BYTES] = spec.frame_bytes or 0
+    ints[state.MODULUS] = 1 if counter is None else counter.modulus
+    ints[state.SIGN] = -1 if counter is not None and counter.down else 1
+    ints[state.FRAME_BYTES] = spec.frame_bytes or 0
     period = 1e9 / spec.rate if spec.rate else 0.0
-    real[TICK] = real[TYPICAL] = period
-    real[SPEED] = spec.speed
+    real[state.TICK] = real[state.TYPICAL] = period
+    real[state.SPEED] = spec.speed
     if spec.clock is not None and spec.clock.tick is not None:
         tick = spec.clock.tick
-        ints[TICK_WHOLE], rest = divmod(tick.numerator, tick.denominator)
-        ints[TICK_REST], ints[TICK_DENOMINATOR] = rest, tick.denominator
-        real[TICK] = float(tick)
+        ints[state.TICK_WHOLE], rest = divmod(tick.numerator, tick.denominator)
+        ints[state.TICK_REST], ints[state.TICK_DENOMINATOR] = rest, tick.denominator
+        real[state.TICK] = float(tick)
         if spec.frames is not None:
-            ints[FRAME_MODULUS] = spec.frames.modulus
-            ints[FRAME_SIGN] = -1 if spec.frames.down else 1
+            ints[state.FRAME_MODULUS] = spec.frames.modulus
+            ints[state.FRAME_SIGN] = -1 if spec.frames.down else 1
 
 
 def _integers(name: str, value: ArrayLike, size: int | None) -> NDArray[np.int64]:
