@@ -24,7 +24,8 @@ from plumbob.core.errors import DecodeError, PlumbobError, excerpt, one_line
 from plumbob.core.files import require_room
 from plumbob.core.series import needed
 from plumbob.core.text import first_words
-from plumbob.files.foreign.parts import Parts, first_bytes
+from plumbob.files.foreign.logged import first_bytes
+from plumbob.files.foreign.parts import Parts
 
 PROFILE: Final = "plumbob_profile"  # where a file keeps its profile: a text in MATLAB, an attribute in NetCDF
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"

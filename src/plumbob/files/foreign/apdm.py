@@ -24,8 +24,7 @@ from plumbob.core.findings import info
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.arrays import HDF5_SIGNATURE, Hdf5Arrays, opened_hdf5
-from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, array_recording, choose, micro
-from plumbob.files.foreign.parts import first_bytes
+from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, array_recording, choose, first_bytes, micro
 from plumbob.rotations import Frame, North
 
 _PLACE: Final = re.compile(

@@ -29,8 +29,17 @@ from plumbob.core.findings import Note, info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import mavlink
-from plumbob.files.foreign.logged import SensorLog, Table, array_recording, choose, micro, of_vehicle, records, vectors
-from plumbob.files.foreign.parts import first_bytes
+from plumbob.files.foreign.logged import (
+    SensorLog,
+    Table,
+    array_recording,
+    choose,
+    first_bytes,
+    micro,
+    of_vehicle,
+    records,
+    vectors,
+)
 from plumbob.files.stamps import utc_of_gps
 from plumbob.rotations import Frame
 from plumbob.rotations.quaternions import quat_from_euler_zyx

@@ -36,8 +36,7 @@ from plumbob.data import ImuData, ImuMeta
 from plumbob.data.array import UnitMount
 from plumbob.data.recording import Recording
 from plumbob.files.column_names import taken_apart
-from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, inside, text_rows
-from plumbob.files.foreign.parts import first_bytes
+from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, first_bytes, inside, text_rows
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.quaternions import quat_conjugate, quat_from_dcm, quat_multiply
 

@@ -373,6 +373,18 @@ def chosen(names: list[str], unit: str | None) -> str:
     raise ParameterError(f"there is no unit '{unit}' in the log; there are {listed}.")
 
 
+HEAD_BYTES: Final = 4096  # bytes of a file that are looked at to see what it is
+
+
+def first_bytes(path: Path, count: int = HEAD_BYTES, at: int = 0) -> bytes:
+    """So many bytes of a file, from a place on; none of what is not a regular file."""
+    if not path.is_file():
+        return b""
+    with path.open("rb") as file:
+        file.seek(at)
+        return file.read(count)
+
+
 def inside(folder: Path, *parts: str) -> Path:
     """Path of a file in a folder; DecodeError where a link leads out of it."""
     path = folder.joinpath(*parts)

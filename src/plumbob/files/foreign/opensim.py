@@ -20,8 +20,7 @@ from plumbob.core.findings import Note
 from plumbob.core.text import first_words, visible
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign.logged import RELATIVE_NOTE, SensorLog, chosen, seconds_to_ns, text_rows
-from plumbob.files.foreign.parts import first_bytes
+from plumbob.files.foreign.logged import RELATIVE_NOTE, SensorLog, chosen, first_bytes, seconds_to_ns, text_rows
 from plumbob.files.stamps import time_line
 from plumbob.rotations import Frame, North, change_frame
 

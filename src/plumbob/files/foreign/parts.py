@@ -17,27 +17,18 @@ from typing import Final
 
 from plumbob.core.errors import DecodeError, PlumbobError, excerpt, one_line
 from plumbob.core.files import existing_file, require_room
+from plumbob.files.foreign.logged import HEAD_BYTES, first_bytes
 from plumbob.files.profile import ColumnRef, TextLayout
 from plumbob.files.text_table import TextTable, decode, find_head, is_idle, read_table, split_row
 
 MAX_MEMBERS: Final = 1000  # files of an archive or a folder; an app writes a few dozen
 MAX_DIRECTORY: Final = 4 << 20  # bytes of the list of members of an archive
-HEAD_BYTES: Final = 4096  # bytes of a file that are looked at to see what it is
 MISSING: Final = ("", "NaN", "nan", "null", "N/A")  # in tables of phone apps and vendors' programs
 _END: Final = b"PK\x05\x06"
 _END_BYTES: Final = 22
 _LOCATOR_64: Final = b"PK\x06\x07"
 _KNOWN_METHODS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _SEPARATORS: Final = (",", ";", "\t")
-
-
-def first_bytes(path: Path, count: int = HEAD_BYTES, at: int = 0) -> bytes:
-    """So many bytes of a file, from a place on; none of what is not a regular file."""
-    if not path.is_file():
-        return b""
-    with path.open("rb") as file:
-        file.seek(at)
-        return file.read(count)
 
 
 class Parts:

@@ -32,8 +32,7 @@ from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import ros_bags
-from plumbob.files.foreign.logged import SensorLog, chosen, joined_recordings
-from plumbob.files.foreign.parts import first_bytes
+from plumbob.files.foreign.logged import SensorLog, chosen, first_bytes, joined_recordings
 from plumbob.files.foreign.ros_bags import Bag, MessageTable, Topic
 from plumbob.files.mcap import layout
 from plumbob.files.stamps import time_line

@@ -35,8 +35,7 @@ from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.core.findings import Note, info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign.logged import SensorLog, Table, choose, micro, of_vehicle, vectors
-from plumbob.files.foreign.parts import first_bytes
+from plumbob.files.foreign.logged import SensorLog, Table, choose, first_bytes, micro, of_vehicle, vectors
 from plumbob.rotations import Frame, North
 
 _MAGIC: Final = b"ULog\x01\x12\x35"

@@ -34,8 +34,8 @@ from plumbob.core.findings import Note, info, warning
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import xbus
-from plumbob.files.foreign.logged import RELATIVE_NOTE, LoggedAttitude, SensorLog, vectors
-from plumbob.files.foreign.parts import first_bytes, names_in, sheet
+from plumbob.files.foreign.logged import RELATIVE_NOTE, LoggedAttitude, SensorLog, first_bytes, vectors
+from plumbob.files.foreign.parts import names_in, sheet
 from plumbob.files.stamps import time_line
 from plumbob.rotations import (
     Frame,
