@@ -33,7 +33,7 @@ _MAT5_SIGNATURE: Final = b"MATLAB 5.0"
 _MAT73: Final = b"MATLAB 7.3"
 _MAX_BYTES: Final = 256 << 20  # bytes of a MATLAB v5 file, which is read as a whole
 _MAX_ARRAYS: Final = 1000
-_MAX_VARIABLES: Final = 10_000
+MAX_VARIABLES: Final = 10_000
 _NUMBERS: Final = "fiub"  # kinds of NumPy's types that are numbers
 _HEADER_BYTES: Final = 128
 _CHUNK_SLACK: Final = 1_000_000  # values; a writer may choose chunks larger than a short data set
@@ -133,8 +133,8 @@ class _Mat5(Arrays):
                 raise DecodeError(f"{variable.name} occurs twice; use an intact copy.")
             variables[variable.name] = variable
             place, count = place + 8 + len(content), count + 1
-            if count > _MAX_VARIABLES:
-                raise DecodeError(f"it has more than {_MAX_VARIABLES} variables, which no recording does.")
+            if count > MAX_VARIABLES:
+                raise DecodeError(f"it has more than {MAX_VARIABLES} variables, which no recording does.")
         self._leaves: dict[str, _Variable] = {}
         for name, variable in variables.items():
             fields = self._inside(variable)
@@ -165,7 +165,7 @@ class _Mat5(Arrays):
             _, width, at = self._part(content, variable.start)
             (longest,) = struct.unpack(f"{self._order}i", width)
             _, names, at = self._part(content, at)
-            if not 0 < longest <= 64 or len(names) % longest or len(names) > longest * _MAX_VARIABLES:
+            if not 0 < longest <= 64 or len(names) % longest or len(names) > longest * MAX_VARIABLES:
                 raise ValueError("the names of its fields are not a list of names")
             for k in range(len(names) // longest):
                 name = str(names[k * longest : (k + 1) * longest], "latin-1").split("\0")[0]

@@ -28,18 +28,8 @@ from plumbob.core import units
 from plumbob.core.findings import Note, info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign import mavlink
-from plumbob.files.foreign.logged import (
-    SensorLog,
-    Table,
-    array_recording,
-    choose,
-    first_bytes,
-    micro,
-    of_vehicle,
-    records,
-    vectors,
-)
+from plumbob.files.foreign import logged, mavlink
+from plumbob.files.foreign.logged import SensorLog, Table, array_recording, choose, micro, of_vehicle, records, vectors
 from plumbob.files.stamps import utc_of_gps
 from plumbob.rotations import Frame
 from plumbob.rotations.quaternions import quat_from_euler_zyx
@@ -71,7 +61,7 @@ class _DataFlashLog:
 
 def accepts(path: Path) -> bool:
     """Whether a file is a DataFlash log by its first message, or telemetry by its first packet."""
-    start = first_bytes(path)
+    start = logged.first_bytes(path)
     return mavlink.starts(start) if path.suffix.lower() == ".tlog" else start.startswith((_HEAD, _TEXT))
 
 
@@ -79,7 +69,7 @@ def read(path: Path, unit: str | None = None) -> Recording:
     """Read samples and ArduPilot's attitude; a unit is one of its IMUs, by the name in the note, or ``all``."""
     if path.suffix.lower() == ".tlog":
         return mavlink.recording(path.read_bytes(), path.stem, unit)
-    is_binary = first_bytes(path).startswith(_HEAD)
+    is_binary = logged.first_bytes(path).startswith(_HEAD)
     return _recording(_of_bytes(path.read_bytes()) if is_binary else _of_text(path), path.stem, unit)
 
 
