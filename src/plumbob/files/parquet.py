@@ -26,19 +26,10 @@ from plumbob.core.time import is_gap, to_ns, to_s
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
+from plumbob.files import columns as layout
 from plumbob.files import header
 from plumbob.files.arrow import arrow_column, column_numbers, unpacked_bytes
-from plumbob.files.columns import (
-    GROUPS,
-    TIME,
-    Columns,
-    column,
-    joined,
-    of_unit,
-    require,
-    to_columns,
-    track_from,
-)  # fmt: skip
+from plumbob.files.columns import GROUPS, TIME, Columns
 from plumbob.files.decoded import KEY as PROFILE
 from plumbob.files.decoded import read_described
 
@@ -63,7 +54,7 @@ def write_parquet(path: Path, parts: Recording | Iterable[Recording], overwrite:
     """Write a native recording, or parts of it, none of which is kept; the last part's header is that of all."""
     with replacing(path, overwrite=overwrite, seeks=True) as temporary, closing(_RowGroupWriter(temporary)) as writer:
         for recording in (parts,) if isinstance(parts, Recording) else parts:
-            columns = to_columns(recording)
+            columns = layout.to_columns(recording)
             said = header.file_header(recording, list(columns))
             writer.add(columns)
             del recording, columns  # the next one may need their room
@@ -154,15 +145,15 @@ def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
     with reading(file):
         content = header.parse_header(content)
         track, several = content["track"], content.get("array", {})
-        require(content["units"], imu=content["imu"] is not None, track=track is not None, units=list(several))
+        layout.require(content["units"], imu=content["imu"] is not None, track=track is not None, units=list(several))
         metas = {name: meta for name, (meta, _) in several.items()}
         if content["imu"] is not None:
             metas[""] = content["imu"]
         units: dict[str, ImuData] = {}
         for name, meta in metas.items():
             if columns:
-                part = of_unit(columns, name) if name else columns
-                triads = {triad: joined(part, triad) for triad in TRIADS}
+                part = layout.of_unit(columns, name) if name else columns
+                triads = {triad: layout.joined(part, triad) for triad in TRIADS}
                 temp_c, marks = part.get("temp_c"), part["flags"]
                 units[name] = ImuData(to_s(part[TIME]), **triads, temp_c=temp_c, flags=marks, meta=meta)
             else:
@@ -171,7 +162,7 @@ def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
         mounts = {name: mount for name, (_, mount) in several.items()}
         return Recording(
             imu=imu,
-            track=None if track is None else track_from(columns, **track),
+            track=None if track is None else layout.track_from(columns, **track),
             name=file.stem,
             notes=lasting(content["notes"]),
             array=ImuArray(units, mounts) if units else None,
@@ -212,7 +203,7 @@ class Stored(ImuData):
         """Samples of a file whose content has been found to be whole, or of one of its units."""
         made = object.__new__(cls)
         with _open(file) as parquet:
-            names = tuple(of_unit(dict.fromkeys(parquet.schema_arrow.names), unit))  # type: ignore[arg-type]
+            names = tuple(layout.of_unit(dict.fromkeys(parquet.schema_arrow.names), unit))  # type: ignore[arg-type]
             state = {"_file": file, "_unit": unit, "_names": names, "_rows": parquet.metadata.num_rows}
         state |= {"meta": meta, "_meta": meta, "_change": None, "_held": _Held(), "_flags": None}
         for name, value in state.items():
@@ -272,7 +263,7 @@ class Stored(ImuData):
             words = columns["flags"].copy()
             late = self._late[slice(*np.searchsorted(self._late, (at, at + words.size)))]
             words[late - at] |= np.uint32(flags.GAP)
-            triads = {name: triad for name in TRIADS if (triad := joined(columns, name)) is not None}
+            triads = {name: triad for name in TRIADS if (triad := layout.joined(columns, name)) is not None}
             part = ImuData.live(columns[TIME], triads, temp_c=columns.get("temp_c"), flags=words, meta=self._meta)
             yield at, part
 
@@ -341,7 +332,7 @@ def _load(
     if not isinstance(units, dict) or sorted(units) != sorted(names):
         raise DecodeError("its columns and the units in its header do not have the same names; write the file again.")
     for field in parquet.schema_arrow:
-        spec = column(field.name)
+        spec = layout.column(field.name)
         expected = {"float64": "double"}.get(spec.dtype, spec.dtype)  # as Arrow calls it
         if str(field.type) != expected:
             raise DecodeError(
@@ -357,7 +348,7 @@ def _load(
     rows, stored = parquet.metadata.num_rows, file.stat().st_size
     if rows < 1:
         raise DecodeError(f"it claims {rows} rows in {stored} bytes, which cannot be; use an intact copy.")
-    row = sum(np.dtype(column(name).dtype).itemsize for name in names)
+    row = sum(np.dtype(layout.column(name).dtype).itemsize for name in names)
     require_room(max(rows * row, unpacked_bytes(file)), stored)  # by its contents, and by every page
     bare = {name.rpartition(".")[2] for name in names}
     columns: Columns = {}
@@ -421,7 +412,7 @@ def _batches(file: Path, names: Sequence[str], start: int = 0) -> Iterator[tuple
 def _array(name: str, values: "pa.ChunkedArray[Any]") -> NDArray[Any]:
     if values.null_count:
         raise DecodeError(f"the column {name} holds {values.null_count} nulls; a missing value is stored as NaN.")
-    return np.ascontiguousarray(column_numbers(values), dtype=column(name).dtype)
+    return np.ascontiguousarray(column_numbers(values), dtype=layout.column(name).dtype)
 
 
 def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
@@ -429,7 +420,7 @@ def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
 
     schema = pa.schema(
         [
-            pa.field(name, pa.from_numpy_dtype(values.dtype), False, {_UNIT: column(name).unit.encode()})
+            pa.field(name, pa.from_numpy_dtype(values.dtype), False, {_UNIT: layout.column(name).unit.encode()})
             for name, values in columns.items()
         ],
         metadata=metadata,

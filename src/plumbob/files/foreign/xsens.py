@@ -27,6 +27,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob import rotations
 from plumbob.core import flags, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, DecodeError, excerpt
@@ -37,15 +38,7 @@ from plumbob.files.foreign import xbus
 from plumbob.files.foreign.logged import RELATIVE_NOTE, LoggedAttitude, SensorLog, first_bytes, vectors
 from plumbob.files.foreign.parts import names_in, sheet
 from plumbob.files.stamps import time_line
-from plumbob.rotations import (
-    Frame,
-    North,
-    quat_from_dcm,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_rotate,
-    rotvec_from_quat,
-)
+from plumbob.rotations import Frame, North
 
 COMMENT: Final = "//"
 TICK_NS: Final = 100_000
@@ -193,11 +186,11 @@ def _means(increments: Floats, gyr: Floats | None, stamps: NDArray[np.int64], no
         return means
     step, changes = _step(stamps[there]), increments[there]
     if changes.shape[1] == len("wxyz"):
-        means[there] = rotvec_from_quat(changes) / step
+        means[there] = rotations.rotvec_from_quat(changes) / step
         notes.append(info("source.orientation_increments", step=step))
     else:
         back = np.zeros_like(changes) if gyr is None else -step * np.nan_to_num(gyr[there])
-        means[there] = quat_rotate(quat_from_rotvec(back), changes) / step
+        means[there] = rotations.quat_rotate(rotations.quat_from_rotvec(back), changes) / step
         axes = "at its beginning, as no rate is known" if gyr is None else "at its end"
         notes.append(info("source.velocity_increments", step=step, axes=axes))
     return means
@@ -290,8 +283,8 @@ def _attitude(columns: Columns, names: tuple[str, ...]) -> Floats:
     if len(names) == 4:
         return values
     if len(names) == 3:
-        return quat_from_euler_zyx(units.to_si(values, "deg"))
+        return rotations.quat_from_euler_zyx(units.to_si(values, "deg"))
     q_nb = np.full((len(values), 4), np.nan)
     valid = np.isfinite(values).all(axis=1)
-    q_nb[valid] = quat_from_dcm(values[valid].reshape(-1, 3, 3), tolerance=1e-4)  # six digits are kept
+    q_nb[valid] = rotations.quat_from_dcm(values[valid].reshape(-1, 3, 3), tolerance=1e-4)  # six digits are kept
     return q_nb
