@@ -31,7 +31,7 @@ def array(rows=200):
     return ImuArray(units, {"u2": UnitMount((0.0, 1.0, 0.0, 0.0), (0.1, 0.2, 0.3), 1e-3)})
 
 
-@pytest.mark.long(reason="two processes; of a killed recorder test_mcap_kill tells the same for one channel")
+@pytest.mark.long(reason="two processes; of a killed recorder test_mcap_disk tells the same for one channel")
 def test_a_killed_recorder_leaves_every_unit(tmp_path):
     """SIGKILL in the middle of a live line: all units have the same samples, those that the raw bytes hold."""
     link, file = tmp_path / "line", tmp_path / "a.mcap"
