@@ -16,7 +16,7 @@ array of them, as ArduPilot logs them on the same stamps.
 """
 
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -141,22 +141,23 @@ def _of_text(file: Path) -> _DataFlashLog:
     """Lines such as ``IMU, 1234, 0.01, …``; ArduPilot's tools write values that carry the multipliers already."""
     log, bad, rows = _DataFlashLog(), 0, dict[str, "array[float]"]()
     words: dict[bytes, int] = {}
-    for line in _lines(file):
-        name, *values = [part.strip() for part in line.split(",")]
-        if name in rows:
-            try:
-                rows[name].extend(
-                    [
-                        words.setdefault(value.encode()[:64], len(words)) if letter in _TEXTS else float(value)
-                        for letter, value in zip(log.columns[name][0], values, strict=True)
-                    ]
-                )
-            except ValueError:
-                bad += 1
-        elif name == "FMT" and len(values) >= 5 and values[2] in _WANTED and values[2] not in log.columns:
-            letters, columns = values[3], tuple(values[4:])
-            if len(letters) == len(columns) == len(set(columns)):
-                log.columns[values[2]], rows[values[2]] = (letters, columns), array("d")
+    with file.open("rb") as stream:
+        for line in iter(lambda: stream.readline(4096), b""):  # none is longer
+            name, *values = [part.strip() for part in line.decode("utf-8", errors="replace").split(",")]
+            if name in rows:
+                try:
+                    rows[name].extend(
+                        [
+                            words.setdefault(value.encode()[:64], len(words)) if letter in _TEXTS else float(value)
+                            for letter, value in zip(log.columns[name][0], values, strict=True)
+                        ]
+                    )
+                except ValueError:
+                    bad += 1
+            elif name == "FMT" and len(values) >= 5 and values[2] in _WANTED and values[2] not in log.columns:
+                letters, columns = values[3], tuple(values[4:])
+                if len(letters) == len(columns) == len(set(columns)):
+                    log.columns[values[2]], rows[values[2]] = (letters, columns), array("d")
     listed = np.array([*words])
     for name, numbers in rows.items():
         if numbers:
@@ -169,12 +170,6 @@ def _of_text(file: Path) -> _DataFlashLog:
     if bad:
         log.notes.append(warning("reading.damage_lines", bad=bad))
     return log
-
-
-def _lines(file: Path) -> Iterator[str]:
-    with file.open("rb") as stream:
-        while line := stream.readline(4096):  # none is longer
-            yield line.decode("utf-8", errors="replace")
 
 
 def _recording(flash: _DataFlashLog, name: str, unit: str | None) -> Recording:

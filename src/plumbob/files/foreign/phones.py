@@ -42,7 +42,7 @@ from plumbob.files.text_table import read_table
 from plumbob.rotations import Frame, North, quat_from_xyzw
 
 _TABLES: Final = (".csv", ".txt")
-Headers = Mapping[str, tuple[str, ...]]
+Headers = Mapping[str, tuple[str, ...]]  # names of the columns of each table, none where it is not one
 
 
 def accepts(path: Path) -> bool:
@@ -56,7 +56,7 @@ def read(path: Path) -> Recording:
     parts = Parts(path)
     app = _app_reader(parts)
     assert app is not None
-    return app(parts, _headers(parts))
+    return app(parts, {name: names_in(parts.start(name)) for name in _tables(parts)})
 
 
 def _app_reader(parts: Parts) -> Callable[[Parts, Headers], Recording] | None:
@@ -77,11 +77,6 @@ def _app_reader(parts: Parts) -> Callable[[Parts, Headers], Recording] | None:
 def _tables(parts: Parts) -> list[str]:
     places = {name: PurePosixPath(name) for name in parts.names}
     return [name for name, at in places.items() if at.suffix.lower() in _TABLES and at.parent.name != "meta"]
-
-
-def _headers(parts: Parts) -> Headers:
-    """Names of the columns of each table, none where it is not one."""
-    return {name: names_in(parts.start(name)) for name in _tables(parts)}
 
 
 def _require_one_place(tables: Mapping[str, Any]) -> None:
