@@ -391,18 +391,15 @@ class Writer:
                 self._end_part()
                 self._stop(low)
                 return
-        if self._is_over(chunk):
-            self._end_part()
-            try:
-                self._open_next()
-            except OSError as error:
-                self._stop(_reason(error))
-                return
-        assert self._part is not None
         try:
+            if self._is_over(chunk):
+                self._end_part()
+                self._open_next()
+            assert self._part is not None
             self._part.write(chunk)
         except OSError as error:
-            self._end_part()
+            if self._part is not None:
+                self._end_part()
             self._stop(_reason(error))
             return
         self._backlog.pop()
