@@ -248,7 +248,10 @@ def test_editors_get_the_schema_of_each_kind_of_file():
     assert unit == schemas["array"]["properties"]["unit"] and unit["items"]["required"] == ["name"]
     length = {"type": "string", "description": "number and unit, as in '100 m'"}
     assert unit["items"]["properties"]["lever"] == {"type": "array", "items": length, "minItems": 3, "maxItems": 3}
-    sources = schemas["session"]["properties"]["source"]["anyOf"]
+    source = schemas["session"]["properties"]["source"]
+    several, sources = (made.get("items", made)["anyOf"] for made in source["anyOf"])
+    assert [made["required"] for made in several] == [made["required"] for made in sources]
+    assert {"name", "format", "imu", "estimate", "reference"} <= several[1]["properties"].keys()
     assert sources[1]["properties"]["port"] == {"type": "integer", "minimum": 1, "maximum": 65535}
     assert [made["properties"]["kind"]["enum"] for made in sources[:2]] == [["serial"], ["udp"]]
     with pytest.raises(ShapeError, match="kind must be one of array, chain"):

@@ -17,12 +17,13 @@ from plumbob.core.errors import ParameterError
 from plumbob.live.runner import run_stream
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stop
+from plumbob.reporting.content import chinese_labels
 from plumbob.rotations import Frame, quat_from_euler_zyx
 from plumbob.rotations.frames import heading_of
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Batch
 from plumbob.viewer.playback import Player, load
-from plumbob.viewer.terminal import CHINESE, Terminal, keys_at_once, tape
+from plumbob.viewer.terminal import Terminal, keys_at_once, tape
 from tests.helpers import Clock, live_samples
 from tests.helpers.commandline import PLUMBOB, refused
 from tests.helpers.outlets import Kept
@@ -75,7 +76,7 @@ def test_the_numbers_are_those_of_the_stream_and_what_comes_no_more_is_shown_as_
     assert "stale" in lines[0].plain
     assert all(any("bright_black" in str(span.style) for span in line.spans) for line in lines if line.plain.strip())
     assert "live" in text(terminal)[0]
-    assert Terminal(Stop(), "zh").lines(80, 24, 0)[0].plain == CHINESE["waiting"]
+    assert Terminal(Stop(), "zh").lines(80, 24, 0)[0].plain == chinese_labels()["terminal.waiting"]
     terminal.event(1.0, "mark", "\x1b[2J\x07 evil")
     assert not any("\x1b" in line or "\x07" in line for line in text(terminal))
     hello = terminal.now.hello

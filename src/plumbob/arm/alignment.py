@@ -8,21 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
+from plumbob.arm import geometry
 from plumbob.arm.filter import Params, UnitSamples
-from plumbob.arm.geometry import (
-    ARM_SD,
-    LEAST_FORCE_SD,
-    LEAST_PLAY,
-    GeometryFit,
-    Prior,
-    Terms,
-    arms_from_sizes,
-    first_axes,
-    fit_arms,
-    fit_axes,
-    force_terms,
-    sway,
-)
 from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, JointLink, chain_links, joint_axes, unit_numbers
 from plumbob.arm.smoother import Attitudes, estimate_motion
 from plumbob.core import check
@@ -317,8 +304,8 @@ def chain_samples(chain: Chain, array: ImuArray) -> UnitSamples:
 
 class _Fits(NamedTuple):
     links: list[JointLink]
-    arms: list[GeometryFit]
-    axes: list[GeometryFit | None]
+    arms: list[geometry.GeometryFit]
+    axes: list[geometry.GeometryFit | None]
     motion: Attitudes
 
 
@@ -349,10 +336,10 @@ class _AlternatingSearch:
         while True:
             doubt = 0.5**rounds if self._chain.known else 0.0  # of the first one about mounts
             motion = self._motion(doubt)
-            terms = force_terms(self._samples, motion, mean_rate=self._params.mean_rate)
+            terms = geometry.force_terms(self._samples, motion, mean_rate=self._params.mean_rate)
             if not self._chain.known:
                 self._begin_axes(terms)
-            arms = [fit_arms(terms, link, self._before(link)) for link in self._links]
+            arms = [geometry.fit_arms(terms, link, self._before(link)) for link in self._links]
             axes = [None if link.joint.kind == "ball" else self._axes(terms, link) for link in self._links]
             new = [_fitted(link, arm, axis) for link, arm, axis in zip(self._links, arms, axes, strict=True)]
             fits = _Fits(new, arms, axes, motion)
@@ -384,23 +371,27 @@ class _AlternatingSearch:
         ]
         return estimate_motion(self._samples, links, self._params, north=0.0, smooth=True)[1]
 
-    def _begin_axes(self, terms: Terms) -> None:
+    def _begin_axes(self, terms: geometry.Terms) -> None:
         """First axes of joints that have none yet."""
         for k, link in enumerate(self._links):
             if link.joint.kind in ("hinge", "universal") and not link.axes.shape[1]:
-                self._links[k] = replace(link, axes=first_axes(terms, link))
+                self._links[k] = replace(link, axes=geometry.first_axes(terms, link))
             elif link.joint.kind == "fixed" and not link.axes.shape[1]:
                 self._links[k] = replace(link, axes=np.stack([np.eye(3), np.eye(3)]))
 
-    def _before(self, link: JointLink) -> Prior:
+    def _before(self, link: JointLink) -> geometry.Prior:
         """Arms before a round: what motion does not show stays where the round before had it."""
         if not self._chain.known:
-            return Prior(np.zeros((2, 3)), ARM_SD)
+            return geometry.Prior(np.zeros((2, 3)), geometry.ARM_SD)
         reach = float(np.linalg.norm(link.arms, axis=1).max())
-        return Prior(link.arms, float(np.hypot(self._mounting.shift, reach * self._mounting.angle)))
+        return geometry.Prior(link.arms, float(np.hypot(self._mounting.shift, reach * self._mounting.angle)))
 
-    def _axes(self, terms: Terms, link: JointLink) -> GeometryFit:
-        return fit_axes(terms, link, self._mounting.angle) if self._chain.known else fit_axes(terms, link)
+    def _axes(self, terms: geometry.Terms, link: JointLink) -> geometry.GeometryFit:
+        return (
+            geometry.fit_axes(terms, link, self._mounting.angle)
+            if self._chain.known
+            else geometry.fit_axes(terms, link)
+        )
 
 
 def _unknown_links(chain: Chain, samples: UnitSamples) -> list[JointLink]:
@@ -416,16 +407,16 @@ def _unknown_links(chain: Chain, samples: UnitSamples) -> list[JointLink]:
                 f"{joint.name} hangs on the ground; its place must be known: give its origin and axes."
             )
         link = JointLink(joint, numbers[joint.parent], numbers[joint.child], np.zeros((2, 3)), np.zeros((2, 0, 3)))
-        links.append(replace(link, arms=arms_from_sizes(samples, link)))
+        links.append(replace(link, arms=geometry.arms_from_sizes(samples, link)))
     return links
 
 
-def _fitted(link: JointLink, arm: GeometryFit, axis: GeometryFit | None) -> JointLink:
-    force = min(max(arm.residual, LEAST_FORCE_SD), 10.0 * FORCE_SD)
+def _fitted(link: JointLink, arm: geometry.GeometryFit, axis: geometry.GeometryFit | None) -> JointLink:
+    force = min(max(arm.residual, geometry.LEAST_FORCE_SD), 10.0 * FORCE_SD)
     link = replace(link, arms=arm.value, force_sd=force, force_time=max(arm.lasts, FORCE_TIME))
     if axis is None:
         return link
-    play, lasts = max(axis.residual, LEAST_PLAY), max(axis.lasts, PLAY_TIME)
+    play, lasts = max(axis.residual, geometry.LEAST_PLAY), max(axis.lasts, PLAY_TIME)
     return replace(link, axes=axis.value, play=play, play_time=lasts)
 
 
@@ -457,7 +448,7 @@ def _card(
     return JointCard(
         link.joint.name, link.arms.tolist(), link.axes.tolist(), arm_sd.tolist(), axis_sd.tolist(),
         **{name: getattr(link, name) for name in _SCATTER},
-        sway=sway(arm.shake, link.arms), rating=_rating(link, arm_sd, axis_sd, odd),
+        sway=geometry.sway(arm.shake, link.arms), rating=_rating(link, arm_sd, axis_sd, odd),
     )  # fmt: skip
 
 
@@ -632,7 +623,11 @@ class _MountProblem:
         return np.concatenate(rows)
 
     def _of_joint(
-        self, link: JointLink, arm: GeometryFit, axis: GeometryFit | None, mounts: Mapping[str, UnitMount]
+        self,
+        link: JointLink,
+        arm: geometry.GeometryFit,
+        axis: geometry.GeometryFit | None,
+        mounts: Mapping[str, UnitMount],
     ) -> list[Floats]:
         joint, rows = link.joint, []
         expected = joint_axes(joint, mounts.get(joint.parent, UnitMount()), mounts[joint.child])

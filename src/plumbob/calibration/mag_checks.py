@@ -9,18 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.fit import Fitted, Reason, refuse
-from plumbob.calibration.mag.axes import (
-    FEWEST_DIRECTIONS,
-    LEAST_SLOPE,
-    SPAN,
-    Agreement,
-    Suspect,
-    agreement,
-    arrangements,
-    suspects,
-    turn,
-    wander,
-)
+from plumbob.calibration.mag import axes as turning
 from plumbob.calibration.mag.checks import DIP, dip_angle
 from plumbob.calibration.mag.with_acc import FEWEST, rotation_in, turn_angle
 from plumbob.calibration.predicted import heading_apart, heading_sd
@@ -38,7 +27,7 @@ TUMBLED: Final = 0.2  # scatter of the vertical along each axis above which a fi
 class _Fault:
     """Wrong axes of a triad."""
 
-    suspect: Suspect  # the triad, and its arrangement but for the sign that a dip tells
+    suspect: turning.Suspect  # the triad, and its arrangement but for the sign that a dip tells
     # dip that the right-handed arrangement gives, rad, positive where it is as it must be; None where nothing tells
     dip: float | None
     # whether the place tells on which side of the horizon the field must be, and not the north of the equator
@@ -77,18 +66,24 @@ def wrong_axes(imu: ImuData, mag: Floats, *, dip: float | None) -> tuple[Reason,
 
     Without the `dip` of the place, rad, north of the magnetic equator is assumed.
     """
-    wrong = suspects(arrangements(imu.t, mag, acc=imu.usable("acc"), gyr=imu.usable("gyr")))
+    wrong = turning.suspects(turning.arrangements(imu.t, mag, acc=imu.usable("acc"), gyr=imu.usable("gyr")))
     return tuple(_reason(_fault(suspect, imu, mag, dip, _rough_dip)) for suspect in wrong)
 
 
 def _fault(
-    wrong: Suspect, imu: ImuData, mag: Floats, place: float | None, dip: Callable[[Floats, Floats], float | None]
+    wrong: turning.Suspect,
+    imu: ImuData,
+    mag: Floats,
+    place: float | None,
+    dip: Callable[[Floats, Floats], float | None],
 ) -> _Fault:
     force = imu.usable("acc")
     field, force = (mag @ wrong.way, force) if wrong.triad == "mag" else (mag, force @ wrong.way)
     valid = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
     angle = (
-        None if wrong.triad == "gyr" or np.count_nonzero(valid) < FEWEST_DIRECTIONS else dip(field[valid], force[valid])
+        None
+        if wrong.triad == "gyr" or np.count_nonzero(valid) < turning.FEWEST_DIRECTIONS
+        else dip(field[valid], force[valid])
     )
     if angle is not None and min(abs(angle), abs(angle if place is None else place)) > LEVEL:
         angle *= math.copysign(1.0, 1.0 if place is None else place)
@@ -161,9 +156,9 @@ def _advice(fault: _Fault) -> str:
     return f"{text} {south}: say where the capture was with --place."
 
 
-def _angle(turn: Floats) -> int:
+def _angle(rotation: Floats) -> int:
     """Angle of a right-handed arrangement, degrees."""
-    return round(to_deg(math.acos(0.5 * (float(np.trace(turn)) - 1.0))))
+    return round(to_deg(math.acos(0.5 * (float(np.trace(rotation)) - 1.0))))
 
 
 def _words(way: Floats) -> str:
@@ -219,8 +214,8 @@ def told_by_others(
     matrix, force = fit.calibration.matrix, imu.usable("acc")
     field = (imu.usable("mag") - fit.calibration.bias) @ matrix.T
     unrotated = field @ rotation_in(matrix)  # in the magnetometer's own axes
-    ways = arrangements(imu.t, unrotated, acc=force, gyr=imu.usable("gyr"))
-    faults = [_fault(suspect, imu, unrotated, dip, dip_angle) for suspect in suspects(ways)]
+    ways = turning.arrangements(imu.t, unrotated, acc=force, gyr=imu.usable("gyr"))
+    faults = [_fault(suspect, imu, unrotated, dip, dip_angle) for suspect in turning.suspects(ways)]
     refuse(*(_reason(fault) for fault in faults if _spoils(fault, helper)))
     remarks, wrong = tuple(_remark(fault) for fault in faults), {fault.suspect.triad for fault in faults}
     if imu.gyr is not None and "gyr" not in wrong:
@@ -266,11 +261,11 @@ def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: floa
 
 def require_field_turns(imu: ImuData, mag: Floats) -> None:
     """Refuse a field (N, 3), calibrated or not, that turns against the gyroscope."""
-    _require_sense(agreement(imu.t, mag, imu.usable("gyr")))
+    _require_sense(turning.agreement(imu.t, mag, imu.usable("gyr")))
 
 
-def _require_sense(fit: Agreement | None) -> None:
-    if fit is not None and fit.slope < LEAST_SLOPE:
+def _require_sense(fit: turning.Agreement | None) -> None:
+    if fit is not None and fit.slope < turning.LEAST_SLOPE:
         what = (
             "the field turns against the gyroscope: an axis of the magnetometer is swapped or has the wrong sign; "
             f"it changes by {fit.slope:.2f} of what the rates say, and 1 is right."
@@ -281,9 +276,9 @@ def _require_sense(fit: Agreement | None) -> None:
 def _by_gyroscope(imu: ImuData, field: Floats, helper: str) -> tuple[str, ...]:
     """How a calibrated field follows the rates, in figures; one that does not is refused."""
     gyr = imu.usable("gyr")
-    fit = agreement(imu.t, field, gyr)
+    fit = turning.agreement(imu.t, field, gyr)
     _require_sense(fit)
-    rotation = turn(imu.t, field, gyr)
+    rotation = turning.turn(imu.t, field, gyr)
     apart = None if rotation is None else turn_angle(rotation)
     if helper == "acc" and apart is not None and apart > MOST_TURNED:
         what = (
@@ -291,13 +286,13 @@ def _by_gyroscope(imu: ImuData, field: Floats, helper: str) -> tuple[str, ...]:
             "that of gravity, or the accelerometer's axes are not the gyroscope's."
         )
         refuse(Reason("not-still", what, "Hold the unit still in each attitude, or turn it slowly, and capture again."))
-    angle = wander(imu.t, field, gyr)
+    angle = turning.wander(imu.t, field, gyr)
     if fit is None or angle is None:
         return ()
     turned = "" if apart is None else f", turned by {to_deg(apart):.1f}° against them,"
     text = (
         f"the calibrated field turns at {fit.slope:.2f} of the rates{turned} and keeps its direction in space within "
-        f"{to_deg(angle):.1f}° (rms) over {SPAN:.0f} s."
+        f"{to_deg(angle):.1f}° (rms) over {turning.SPAN:.0f} s."
     )
     if abs(fit.slope - 1.0) <= DOUBTFUL_SLOPE and angle <= DOUBTFUL_ANGLE:
         return (f"Against the gyroscope, {text}",)

@@ -11,3 +11,4 @@ class Event:
     kind: str  # one word, such as ``"opened"``, ``"lost"``, ``"dropped"``, ``"stalled"``, ``"wall-clock"``
     text: str  # what happened, in a sentence
     count: int = 0  # how many bytes, datagrams or rows it cost; 0 where that does not apply or is not known
+    source: str = ""  # which of several sources it happened to; empty for the first, or all

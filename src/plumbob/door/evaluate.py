@@ -18,7 +18,7 @@ from plumbob.door.reading import read
 from plumbob.evaluation.align import ALIGNMENTS
 from plumbob.evaluation.compare import LONGEST_OFFSET, Comparison, compare_attitudes, compare_recordings
 from plumbob.evaluation.evaluation import Evaluation, EvaluationSettings, judge
-from plumbob.files.formats import kind_of
+from plumbob.files.formats import is_own, kind_of
 
 
 class Tracked(Protocol):
@@ -47,9 +47,11 @@ def evaluate(
     ----------
     estimate : AttitudeTrack, Recording, Estimated or path
         Judged at its own times, in its own frame; not where it carries `flags.NOT_CONVERGED`, because nothing had
-        shown there that it is right.
+        shown there that it is right. Of a recorded stream, what was estimated live.
     reference : AttitudeTrack, Recording or path
         The truth; where it has a ``score``, only those samples count. Of a recording, its ``track``.
+        Where the estimate is a recorded stream: the name of another of its sources, or the same file for the attitude
+        in the frames.
     align : collection of {"time", "mounting", "heading"}
         Constants to find and remove, in that order; none by default, because a constant error is an error. Aligning
         time also removes the delay of a filter.
@@ -92,8 +94,12 @@ def evaluate(
         number("settle", given("settle", settle, Quantity.TIME), "s"),
     )
     paths = [Path(what) for what in (estimate, reference) if isinstance(what, str | Path)]
-    if len(paths) == 2 and is_same_file(*paths):
+    if len(paths) == 2 and is_same_file(*paths) and not is_own(paths[0]):
         raise ParameterError(f"{estimate} is both estimate and reference; name the track of 'plumbob run' first.")
+    if len(paths) == 2 and is_own(paths[0]) and not paths[1].exists():
+        reference = read(paths[0], unit=str(reference))
+        for line in reference.notes if note is not None else ():
+            note(f"{paths[0].name}: {line}")  # type: ignore[misc]
     tracks = opened_attitude("estimate", estimate, None, note), opened_attitude("reference", reference, profile, note)
     return judge(*tracks, settings)
 
@@ -138,7 +144,8 @@ def opened_attitude(
         return what
     if isinstance(what, str | Path):
         path = Path(what)
-        recording = read(path, profile=profile)
+        was_live = name == "estimate" and is_own(path)
+        recording = read(path, estimated=True) if was_live else read(path, profile=profile)
         say = note or (lambda line: None)
         for line in warnings(recording.notes):
             say(f"{path.name}: {line}")
@@ -146,7 +153,7 @@ def opened_attitude(
             raise ShapeError(
                 f"{path} holds sensor data but no attitude; run a filter on it first: plumbob run {path} ..."
             )
-        if name == "estimate" and recording.imu is not None:
+        if name == "estimate" and recording.imu is not None and not was_live:
             say(f"{path} holds sensor data: it looks like a recording with its reference, not an estimate")
         return recording.track
     if isinstance(held := getattr(what, "track", None), AttitudeTrack):

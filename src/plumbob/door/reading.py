@@ -26,6 +26,7 @@ def read(
     whole: bool = True,
     unit: str | None = None,
     calibrated: bool = False,
+    estimated: bool = False,
 ) -> "Recording":
     """Read a file of any format, a recorded stream too: its samples are decoded again from their bytes.
 
@@ -42,9 +43,11 @@ def read(
         Whether all is to be in memory; without it, the samples of a ``.parquet`` recording that has no attitude stay in
         their file: slices and `ImuData.chunks` read them part by part.
     unit : str, optional
-        One of several units, by name or number from 1.
+        One of several units, by name or number from 1; or another source of a recorded stream, by its name.
     calibrated : bool
         Whether the cards that the session of a recorded stream names are applied.
+    estimated : bool
+        Whether the track of a recorded stream is what was estimated as it came, and not what the device said.
 
     Returns
     -------
@@ -66,7 +69,7 @@ def read(
     if is_own(file):
         from plumbob.live.recorded import read_recorded
 
-        return read_recorded(file, unit=unit, calibrated=calibrated)
+        return read_recorded(file, unit=unit, calibrated=calibrated, estimated=estimated)
     return read_samples(file, profile=profile, whole=whole, unit=unit)
 
 

@@ -21,6 +21,7 @@ from plumbob.core.series import data_frame
 from plumbob.core.text import counted
 from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.data import UNCALIBRATED, AttitudeTrack
+from plumbob.evaluation import metrics
 from plumbob.evaluation.align import (
     Alignment,
     Fate,
@@ -31,16 +32,6 @@ from plumbob.evaluation.align import (
     find_mounting_and_heading,
     find_time_offset,
     not_converged,
-)
-from plumbob.evaluation.metrics import (
-    GIMBAL_GUARD,
-    NEEDS_HEADING,
-    QUANTITIES,
-    Consistency,
-    Stats,
-    attitude_errors,
-    consistency,
-    total_rmse,
 )
 from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle, quat_conjugate
 from plumbob.rotations.frames import HeadingPolicy, heading_policy, turn_heading
@@ -97,10 +88,10 @@ class Evaluation(Reported):
     match: Match
     alignment: Alignment
     errors: Mapping[str, Floats]
-    stats: Mapping[str, Stats]
+    stats: Mapping[str, metrics.Stats]
     not_scored: Mapping[str, str]
     near_gimbal: int
-    consistency: Consistency | None
+    consistency: metrics.Consistency | None
     reference_rate: float | None
     notes: tuple[Note, ...]
 
@@ -139,8 +130,8 @@ class Evaluation(Reported):
             for name, stats in self.stats.items()
         }  # fmt: skip
         return dict(plain({
-            **{f"{name}_rmse_deg": errors.get(name, {}).get("rmse_deg") for name in QUANTITIES[:3]},
-            **{name: errors.get(name) for name in QUANTITIES},
+            **{f"{name}_rmse_deg": errors.get(name, {}).get("rmse_deg") for name in metrics.QUANTITIES[:3]},
+            **{name: errors.get(name) for name in metrics.QUANTITIES},
             "not_scored": self.not_scored,
             "samples": sample_counts(self),
             "alignment": {
@@ -213,7 +204,7 @@ def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: Evaluatio
         alignment = Alignment(heading=find_heading(q_est, q_ref, estimate.frame))
     alignment = replace(alignment, time=time)
     match = replace(match, q_ref=alignment.apply(match.q_ref, estimate.frame))
-    errors = attitude_errors(converged.q_nb, match.q_ref)
+    errors = metrics.attitude_errors(converged.q_nb, match.q_ref)
     evaluation = _measured(estimate, reference, settings, match, alignment, policy, errors)
     return replace(evaluation, notes=tuple(_remarks(evaluation, policy)))
 
@@ -239,10 +230,10 @@ def _measured(
 ) -> Evaluation:
     """What the errors of all quantities say, without remarks."""
     scored = match.scored
-    not_scored = dict.fromkeys(() if policy.comparable else NEEDS_HEADING, policy.reason)
-    stats: dict[str, Stats] = {}
-    for name in QUANTITIES:
-        statistics = None if name in not_scored else Stats.from_errors(errors[name][scored], estimate.t[scored])
+    not_scored = dict.fromkeys(() if policy.comparable else metrics.NEEDS_HEADING, policy.reason)
+    stats: dict[str, metrics.Stats] = {}
+    for name in metrics.QUANTITIES:
+        statistics = None if name in not_scored else metrics.Stats.from_errors(errors[name][scored], estimate.t[scored])
         if statistics is not None:
             stats[name] = statistics
         else:
@@ -268,7 +259,7 @@ def _measured(
         near_gimbal=int(np.count_nonzero(np.isnan(errors["roll"][scored]))),
         consistency=None
         if claimed is None
-        else consistency(estimate.q_nb[scored], match.q_ref[scored], claimed[scored]),
+        else metrics.consistency(estimate.q_nb[scored], match.q_ref[scored], claimed[scored]),
         reference_rate=rate,
         notes=(),
     )
@@ -304,7 +295,7 @@ def _remarks(e: Evaluation, policy: HeadingPolicy) -> Iterator[Note]:
         delay = ", and a delay of the filter is not in the errors" if "time" in align else ""
         yield info("evaluation.aligned", align=tuple(align), delay=delay)
     if e.near_gimbal:
-        guard = f"{to_deg(GIMBAL_GUARD):.0f}°"
+        guard = f"{to_deg(metrics.GIMBAL_GUARD):.0f}°"
         yield info("evaluation.near_gimbal", near_gimbal=e.near_gimbal, guard=guard)
     free = flags.MEANING[flags.HEADING_FREE][0]
     if "heading" not in e.not_scored and e.alignment.heading is None and (count := e.flag_counts().get(free, 0)):
@@ -321,10 +312,10 @@ def _constant_part(e: Evaluation) -> Note:
     rows = np.flatnonzero(e.match.scored)
     rows = rows[:: max(1, rows.size // _PROBE)]
     q_est, q_ref = e.estimate.q_nb[rows], e.match.q_ref[rows]
-    before = total_rmse(q_est, q_ref)
+    before = metrics.total_rmse(q_est, q_ref)
     if before < _SUSPICIOUS:
         return ""
-    causes = [(total_rmse(q_est, q), cause) for q, cause in _explanations(e, q_est, q_ref)]
+    causes = [(metrics.total_rmse(q_est, q), cause) for q, cause in _explanations(e, q_est, q_ref)]
     after = min(rmse for rmse, _ in causes)
     if after >= _EXPLAINED * before:
         return ""

@@ -240,20 +240,26 @@ def _imu(
     return imu, notes
 
 
-def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | None) -> tuple[AttitudeTrack, list[Note]]:
-    """Attitude, unknown where a quaternion among others is not a rotation."""
-    turn = turn if source.of == "case" else None
-    q_nb, score, notes = _stacked(source.columns, table), _optional(table, source.score), list[Note]()
+def reference_attitudes(source: ReferenceSource, table: TextTable, turn: str | None) -> Floats:
+    """Quaternions (N, 4) of a table's reference, wxyz; `turn`: of the profile."""
+    q_nb = _stacked(source.columns, table)
     if source.unit is not None:
         q_nb = quat_from_euler_zyx(inside(q_nb, source.unit))
     elif source.order == "xyzw":
         q_nb = quat_from_xyzw(q_nb)
+    if turn is not None and source.of == "case":
+        q_nb = quat_multiply(q_nb, quat_conjugate(quat_from_dcm(body_axes(turn))))  # q_nb = q_ns ⊗ q_sb
+    return q_nb
+
+
+def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | None) -> tuple[AttitudeTrack, list[Note]]:
+    """Attitude, unknown where a quaternion among others is not a rotation."""
+    q_nb, score, notes = reference_attitudes(source, table, turn), _optional(table, source.score), list[Note]()
+    turn = turn if source.of == "case" else None
     wrong = np.abs(np.linalg.norm(q_nb, axis=1) - 1.0) > NORM
     if 0 < (lost := int(wrong.sum())) < len(wrong) / 2:
         q_nb[wrong] = np.nan
         notes.append(warning("reading.no_rotations", lost=lost, count=len(wrong)))
-    if turn is not None:
-        q_nb = quat_multiply(q_nb, quat_conjugate(quat_from_dcm(body_axes(turn))))  # q_nb = q_ns ⊗ q_sb
     return AttitudeTrack(
         t=t,
         q_nb=q_nb,

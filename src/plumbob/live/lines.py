@@ -30,13 +30,14 @@ from plumbob.files import text_table
 from plumbob.files.columns import stamps_ns
 from plumbob.files.profile import JSON, Profile
 from plumbob.files.stamps import WEEK, turn_lengths
-from plumbob.files.text import inside, row_flags, to_vectors
+from plumbob.files.text import inside, reference_attitudes, row_flags, to_vectors
 from plumbob.protocols.decode import Counts, Decoder, Frames, Ints
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Framing, Message
 from plumbob.protocols.scan import Reads
 
 CLOCK: Final = "t_ns"  # field with the time of the device
+_ATTITUDE: Final = ("qw", "qx", "qy", "qz")
 _LINE: Final = re.compile(rb"([^\r\n]+)[\r\n]+")
 _WORD: Final = (1 << 62) - 1  # bits of a clock that are looked at
 _MOST_BYTES: Final = 1 << 16  # bytes without a line end that are waited for; no logger writes such a row
@@ -71,10 +72,9 @@ def line_format(profile: Profile, *, midway: bool) -> LineFormat:
     }
     if word := next((word for word, needs_file in for_files.items() if needs_file), ""):
         raise ParameterError(f"{profile.origin}: {word} is for files; leave it out for a line.")
-    if not triads:
-        raise ParameterError(f"{profile.origin} has none of {', '.join(TRIADS)}, so a line of it gives no sample.")
     names = [(f"{name}.{axis}", UNITS[name]) for name in triads for axis in "xyz"]
     names += [("temp_c", "degC")] * any(part.temperature is not None for part in parts)
+    names += [(name, "1") for name in _ATTITUDE] * any(part.reference is not None for part in parts)
     fields = [Field(name, 0, "f64", 8, unit=unit) for name, unit in names]
     rate = parts[0].time.rate or None
     if rate is None:
@@ -190,6 +190,9 @@ class _Rows:
             values[:, at : at + 3] = to_vectors(group, table, None)
         if (warmth := profile.temperature) is not None:
             values[:, self._columns["temp_c"]] = inside(table.columns[warmth.columns[0]], warmth.unit)
+        if profile.reference is not None:
+            at = self._columns[_ATTITUDE[0]]
+            values[:, at : at + 4] = reference_attitudes(profile.reference, table, profile.turn)
         words, stamps = row_flags(profile, table), self._stamps(table)
         flags = [0] * count if words is None else np.asarray(words).astype(np.uint32).tolist()
         lines, self._lines, self._numbers = self._lines, [], {}

@@ -8,13 +8,14 @@ from typing import Any
 
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
+from plumbob.core.text import counted
 from plumbob.core.units import Quantity, given
 from plumbob.live.runner import Note, Ran, Watch, run_stream, silence_words
 from plumbob.live.sending import send_sinks, with_sent
 from plumbob.live.session import RecordSpec, Session
 from plumbob.live.session_toml import capture_session
 from plumbob.live.sinks import RecordingSink, Sink, named_at, text_sinks
-from plumbob.live.sources import open_source
+from plumbob.live.sources import open_sources
 from plumbob.live.stream import Stream
 from plumbob.live.transports.transport import Stopping
 from plumbob.protocols.format_toml import unassigned_told
@@ -25,11 +26,13 @@ class RecordedStream(Ran):
     """A live stream that has ended.
 
     `recording` has its ``path``, the ``rows`` that were to be written, those ``acknowledged`` by the disk and
-    ``dropped``, or is None; `failed`: an output beside the recording did on the way.
+    ``dropped``, or is None; `failed`: an output beside the recording did on the way; `sent`: by destination, how many
+    messages it got, and how many were dropped because it was away or too slow: of a server, of all its clients.
     """
 
     recording: Mapping[str, Any] | None
     failed: bool
+    sent: Sequence[Mapping[str, Any]] = ()
 
     @property
     def lossy(self) -> bool:
@@ -48,7 +51,8 @@ class RecordedStream(Ran):
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
-        return super().summary() | ({} if self.recording is None else {"recording": dict(self.recording)})
+        sent = {"sent": [dict(each) for each in self.sent]} if self.sent else {}
+        return super().summary() | sent | ({} if self.recording is None else {"recording": dict(self.recording)})
 
     def text(self) -> str:
         """What a reader wants to know first, a line each."""
@@ -58,7 +62,9 @@ class RecordedStream(Ran):
             if recording is None
             else f"{recording['path']}: {recording['acknowledged']} of {recording['rows']} rows on disk"
         )
-        return f"{super().text()}\nrecorded     {where}"
+        sent = (f"\nsent         {each['as']} to {each['to']}: {counted(each['sent'], 'message')}, "
+                f"{each['dropped']} dropped" for each in self.sent)  # fmt: skip
+        return f"{super().text()}{''.join(sent)}\nrecorded     {where}"
 
 
 def record(
@@ -131,10 +137,12 @@ def record(
     others = text_sinks(chosen)
     recording_sink = None if chosen.record is None else RecordingSink(chosen, chosen.record)
     watch = Watch(stream, note, progress=progress)
-    source = open_source(chosen.source)
+    source = open_sources(chosen)
     sending = send_sinks(chosen, note=say, keep=None if recording_sink is None else recording_sink.on_item)
     if opened is not None:
         opened()
+    if seconds is None and not source.finished and stop is not None:
+        say(f"waiting for {source.name}; Ctrl-C or SIGTERM ends it, with a recording that is whole")
     run_stream(
         stream,
         source,
@@ -144,11 +152,10 @@ def record(
         stop=stop,
         each=watch.look,
     )
+    sent = [sink.summary() for sink in sending]
     if recording_sink is None:
-        return RecordedStream(watch, None, False)
-    recorder = recording_sink.recorder
-    summary = {"path": str(recorder.path), "rows": recorder.written, "acknowledged": recorder.acknowledged}
-    return RecordedStream(watch, summary | {"dropped": recorder.dropped}, bool(recording_sink.failures))
+        return RecordedStream(watch, None, False, sent)
+    return RecordedStream(watch, recording_sink.facts, bool(recording_sink.failures), sent)
 
 
 def _path(session: "Session | str | Path | None") -> Path | None:

@@ -13,12 +13,13 @@ import numpy as np
 
 from plumbob import files
 from plumbob.core import flags, schema
+from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, ShapeError, unknown_name
 from plumbob.core.files import reading, replacing
 from plumbob.core.findings import Finding, as_json, info, lasting, warning
 from plumbob.core.findings import note as parsed_note
 from plumbob.core.text import counted, visible
-from plumbob.core.time import to_ns
+from plumbob.core.time import to_ns, to_s
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards import CalibrationCard
@@ -28,12 +29,11 @@ from plumbob.files.header import ARRAY, META, TRACK, array_told, parsed, plain_m
 from plumbob.files.mcap import Log, open_log
 from plumbob.files.mcap.verdict import write_rows
 from plumbob.live import rows
-from plumbob.live.replay import Replayed, replay
-from plumbob.live.session import reference_names
+from plumbob.live.replay import NO_SAMPLE, replay
 from plumbob.live.session_toml import ALL, SESSION, of_unit, recorded_session
 from plumbob.live.sinks import track_lines
 from plumbob.live.stream import Stream
-from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
+from plumbob.rotations import Frame, North, frame_rotation
 
 _META: Final = "recording"
 
@@ -52,30 +52,49 @@ def read_recorded(
         decoded = _from_rows(log, file, estimated=estimated)
         return decoded if unit is None or unit == ALL else decoded.of_unit(unit)
     session = recorded_session(log.metadata, file.stem)
-    if unit is not None:
+    source = str(unit) if unit in [other.name for other in session.beside] else ""
+    if unit is not None and not source:
         chosen = of_unit(session, unit)
         session = chosen if unit == ALL else replace(chosen, units=())
     replayed = replay(log, session=session if estimated else replace(session, stage=None, rates=None, scheme=""))
-    imu = replayed.found.imu(calibrated=calibrated)
-    if imu is None:
-        raise DecodeError(f"{file} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
-    array = replayed.found.array(calibrated=calibrated)
-    units = {"": imu} if array is None else array.units
+    first, stream, collected = replayed.stream, replayed.stream, replayed.found
+    if source:
+        stream, collected = first.beside[source], collected.beside[source]
+    if not collected.parts or first.t0_ns is None:
+        raise DecodeError(NO_SAMPLE.format(file))
+    imu, array = collected.imu(calibrated=calibrated), collected.array(calibrated=calibrated)
+    units = array.units if array is not None else {} if imu is None else {"": imu}
     units = {name: replace(sensed, meta=replace(sensed.meta, t0_ns=replayed.t0_ns)) for name, sensed in units.items()}
-    dead = [] if array is None else [u.unit for u in replayed.stream.session.units if u.unit not in array.units]
+    track = collected.track() if estimated else collected.said()
+    clock = list[Finding]()
+    if source:  # on the clock of the first
+        units = {name: replace(sensed, t=_on_clock(stream, first, sensed.t)) for name, sensed in units.items()}
+        track = None if track is None else replace(track, t=_on_clock(stream, first, track.t))
+        against = stream.against(first)
+        ppm, ahead = against["clock_ppm"], against["clock_ahead_ms"]
+        clock.append(info("reading.source_clock", source=source, ppm=ppm, ahead=ahead))
+    dead = [] if array is None else [u.unit for u in stream.session.units if u.unit not in array.units]
     doubts = dict.fromkeys(doubt for sensed in units.values() for doubt in sensed.unit_doubts())
     notes = (
-        *reading_notes(log, replayed.stream),
+        *reading_notes(log, stream),
+        *clock,
         *(warning("reading.dead_unit", unit=name) for name in dead),
         *(warning("reading.unit_doubt", doubt=str(doubt)) for doubt in doubts),
     )
     recording = Recording(
-        imu=units[""] if array is None else None,
-        track=replayed.track if estimated else logged_reference(replayed),
-        name=file.stem,
+        imu=units.get("") if array is None else None,
+        track=track,
+        name=source or file.stem,
         array=None if array is None else ImuArray(units, array.mounts),
     )
     return replace(recording, notes=(*notes, *all_findings(recording)))
+
+
+def _on_clock(stream: Stream, first: Stream, t: Floats) -> Floats:
+    """Times (N,), s, of another source than the first on the clock and from the first sample of that."""
+    assert stream.t0_ns is not None
+    assert first.t0_ns is not None
+    return to_s(stream.in_clock(first, to_ns(t) + stream.t0_ns) - first.t0_ns)
 
 
 def reading_notes(log: Log, stream: Stream) -> tuple[Finding, ...]:
@@ -95,29 +114,12 @@ def decoded_note(stream: Stream) -> Finding:
     return info("source.decoded", bytes=counts.received, format=stream.session.form.name, junk=counts.junk)
 
 
-def logged_reference(replayed: Replayed) -> AttitudeTrack | None:
-    """Attitude of the reference that the session of a replay names; its angles are those of NED, as heading is."""
-    session = replayed.stream.session
-    if session.reference is None:
-        return None
-    names = reference_names(session.reference)
-    parts = [np.stack([part.frames.columns[name] for name in names], axis=1) for part in replayed.found.parts]
-    angles = np.concatenate(parts)
-    return AttitudeTrack(
-        t=np.concatenate([part.imu.t for part in replayed.found.parts]),
-        q_nb=quat_from_euler_zyx(angles),
-        frame=Frame.NED,
-        north=session.reference.north,
-        source=f"{', '.join(names)} of {session.form.name}",
-    )
-
-
 def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write samples and attitude as a recording that viewers such as Foxglove and Lichtblick open."""
     streams: dict[str, Iterable[tuple[int, str, bytes]]] = {}
     units = _units(recording)
     for name, imu in units.items():
-        stamps, topic = to_ns(imu.t).tolist(), rows.unit_topic(name)
+        stamps, topic = to_ns(imu.t).tolist(), rows.named_topic(rows.IMU, name)
         streams[topic] = zip(stamps, repeat(topic), rows.imu_rows(stamps, imu))
     t0_ns = next((imu.meta.t0_ns for imu in units.values()), 0)
     if (track := recording.track) is not None:
@@ -173,7 +175,7 @@ def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
                 "it has neither a session nor decoded samples: it was not made by Plumbob, or it is cut off near its "
                 "beginning. Use an intact copy."
             )
-        imu = _imu(by_topic[rows.IMU], about.get("imu", {})) if by_topic[rows.IMU] else None
+        imu = _samples(by_topic[rows.IMU], parsed(META, "imu", about.get("imu", {}))) if by_topic[rows.IMU] else None
         array = _array(by_topic, parsed(ARRAY, "array", about["array"])) if "array" in about else None
         wanted = by_topic[rows.ATTITUDE] and (estimated or (imu is None and array is None))
         track = _track(by_topic[rows.ATTITUDE], about.get("track")) if wanted else None
@@ -184,9 +186,9 @@ def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
 def _array(
     by_topic: Mapping[str, Sequence[Mapping[str, Any]]], metas: Mapping[str, tuple[ImuMeta, UnitMount]]
 ) -> ImuArray:
-    if lacking := [name for name in metas if not by_topic.get(rows.unit_topic(name))]:
+    if lacking := [name for name in metas if not by_topic.get(rows.named_topic(rows.IMU, name))]:
         raise DecodeError(f"it has no samples of the unit {lacking[0]}, which its metadata name; use an intact copy.")
-    of = {name: by_topic[rows.unit_topic(name)] for name in metas}
+    of = {name: by_topic[rows.named_topic(rows.IMU, name)] for name in metas}
     stamps = {name: rows.integers("t_ns", of[name], np.int64) for name in metas}
     common = reduce(np.intersect1d, stamps.values())  # damage may have cost some units rows that others have
     if not common.size:
@@ -196,10 +198,6 @@ def _array(
         mask = np.isin(stamps[name], common)
         units[name] = _samples(list(compress(of[name], mask)), meta)
     return ImuArray(units, {name: mount for name, (_, mount) in metas.items()})
-
-
-def _imu(records: Sequence[Mapping[str, Any]], meta: Any) -> ImuData:
-    return _samples(records, parsed(META, "imu", meta))
 
 
 def _samples(records: Sequence[Mapping[str, Any]], meta: ImuMeta) -> ImuData:
@@ -338,11 +336,11 @@ def _extras(recording: Recording) -> Iterator[str]:
             "full scales": any(scale is not None for scale in scales),
             "calibration": meta.calibration is not None,
             "nominal rate": meta.rate_nominal is not None,
-            "what headings count from": meta.north not in (None, North.FREE),
+            _NORTH: meta.north not in (None, North.FREE),
             "declination": meta.declination is not None,
-            "mounting of the axes": meta.axes != _BARE.axes,
+            _AXES: meta.axes != _BARE.axes,
             "device": meta.device != _BARE.device,
-            "start of the time": not meta.t0_ns and imu.t[0] != 0.0,
+            _START: not meta.t0_ns and imu.t[0] != 0.0,
         }
         yield from compress(said, said.values())
     if (track := recording.track) is not None:
@@ -351,9 +349,9 @@ def _extras(recording: Recording) -> Iterator[str]:
             "covariance": track.cov_b is not None,
             "flags": track.flags is not None,
             "scores": track.score is not None or track.mag_weight is not None,
-            "what headings count from": track.north is not North.FREE,
+            _NORTH: track.north is not North.FREE,
             "source": bool(track.source),
-            "start of the time": not _units(recording) and track.t[0] != 0.0,
+            _START: not _units(recording) and track.t[0] != 0.0,
         }
         yield from compress(said, said.values())
     if lasting(recording.notes):
@@ -396,12 +394,9 @@ def only(recording: Recording, what: str) -> Recording:
     if what == "attitude" and recording.track is not None:
         chosen = replace(recording, imu=None, array=None)
     if chosen is None:
-        raise ShapeError(f"{recording.name} has no {what}; it has {_content(recording)}.")
+        kinds = compress(("samples", "attitude"), (_units(recording), recording.track))
+        raise ShapeError(f"{recording.name} has no {what}; it has {' and '.join(kinds)}.")
     return chosen
-
-
-def _content(recording: Recording) -> str:
-    return " and ".join(w for w, part in (("samples", _units(recording)), ("attitude", recording.track)) if part)
 
 
 def _on_one_clock(recording: Recording, track: AttitudeTrack) -> bool:
@@ -451,11 +446,9 @@ def _write_euroc(file: Path, recording: Recording, overwrite: bool) -> None:
 
 _BARE: Final = ImuMeta()
 _ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSENT)  # what the values themselves say
+_NORTH, _AXES, _START = "what headings count from", "mounting of the axes", "start of the time"
 _TRACK: Final = frozenset({"bias", "covariance", "flags", "scores", "notes"})
-_SENSE: Final = _TRACK | {
-    "full scales", "calibration", "what headings count from", "declination", "mounting of the axes", "source",
-    "start of the time",
-}  # fmt: skip
+_SENSE: Final = _TRACK | {"full scales", "calibration", _NORTH, "declination", _AXES, "source", _START}
 _LACKS: Final[dict[str, frozenset[str]]] = {
     "mcap": frozenset({"covariance", "scores"}),
     **dict.fromkeys(("tum", "sto"), _TRACK),

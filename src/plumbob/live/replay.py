@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from numpy.typing import NDArray
 
@@ -27,6 +27,8 @@ from plumbob.live.sinks import Collected, Sink, Tracks
 from plumbob.live.sources import ReplaySource
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.rotations import Frame
+
+NO_SAMPLE: Final = "{} holds no sample that could be decoded; 'plumbob verify' says what is in it."
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -155,16 +157,16 @@ def replay(
     if opened is not None:
         opened(chosen)
     stream, collected, tracks = Stream(chosen, covariance=covariance), Collected(), Tracks()
-    watch, against = Watch(stream, note, events=False), Check(log) if check else None
+    watch, checks = Watch(stream, note, events=False), _checks(log, chosen) if check else []
     collectors: dict[str, Sink] = {"all": collected, "track": tracks}
-    wanted = [watch, *([collectors[keep]] if keep in collectors else []), *([against] if against else []), *sinks]
+    wanted = [watch, *([collectors[keep]] if keep in collectors else []), *checks, *sinks]
     wanted += _sending(chosen, log, send, note)
     run_stream(stream, ReplaySource(log, speed), sinks=wanted)
     if note is not None:
         for line in _lacking(log):
             note(line)
     track = collected.track() if keep == "all" else tracks.track()
-    return Replayed(watch, log, collected, track, against.comparison if against else None)
+    return Replayed(watch, log, collected, track, ReplayComparison.joined(checks) if checks else None)
 
 
 def _sending(session: Session, log: Log, send: Sequence[str], note: Note | None) -> list[Sink]:
@@ -175,6 +177,16 @@ def _sending(session: Session, log: Log, send: Sequence[str], note: Note | None)
 
     offset_ns = 0 if log.first_info is None else log.first_info.epoch_offset_ns
     return [*send_sinks(with_sent(replace(session, send=()), send), note=note, replayed_ns=offset_ns)]
+
+
+def _checks(log: Log, session: Session) -> "list[Check]":
+    """Checks of all sources that give attitudes; DecodeError where the recording holds none."""
+    checks = [Check(log, name) for name, each in session.sources.items() if each.has_attitude]
+    if all(check.is_over for check in checks):
+        raise DecodeError(
+            "the recording holds no attitudes to compare with: no filter ran, or no frame could be decoded."
+        )
+    return checks
 
 
 def _lacking(log: Log) -> list[str]:
@@ -246,6 +258,11 @@ class ReplayComparison:
     only_live: int
     only_replayed: int
 
+    @classmethod
+    def joined(cls, checks: "Sequence[Check]") -> "ReplayComparison":
+        """What the checks of all sources have found so far."""
+        return cls(*map(sum, zip(*(check.counts for check in checks), strict=True)))
+
     @property
     def equal(self) -> bool:
         """Whether both are the same, to the bit."""
@@ -260,21 +277,22 @@ class ReplayComparison:
 
 
 class Check(Sink):
-    """Sink that compares attitudes, as they come, with those that a recording holds: row by row, bit for bit.
+    """Sink that compares attitudes of a source, as they come, with those that a recording holds, bit for bit.
 
     Both are read in their order, and of each no more than a chunk is held. Where two rows differ in time, the earlier
     one is left over.
     """
 
-    def __init__(self, log: Log) -> None:
-        again = log.again()
-        self._live = (rows.shifted(message.data, again.shift_ns) for message in again if message.topic == rows.ATTITUDE)
+    def __init__(self, log: Log, source: str = "") -> None:
+        self.source, again, topic = source, log.again(), rows.named_topic(rows.ATTITUDE, source)
+        self._live = (rows.shifted(message.data, again.shift_ns) for message in again if message.topic == topic)
         self._next = next(self._live, None)
         self._compared = self._different = self._only_live = self._only_replayed = 0
-        if self._next is None:
-            raise DecodeError(
-                "the recording holds no attitudes to compare with: no filter ran, or no frame could be decoded."
-            )
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the recording holds no further attitude."""
+        return self._next is None
 
     def on_part(self, part: ItemResult) -> None:
         """Compare its attitudes with the next ones of the recording."""
@@ -289,9 +307,9 @@ class Check(Sink):
             self._next = None
 
     @property
-    def comparison(self) -> ReplayComparison:
-        """What was found so far."""
-        return ReplayComparison(self._compared, self._different, self._only_live, self._only_replayed)
+    def counts(self) -> tuple[int, int, int, int]:
+        """What was found so far, as `ReplayComparison` has it."""
+        return self._compared, self._different, self._only_live, self._only_replayed
 
     def _take(self, row: bytes) -> None:
         while (ahead := self._ahead(row)) < 0:

@@ -33,9 +33,9 @@ _SCHEMAS: Final[dict[str, Any]] = json.loads(packaged("live/rows.json"))
 (https://docs.foxglove.dev/docs/sdk/schemas/frame-transform)."""
 
 
-def unit_topic(unit: str) -> str:
-    """Topic of the samples of one of several units; that of the only one is `IMU`."""
-    return f"{IMU}/{unit}" if unit else IMU
+def named_topic(kind: str, name: str) -> str:
+    """Topic of one of several units or sources; that of the only one, or the first source, is the kind alone."""
+    return f"{kind}/{name}" if name else kind
 
 
 def unit_of_topic(topic: str) -> str | None:

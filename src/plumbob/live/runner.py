@@ -86,7 +86,7 @@ def run_stream(
             for item in items:
                 if recording:
                     recording.on_item(item)
-                hand_on(stream, stream.feed(item), item.t_ns, sinks, recording)
+                hand_on(stream, item, item.t_ns, sinks, recording)
                 if isinstance(item, Event):
                     _on_events([item], sinks)
             if each:
@@ -95,7 +95,7 @@ def run_stream(
                 break
             if recording:
                 _on_events(recording.tick(clock()), sinks)
-        hand_on(stream, stream.finish(), clock(), sinks, recording)
+        hand_on(stream, None, clock(), sinks, recording)
     finally:
         source.close()
         if recording:
@@ -109,6 +109,7 @@ class _TolerantSink(Sink):
 
     def __init__(self, sink: Sink, recording: Keeper, clock: Callable[[], int]) -> None:
         self._sink: Sink | None = sink
+        self.source = sink.source
         self._recording, self._clock = recording, clock
 
     def on_part(self, part: ItemResult) -> None:
@@ -132,9 +133,19 @@ class _TolerantSink(Sink):
 
 
 def hand_on(
+    stream: Stream, item: Received | Event | None, now_ns: int, sinks: Sequence[Sink], recording: Keeper | None
+) -> None:
+    """Feed an item to a stream and those beside it, as far as it concerns them, and hand on what they make of it.
+
+    None ends them. That a filter failed is noted in the recording once, and ends a run without one.
+    """
+    for each in stream.taking(item):
+        _hand_on(each, each.finish() if item is None else each.feed(item), now_ns, sinks, recording)
+
+
+def _hand_on(
     stream: Stream, part: ItemResult | None, now_ns: int, sinks: Sequence[Sink], recording: Keeper | None
 ) -> None:
-    """Hand on what a stream made; that its filter failed is noted in the recording once, and ends a run without one."""
     if (failure := stream.failure) is not None:
         if recording is None:
             raise failure
@@ -143,7 +154,8 @@ def hand_on(
     if part is None:
         return
     for sink in sinks:
-        sink.on_part(part)
+        if sink.source in (None, part.source):
+            sink.on_part(part)
     if recording:
         recording.on_part(part, now_ns)
 
@@ -168,8 +180,11 @@ class Watch(Sink):
     """Sink that counts what a stream gives, and says what somebody should look at while there is time.
 
     `events` are remarks, too; those of a replay are old. `last` is the newest part that has samples, `track` the newest
-    attitudes, `beyond` by how much samples leave the card's temperatures, and the bias its prior.
+    attitudes, `beyond` by how much samples leave the card's temperatures, and the bias its prior; `beside` is the same
+    of other sources.
     """
+
+    source = None
 
     def __init__(
         self,
@@ -180,6 +195,7 @@ class Watch(Sink):
         progress: "Callable[[Watch], None] | None" = None,
     ) -> None:
         self.stream = stream
+        self.beside = {name: Watch(other, note, events=False) for name, other in stream.beside.items()}
         self._note, self._events, self._progress = note or _nowhere, events, progress or _nowhere
         self.samples = 0
         self.last: ItemResult | None = None
@@ -189,6 +205,9 @@ class Watch(Sink):
 
     def on_part(self, part: ItemResult) -> None:
         """Count, and say once each that the temperature leaves the span of the card, and the bias its prior."""
+        if part.source != self.stream.source:
+            self.beside[part.source].on_part(part)
+            return
         card, filter_, track = self.stream.session.card, self.stream.filter, part.track
         if part.t_ns.size:
             self.samples += part.t_ns.size
@@ -340,6 +359,7 @@ def run_report(watch: Watch) -> dict[str, Any]:
     session = stream.session
     by_kernel = session.source is not None and session.source.kind in KERNEL
     track = watch.track
+    sources = {name: run_report(other) | other.stream.against(stream) for name, other in watch.beside.items()}
     return {
         "session": session.name,
         "format": session.form.name,
@@ -348,13 +368,17 @@ def run_report(watch: Watch) -> dict[str, Any]:
         "calibration": last.imu.meta.calibration if last else session.card and session.card.name,
         "notes": as_json((*watch.beyond, *inferred(stream.time_report()), *stream.decoder.notes, *stream.rate_notes)),
         "filter": None if stream.filter is None else stream.filter.describe(),
-        "frame": None if session.frame is None else str(session.frame),
+        "sensors": list(last.imu.triads) if last else None,
+        "frame": str(track.frame) if track is not None else session.frame and str(session.frame),
         "north": None if track is None else str(track.north),
         "declination_deg": None if track is None or stream.filter is None else declination_deg(stream.filter, track),
         "samples": watch.samples,
+        "last": live_attitude(track),
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **stream.report(),
-    } | ({"units": [spec.unit for spec in session.units]} if session.units else {})
+        **({"units": [spec.unit for spec in session.units]} if session.units else {}),
+        **({"sources": sources} if sources else {}),
+    }
 
 
 def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
@@ -380,10 +404,14 @@ def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
     long_enough = report["duration_s"] >= LONG  # before, jitter of the host passes for drift
     if long_enough and timing["drift_ppm"] is not None and timing["mode"] == "clock":
         lines.append(f"device clock {timing['drift_ppm']:+.1f} ppm against this host")
-    lines.append(f"calibration  {calibration_told(report['calibration'])}")
+    if report.get("sensors") != []:
+        lines.append(f"calibration  {calibration_told(report['calibration'])}")
     if report["filter"]:
         lines.append(f"filter       {report['filter']}")
     if report["north"]:
         zero = counted_from(report["north"], report["declination_deg"])
         lines += [f"frame        {report['frame']}, heading from {zero}", f"at the end   {last}"]
+    for name, other in report.get("sources", {}).items():
+        clock = f"its clock {other['clock_ppm']:+.1f} ppm, {other['clock_ahead_ms']:+.2f} ms at the end"
+        lines += [f"source       {name}, {clock}", *(f"  {line}" for line in report_lines(other, other["last"]))]
     return lines

@@ -165,6 +165,7 @@ class SendSink(Sink):
         direct: bool = False,
     ) -> None:
         self._spec, self._declination, self._offset_ns = spec, declination, offset_ns
+        self.source = spec.of
         self._note, self._keep = note or (lambda line: None), keep
         target = parse_target(spec.to)
         self._paced = not direct
@@ -176,6 +177,10 @@ class SendSink(Sink):
 
     def __str__(self) -> str:
         return f"sending to {self._spec.to}"
+
+    def summary(self) -> dict[str, Any]:
+        """What became of the messages, for JSON."""
+        return {"as": self._spec.kind, "to": self._spec.to, "sent": self.sent, "dropped": self.dropped}
 
     @property
     def sent(self) -> int:
@@ -255,12 +260,13 @@ class SendSink(Sink):
 
 def with_sent(session: Session, send: Sequence[str]) -> Session:
     """Session that sends there, too."""
-    if send and session.stage is None:
+    if send and not session.has_attitude:
         raise ParameterError("--send sends an attitude, but nothing estimates one. Name a filter with --filter.")
     chosen = replace(session, send=(*session.send, *map(parse_send, send)))
     declination = session.meta.declination
     best = North.MAGNETIC if declination is None else North.TRUE  # what a heading may count from, at best
-    for spec in chosen.send if session.stage is not None else ():
+    for spec in chosen.send:
+        parse_target(spec.to, overwrite=True).require()
         if spec.kind == "nmea":
             from plumbob.protocols.attitude.lines import sentences_for
 

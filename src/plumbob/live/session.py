@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final
 
 from plumbob.calibration.gyr.drift import CompensatedRates
 from plumbob.core import schema
-from plumbob.core.errors import ParameterError, unknown_name
+from plumbob.core.errors import FrameError, ParameterError, unknown_name
 from plumbob.core.findings import Finding
 from plumbob.core.units import Quantity, given
 from plumbob.data import ImuMeta
@@ -16,7 +16,7 @@ from plumbob.filters.channel import RateFilter
 from plumbob.filters.offline import Stage
 from plumbob.live.transports.outgoing import FileTarget, parse_target
 from plumbob.protocols.attitude import BodyAxes
-from plumbob.protocols.format import Format
+from plumbob.protocols.format import Format, Message
 from plumbob.rotations import Frame, North
 
 
@@ -46,15 +46,31 @@ class RecordSpec:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceSpec:
-    """A reference whose roll, pitch and heading stand in the same frames."""
+    """An attitude that the device says in the same frames: a reference, or all that there is."""
 
-    north: North  # what its heading counts from, clockwise
+    north: North  # what its heading counts from
     unit: str = ""  # prefix of its fields
+    # navigation frame of a quaternion, or of a yaw; of a heading it is NED, from which that counts clockwise
+    frame: Frame | None = None
 
 
-def reference_names(spec: ReferenceSpec) -> tuple[str, ...]:
-    """Names of the fields that a reference has: heading, pitch, roll."""
-    return tuple(f"{spec.unit}.{name}" if spec.unit else name for name in ("heading", "pitch", "roll"))
+_HEADED: Final = ("heading", "pitch", "roll")
+_OTHERS: Final = (("qw", "qx", "qy", "qz"), ("yaw", "pitch", "roll"))
+
+
+def reference_names(spec: ReferenceSpec, message: Message) -> tuple[str, ...]:
+    """Names of the fields with its attitude: a quaternion, or angles from yaw to roll; ParameterError without any."""
+    has = {f.name for f in message.fields}
+    forms = [_HEADED] if spec.frame is None else [*_OTHERS, *[_HEADED] * (spec.frame is Frame.NED)]
+    names = [tuple(f"{spec.unit}.{name}" if spec.unit else name for name in form) for form in forms]
+    if chosen := next((form for form in names if has.issuperset(form)), None):
+        return chosen
+    prefix = f"{spec.unit}." * bool(spec.unit)
+    for form in _OTHERS:
+        if spec.frame is None and has.issuperset(f"{prefix}{name}" for name in form):
+            raise FrameError(f"[reference] has {', '.join(form)}, so it needs frame: {', '.join(Frame)}.")
+    lacking = next(name for name in names[0] if name not in has)
+    raise ParameterError(f"[reference] needs {', '.join(names[0])} in message {message.name}, which has no {lacking}.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +94,7 @@ class SendSpec:
     rate: float | None = None  # attitudes per second at most, Hz
     sentences: tuple[str, ...] = ()  # NMEA sentences; empty for all that the heading allows
     body: str | None = None  # body axes, ``"FRD"`` or ``"FLU"``; None for those that go with the frame
+    of: str = ""  # which of several sources' attitude; empty for the first
 
 
 def parameter(_: str, value: Any) -> Any:
@@ -138,7 +155,7 @@ class Session:
     stage : Stage or None
         Filter; None where nothing is estimated.
     reference : ReferenceSpec or None
-        Reference in the same frames; None where there is none.
+        Attitude that the device itself says in the same frames; None where it says none.
     record : RecordSpec or None
         Recording; None where none is made.
     output : OutputSpec
@@ -155,6 +172,8 @@ class Session:
         How these are one array, of `plumbob.filters.known.ARRAY_SCHEMES`; empty where they are not.
     send : tuple of SendSpec
         To whom the attitude is sent while the line runs; a replay sends only where that is asked for.
+    beside : tuple of Session
+        Further sources of the same recording, by their names, on one clock; what they record and send is said here.
     """
 
     name: str
@@ -175,6 +194,17 @@ class Session:
     units: tuple[UnitSpec, ...] = ()
     scheme: str = ""
     send: tuple[SendSpec, ...] = ()
+    beside: "tuple[Session, ...]" = ()
+
+    @property
+    def sources(self) -> "dict[str, Session]":
+        """Itself under an empty name, and those beside it by theirs."""
+        return {"": self, **{other.name: other for other in self.beside}}
+
+    @property
+    def has_attitude(self) -> bool:
+        """Whether it gives attitudes: of a filter, else those that the device says."""
+        return self.stage is not None or self.reference is not None
 
 
 def send_spec(
@@ -184,6 +214,7 @@ def send_spec(
     rate: float | str | None = None,
     sentences: str | Sequence[str] = (),
     body: BodyAxes | str | None = None,
+    of: str = "",
 ) -> SendSpec:
     """What to send, checked."""
     if kind not in SENT_AS:
@@ -199,7 +230,7 @@ def send_spec(
     if kind == "ros2" and not isinstance(target, FileTarget):
         raise ParameterError("ros2 is written as an MCAP file; name file:PATH.mcap as its target.")
     axes = None if body is None else str(BodyAxes.parse(body))
-    return SendSpec(kind, to, given("rate", rate, Quantity.FREQUENCY, positive=True), names, axes)
+    return SendSpec(kind, to, given("rate", rate, Quantity.FREQUENCY, positive=True), names, axes, of)
 
 
 def parse_send(text: str) -> SendSpec:
@@ -225,6 +256,7 @@ SEND_TABLE: Final = schema.form(
         "rate": schema.size(Quantity.FREQUENCY),
         "sentences": schema.texts,
         "body": schema.one_of(*BodyAxes),
+        "of": schema.text,
     },
     ("as", "to"),
     lambda _, table: send_spec(table.pop("as"), table.pop("to"), **table),

@@ -1,16 +1,17 @@
 """Read a session from TOML, strictly, with the format, the card and the noise that it names."""
 
 import json
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from plumbob.core import check, schema, units
-from plumbob.core.errors import DecodeError, FrameError, ParameterError, UnitError
+from plumbob.core.errors import DecodeError, FrameError, ParameterError, UnitError, unknown_name
 from plumbob.core.files import reading, text_of
 from plumbob.core.params import describe
 from plumbob.core.resources import guide
@@ -26,26 +27,14 @@ from plumbob.filters import SMOOTHER, CommonParams, load
 from plumbob.filters.known import ARRAY_FILTERS, ARRAY_SCHEMES
 from plumbob.filters.offline import Stage, lagged, make_follower
 from plumbob.filters.start import TRUTH_WORD
+from plumbob.live import session as parts
 from plumbob.live.lines import LineFormat, described_imu, line_format
 from plumbob.live.listen import STDIN
-from plumbob.live.session import (
-    SEND_TABLE,
-    OutputSpec,
-    RateSpec,
-    RecordSpec,
-    ReferenceSpec,
-    SendSpec,
-    Session,
-    SourceSpec,
-    UnitSpec,
-    parameter,
-    reference_names,
-)
 from plumbob.live.sources import KERNEL, described
 from plumbob.protocols.decode import full_scales, prefix_by_unit, unit_prefix
 from plumbob.protocols.format import HEX, Format, Message
 from plumbob.protocols.format_toml import FORMAT, find_format, parse_format
-from plumbob.rotations import Frame, body_axes, in_body_axes
+from plumbob.rotations import Frame, North, body_axes, in_body_axes
 
 GUIDE: Final = guide("sessions.md")
 KIND: Final = "plumbob session"
@@ -56,11 +45,11 @@ PLACE: Final = "earth_field.json"  # the same for the field at the session's pla
 ALL: Final = "all"  # word for all units of a frame
 
 Fetch = Callable[[str], str]  # gives the text of a file that the session names
-Describe = Callable[[SourceSpec], str]  # gives what the kernel says of a source, in JSON
+Describe = Callable[[parts.SourceSpec], str]  # gives what the kernel says of a source, in JSON
 Locate = Callable[[str, str], str]  # gives the Earth's field at a place on a day, in JSON
 
 
-def load_session(path: str | Path, *, date: str | None = None) -> Session:
+def load_session(path: str | Path, *, date: str | None = None) -> parts.Session:
     """Read a session; files that it names lie beside it, unless their paths are absolute.
 
     Parameters
@@ -83,9 +72,10 @@ def load_session(path: str | Path, *, date: str | None = None) -> Session:
         return _rooted(file, parse_session(text, lambda name: text_of(file.parent / name), name=file.stem, date=date))
 
 
-def _rooted(file: Path, session: Session) -> Session:
+def _rooted(file: Path, session: parts.Session) -> parts.Session:
     """The session with the file of its bytes beside it, as every file that it names; what is written goes elsewhere."""
     source = session.source
+    session = replace(session, beside=tuple(_rooted(file, other) for other in session.beside))
     if source is None or source.kind != "file":
         return session
     settings = {**source.settings, "path": str(file.parent / source.settings["path"])}
@@ -114,7 +104,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     return title | schema.json_schema(parse)
 
 
-def recorded_session(texts: Mapping[str, str], name: str) -> Session:
+def recorded_session(texts: Mapping[str, str], name: str) -> parts.Session:
     """Session that a recording holds."""
 
     def fetch(wanted: str) -> str:
@@ -139,22 +129,56 @@ def parse_session(
     describe: Describe = described,
     locate: Locate = _field_at,
     date: str | None = None,
-) -> Session:
+) -> parts.Session:
     """Session from TOML text, as `load_session`; `fetch` gives the text of each file that it names.
 
     `describe` gives what the kernel says of an IIO device, `locate` the field at a place; asked only where they are
     needed.
     """
-    texts = {SESSION: text}
-
-    def keep(wanted: str) -> str:
-        texts[wanted] = fetch(wanted)
-        return texts[wanted]
-
+    around = _Around({SESSION: text}, fetch, describe, locate, date)
     tables = schema.document(text, GUIDE, SESSION_FORM)
-    source: SourceSpec | None = tables.get("source")
+    sources = tables.get("source")
+    first, *others = sources if isinstance(sources, tuple) else ({},)
+    session, names = _session(tables | first, name, around), [str(other.get("name", "")) for other in others]
+    units = [unit.unit for unit in session.units]
+    for other, called in zip(others, names, strict=True):
+        if not re.fullmatch("[A-Za-z0-9_-]+", called) or [*names, *units].count(called) > 1:
+            raise DecodeError(
+                f"each [[source]] behind the first needs a name of its own, as name = \"ahrs\", but one has '{called}'."
+            )
+        if other["source"].kind in KERNEL or "place" in other.get("imu", {}):
+            raise DecodeError(f"{called}: a device of the kernel, and imu.place, belong to the first [[source]].")
+    beside = tuple(_session(other, called, around) for other, called in zip(others, names, strict=True))
+    session = replace(session, beside=beside)
+    for spec in session.send:
+        if spec.of not in session.sources:
+            raise unknown_name("source", spec.of, names, of="send.of")
+        if not session.sources[spec.of].has_attitude:
+            raise ParameterError("[[send]] sends an attitude, but nothing estimates one. Add [estimate].")
+    return session
+
+
+class _Around(NamedTuple):
+    """What gives that which a session names, as of `parse_session`; `texts` keeps every file."""
+
+    texts: dict[str, str]
+    fetch: Fetch
+    describe: Describe
+    locate: Locate
+    date: str | None
+
+    def keep(self, wanted: str) -> str:
+        """Text of a file."""
+        self.texts[wanted] = self.fetch(wanted)
+        return self.texts[wanted]
+
+
+def _session(tables: Mapping[str, Any], name: str, around: _Around) -> parts.Session:
+    """Session of its tables, or of one of several sources."""
+    texts, keep = around.texts, around.keep
+    source: parts.SourceSpec | None = tables.get("source")
     if source is not None and source.kind in KERNEL:
-        texts[IIO] = describe(source)
+        texts[IIO] = around.describe(source)
         source, form, timed_by = _kernel(source, tables, texts[IIO])
         message, unit, names = form.name, "", list[str]()
         if "unit" in tables:
@@ -168,7 +192,7 @@ def parse_session(
             source = replace(source, settings={**source.settings, "form": form, "message": message})
     imu = described_imu(form) | tables.get("imu", {})
     if "place" in imu or "date" in imu:
-        texts[PLACE] = locate(*_place_and_day(imu, source, date))
+        texts[PLACE] = around.locate(*_place_and_day(imu, source, around.date))
         imu["declination"] = _declination(texts[PLACE])
     frame = imu.get("frame")
     meta = _meta(imu, source, form, message, unit)
@@ -184,7 +208,7 @@ def parse_session(
         meta, card = next((spec.meta, spec.card) for spec in units if spec.unit == unit)
     scheme = _scheme(tables, units)
     stage = _stage(tables, scheme, frame, keep)
-    return Session(
+    return parts.Session(
         name=name,
         source=source,
         form=form,
@@ -195,10 +219,10 @@ def parse_session(
         card=card,
         rates=_rates(tables, form.message(message), unit),
         stage=stage,
-        reference=_reference(tables, form.message(message)),
+        reference=_reference(tables, form, form.message(message), frame, stage),
         record=tables.get("record"),
-        output=tables.get("output", OutputSpec()),
-        send=_sent(tables),
+        output=tables.get("output", parts.OutputSpec()),
+        send=tuple(tables.get("send", ())),
         timed_by=timed_by,
         texts=texts,
         units=units,
@@ -206,8 +230,8 @@ def parse_session(
     )
 
 
-def _rates(tables: Mapping[str, Any], message: Message, unit: str) -> RateSpec | None:
-    spec: RateSpec | None = tables.get("rates")
+def _rates(tables: Mapping[str, Any], message: Message, unit: str) -> parts.RateSpec | None:
+    spec: parts.RateSpec | None = tables.get("rates")
     if spec is not None:
         spec.made()  # refuses what it cannot take, before the start
         if not any(f.triad == (f"{unit}.gyr" if unit else "gyr") for f in message.fields):
@@ -215,7 +239,7 @@ def _rates(tables: Mapping[str, Any], message: Message, unit: str) -> RateSpec |
     return spec
 
 
-def _scheme(tables: Mapping[str, Any], units: Sequence[UnitSpec]) -> str:
+def _scheme(tables: Mapping[str, Any], units: Sequence[parts.UnitSpec]) -> str:
     scheme: str = tables.get("array", {}).get("scheme", "")
     if scheme and not units:
         raise ParameterError('[array] needs several units that are all decoded; give units = "all" in [format].')
@@ -235,13 +259,13 @@ def _require_device(card: CalibrationCard | None, device: str, where: str) -> No
 
 def _units(
     names: Sequence[str], tables: Mapping[str, MountedUnit], meta: ImuMeta, message: Message
-) -> tuple[UnitSpec, ...]:
+) -> tuple[parts.UnitSpec, ...]:
     """Units that are decoded, with what their tables say of them."""
     specs, named = [], {unit_prefix(message, name): mounted for name, mounted in tables.items()}
     for name in names:
         mounted = named.get(name, MountedUnit(name))
         unit_meta = replace(meta, device=mounted.device or meta.device, **_ranges(message, name, meta.axes))
-        specs.append(UnitSpec(name, unit_meta, mounted.card, mounted.mount))
+        specs.append(parts.UnitSpec(name, unit_meta, mounted.card, mounted.mount))
     return tuple(specs)
 
 
@@ -253,7 +277,7 @@ def _declination(field: str) -> float:
         raise DecodeError(f"{PLACE} of the recording holds no declination; the file is damaged.") from error
 
 
-def _place_and_day(imu: Mapping[str, Any], source: SourceSpec | None, date: str | None) -> tuple[str, str]:
+def _place_and_day(imu: Mapping[str, Any], source: parts.SourceSpec | None, date: str | None) -> tuple[str, str]:
     """Where the line is, and on which day; only bytes that are yet to come are of today."""
     if "place" not in imu or "declination" in imu:
         raise DecodeError(
@@ -272,13 +296,13 @@ def _place_and_day(imu: Mapping[str, Any], source: SourceSpec | None, date: str 
     return imu["place"], day
 
 
-def of_unit(session: Session, asked: str) -> Session:
+def of_unit(session: parts.Session, asked: str) -> parts.Session:
     """Session of another unit in the same frames, by its name or number from 1; ``"all"``: of all, as it is else."""
     message = session.form.message(session.message)
     if asked == ALL and session.units:
         return session
     if asked == ALL and prefix_by_unit(message) != ("",):
-        main = UnitSpec(session.unit, session.meta, session.card)
+        main = parts.UnitSpec(session.unit, session.meta, session.card)
         units = _units(prefix_by_unit(message), {}, session.meta, message)
         return replace(session, units=tuple(main if spec.unit == session.unit else spec for spec in units))
     unit = unit_prefix(message, asked)
@@ -292,7 +316,7 @@ def _ranges(message: Message, unit: str, axes: str) -> dict[str, Any]:
     return {f"{name}_range": np.abs(in_body_axes(axes, case)) for name, case in full_scales(message, unit).items()}
 
 
-def _kernel(source: SourceSpec, tables: Mapping[str, Any], text: str) -> tuple[SourceSpec, Format, str]:
+def _kernel(source: parts.SourceSpec, tables: Mapping[str, Any], text: str) -> tuple[parts.SourceSpec, Format, str]:
     """Source that insists on what the kernel said, its format, and what tells its time."""
     from plumbob.live.transports.iio_layout import IioLayout, iio_format
 
@@ -305,7 +329,7 @@ def _kernel(source: SourceSpec, tables: Mapping[str, Any], text: str) -> tuple[S
     return replace(source, settings=settings), form, timed_by
 
 
-def _timed_by(source: SourceSpec | None, form: Format, message: Message) -> str:
+def _timed_by(source: parts.SourceSpec | None, form: Format, message: Message) -> str:
     """What tells the time of a source that is not the kernel's; a poll over SPI must give whole transfers."""
     if source is None:
         return "frames"
@@ -325,7 +349,9 @@ def _timed_by(source: SourceSpec | None, form: Format, message: Message) -> str:
     return "poll"
 
 
-def _format(tables: Mapping[str, Any], source: SourceSpec | None, keep: Fetch) -> tuple[Format, str, str, list[str]]:
+def _format(
+    tables: Mapping[str, Any], source: parts.SourceSpec | None, keep: Fetch
+) -> tuple[Format, str, str, list[str]]:
     """Format, message, the unit to estimate, and the units to decode where these are several."""
     if source is not None and (lines := source.settings.get("lines")):
         if other := [table for table in ("format", "unit", "reference") if table in tables]:
@@ -352,7 +378,7 @@ def _format(tables: Mapping[str, Any], source: SourceSpec | None, keep: Fetch) -
     return form, message.name, unit, names
 
 
-def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, message: str, unit: str) -> ImuMeta:
+def _meta(imu: Mapping[str, Any], source: parts.SourceSpec | None, form: Format, message: str, unit: str) -> ImuMeta:
     axes = imu.get("axes", "x y z")
     ranges = {} if source is not None and source.kind in KERNEL else _ranges(form.message(message), unit, axes)
     rate = None if source is None else source.settings.get("rate")
@@ -369,20 +395,24 @@ def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, messa
     return ImuMeta(**said | ranges | given)
 
 
-def _reference(tables: Mapping[str, Any], message: Message) -> ReferenceSpec | None:
-    spec: ReferenceSpec | None = tables.get("reference")
-    names = () if spec is None else reference_names(spec)
-    if lacking := [name for name in names if not any(f.name == name for f in message.fields)]:
+def _reference(
+    tables: Mapping[str, Any], form: Format, message: Message, frame: Frame | None, stage: Stage | None
+) -> parts.ReferenceSpec | None:
+    """Attitude that the device says; a message without a triad must have one, and nothing that estimates."""
+    said = form.profile.reference if isinstance(form, LineFormat) and form.profile else None
+    spec: parts.ReferenceSpec | None = None if said is None else parts.ReferenceSpec(said.north, frame=said.frame)
+    spec = tables.get("reference", spec)
+    if not prefix_by_unit(message) and (spec is None or stage is not None):
         raise ParameterError(
-            f"[reference] needs {', '.join(names)} in message {message.name}, which has no {lacking[0]}."
+            f"message {message.name} carries no gyr, acc or mag, so there is nothing to estimate from. To keep the "
+            "attitude that it says, leave the filter out, and give [reference] north (--north): what its heading "
+            "counts from."
         )
+    if spec is not None and spec.frame is None and not any(f.name.endswith("heading") for f in message.fields):
+        spec = replace(spec, frame=frame)
+    if spec is not None:
+        parts.reference_names(spec, message)  # refuses what is not there
     return spec
-
-
-def _sent(tables: Mapping[str, Any]) -> tuple[SendSpec, ...]:
-    if "send" in tables and "estimate" not in tables:
-        raise ParameterError("[[send]] sends an attitude, but nothing estimates one. Add [estimate].")
-    return tuple(tables.get("send", ()))
 
 
 def _stage(tables: Mapping[str, Any], scheme: str, frame: Frame | None, keep: Fetch) -> Stage | None:
@@ -413,6 +443,7 @@ def capture_session(
     unit: str | None = None,
     device: str | None = None,
     frame: Frame | str | None = None,
+    north: North | str | None = None,
     place: str | None = None,
     date: str | None = None,
     filter: str | None = None,
@@ -421,7 +452,7 @@ def capture_session(
     calibration: CalibrationCard | str | Path | None = None,
     noise: NoiseCard | str | Path | None = None,
     init: str | None = None,
-) -> Session:
+) -> parts.Session:
     """Session of a file, or of a few words, as the options of the command line are.
 
     Parameters
@@ -447,6 +478,8 @@ def capture_session(
         Name of this unit, to which its calibration card belongs.
     frame : Frame or str, optional
         Navigation frame.
+    north : North or str, optional
+        What the heading counts from in the attitude that a device says itself, which is then kept.
     place, date : str, optional
         As in `plumbob.estimate`.
     filter, lag, params, calibration, noise, init : optional
@@ -467,6 +500,8 @@ def capture_session(
         tables["calibration"] = {"card": _card_name("calibration", calibration)}
     if imu_table := {key: value for key, value in imu.items() if value}:
         tables["imu"] = imu_table
+    if north:
+        tables["reference"] = {"north": str(north)}
     if unit:
         tables["format"] = {"units": ALL} if unit == ALL else {"unit": unit}
     if str(file) == STDIN:
@@ -572,11 +607,19 @@ _IMU: Final = {
 }
 
 
-def parse_source(where: str, value: Any) -> SourceSpec:
+def parse_source(where: str, value: Any) -> parts.SourceSpec:
     """Source from its table."""
     kind = _KIND(f"{where}.kind", _TABLE(where, value).get("kind"))
     settings: dict[str, Any] = _SOURCES[kind](where, value)
-    return SourceSpec(settings.pop("kind"), settings)
+    return parts.SourceSpec(settings.pop("kind"), settings)
+
+
+def _one_of_several(where: str, value: Any) -> dict[str, Any]:
+    """Source with what its bytes mean, by the keys of a session."""
+    table = _TABLE(where, value)
+    meaning = _BESIDE(where, {key: part for key, part in table.items() if key in _OF_SOURCE})
+    line = {key: part for key, part in table.items() if key not in meaning}
+    return {**meaning, "source": parse_source(where, line)}
 
 
 def _step(where: str, value: Any) -> bytes | float:
@@ -632,24 +675,37 @@ _KIND: Final = schema.one_of(*_SOURCES)
 schema.described(parse_source, anyOf=[schema.json_schema(parse) for parse in _SOURCES.values()])
 
 
+_OF_SOURCE: Final[dict[str, Parse]] = {
+    "name": schema.text,
+    "format": schema.form(_FORMAT),
+    "imu": schema.form(_IMU),
+    "calibration": schema.form({"card": schema.text}, ("card",)),
+    "estimate": schema.form(
+        {"params": schema.mapping(parts.parameter), **dict.fromkeys(("filter", "noise", "init"), schema.text)}
+    ),
+    "reference": schema.table(parts.ReferenceSpec, frame=schema.converted(Frame.parse)),
+}
+"""What the bytes of a source mean, beside them or in the session's own tables."""
+_BESIDE: Final = schema.form(_OF_SOURCE)
+schema.described(
+    _one_of_several,
+    anyOf=[schema.json_schema(schema.form({"kind": schema.one_of(kind), **keys, **_OF_SOURCE}, ("kind", *required)))
+           for kind, (keys, required) in _KEYS.items()],
+)  # fmt: skip
+
+
 SESSION_FORM: Final = schema.form(
     {
         "kind": schema.one_of(KIND),
         "version": schema.version(VERSION),
-        "source": parse_source,
-        "format": schema.form(_FORMAT),
-        "imu": schema.form(_IMU),
-        "calibration": schema.form({"card": schema.text}, ("card",)),
-        "estimate": schema.form(
-            {"params": schema.mapping(parameter), **dict.fromkeys(("filter", "noise", "init"), schema.text)}
-        ),
-        "reference": schema.table(ReferenceSpec),
+        "source": schema.either(list, schema.tables(_one_of_several), parse_source),
+        **{key: parse for key, parse in _OF_SOURCE.items() if key != "name"},
         "unit": schema.tables(UNIT),
-        "rates": schema.table(RateSpec),
+        "rates": schema.table(parts.RateSpec),
         "array": schema.form({"scheme": schema.one_of(*ARRAY_SCHEMES)}, ("scheme",)),
-        "record": schema.table(RecordSpec),
-        "output": schema.table(OutputSpec),
-        "send": schema.tables(SEND_TABLE),
+        "record": schema.table(parts.RecordSpec),
+        "output": schema.table(parts.OutputSpec),
+        "send": schema.tables(parts.SEND_TABLE),
     },
     ("kind", "version"),
     name="session",

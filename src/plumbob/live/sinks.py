@@ -1,10 +1,11 @@
 """Sinks: what is done with the parts that a line gives: recorded, collected, written, handed on."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, TextIO
+from typing import Any, Final, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 from plumbob.core import __version__
 from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
-from plumbob.core.files import require_place
 from plumbob.core.text import visible
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
@@ -25,15 +25,20 @@ from plumbob.live import rows
 from plumbob.live.rows import line_of
 from plumbob.live.session import RecordSpec, Session
 from plumbob.live.stream import STARTED_AGAIN, ItemResult
+from plumbob.live.transports.outgoing import require_writable
 from plumbob.live.transports.polled import Schedule
 from plumbob.live.transports.transport import Received
-from plumbob.rotations import North, euler_zyx_from_quat
+from plumbob.protocols.decode import prefix_by_unit
+from plumbob.rotations import euler_zyx_from_quat
+from plumbob.rotations.frames import heading_zero
 
 _LOOSE: Final = 1024
 
 
 class Sink:
     """Takes what a line gives, as it comes; by default only its parts, and holds nothing open."""
+
+    source: str | None = ""  # which of several sources' parts it takes: by default the first one's; None: all
 
     def on_part(self, part: ItemResult) -> None:
         """Take samples and attitudes."""
@@ -48,13 +53,16 @@ class Sink:
 class Collected(Sink):
     """Keeps everything, for a replay or a conversion."""
 
+    source = None
+
     def __init__(self) -> None:
         self.parts: list[ItemResult] = []
         self.events: list[Event] = []
+        self.beside: defaultdict[str, Collected] = defaultdict(Collected)  # what other sources gave, by their names
 
     def on_part(self, part: ItemResult) -> None:
         """Keep it."""
-        self.parts.append(part)
+        (self.beside[part.source] if part.source else self).parts.append(part)
 
     def on_event(self, event: Event) -> None:
         """Keep it."""
@@ -67,13 +75,16 @@ class Collected(Sink):
 
     def track(self) -> AttitudeTrack | None:
         """Attitude of the whole; None where nothing was estimated."""
-        tracks = [part.track for part in self.parts if part.track is not None]
-        return _joined(tracks) if tracks else None
+        return joined_tracks(part.track for part in self.parts)
+
+    def said(self) -> AttitudeTrack | None:
+        """Attitude of the whole that the device said itself; None where it said none."""
+        return joined_tracks(part.reference for part in self.parts)
 
     def imu(self, *, calibrated: bool) -> ImuData | None:
         """Samples of the whole, judged as a recording; None where there are none."""
         parts = [part.imu if calibrated else part.sensed for part in self.parts]
-        return _joined_imu(parts, parts[0].triads) if parts else None
+        return _joined_imu(parts, parts[0].triads) if parts and parts[0].triads else None
 
     def array(self, *, calibrated: bool) -> ImuArray | None:
         """The same of all units; None where there are no samples, or the session decodes one unit.
@@ -100,7 +111,7 @@ class Tracks(Sink):
     """Keeps attitudes alone, packed: a few parts of a few rows each take more memory than all their numbers."""
 
     def __init__(self) -> None:
-        self._tracks: list[AttitudeTrack] = []
+        self._tracks: list[AttitudeTrack | None] = []
         self._loose = 0
 
     def on_part(self, part: ItemResult) -> None:
@@ -110,24 +121,25 @@ class Tracks(Sink):
         self._tracks.append(part.track)
         self._loose += 1
         if self._loose == _LOOSE:
-            self._tracks[-_LOOSE:] = [_joined(self._tracks[-_LOOSE:])]
+            self._tracks[-_LOOSE:] = [joined_tracks(self._tracks[-_LOOSE:])]
             self._loose = 0
 
     def track(self) -> AttitudeTrack | None:
         """Attitude of the whole; None where nothing was estimated."""
-        return _joined(self._tracks) if self._tracks else None
+        return joined_tracks(self._tracks)
 
 
-def _joined(parts: list[AttitudeTrack]) -> AttitudeTrack:
-    return AttitudeTrack.joined(parts, sum(map(len, parts)))
+def joined_tracks(parts: Iterable[AttitudeTrack | None]) -> AttitudeTrack | None:
+    """Tracks that follow each other as one, as far as there are some; None where there is none."""
+    tracks = [track for track in parts if track is not None]
+    return AttitudeTrack.joined(tracks, sum(map(len, tracks))) if tracks else None
 
 
 def track_lines(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, head: bool) -> Iterator[str]:
     """Lines of a track's rows as text; with what its angles mean before them, where `head` is asked for."""
     if head:
-        zero = "an arbitrary zero" if track.north is North.FREE else f"{track.north} north"
         yield f"# roll about x, pitch about y, yaw about z, turned yaw first; body axes to {track.frame}, "
-        yield f"heading from {zero}; by {visible(' '.join(track.source.split()))}\n"
+        yield f"heading from {heading_zero(track.north)}; by {visible(' '.join(track.source.split()))}\n"
         yield "t [s]\troll [deg]\tpitch [deg]\tyaw [deg]\tflags\n"
     angles = to_deg(euler_zyx_from_quat(track.q_nb[rows]))
     words = (np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags)[rows]
@@ -144,7 +156,7 @@ class TextSink(Sink):
             raise ParameterError(
                 f"{path} exists already, and a text recording never replaces a file. Name another file."
             )
-        require_place(self._path)
+        require_writable(self._path)
         self._file: TextIO | None = None
         self._schedule = Schedule(round(every * 1e9))
 
@@ -174,7 +186,7 @@ class TextSink(Sink):
 def text_sinks(session: Session) -> list[TextSink]:
     """The text that a session asks for, as a list; ParameterError where nothing estimates what it would hold."""
     path = session.output.text
-    if path and session.stage is None:
+    if path and not session.has_attitude:
         raise ParameterError("a text file gets attitudes, but nothing estimates them; give --filter, or [estimate].")
     return [TextSink(path, session.output.every)] if path else []
 
@@ -230,13 +242,19 @@ class RecordingSink:
         self.recorder.metadata.update(session.texts)
         self.recorder.metadata[VERSION_KEY] = __version__
         self.recorder.metadata["calibration"] = calibration_told(session.card.name if session.card else None)
-        self._raw = self.recorder.channel(rows.RAW, "application/octet-stream")
+        self.recorder.require()  # before a line is opened
+        require_writable(Path(spec.path), overwrite=True)
         self._own = rows.declare(self.recorder, rows.RECORDER)
-        self._events = rows.declare(self.recorder, rows.EVENTS)
-        units = [unit.unit for unit in session.units] or [""]
-        self._imu = {name: rows.declare(self.recorder, rows.unit_topic(name)) for name in units if spec.samples}
-        with_attitude = spec.samples and session.stage is not None
-        self._attitude = rows.declare(self.recorder, rows.ATTITUDE) if with_attitude else 0
+        self._channels: dict[str, int] = {}
+        for source, each in session.sources.items():
+            raw = rows.named_topic(rows.RAW, source)
+            self._channels[raw] = self.recorder.channel(raw, "application/octet-stream")
+            sensed = prefix_by_unit(each.form.message(each.message))
+            units = [unit.unit for unit in each.units] or [source] * bool(sensed)
+            topics = [rows.named_topic(rows.IMU, unit) for unit in units]
+            topics += [rows.named_topic(rows.ATTITUDE, source)] * each.has_attitude
+            for topic in [rows.named_topic(rows.EVENTS, source), *(topics if spec.samples else [])]:
+                self._channels[topic] = rows.declare(self.recorder, topic)
 
     def start(self) -> Event | None:
         """Start the recording; gives the event that is to come first where it goes on behind parts of earlier starts.
@@ -254,22 +272,28 @@ class RecordingSink:
 
     def on_item(self, item: Received | Event) -> None:
         """Keep what has come, before anything else is done with it."""
-        if isinstance(item, Received):
-            self.recorder.write(self._raw, item.t_ns, item.data)
-            return
-        self.recorder.write(self._events, item.t_ns, rows.event_row(item))
+        is_raw = isinstance(item, Received)
+        channel = self._channels[rows.named_topic(rows.RAW if is_raw else rows.EVENTS, item.source)]
+        self.recorder.write(channel, item.t_ns, item.data if isinstance(item, Received) else rows.event_row(item))
 
     def on_part(self, part: ItemResult, now_ns: int) -> None:
         """Keep what the line made of it. A row's time in the file is the read's; the sample's own stands in the row."""
-        if not self._imu:
-            return
-        stamps = part.t_ns.tolist()
-        for unit, channel in self._imu.items():
-            for row in rows.imu_rows(stamps, part.units[unit].sensed if unit else part.sensed):
-                self.recorder.write(channel, now_ns, row)
-        if self._attitude and part.track is not None:
+        sensed = {unit: reader.sensed for unit, reader in part.units.items()} or {part.source: part.sensed}
+        for unit, imu in sensed.items():
+            if (channel := self._channels.get(rows.named_topic(rows.IMU, unit))) is not None:
+                for row in rows.imu_rows(part.t_ns.tolist(), imu):
+                    self.recorder.write(channel, now_ns, row)
+        channel = self._channels.get(rows.named_topic(rows.ATTITUDE, part.source))
+        if channel is not None and part.track is not None:
             for row in rows.attitude_rows(part.track_ns.tolist(), part.track):
-                self.recorder.write(self._attitude, now_ns, row)
+                self.recorder.write(channel, now_ns, row)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Its path, the rows that were to be written, those on the disk, and those that were dropped."""
+        recorder = self.recorder
+        return {"path": str(recorder.path), "rows": recorder.written, "acknowledged": recorder.acknowledged,
+                "dropped": recorder.dropped}  # fmt: skip
 
     def tick(self, now_ns: int) -> list[Event]:
         """Send off what is due, and return what happened to the recording; the recording keeps that too."""

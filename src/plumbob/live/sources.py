@@ -2,10 +2,14 @@
 
 import os
 import select
+import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
@@ -16,7 +20,7 @@ from plumbob.core.event import Event
 from plumbob.core.files import existing_file
 from plumbob.files.mcap import Log
 from plumbob.live import rows
-from plumbob.live.session import SourceSpec
+from plumbob.live.session import Session, SourceSpec
 from plumbob.live.stream import device_counts, time_spec
 from plumbob.live.timing.counter import CountedTime
 from plumbob.live.transports.transport import Received, Source
@@ -27,6 +31,7 @@ if TYPE_CHECKING:
     from plumbob.live.transports.iio import IioPollSource, IioSource
 
 _PIECE: Final = 1 << 16
+_PAUSE: Final = 0.02  # longest wait for one of several sources, s
 _TOGETHER = 64  # frames that are handed on at a time
 
 
@@ -140,6 +145,61 @@ def open_source(spec: SourceSpec | None) -> Source:
     return Stretched(made, spec.settings["speed"]) if "speed" in spec.settings else made
 
 
+def open_sources(session: Session) -> Source:
+    """Open the source of a session, or all that it has, as one."""
+    if not session.beside:
+        return open_source(session.source)
+    with ExitStack() as opened:  # closes those that are open where another cannot be
+        named = session.sources.items()
+        sources = {name: opened.enter_context(closing(open_source(part.source))) for name, part in named}
+        opened.pop_all()
+    return Together(sources)
+
+
+class Together:
+    """Several sources as one: each is read in a thread of its own, so that none waits for another."""
+
+    def __init__(self, sources: Mapping[str, Source]) -> None:
+        self._sources, self.name = sources, next(iter(sources.values())).name
+        self._items: SimpleQueue[Received | Event | Exception] = SimpleQueue()
+        self._ending = threading.Event()
+        self._threads = [threading.Thread(target=self._read, args=pair, daemon=True) for pair in sources.items()]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def finished(self) -> bool:
+        """Whether everything has been handed on."""
+        return not any(thread.is_alive() for thread in self._threads) and self._items.empty()
+
+    def read(self, timeout: float) -> list[Received | Event]:
+        """Wait at most `timeout` s for something from any of them, and return it."""
+        items = list[Received | Event]()
+        with suppress(Empty):
+            item = self._items.get(timeout=timeout)
+            while not isinstance(item, Exception):
+                items.append(item)
+                item = self._items.get_nowait()
+            raise item
+        return items
+
+    def close(self) -> None:
+        """Close them all."""
+        self._ending.set()
+        for thread in self._threads:
+            thread.join()
+        for source in self._sources.values():
+            source.close()
+
+    def _read(self, name: str, source: Source) -> None:
+        try:
+            while not (source.finished or self._ending.is_set()):
+                for item in source.read(_PAUSE):
+                    self._items.put(replace(item, source=name) if name else item)
+        except Exception as error:  # who reads all of them is to know
+            self._items.put(error)
+
+
 def make_source(spec: SourceSpec) -> Openable:
     """Source of a session, not yet open."""
     if spec.kind == "spi":
@@ -245,18 +305,20 @@ class ReplaySource:
         time.sleep(max(0.0, (due - time.monotonic_ns()) / 1e9))
 
     def _all(self, log: Log) -> Iterator[Received | Event]:
-        expected = 0
+        expected = Counter[str]()  # next row of each source
         for message in log:
-            if message.topic == rows.EVENTS:
-                yield replace(rows.parsed_event(message.data), t_ns=message.t_ns)
-            if message.topic != rows.RAW:
+            kind, _, source = message.topic.partition("/")
+            if kind == rows.EVENTS:
+                yield replace(rows.parsed_event(message.data), t_ns=message.t_ns, source=source)
+            if kind != rows.RAW:
                 continue
-            if message.sequence > expected:
-                missing = message.sequence - expected
-                yield Event(message.t_ns, "dropped", f"{missing} reads are missing from the recording", missing)
-                yield Event(message.t_ns, "reopened", "the recording goes on")
-            expected = message.sequence + 1
-            yield Received(message.t_ns, message.data)
+            if message.sequence > expected[source]:
+                missing = message.sequence - expected[source]
+                text = f"{missing} reads are missing from the recording"
+                yield Event(message.t_ns, "dropped", text, missing, source)
+                yield Event(message.t_ns, "reopened", "the recording goes on", source=source)
+            expected[source] = message.sequence + 1
+            yield Received(message.t_ns, message.data, source)
 
 
 def _due(items: Iterable[Received | Event]) -> Iterator[tuple[int, Received | Event]]:

@@ -19,7 +19,7 @@ from plumbob.core.errors import ParameterError, PlumbobError
 from plumbob.core.event import Event
 from plumbob.core.findings import Finding
 from plumbob.core.result import plain
-from plumbob.core.time import REMEMBERED, Repeats, to_ns
+from plumbob.core.time import REMEMBERED, Repeats, to_ns, to_s
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.recording import TimeReport
@@ -43,6 +43,8 @@ BROKEN: Final = ("lost", "dropped")  # events after which what is pending belong
 BACK: Final = "reopened"  # event after which time starts anew behind a gap
 STARTED_AGAIN: Final = "restarted"
 """Event after which everything starts anew: the recorder itself was away, and nobody knows what came meanwhile."""
+_MINUTE_NS: Final = 60_000_000_000
+_NORM: Final = 1e-3  # by which the norm of a quaternion may differ from 1
 _APART_NS: Final = 1_000_000  # least step between samples of two starts; less only where a line ran ahead of the host
 
 
@@ -61,7 +63,7 @@ class ItemResult:
     Times are on the host's monotonic clock, ns: `t_ns` (N,) of samples, `track_ns` (M,) of attitudes. `sensed` is
     uncalibrated, in body axes, from the first sample of the line on; `imu` is calibrated where there is a card. With a
     lag, `track` is of earlier samples, and at the end may come without any. `units` has all where the session decodes
-    several.
+    several, `reference` the attitude that the device says at the samples.
     """
 
     t_ns: NDArray[np.int64]
@@ -71,6 +73,8 @@ class ItemResult:
     track: AttitudeTrack | None
     track_ns: NDArray[np.int64]
     units: Mapping[str, UnitPart] = field(default_factory=dict)
+    reference: AttitudeTrack | None = None
+    source: str = ""  # which of several sources gave it; empty for the first
 
     @property
     def array(self) -> ImuArray | None:
@@ -120,6 +124,8 @@ class Stream:
         What the bytes mean and what to do with them. Its source and its recording are others' business.
     covariance : bool
         Whether tracks have the covariance that a filter claims, which costs time; the attitude is the same to the bit.
+    source : str
+        Which of several sources it is.
 
     Raises
     ------
@@ -127,7 +133,9 @@ class Stream:
         If the message does not have the unit.
     """
 
-    def __init__(self, session: Session, *, covariance: bool = False) -> None:
+    def __init__(self, session: Session, *, covariance: bool = False, source: str = "") -> None:
+        self.source = source
+        self.beside = {s.name: Stream(s, covariance=covariance, source=s.name) for s in session.beside}
         self.session = check.kind("session", session, Session, hint="load_session(path) gives one.")
         self._covariance = covariance
         self.decoder = decoder_of(session.form)
@@ -154,6 +162,8 @@ class Stream:
     def _begin(self) -> None:
         """Know nothing yet."""
         self.time = TimeBase(self._spec)
+        self._leads: list[tuple[int, float]] = []
+        self._next_lead_ns: int | None = None
         self._counted = CountedTime(self._spec) if self.session.timed_by == "count" else None
         self._began_ns: int | None = None
         self._latest_ns = 0
@@ -161,6 +171,12 @@ class Stream:
         self._repeats = Repeats()
         self.filter = _estimator(self.session)
         self._started = False
+
+    def taking(self, item: Received | Event | None) -> "list[Stream]":
+        """Which streams an item concerns: the one whose source gave it, or all, as an end (None) and a new start do."""
+        if item is None or (isinstance(item, Event) and item.kind == STARTED_AGAIN):
+            return [self, *self.beside.values()]
+        return [self.beside[item.source] if item.source else self]
 
     def feed(self, item: Received | Event) -> ItemResult | None:
         """Take what has come, and return what it completes; None where that is nothing."""
@@ -200,6 +216,31 @@ class Stream:
         track_ns: NDArray[np.int64] = to_ns(track.t) + self._t0
         return track_ns
 
+    def lead(self, t_ns: NDArray[np.int64]) -> Floats:
+        """By how much stamps (N,), ns, are later than the host's own time, ns: of a device clock, which drifts.
+
+        It is the line beneath the arrivals, as the first stamps and those of each minute have shown it, and the last.
+        """
+        report = self.time.report()
+        if report.mode != "clock" or self.session.timed_by != "frames" or self._last_ns is None:
+            return np.zeros(t_ns.size)
+        at = np.array([*(stamp for stamp, _ in self._leads), self._last_ns]) - self._last_ns
+        leads = [*(lead for _, lead in self._leads), 1e9 * report.offset]
+        x = t_ns - self._last_ns
+        return np.asarray(np.interp(x, at, leads) - np.minimum(x - at[0], 0) * report.drift_ppm * 1e-6)
+
+    def in_clock(self, other: "Stream", t_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Stamps (N,), ns, as the clock of another stream has them."""
+        host_ns = t_ns - np.rint(self.lead(t_ns)).astype(np.int64)
+        return host_ns + np.rint(other.lead(host_ns)).astype(np.int64)
+
+    def against(self, other: "Stream") -> dict[str, float]:
+        """By how much its clock runs faster than that of another stream, ppm, and is ahead of it at the end, ms."""
+        at = np.array([self._last_ns or 0])
+        slow = [float(stream.time.report().drift_ppm) if stream.lead(at).any() else 0.0 for stream in (other, self)]
+        ahead = float((self.lead(at) - other.lead(at))[0]) / 1e6
+        return {"clock_ppm": slow[0] - slow[1], "clock_ahead_ms": ahead}
+
     def report(self) -> dict[str, Any]:
         """What became of every byte and of time, for JSON."""
         timing = plain(self.time_report())
@@ -238,6 +279,10 @@ class Stream:
                 self._shift_ns = max(0, self._last_ns + _APART_NS - int(t_ns[0]))
         t_ns += self._shift_ns
         self._last_ns = int(t_ns[-1])
+        if self._next_lead_ns is not None and self._last_ns >= self._next_lead_ns:
+            self._leads.append((self._last_ns, 1e9 * self.time.report().offset))
+        if self._next_lead_ns is None or self._last_ns >= self._next_lead_ns:
+            self._next_lead_ns = self._last_ns + _MINUTE_NS
         if self._t0 is None:
             self._t0 = int(t_ns[0])
         self._held.append((frames, t_ns, stamp_flags))
@@ -252,8 +297,8 @@ class Stream:
         t_ns, stamp_flags = (np.concatenate([part[i] for part in held]) for i in (1, 2))
         part = self._part(frames, t_ns, stamp_flags)
         if not self._started:
-            self._start(frames, part.imu)
-        track, track_ns = self._estimate(t_ns, part)
+            self._start(part)
+        track, track_ns = self._estimate(part)
         self._newest = replace(part, track=track, track_ns=track_ns)
         return self._newest
 
@@ -269,11 +314,13 @@ class Stream:
         self._repeated += count
         return _only(frames, fresh) if fresh.any() else None
 
-    def _estimate(self, t_ns: NDArray[np.int64], part: ItemResult) -> tuple[AttitudeTrack | None, NDArray[np.int64]]:
-        """Attitudes that these samples complete, and their times."""
-        imu = part.imu
+    def _estimate(self, part: ItemResult) -> tuple[AttitudeTrack | None, NDArray[np.int64]]:
+        """Attitudes that these samples complete, and their times; what the device says where nothing estimates."""
+        t_ns, imu = part.t_ns, part.imu
         if self.filter is not None and self.session.scheme in ARRAY_FILTERS:
             return cast(Any, self.filter).take(part.array), t_ns
+        if self.session.stage is None and part.reference is not None:
+            return part.reference, t_ns
         if isinstance(self.filter, FixedLag):
             ready = self.filter.take(imu)
             return ready, t_ns[:0] if ready is None else self._track_ns(ready)
@@ -285,17 +332,28 @@ class Stream:
             self.filter, self.failure = None, error
             return None, t_ns[:0]
 
-    def _start(self, frames: Frames, imu: ImuData) -> None:
-        """Start the filter from the reference's attitude in the first frame, where the session asks for it."""
+    def _start(self, part: ItemResult) -> None:
+        """Start the filter from the device's attitude in the first frame, where the session asks for it."""
         self._started = True
-        session = self.session
-        if self.filter is None or session.stage is None or session.reference is None:
+        session, said = self.session, part.reference
+        if self.filter is None or session.stage is None or said is None:
             return
-        angles = np.array([frames.columns[name][0] for name in reference_names(session.reference)])
-        if session.stage.init == TRUTH_WORD and np.isfinite(angles).all():
-            q_nb = quat_from_euler_zyx(angles)
-            start = start_at(q_nb, Frame.NED, session.reference.north, self.filter, "mag" in imu.triads)
+        if session.stage.init == TRUTH_WORD and said.known[0]:
+            start = start_at(said.q_nb[0], said.frame, said.north, self.filter, "mag" in part.imu.triads)
             self.filter = make_follower(session.stage, self.filter.frame, session.meta, start=start)
+
+    def _said(self, frames: Frames, t_ns: NDArray[np.int64]) -> AttitudeTrack | None:
+        """Attitude that the device says; not known where its quaternion is none."""
+        spec = self.session.reference
+        if spec is None:
+            return None
+        names = reference_names(spec, frames.message)
+        values: Floats = np.stack([frames.columns[name] for name in names], axis=1).astype(np.float64)
+        q_nb = values if len(names) == 4 else quat_from_euler_zyx(values)
+        with np.errstate(invalid="ignore"):
+            q_nb[~(np.abs(np.linalg.norm(q_nb, axis=1) - 1.0) < _NORM)] = np.nan
+        frame, source = spec.frame or Frame.NED, f"{', '.join(names)} of {self.session.form.name}"
+        return AttitudeTrack(t=to_s(t_ns), q_nb=q_nb, frame=frame, north=spec.north, source=source)
 
     def _clocks(self, frames: Frames) -> tuple[NDArray[np.int64], ArrayLike | None]:
         """Host's times, and what the device's clock says; where one of them is the sample's own, it is both."""
@@ -329,7 +387,9 @@ class Stream:
         assert self._t0 is not None
         units = {name: unit.take(frames, t_ns - self._t0, stamp_flags) for name, unit in self._units.items()}
         main = units[self.session.unit]
-        part = ItemResult(t_ns, frames, main.sensed, main.imu, None, t_ns[:0], units if self.session.units else {})
+        said = self._said(frames, t_ns - self._t0) if t_ns.size else None
+        several = units if self.session.units else {}
+        part = ItemResult(t_ns, frames, main.sensed, main.imu, None, t_ns[:0], several, said, self.source)
         try:
             if self._rates is not None and t_ns.size:
                 return replace(part, imu=self._rates.take(part.imu))

@@ -298,7 +298,7 @@ def prefix_by_unit(message: Message) -> tuple[str, ...]:
 def unit_prefix(message: Message, label: str) -> str:
     """Prefix of the fields of one of a message's units, by its name or its number from 1."""
     names = prefix_by_unit(message)
-    if label in names:
+    if label in names or not (names or label):
         return label
     if label.isdecimal() and 1 <= int(label) <= len(names):
         return names[int(label) - 1]

@@ -102,18 +102,14 @@ def _require_check(check: Checksum, kinds: tuple[str, ...], message: Message) ->
     size = _check_size(kinds)
     if not 0 <= at <= message.length - size:
         raise DecodeError(
-            f"checksum.at = {check.at} puts {check.kind} of {_bytes(size)} outside message {message.name}, which has "
-            f"bytes 0 to {message.length - 1}; a negative place counts from the end."
+            f"checksum.at = {check.at} puts {check.kind} of {counted(size, 'byte')} outside message {message.name}, "
+            f"which has bytes 0 to {message.length - 1}; a negative place counts from the end."
         )
     if not 0 <= check.start < stop <= message.length:
         raise DecodeError(
             f"checksum covers bytes {check.start} to {stop}, exclusive, but must begin before it ends, within the "
             f"{message.length} of message {message.name}; see its from and to."
         )
-
-
-def _bytes(count: int) -> str:
-    return counted(count, "byte")
 
 
 def _check_kinds(form: Format) -> tuple[str, ...]:

@@ -254,7 +254,8 @@ def measure(
     warmer = (temp_c - e.temp_ref_c)[:, np.newaxis]
     gain_change = 1.0 + warmer * e.scale_per_k / (1.0 + e.scale)
     bias = e.bias + warmer * e.bias_per_k + force_b @ e.g_sensitivity.T + _drift(e, count, triad, seed, rate)
-    exact, noise = gain_change * (truth_b @ e.response.T + e.iron), _white(e, count, triad, seed, rate)
+    exact = gain_change * (truth_b @ e.response.T + e.iron)
+    noise = white(np.hypot(white_sd(e.white_rpsd, rate), e.white_sd), count, stream(seed, triad, "white"))
     if e.high_pass is not None:
         parts = ((exact, exact[0]), (bias, bias[0]), (noise, np.zeros(3)))
         exact, bias, noise = (high_passed(part, start, e.high_pass, rate) for part, start in parts)
@@ -272,10 +273,6 @@ def high_passed(values: Floats, settled: Floats, corner: float, rate: float) -> 
 
     decay = math.exp(-2.0 * math.pi * corner / rate)
     return np.asarray(lfilter([1.0, -1.0], [1.0, -decay], values, axis=0, zi=-settled[np.newaxis])[0])
-
-
-def _white(e: TriadErrors, count: int, triad: str, seed: int, rate: float) -> Floats:
-    return white(np.hypot(white_sd(e.white_rpsd, rate), e.white_sd), count, stream(seed, triad, "white"))
 
 
 def _drift(e: TriadErrors, count: int, triad: str, seed: int, rate: float) -> Floats:

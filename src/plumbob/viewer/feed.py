@@ -24,7 +24,7 @@ from plumbob.live.sinks import Sink, epoch_offset_ns
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.encode import encode
-from plumbob.rotations import Frame, North, quat_from_euler_zyx
+from plumbob.rotations import Frame, North
 from plumbob.viewer import overlays as drawn
 from plumbob.viewer import rows
 from plumbob.viewer.charts import Rows
@@ -124,6 +124,8 @@ class Feed(Sink):
     is called with why the view has ended; `clock` is monotonic, ns.
     """
 
+    source = None
+
     def __init__(
         self,
         stream: Stream,
@@ -151,7 +153,11 @@ class Feed(Sink):
         self._message = session.form.message(session.message)
         self._raw_columns = [] if probe is None else rows.raw_columns(self._message, probe.frames.columns)
         self._frame = session.frame or (None if truth is None else truth.frame)
-        self._overlays: dict[str, drawn.Overlay] = {}
+        self._overlays: dict[str, drawn.Overlay | drawn.SourceOverlay] = {
+            name: drawn.SourceOverlay(name, stream)
+            for name, other in stream.beside.items()
+            if other.session.has_attitude
+        }
         self._preparing: dict[str, threading.Thread] = {}
         self._started = False
         self._follower = None if chain is None else self._following(chain)
@@ -220,7 +226,10 @@ class Feed(Sink):
 
     def on_part(self, part: ItemResult) -> None:
         """Take samples and attitudes; they are shown with the next batch."""
-        self._safely(lambda: self._take(part))
+        if not part.source:
+            self._safely(lambda: self._take(part))
+        elif isinstance(overlay := self._overlays.get(part.source), drawn.SourceOverlay):
+            overlay.on_part(part)
 
     def on_event(self, event: Event) -> None:
         """Show what happened."""
@@ -331,14 +340,10 @@ class Feed(Sink):
         """Reference at the samples, in its own frame."""
         if self._truth is not None:
             return rows.Attitudes.read(self._truth, ready.imu.t, None)
-        reference = self._stream.session.reference
-        if reference is None:
+        said = [part.reference for part in ready.parts if part.reference is not None]
+        if not said:
             return None
-        names = reference_names(reference)
-        angles = np.concatenate([
-            np.stack([part.frames.columns[name] for name in names], axis=1) for part in ready.parts
-        ])  # fmt: skip
-        return rows.Attitudes(quat_from_euler_zyx(angles), Frame.NED, reference.north)
+        return rows.Attitudes(np.concatenate([track.q_nb for track in said]), said[0].frame, said[0].north)
 
     def _link(self, now_ns: int) -> dict[str, Any]:
         """How the stream does."""
@@ -399,7 +404,7 @@ class Feed(Sink):
         if self._truth is not None:
             return self._truth.source or "truth"
         reference = self._stream.session.reference
-        return None if reference is None else f"{', '.join(reference_names(reference))} in the frames"
+        return None if reference is None else f"{', '.join(reference_names(reference, self._message))} in the frames"
 
     def _hello(self) -> Hello:
         session, t0_ns = self._stream.session, self._stream.t0_ns
@@ -427,7 +432,7 @@ class Feed(Sink):
 def probed(session: Session) -> ItemResult | None:
     """Part of made-up frames of a session, which shows what its samples have; None where none can be made."""
     message = session.form.message(session.message)
-    other = Stream(replace(session, stage=None, rates=None, scheme="", reference=None))
+    other = Stream(replace(session, stage=None, rates=None, scheme=""))
     if isinstance(session.form, LineFormat):
         return other.through({message.name: blank_frames(message)})
     physical = [field.name for field in message.fields if field.physical][:1]

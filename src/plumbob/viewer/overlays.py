@@ -1,5 +1,6 @@
 """Further estimators beside the session's own, on the same samples; and a chain's posture from its units."""
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -17,13 +18,15 @@ from plumbob.filters import Filter, Start, estimator_names
 from plumbob.filters.known import EXTENSIBLE
 from plumbob.filters.offline import Stage, make_follower
 from plumbob.filters.smoother import FixedLag, Smoother
-from plumbob.live.stream import Stream, UnitPart
+from plumbob.live.sinks import Sink, joined_tracks
+from plumbob.live.stream import ItemResult, Stream, UnitPart
 from plumbob.reporting.arm import stick_points
-from plumbob.rotations import Frame, change_frame, quat_conjugate, quat_multiply, quat_rotate
-from plumbob.viewer.messages import Skeleton
+from plumbob.rotations import Frame, North, change_frame, quat_conjugate, quat_multiply, quat_rotate
+from plumbob.viewer.messages import Estimator, Skeleton
 from plumbob.viewer.rows import Attitudes, RowLayout, ShownEstimator, rows_at, shown_estimator
 
 MOST: Final = 8  # Overlays at the same time
+_PARTS: Final = 64  # of another source that are looked at for its attitude
 _OF_UNITS: Final = "mekf"  # What estimates each unit of a chain
 _ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT)
 
@@ -104,6 +107,32 @@ class Overlay:
             self._filter.finish()
 
 
+class SourceOverlay(Sink):
+    """Attitude of another source, shown beside the first one's at its samples: the newest that had come."""
+
+    def __init__(self, name: str, stream: Stream) -> None:
+        title = stream.beside[name].session.form.title
+        self.shown = ShownEstimator(Estimator(name=name, title=title, primary=False, claims=False), biased=False)
+        self._stream, self._other = stream, stream.beside[name]
+        self._parts: deque[ItemResult] = deque(maxlen=_PARTS)
+
+    def on_part(self, part: ItemResult) -> None:
+        """Take what has come of it."""
+        if part.track is not None:
+            self._parts.append(part)
+
+    def take(self, imu: ImuData) -> Attitudes:
+        """Attitudes at the next samples of the first source."""
+        frame = self._stream.session.frame or Frame.NED
+        track = joined_tracks(part.track for part in self._parts)
+        if track is None or self._stream.t0_ns is None:
+            return Attitudes.unknown(len(imu), frame, North.FREE)
+        stamps = self._other.in_clock(self._stream, np.concatenate([part.track_ns for part in self._parts]))
+        at = np.searchsorted(stamps, imu.t_ns + self._stream.t0_ns, "right") - 1
+        q_nb = np.where(at[:, np.newaxis] < 0, np.nan, track.q_nb[at])
+        return Attitudes(change_frame(q_nb, to=frame, from_=track.frame), frame, track.north)
+
+
 class ChainFollower:
     """Follows a chain, whose joints all have places, by an estimator on each of its units."""
 
@@ -158,7 +187,8 @@ class ChainFollower:
             return q_nb[np.newaxis]
 
         root = self._chain.segments[0].name
-        postures[root] = Posture(attitude(root, _upright(self._frame)), np.zeros((1, 3)))
+        upright = change_frame(np.array([1.0, 0.0, 0.0, 0.0]), to=self._frame, from_=Frame.NWU)  # and x to North
+        postures[root] = Posture(attitude(root, upright), np.zeros((1, 3)))
         for joint in self._chain.joints:
             parent = postures[joint.parent]
             at = parent.pos_n + quat_rotate(parent.q_nb, np.array(joint.place))
@@ -170,8 +200,3 @@ class ChainFollower:
 def joined_units(parts: Sequence[Mapping[str, UnitPart]]) -> dict[str, ImuData]:
     """Calibrated samples of each unit, of parts that follow each other."""
     return {name: ImuData.joined([part[name].imu for part in parts]) for name in parts[0]} if parts else {}
-
-
-def _upright(frame: Frame) -> Floats:
-    """Attitude (4,) of a root whose z axis points up and whose x axis points to North."""
-    return change_frame(np.array([1.0, 0.0, 0.0, 0.0]), to=frame, from_=Frame.NWU)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.event import Event
-from plumbob.core.time import to_ns
+from plumbob.core.time import to_ns, to_s
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.array import ImuArray
 from plumbob.data.chain import Chain
@@ -21,8 +21,8 @@ from plumbob.door.estimate import estimate
 from plumbob.door.reading import read
 from plumbob.files.formats import is_own
 from plumbob.files.mcap import open_log
-from plumbob.live.recorded import logged_reference, read_recorded
-from plumbob.live.replay import Replayed, replay
+from plumbob.live.recorded import read_recorded
+from plumbob.live.replay import NO_SAMPLE, Replayed, replay
 from plumbob.live.runner import Note
 from plumbob.live.session_toml import SESSION, of_unit, recorded_session
 from plumbob.protocols.format import Message
@@ -188,8 +188,9 @@ def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, fram
         session = replace(session, frame=nav_frame, meta=replace(session.meta, frame=nav_frame))
     replayed = replay(log, session=session, calibration=calibration, covariance=True)
     imu, sensed = replayed.imu, replayed.found.imu(calibrated=False)
-    if imu is None or sensed is None:
-        raise ShapeError(f"{path} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
+    collected, t0_ns = replayed.found, replayed.stream.t0_ns or 0
+    if not collected.parts:
+        raise ShapeError(NO_SAMPLE.format(path))
     stage, report = replayed.stream.session.stage, replayed.stream.time_report()
     estimates = []
     if stage is not None and replayed.track is not None and replayed.stream.filter is not None:
@@ -204,15 +205,15 @@ def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, fram
         format=session.form.name,
         calibration="uncalibrated" if card is None else card.name,
         noise="none" if stage is None or stage.noise is None else f"{stage.noise.device} ({stage.noise.source})",
-        t=imu.t,
-        imu=imu.corrected(meta=replace(imu.meta, t0_ns=replayed.t0_ns)),
+        t=to_s(collected.t_ns - t0_ns),
+        imu=None if imu is None else imu.corrected(meta=replace(imu.meta, t0_ns=replayed.t0_ns)),
         sensed=sensed,
         estimates=estimates,
-        reference=logged_reference(replayed),
-        array=replayed.found.array(calibrated=True),
+        reference=collected.said(),
+        array=collected.array(calibrated=True),
         raw=_recorded_raw(replayed, message),
         message=message,
-        events=[((event.t_ns - (replayed.stream.t0_ns or 0)) / 1e9, event) for event in replayed.found.events],
+        events=[((event.t_ns - t0_ns) / 1e9, event) for event in collected.events],
         counts={"lost": report.lost, "gaps": report.gap_count, **frame_faults(replayed.stream)},
     )
 

@@ -7,13 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.errors import ParameterError
 from plumbob.core.event import Event
 from plumbob.files.mcap.layout import SUFFIX, dated, existing_parts
 from plumbob.live.runner import hand_on
 from plumbob.live.session import RecordSpec
 from plumbob.live.sinks import RecordingSink, TextSink, epoch_offset_ns
 from plumbob.live.stream import ItemResult, Stream
+from plumbob.live.transports.outgoing import require_writable
 from plumbob.live.transports.transport import Received
 from plumbob.viewer.commands import LONGEST_NAME, checked_name, checked_text
 
@@ -51,7 +52,7 @@ class Switch:
         """What `messages.Recorded` says of the recording that is made; None where none is."""
         if self._sink is None:
             return None
-        return {**_recorder_facts(self._sink), "since": self._since}
+        return {**self._sink.facts, "since": self._since}
 
     def record(self, name: str = "") -> str:
         """Start a recording, and say where."""
@@ -89,10 +90,11 @@ class Switch:
         """Start a text file, and say where."""
         if self.text is not None:
             raise ParameterError(f"{Path(self.text).name} is being written; stop it first.")
-        if self._stream.filter is None:
+        session = self._stream.session
+        if self._stream.filter is None and (session.stage is not None or not session.has_attitude):
             raise ParameterError("a text file gets attitudes, but nothing estimates them; give --filter.")
         path = self._free(name, ".txt")
-        self._text, self.text = TextSink(path, self._stream.session.output.every), str(path)
+        self._text, self.text = TextSink(path, session.output.every), str(path)
         self._say("text", f"{path.name} is being written")
         return str(path)
 
@@ -116,13 +118,13 @@ class Switch:
             return
         self._sink.on_item(item)
         if self._second is not None and self._second is not self._stream:
-            hand_on(self._second, self._second.feed(item), item.t_ns, (), self._sink)
+            hand_on(self._second, item, item.t_ns, (), self._sink)
 
     def on_part(self, part: ItemResult, now_ns: int) -> None:
         """Keep what the line made of it."""
         if self._sink is not None and self._second is self._stream:
             self._sink.on_part(part, now_ns)
-        if self._text is not None:
+        if self._text is not None and not part.source:
             try:
                 self._text.on_part(part)
             except OSError as error:
@@ -153,10 +155,10 @@ class Switch:
         sink, second = self._sink, self._second
         assert sink is not None
         if second is not None and second is not self._stream:
-            hand_on(second, second.finish(), now_ns, (), sink)
+            hand_on(second, None, now_ns, (), sink)
         self._events += sink.close()
         self._sink = self._second = None
-        facts = {**_recorder_facts(sink), "failed": bool(sink.failures)}
+        facts = {**sink.facts, "failed": bool(sink.failures)}
         self.recordings.append(facts)
         return facts
 
@@ -164,8 +166,7 @@ class Switch:
         """Path of a new file: the name and the time, and a number where that exists."""
         tame = re.sub(r"[^A-Za-z0-9_-]+", "-", self._stream.session.name).strip("-")[:LONGEST_NAME] or "recording"
         stem = checked_name(name) if name else tame
-        if not self._folder.is_dir():
-            raise DecodeError(f"there is no folder {self._folder}; create it first.")
+        require_writable(self._folder / stem, overwrite=True)
         stem = dated(f"{stem}-{{utc}}", self._clock() + epoch_offset_ns())
         for number in range(1, _FREE):
             path = self._folder / f"{stem}{'' if number == 1 else f'-{number}'}{suffix}"
@@ -175,12 +176,6 @@ class Switch:
 
     def _say(self, kind: str, text: str) -> None:
         self._events.append(Event(self._clock(), kind, text))
-
-
-def _recorder_facts(sink: RecordingSink) -> dict[str, Any]:
-    recorder = sink.recorder
-    return {"path": str(recorder.path), "rows": recorder.written, "acknowledged": recorder.acknowledged,
-            "dropped": recorder.dropped}  # fmt: skip
 
 
 def lossy(recordings: Sequence[dict[str, Any]]) -> bool:

@@ -21,6 +21,7 @@ from plumbob.core.flags import names
 from plumbob.core.text import visible
 from plumbob.core.units import to_deg
 from plumbob.live.transports.transport import Stop, Stopping
+from plumbob.reporting.content import chinese_labels
 from plumbob.rotations import Frame, North
 from plumbob.rotations.frames import heading_of
 from plumbob.viewer.charts import Tare, euler_deg
@@ -37,25 +38,6 @@ _NARROW: Final = 76  # Columns below which a table of estimators stands closer
 _TAPE: Final = 0.2  # Characters for a degree of the heading's tape
 _SCALES: Final = {"gyr": 250.0, "acc": 20.0, "mag": 80.0}  # ends of the bars, °/s, m/s², µT, wider than most motions
 _SENSORS: Final = (("gyr", "rate", "°/s", 2), ("acc", "force", "m/s²", 2), ("mag", "field", "µT", 1))
-
-CHINESE: Final = {
-    "live": "实时", "stale": "无数据", "playing": "播放", "paused": "暂停", "waiting": "等待数据",
-    "device": "设备", "format": "格式", "calibration": "标定", "uncalibrated": "未标定", "noise": "噪声卡",
-    "estimator": "估计器", "roll": "横滚", "pitch": "俯仰", "yaw": "偏航", "error": "误差", "tared": "已归零",
-    "reference": "参考", "heading": "航向", "rate": "角速率", "force": "比力", "field": "磁场",
-    "temperature": "温度", "flags": "标志", "none": "无", "link": "链路", "latency": "延迟", "samples": "样本",
-    "lost": "丢失", "gaps": "间断", "junk": "无效字节", "rejected": "拒绝", "clock": "时钟", "recording": "记录",
-    "nothing": "无", "rows": "行", "dropped": "丢弃", "text": "文本", "at": "位置", "of": "/",
-    "quit": "退出", "record": "记录/停止", "mark": "标记", "tare": "归零", "pause": "暂停", "events": "事件",
-    "true": "真北", "magnetic": "磁北", "free": "任意零点", "residual": "残差",
-    "not-converged": "未收敛", "at-rest": "静止", "heading-free": "航向自由", "acc-gated": "未用加速度计",
-    "mag-gated": "未用磁强计", "gap": "间断", "inconsistent": "不一致", "field-unknown": "磁场未知",
-    "gyr-absent": "无陀螺仪", "acc-absent": "无加速度计", "mag-absent": "无磁强计", "gyr-clipped": "陀螺仪饱和",
-    "acc-clipped": "加速度计饱和", "mag-clipped": "磁强计饱和", "gyr-invalid": "陀螺仪无效",
-    "acc-invalid": "加速度计无效", "mag-invalid": "磁强计无效", "time-fault": "时间错误", "gyr-held": "角速率保持",
-    "gyr-stuck": "陀螺仪卡死", "acc-stuck": "加速度计卡死", "mag-stuck": "磁强计卡死",
-}  # fmt: skip
-"""Labels in Chinese, by the English ones."""
 
 
 @dataclass(slots=True)
@@ -76,7 +58,7 @@ class Terminal:
 
     def __init__(self, stop: Stop, lang: str = "en") -> None:
         self.now = Now()
-        self._stop, self._words = stop, CHINESE if lang == "zh" else {}
+        self._stop, self._words = stop, chinese_labels() if lang == "zh" else {}
         self._lock = threading.Lock()
         self._marks = 0
 
@@ -190,7 +172,7 @@ class _Page:
         return lines
 
     def _say(self, word: str) -> str:
-        return self._words.get(word, word)
+        return self._words.get(f"terminal.{word}", self._words.get(word, word))
 
     def _head(self) -> Iterator[Text]:
         hello, now = self._now.hello, self._now

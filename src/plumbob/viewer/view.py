@@ -28,8 +28,9 @@ from plumbob.live.sending import send_sinks, with_sent
 from plumbob.live.session import Session
 from plumbob.live.session_toml import ALL, SESSION, capture_session, of_unit, parse_session
 from plumbob.live.sinks import RecordingSink, Sink, named_at, text_sinks
-from plumbob.live.sources import open_source
+from plumbob.live.sources import open_sources
 from plumbob.live.stream import Stream
+from plumbob.live.transports.outgoing import require_writable
 from plumbob.live.transports.transport import Stopping
 from plumbob.viewer.child import ServerOutlet, Serving, require_view
 from plumbob.viewer.commands import CommandHandler, Outlet
@@ -174,6 +175,8 @@ def view(
         As `plumbob.load_session`, `plumbob.estimate`.
     """
     place = check.path("folder", folder)
+    if place != Path():  # where somebody named it, recordings are meant
+        require_writable(place / "recording", overwrite=True)
     seconds = given("duration", duration, Quantity.TIME, positive=True)
     if terminal:
         return _fill_terminal(what, lang=lang, folder=place, duration=seconds, stop=stop, also=also, chain=chain,
@@ -316,7 +319,7 @@ class Shows:
             "remove": lambda command: feed.remove(command.name),
         })  # fmt: skip
         texts = text_sinks(session)
-        source = open_source(session.source)
+        source = open_sources(session)
         sending = send_sinks(session, note=remark)
         how.opened()
 

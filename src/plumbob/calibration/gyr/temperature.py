@@ -18,16 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, reason_if, refuse
-from plumbob.calibration.gyr.rest import (
-    Rates,
-    beyond_bias,
-    dead_axes,
-    field_turns,
-    new_bias_covariance,
-    turn_reason,
-    unseen_turn,
-    without_known,
-)
+from plumbob.calibration.gyr import rest as resting
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.findings import Note, info
@@ -48,15 +39,15 @@ _RATIOS = np.logspace(-5.0, 3.0, 41)  # from nothing that is seen in 200 blocks 
 USUAL: Final = 25.0  # temperature at which data sheets state a bias, °C
 
 
-def fit_temperature(rates: Rates) -> Fitted:
+def fit_temperature(rates: resting.Rates) -> Fitted:
     """Polynomial of the bias over temperature, of degree 1 to 3; matrix and g-sensitivity known so far are kept."""
     t, base, mag = rates.t, rates.known, rates.mag
     gyr = check.rows("gyr", rates.gyr, 3, t.size)
     temperature = np.full(t.size, np.nan) if rates.temp_c is None else check.column("temp_c", rates.temp_c, t.size)
-    refuse(dead_axes(gyr), *_unfit(t, gyr, temperature, rates.clipped))
+    refuse(resting.dead_axes(gyr), *_unfit(t, gyr, temperature, rates.clipped))
     reference = _reference(temperature)
     steady = replace(base, bias_per_k=np.zeros((1, 3)))
-    corrected = without_known(rates._replace(gyr=gyr, known=steady))
+    corrected = resting.without_known(rates._replace(gyr=gyr, known=steady))
     blocks = _blocks(t, corrected, temperature, reference)
     rough = np.linalg.lstsq(blocks.powers, blocks.rate, rcond=None)[0]  # enough to tell rest from motion
     still = corrected - _powers(temperature, reference) @ rough
@@ -70,9 +61,11 @@ def fit_temperature(rates: Rates) -> Fitted:
     refuse(None if mag is None else _turning(t, mag))
     blocks = _blocks(t, np.where(rest[:, np.newaxis], corrected, np.nan), temperature, reference)
     fit = _choose(blocks)
-    refuse(beyond_bias(fit.bias))
+    refuse(resting.beyond_bias(fit.bias))
     fitted = _fitted(fit, blocks, temperature, base, float(t[-1] - t[0]))
-    return replace(fitted, remarks=(*unseen_turn(rates._replace(acc=None), [slice(0, t.size)]), *fitted.remarks))
+    return replace(
+        fitted, remarks=(*resting.unseen_turn(rates._replace(acc=None), [slice(0, t.size)]), *fitted.remarks)
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -138,8 +131,8 @@ def _blocks(t: Floats, rate: Floats, temp_c: Floats, reference: float) -> _Block
 def _turning(t: Floats, mag: Floats) -> Reason | None:
     """Reason why the field turned in more than few windows: over a whole soak a magnetometer may drift by as much."""
     edges = np.searchsorted(t, np.arange(t[0], t[-1], WINDOW)).tolist()
-    turns = field_turns(t, mag, [slice(a, b) for a, b in pairwise([*edges, t.size])])
-    return turn_reason(turns) if np.count_nonzero(turns) > (1.0 - LEAST_REST) * turns.size else None
+    turns = resting.field_turns(t, mag, [slice(a, b) for a, b in pairwise([*edges, t.size])])
+    return resting.turn_reason(turns) if np.count_nonzero(turns) > (1.0 - LEAST_REST) * turns.size else None
 
 
 def _choose(blocks: _Blocks) -> _Polynomial:
@@ -238,7 +231,7 @@ def _fitted(fit: _Polynomial, blocks: _Blocks, temp_c: Floats, base: TriadCalibr
         bias_per_k_sd=np.sqrt(np.einsum("kkj->kj", fit.covariance)),
         temp_ref_c=_reference(temp_c),
         temp_span_c=span,
-        covariance=new_bias_covariance(base, np.diag(bias_variance)),
+        covariance=resting.new_bias_covariance(base, np.diag(bias_variance)),
         residual_rms=float(np.sqrt(np.mean(fit.residuals**2))),
         method=f"gyr over temperature, degree {degree}, {span[0]:.1f} to {span[1]:.1f} °C in {seconds:.0f} s",
         quality=Quality(grade=grade_of(spread, RATE) or "poor", samples=len(blocks.rate)),

@@ -23,19 +23,9 @@ from plumbob.calibration.autocorrelation import memory_of_each
 from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, distortion_to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag import checks
+from plumbob.calibration.mag import windows as windowed
 from plumbob.calibration.mag.checks import Doubt, FieldEstimate
 from plumbob.calibration.mag.field_gradient import Unevenness
-from plumbob.calibration.mag.windows import (
-    Gyroscope,
-    Windows,
-    floored_inverse,
-    mean_windows,
-    part_count,
-    segment_index,
-    segments_in,
-    tightness,
-    window_edges,
-)
 from plumbob.calibration.mag.with_acc import turn_angle
 from plumbob.calibration.mag.with_gyr import GAIN_SD
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
@@ -87,19 +77,19 @@ def fit_in_use(t: Floats, mag: Floats, gyr: Floats, *, gyr_gain_sd: float) -> In
     `gyr_gain_sd` is the standard deviation of each entry of the gyroscope's gain matrix, relative to its scale.
     """
     present = np.asarray(np.isfinite(mag).all(axis=1))
-    edges = window_edges(t, present, LENGTH) if len(t) > 1 else np.zeros((0, 2), dtype=np.intp)
+    edges = windowed.window_edges(t, present, LENGTH) if len(t) > 1 else np.zeros((0, 2), dtype=np.intp)
     if len(edges) < FEWEST_WINDOWS:
         return None
     middle = mag[present].mean(axis=0)
     size = math.sqrt(float(np.mean(np.sum((mag[present] - middle) ** 2, axis=1))))
     if not size > _TINY:
         return None
-    scaled, parts = (mag - middle) / size, part_count(t, gyr, LENGTH)
+    scaled, parts = (mag - middle) / size, windowed.part_count(t, gyr, LENGTH)
     fit: _InUseFit | None = None
     try:
         for k in range(_ROUNDS):
-            errors = Gyroscope(np.zeros((1, 3)), np.zeros((3, 3)), 0.0) if fit is None else fit.gyr
-            windows = mean_windows(t, scaled, gyr, edges, LENGTH / parts, parts, errors)
+            errors = windowed.Gyroscope(np.zeros((1, 3)), np.zeros((3, 3)), 0.0) if fit is None else fit.gyr
+            windows = windowed.mean_windows(t, scaled, gyr, edges, LENGTH / parts, parts, errors)
             before, fit = fit, _InUseFit(windows, float(t[-1] - t[0]), gyr_gain_sd, fit)
             if not fit.run(steady=k >= _SWINGING):
                 return None
@@ -140,15 +130,17 @@ class _FieldFreeEquations(NamedTuple):
 class _InUseFit:
     """Steps of Gauss and Newton on all parameters."""
 
-    def __init__(self, windows: Windows, lasting: float, gyr_gain_sd: float, before: "_InUseFit | None") -> None:
+    def __init__(
+        self, windows: windowed.Windows, lasting: float, gyr_gain_sd: float, before: "_InUseFit | None"
+    ) -> None:
         self.windows, self.lasting, self.gyr_gain_sd = windows, lasting, gyr_gain_sd
-        self.segments = segments_in(lasting)
-        self.segment = segment_index(windows.start, lasting, self.segments)
+        self.segments = windowed.segments_in(lasting)
+        self.segment = windowed.segment_index(windows.start, lasting, self.segments)
         self.links = np.flatnonzero(windows.linked)
         self.priors = self._priors()
-        nothing = Gyroscope(np.zeros((self.segments, 3)), np.zeros((3, 3)), 0.0)
-        self.base: Gyroscope = nothing if before is None else before.gyr
-        self.gyr: Gyroscope = self.base
+        nothing = windowed.Gyroscope(np.zeros((self.segments, 3)), np.zeros((3, 3)), 0.0)
+        self.base: windowed.Gyroscope = nothing if before is None else before.gyr
+        self.gyr: windowed.Gyroscope = self.base
         self.distortion: Floats = np.eye(3) if before is None else before.distortion
         self.bias: Floats = np.zeros(3) if before is None else before.bias
         inverse = np.linalg.inv(self.distortion).T  # fields of the windows by what is known of the sensors so far
@@ -167,7 +159,7 @@ class _InUseFit:
         """Go half way to another fit."""
         self.distortion, self.bias = 0.5 * (self.distortion + other.distortion), 0.5 * (self.bias + other.bias)
         mine, theirs = self.gyr, other.gyr
-        self.gyr = Gyroscope(
+        self.gyr = windowed.Gyroscope(
             0.5 * (mine.bias + theirs.bias), 0.5 * (mine.gain + theirs.gain), 0.5 * (mine.delay + theirs.delay)
         )
 
@@ -177,7 +169,7 @@ class _InUseFit:
             system = self.equations()
             if not (np.isfinite(system.normal).all() and np.isfinite(system.slope).all()):
                 return False
-            step = floored_inverse(system.normal) @ system.slope
+            step = windowed.floored_inverse(system.normal) @ system.slope
             if k < _STEPS // 3 and not steady:
                 self.noise = self._noise(system)
             self._move(step, system, 1.0 if k < _STEPS // 3 else 0.5)  # some swing to and fro
@@ -219,7 +211,7 @@ class _InUseFit:
 
         Clusters are a minute long, or shorter so that there are enough of them to tell.
         """
-        inverse = floored_inverse(system.normal)
+        inverse = windowed.floored_inverse(system.normal)
         cluster = (self.windows.start / min(CLUSTER, max(LENGTH, self.lasting / (4.0 * _ALL)))).astype(np.intp)
         sums = np.zeros((cluster.max() + 1, self.size))
         np.add.at(sums, cluster, system.scores)
@@ -231,7 +223,7 @@ class _InUseFit:
         """Inverse covariance of all parameters before anything is measured."""
         precision = np.zeros((self.size, self.size))
         precision[:12, :12] = np.diag(np.repeat((_DISTORTION_SD, _HARD_IRON_SD), (9, 3)) ** -2.0)
-        prior = tightness(self.gyr_gain_sd)
+        prior = windowed.tightness(self.gyr_gain_sd)
         precision[12, 12] = prior[12, 12]
         precision[_OWN : _OWN + 9, _OWN : _OWN + 9] = prior[3:12, 3:12]
         walk = np.eye(self.segments) - np.eye(self.segments, k=-1)
@@ -369,7 +361,7 @@ class _InUseFit:
         self.distortion = self.distortion + step[:9].reshape(3, 3)
         self.bias = self.bias + step[9:12]
         gyr = self.gyr
-        self.gyr = Gyroscope(
+        self.gyr = windowed.Gyroscope(
             gyr.bias + step[_ALL - 3 :].reshape(-1, 3),
             gyr.gain + step[_OWN : _OWN + 9].reshape(3, 3),
             gyr.delay + float(step[12]),

@@ -9,19 +9,7 @@ from types import FunctionType
 from typing import Any
 
 from plumbob.core.kernels import PACKAGE, Kernel, bare, name_in_extension
-from plumbob.core.kernels.sources import (
-    DOUBLE,
-    INTEGER,
-    NOTHING,
-    TRUTH,
-    Array,
-    Several,
-    Type,
-    UnsupportedError,
-    kernel_function,
-    name_in_c,
-    room_name,
-)
+from plumbob.core.kernels import sources as subset
 from plumbob.core.kernels.translate import Translator, order, typed, writes
 
 HERE = Path(__file__).parent
@@ -52,8 +40,8 @@ def rooms() -> dict[str, list[FunctionType]]:
     """Functions of all kernels by room."""
     by_room: dict[str, dict[str, FunctionType]] = defaultdict(dict)
     for kernel in kernels():
-        func = kernel_function(kernel)
-        by_room[room_name(func)].setdefault(name_in_c(func), func)
+        func = subset.kernel_function(kernel)
+        by_room[subset.room_name(func)].setdefault(subset.name_in_c(func), func)
     for func in (func for funcs in by_room.values() for func in funcs.values()):
         typed(func)  # all that is known of the fields of named tuples, before any is written
     typed.cache_clear()
@@ -84,7 +72,7 @@ def door(part: Translator) -> tuple[str, str, str]:
     """Name, key and C of the function by which Python calls a kernel."""
     key, written = name_in_extension(part.func), writes(part.func)
     if (count := sum(map(arrays, part.parameters.values()))) > 64:
-        raise UnsupportedError(f"{key} takes {count} arrays, but at most 64 are possible")
+        raise subset.UnsupportedError(f"{key} takes {count} arrays, but at most 64 are possible")
     lines, names = [], []
     for at, kind in enumerate(part.parameters.values()):
         lines.append(f"    {kind} a{at} = {{0}};")
@@ -99,7 +87,7 @@ def door(part: Translator) -> tuple[str, str, str]:
     leave, come_back = others_run if loops(part) else ("", "")
     lines += ["    Way_out way;", "    way_out = &way;", leave, "    if (setjmp(way.back)) {", come_back]
     lines += [f'        is_outside("{key}", &way);', "        goto out;", "    }"]
-    if part.answer == NOTHING:
+    if part.answer == subset.NOTHING:
         lines += [f"    {call};", come_back, "    answer = &_Py_NoneStruct;", "    Py_IncRef(answer);"]
     else:
         lines += [f"    {part.answer} found = {call};", come_back, f"    answer = {given('found', part.answer)};"]
@@ -108,23 +96,23 @@ def door(part: Translator) -> tuple[str, str, str]:
     return part.name, key, "\n".join([head, "    (void)self;", *filter(None, lines), "}"])
 
 
-def arrays(kind: Type) -> int:
+def arrays(kind: subset.Type) -> int:
     """How many arrays a value of a type is, or holds."""
-    return sum(map(arrays, kind.items)) if isinstance(kind, Several) else int(isinstance(kind, Array))
+    return sum(map(arrays, kind.items)) if isinstance(kind, subset.Several) else int(isinstance(kind, subset.Array))
 
 
 def loops(part: Translator) -> bool:
     """Whether a kernel may take long, so that other threads go on meanwhile."""
-    return "for (" in part.written and any(isinstance(kind, Array) for kind in part.parameters.values())
+    return "for (" in part.written and any(isinstance(kind, subset.Array) for kind in part.parameters.values())
 
 
-def taken(name: str, kind: Type, source: str, written: bool, key: str) -> list[str]:
+def taken(name: str, kind: subset.Type, source: str, written: bool, key: str) -> list[str]:
     """C that takes an argument from Python."""
-    if isinstance(kind, Array):
+    if isinstance(kind, subset.Array):
         size = f"sizeof *{name}.p"
         return [f'    if (!take({source}, &held, "{key}", "{name}", "{KINDS[kind.item]}", {size}, {kind.axes}, '
                 f"{int(written)}, &{name}.p, &{name}.n0)) goto out;"]  # fmt: skip
-    if isinstance(kind, Several):
+    if isinstance(kind, subset.Several):
         lines = []
         for at, (field, of) in enumerate(zip(kind.fields, kind.items, strict=True)):
             part = f"{name}_{field}".replace(".", "_")
@@ -135,15 +123,19 @@ def taken(name: str, kind: Type, source: str, written: bool, key: str) -> list[s
     return [f"    if (!take_{kind}({source}, &{name})) goto out;"]
 
 
-def given(code: str, kind: Type) -> str:
+def given(code: str, kind: subset.Type) -> str:
     """C that gives a value to Python."""
     if isinstance(kind, str):
-        makers = {DOUBLE: "PyFloat_FromDouble", INTEGER: "PyLong_FromLongLong", TRUTH: "PyBool_FromLong"}
+        makers = {
+            subset.DOUBLE: "PyFloat_FromDouble",
+            subset.INTEGER: "PyLong_FromLongLong",
+            subset.TRUTH: "PyBool_FromLong",
+        }
         return f"{makers[kind]}({code})"
-    if isinstance(kind, Several) and not any(isinstance(item, Array) for item in kind.items):
+    if isinstance(kind, subset.Several) and not any(isinstance(item, subset.Array) for item in kind.items):
         parts = [given(f"{code}.{field}", item) for field, item in zip(kind.fields, kind.items, strict=True)]
         return f'Py_BuildValue("({"N" * len(parts)})", {", ".join(parts)})'
-    raise UnsupportedError(f"{kind} is not given to Python")
+    raise subset.UnsupportedError(f"{kind} is not given to Python")
 
 
 def module(names: list[str]) -> str:
@@ -193,7 +185,7 @@ def sources() -> list[str]:
     """Files of the package on which the C depends: those of kernels, what they import, and what makes C of them."""
     files = set()
     for kernel in kernels():
-        file = Path(kernel_function(kernel).__code__.co_filename)
+        file = Path(subset.kernel_function(kernel).__code__.co_filename)
         files.add(file)
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("plumbob."):
@@ -214,7 +206,7 @@ def export(name: str, folder: Path, frame: str = "ENU") -> list[Path]:
     base, layout = import_module("plumbob.filters.base"), import_module("plumbob.filters.layout")
     made = base.Filter(name, frame=frame)
     coefficients, state = made._c.size, made._s
-    single = kernel_function(made._loops.single)
+    single = subset.kernel_function(made._loops.single)
     parts = list(order([single]))
     words = {
         "name": name, "frame": frame, "size": state.size, "q": coefficients + layout.Q, "b": coefficients + layout.BIAS,

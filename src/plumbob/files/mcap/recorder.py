@@ -86,9 +86,7 @@ class Recorder:
         """Create the first part and begin to write; on a full disk as ``stopped``, going on once there is room."""
         if self._writer is not None:
             raise ParameterError(f"the recording {self._path.name} has been started before; make another Recorder.")
-        rules = self._rules()
-        existing = layout.existing_parts(self._path)
-        self._refuse(existing)
+        rules, existing = self.require()
         if existing:
             self.follows, self.path = existing[-1], layout.next_path(self._path)
         before, number = self._recording_before(existing), layout.part_number(self._path, self.path)
@@ -106,6 +104,12 @@ class Recorder:
             raise DecodeError(f"{self._path} cannot be written: {error.strerror}. Choose another place.") from error
         self._writer = thread
         return self
+
+    def require(self) -> tuple[Rules, Sequence[Path]]:
+        """Refuse what cannot be written, as `start` does; gives its rules, and the parts that exist."""
+        rules, existing = self._rules(), layout.existing_parts(self._path)
+        self._refuse(existing)
+        return rules, existing
 
     def channel(
         self, topic: str, encoding: str, schema: Schema | None = None, metadata: Mapping[str, str] | None = None

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob import simulation as simulated
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -27,19 +28,6 @@ from plumbob.protocols.format import Format, Message
 from plumbob.protocols.format_toml import find_format
 from plumbob.protocols.unpack import unit_prefixes
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_rotvec, quat_multiply
-from plumbob.simulation import (
-    ChainSimulation,
-    Module,
-    Motion,
-    Scenario,
-    Simulation,
-    TriadErrors,
-    Truth,
-    draw_module,
-    scenario,
-    simulate,
-    simulate_chain,
-)
 from plumbob.simulation.chains import CHAINS
 from plumbob.simulation.errors import stream, unit_seed
 from plumbob.simulation.signals import Signal
@@ -56,20 +44,20 @@ ALIGNED: Final[Quat] = (1.0, 0.0, 0.0, 0.0)
 class MountedMotion:
     """Motion of a unit on a moving body, whose axes go with `frame`; `q_bs` leads from the unit's to them."""
 
-    motion: Motion
+    motion: simulated.Motion
     frame: Frame
     q_bs: Quat
 
-    def truth(self, t: Floats) -> Truth:
+    def truth(self, t: Floats) -> simulated.Truth:
         """State at the instants t (N,), s, in the unit's axes."""
         return self.motion.truth(t).in_frame(self.frame).turned(self.q_bs)
 
 
 @dataclass(frozen=True, kw_only=True)
-class MountedScenario(Scenario):
+class MountedScenario(simulated.Scenario):
     """A body's scenario as one of its units feels it; units of the same seed ride on the same motion."""
 
-    plan: Scenario
+    plan: simulated.Scenario
     frame: Frame
     q_bs: Quat
     seed: int
@@ -89,7 +77,7 @@ class MountedScenario(Scenario):
         """Time that it takes, s."""
         return self.plan.duration
 
-    def motion(self, rng: np.random.Generator, duration: float) -> Motion:
+    def motion(self, rng: np.random.Generator, duration: float) -> simulated.Motion:
         """Body's motion, drawn with the rig's seed instead of the unit's."""
         body = self.plan.motion(stream(self.seed, "scenario"), duration)
         return MountedMotion(body, self.frame, self.true_q_bs)
@@ -130,7 +118,7 @@ class RigPlan:
     # name, title: short and full name
     name: str
     title: str
-    scenario: Scenario | Chained  # what the body does, or the chain that the units are on
+    scenario: simulated.Scenario | Chained  # what the body does, or the chain that the units are on
     frame: Frame  # navigation frame of the truth, and the body's axes with it
     rate: float  # frames per second, Hz
     duration: float  # time that it talks, s
@@ -162,7 +150,7 @@ class RigPlan:
         return replace(self, units=tuple(units))
 
 
-def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate: float | None) -> RigPlan:
+def plan_for(form: Format, motion: simulated.Scenario, *, sensors: str, frame: Frame, rate: float | None) -> RigPlan:
     """Plan for a format of your own: every unit in it has the same sensors, aligned with the body."""
     pace = form.framing.rate if rate is None else rate
     if pace is None:
@@ -176,7 +164,7 @@ def _plan(name: str, table: dict[str, Any]) -> RigPlan:
     if "chain" in table:
         motion: Any = Chained(CHAINS[table.pop("chain")], table.pop("program"), table.pop("settings"))
     else:
-        motion = scenario(table.pop("scenario"))
+        motion = simulated.scenario(table.pop("scenario"))
     table.setdefault("duration", getattr(motion, "duration", None))
     return RigPlan(name, scenario=motion, frame=Frame.NED, units=units, **table)
 
@@ -193,7 +181,10 @@ _JUST_BELOW = 1.0 - 1e-9  # a value at the end of its range stays there whatever
 
 
 def columns_for(
-    message: Message, units: Mapping[str, Simulation], device_ns: NDArray[np.int64], counter: NDArray[np.int64]
+    message: Message,
+    units: Mapping[str, simulated.Simulation],
+    device_ns: NDArray[np.int64],
+    counter: NDArray[np.int64],
 ) -> dict[str, Column]:
     """Columns for `plumbob.protocols.encode.encode`, of simulations by prefix.
 
@@ -225,7 +216,7 @@ def _in_register(field: Field, values: Floats) -> Floats:
     return np.where(beyond, np.nan if field.overflow else np.copysign(np.inf, said), said)
 
 
-def _angles(simulation: Simulation, fields: Mapping[str, Field], prefix: str) -> dict[str, Floats]:
+def _angles(simulation: simulated.Simulation, fields: Mapping[str, Field], prefix: str) -> dict[str, Floats]:
     """Roll, pitch and heading, for devices that say them: of a reference, else true; heading from true North."""
     names = {name: f"{prefix}.{name}" if prefix else name for name in ("heading", "pitch", "roll")}
     if not any(name in fields for name in names.values()):
@@ -262,11 +253,11 @@ class Rig:
     plan: RigPlan  # what it is made of
     form: Format  # what it says, bound
     # truth, samples, calibration and noise of each unit in its own axes, by the prefix of its fields
-    units: Mapping[str, Simulation]
+    units: Mapping[str, simulated.Simulation]
     due_ns: NDArray[np.int64]  # (N,), when each frame is ready, ns from the start
     frames: NDArray[np.uint8]  # (N, L), frames as the device makes them, before anything happens to them on the line
     damage: LineDamage  # what happens to them on the line
-    chain: ChainSimulation | None = None  # the chain that the units are on, where they are on one
+    chain: simulated.ChainSimulation | None = None  # the chain that the units are on, where they are on one
     firmware: "Firmware | None" = None  # what its own processor did, where that computes what it says
 
     def __len__(self) -> int:
@@ -334,7 +325,7 @@ def make_rig(
     return Rig(plan, bound, units, due_ns, frames, damaged, chain, done)
 
 
-def _computed(unit: Simulation, calibration: CalibrationCard | None) -> "Firmware":
+def _computed(unit: simulated.Simulation, calibration: CalibrationCard | None) -> "Firmware":
     from plumbob.live.rigs.firmware import run_firmware  # with the filters, which no other rig needs
 
     return run_firmware(unit.imu, calibration=calibration)
@@ -342,7 +333,7 @@ def _computed(unit: Simulation, calibration: CalibrationCard | None) -> "Firmwar
 
 def _modules(
     plan: RigPlan, message: Message, seed: int, noise: Cards | None, high_pass: float | None
-) -> dict[str, Module]:
+) -> dict[str, simulated.Module]:
     """Modules by prefix, each with its own errors, or with those that are asked for instead."""
     cards: Mapping[str, Card] = {}
     if noise is not None:
@@ -352,7 +343,7 @@ def _modules(
         raise ParameterError(f"{plan.name} has no measuring unit '{unknown[0]}' for a noise card; it has {names}.")
     modules = {}
     for number, unit in enumerate(plan.units):
-        module = fitted(draw_module(unit.sensors, unit_seed(seed, number)), message, unit.prefix)
+        module = fitted(simulated.draw_module(unit.sensors, unit_seed(seed, number)), message, unit.prefix)
         if unit.prefix in cards:
             module = module.with_noise(check.kind("noise", NoiseCard.of(cards[unit.prefix]), NoiseCard))
         if high_pass is not None and not unit.reference:
@@ -362,8 +353,8 @@ def _modules(
 
 
 def _units(
-    plan: RigPlan, modules: Mapping[str, Module], seed: int, common: Mapping[str, Any], mount_error: float
-) -> tuple[Mapping[str, Simulation], ChainSimulation | None]:
+    plan: RigPlan, modules: Mapping[str, simulated.Module], seed: int, common: Mapping[str, Any], mount_error: float
+) -> tuple[Mapping[str, simulated.Simulation], simulated.ChainSimulation | None]:
     """Units by prefix, each with its own noise, and the chain that they are on."""
     if not 0.0 <= mount_error <= math.pi:
         raise ParameterError(f"mount_error must be 0 to 180°, but it is {to_deg(mount_error):g}°.")
@@ -371,7 +362,7 @@ def _units(
         if mount_error:
             raise ParameterError("the units of a chain have --set mount_angle; leave mount_error out.")
         chained, settings = plan.scenario, {**plan.scenario.settings, **common}
-        made = simulate_chain(chained.chain, chained.program, sensors=modules, seed=seed, **settings)
+        made = simulated.simulate_chain(chained.chain, chained.program, sensors=modules, seed=seed, **settings)
         return made.units, made
     aslant = [unit for unit in plan.units if unit.reference] or plan.units
     units = {}
@@ -380,11 +371,13 @@ def _units(
         if mount_error and unit in aslant:
             x, y, z = (mount_error * stream(seed, "mount", unit.prefix).standard_normal(3)).tolist()
             motion = replace(motion, off=(x, y, z))
-        units[unit.prefix] = simulate(motion, sensors=modules[unit.prefix], seed=unit_seed(seed, number), **common)
+        units[unit.prefix] = simulated.simulate(
+            motion, sensors=modules[unit.prefix], seed=unit_seed(seed, number), **common
+        )
     return units, None
 
 
-def fitted(module: Module, message: Message, prefix: str) -> Module:
+def fitted(module: simulated.Module, message: Message, prefix: str) -> simulated.Module:
     """Unit whose counts and ranges are those of the wire, so that nothing is rounded or cut twice."""
     return replace(
         module,
@@ -394,7 +387,9 @@ def fitted(module: Module, message: Message, prefix: str) -> Module:
     )
 
 
-def _fitted(errors: TriadErrors | None, message: Message, prefix: str, triad: str) -> TriadErrors | None:
+def _fitted(
+    errors: simulated.TriadErrors | None, message: Message, prefix: str, triad: str
+) -> simulated.TriadErrors | None:
     if errors is None:
         return None
     lsb, full_scale = np.array(errors.lsb), np.array(errors.full_scale)

@@ -5,11 +5,13 @@ thread of its own behind a bounded queue, so that whoever hands over a message n
 """
 
 import contextlib
+import errno
 import os
 import select
 import socket
 import stat
 import sys
+import tempfile
 import threading
 import time
 from collections import deque
@@ -18,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob.core.errors import LineError, ParameterError
+from plumbob.core.errors import DecodeError, LineError, ParameterError
 from plumbob.core.event import Event
 from plumbob.core.files import require_place
 from plumbob.core.text import counted
@@ -30,6 +32,7 @@ KINDS: Final = (
     "udp:HOST:PORT, udp-broadcast:HOST:PORT, tcp:HOST:PORT, tcp-listen:[HOST:]PORT, serial:DEVICE@BAUD, file:PATH or -"
 )
 _PIPE: Final = 4096  # what `select` calls writable takes so many bytes at once [POSIX, PIPE_BUF]
+_CLOSED: Final = "it is not open"
 _CONNECT: Final = 2.0
 
 
@@ -37,6 +40,9 @@ class Target:
     """Where whole messages are written."""
 
     __slots__ = ()
+
+    def require(self) -> None:
+        """Refuse what only this machine can be the reason for, with a LineError: it would not mend itself."""
 
     def open(self) -> None:
         """Open it; OSError where that is not possible now."""
@@ -89,7 +95,7 @@ class Udp(_Addressed):
     def write(self, data: bytes, patience: float) -> int:
         """Send it; a datagram for which nobody listens on this machine is sent all the same."""
         if self._socket is None:
-            raise OSError("it is not open")
+            raise OSError(_CLOSED)
         self._socket.settimeout(patience)
         with contextlib.suppress(ConnectionRefusedError):
             self._socket.send(data)
@@ -108,7 +114,7 @@ class Tcp(_Addressed):
     def write(self, data: bytes, patience: float) -> int:
         """Send it."""
         if self._socket is None:
-            raise OSError("it is not open")
+            raise OSError(_CLOSED)
         self._socket.settimeout(patience)
         self._socket.sendall(data)
         return 0
@@ -159,6 +165,14 @@ class TcpServer(Target):
         self.host, self.port = host, port
         self._listening: socket.socket | None = None
         self.clients: list[_Client] = []
+
+    def require(self) -> None:
+        """Refuse an address that is not free."""
+        try:
+            self.open()
+        except OSError as error:
+            raise refused(f"tcp-listen:{self.host}:{self.port}", error) from error
+        self.close()
 
     def open(self) -> None:
         """Listen."""
@@ -240,7 +254,7 @@ class SerialPort(Target):
         import serial
 
         if self._port is None:
-            raise OSError("it is not open")
+            raise OSError(_CLOSED)
         if not _is_writable(self._port.fileno(), patience):
             return 1
         try:
@@ -319,13 +333,24 @@ def _is_writable(fd: int, patience: float) -> bool:
     return bool(ready)
 
 
+def require_writable(path: Path, *, overwrite: bool = False) -> None:
+    """Refuse what `require_place` does, and a folder in which no file can be made; a full disk may have room later."""
+    require_place(path, overwrite=overwrite)
+    try:
+        if not path.exists():
+            tempfile.TemporaryFile(dir=path.parent).close()
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise DecodeError(f"{path} cannot be written: {_reason(error)}. Choose another place.") from error
+
+
 def parse_target(text: str, *, overwrite: bool = False) -> Target:
     """Target of its text, as ``udp:127.0.0.1:10110``."""
     kind, _, rest = text.partition(":")
     if text == "-":
         return FileTarget(None)
     if kind == "file" and rest:
-        require_place(path := Path(rest), overwrite=overwrite)
+        require_writable(path := Path(rest), overwrite=overwrite)
         return FileTarget(path, overwrite)
     if kind == "serial":
         device, at, baud = rest.rpartition("@")
@@ -414,7 +439,7 @@ class Sender:
                         continue
                     dropped = self._target.write(data, 0.2)
                     self.dropped += dropped
-                    self.sent += not dropped
+                    self.sent += not dropped or isinstance(self._target, TcpServer)  # others have got it
                 except OSError as error:
                     self.dropped += data is not None
                     opened, wait = False, self._back_off.first

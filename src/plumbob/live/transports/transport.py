@@ -20,6 +20,7 @@ class Received:
 
     t_ns: int  # Host's monotonic clock when they were read, ns. Never the wall clock, which steps.
     data: bytes  # the bytes, unchanged
+    source: str = ""  # which of several sources they came from; empty for the first
 
 
 class Source(Protocol):

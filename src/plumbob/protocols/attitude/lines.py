@@ -68,12 +68,9 @@ def hdm(a: AttitudeSample) -> bytes:
 
 def hdg(a: AttitudeSample) -> bytes:
     """Magnetic heading and variation."""
-    variation = "," if a.declination is None else _east(float(to_deg(a.declination)))
+    east = None if a.declination is None else float(to_deg(a.declination))
+    variation = "," if east is None else f"{number(abs(east), 2)},{'W' if east < 0.0 else 'E'}"
     return sentence(f"HCHDG,{_heading(a, North.MAGNETIC)},,,{variation}")
-
-
-def _east(value: float) -> str:
-    return f"{number(abs(value), 2)},{'W' if value < 0.0 else 'E'}"
 
 
 def rot(a: AttitudeSample) -> bytes:
