@@ -117,6 +117,7 @@ def main(
     program: str = "plumbob",
 ) -> int:
     """Run the command line of a program, by default of Plumbob, and return its exit code; an error becomes a line."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small here: threads of NumPy's would but wait
     for stream in (sys.stdout, sys.stderr):  # a terminal that cannot show µ or ² must not cost the result
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -137,16 +138,14 @@ def main(
                 code: int = args.prepare(args)() if hasattr(args, "prepare") else args.run(args)
         if sys.stdout:
             sys.stdout.flush()
-    except PlumbobError as error:
-        print(f"{program} {args.verb}: {visible(str(error), _LAYOUT)}", file=sys.stderr)
-        return 1
     except (KeyboardInterrupt, _SignalledError) as ended:
         return _ended(program, args, ended.args[0] if isinstance(ended, _SignalledError) else signal.SIGINT)
     except BrokenPipeError:  # the reader of a pipe went away; that is its right
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except OSError as error:
-        print(f"{program} {args.verb}: {visible(_words(error), _LAYOUT)}", file=sys.stderr)
+    except (PlumbobError, OSError) as error:
+        text = str(error) if isinstance(error, PlumbobError) else _words(error)
+        print(f"{program} {args.verb}: {visible(text, _LAYOUT)}", file=sys.stderr)
         return 1
     except Exception:
         import traceback

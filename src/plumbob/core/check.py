@@ -122,16 +122,14 @@ def increasing_time(name: str, t: Floats) -> None:
     if not finite.all():
         i = int(np.argmin(finite))
         raise ClockError(f"{name}[{i}] = {t[i]}: time stamps must be finite.")
-    if t.shape[0] > 1:
-        rises = t[1:] > t[:-1]
-        i = int(np.argmin(rises))
-        if not rises[i]:
-            count = int(np.count_nonzero(~rises))
-            raise ClockError(
-                f"{name} must strictly increase, but {name}[{i + 1}] = {t[i + 1]:.9f} s comes after "
-                f"{name}[{i}] = {t[i]:.9f} s ({count} such places). Samples keep their order and none need be lost: "
-                "plumbob.files.stamps.time_line makes an even clock of such stamps."
-            )
+    rises = t[1:] > t[:-1]
+    if not rises.all():
+        i, count = int(np.argmin(rises)), int(np.count_nonzero(~rises))
+        raise ClockError(
+            f"{name} must strictly increase, but {name}[{i + 1}] = {t[i + 1]:.9f} s comes after "
+            f"{name}[{i}] = {t[i]:.9f} s ({count} such places). Samples keep their order and none need be lost: "
+            "plumbob.files.stamps.time_line makes an even clock of such stamps."
+        )
 
 
 def unit_norm(name: str, q: Floats, tolerance: float = 1e-6) -> None:

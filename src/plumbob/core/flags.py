@@ -81,5 +81,6 @@ def of_names(names: "Iterable[str]") -> int:
 
 def counts(words: "NDArray[np.uint32]") -> dict[str, int]:
     """How many samples carry each flag that occurs, by name, in order of the bits."""
-    tally = {name: int(((words & bit) != 0).sum()) for bit, (name, _) in MEANING.items()}
+    present = int(words.max(initial=0)).bit_length()
+    tally = {name: int(((words & bit) != 0).sum()) for bit, (name, _) in MEANING.items() if bit >> present == 0}
     return {name: count for name, count in tally.items() if count}

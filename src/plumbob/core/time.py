@@ -19,13 +19,13 @@ LONGEST: Final = float(2**23)  # s, 97 days: beyond, neighbouring float64 are mo
 
 def to_ns(t: Floats) -> NDArray[np.int64]:
     """Round seconds to integer nanoseconds."""
-    if t.size and not float(np.max(np.abs(t))) < LONGEST:
+    if t.size and not (np.min(t) > -LONGEST and np.max(t) < LONGEST):
         raise ClockError(
             f"t reaches {float(np.max(np.abs(t))):.6g} s, but seconds count from the start of the recording and end at "
             f"{LONGEST:.0f} s. For unix time use t - t[0] and put the start into meta.t0_ns."
         )
-    seconds = np.trunc(t)  # t * 1e9 would round twice, and miss by 1 ns from 48 days on
-    return seconds.astype(np.int64) * 1_000_000_000 + np.rint((t - seconds) * 1e9).astype(np.int64)
+    rest, seconds = np.modf(t)  # t * 1e9 would round twice, and miss by 1 ns from 48 days on
+    return seconds.astype(np.int64) * 1_000_000_000 + np.rint(rest * 1e9).astype(np.int64)
 
 
 def to_s(t_ns: NDArray[np.int64]) -> Floats:

@@ -390,7 +390,7 @@ class ImuData(Series):
         limit = _limit(name, full_scale)
         for part in self.only(name).chunks(BLOCK):
             triad = getattr(part, name)
-            wrong = ~_in_all(np.abs(triad) <= limit) & known_rows(triad)  # infinity has no unit
+            wrong = ~known_rows(triad, np.nextafter(limit, np.inf)) & known_rows(triad)  # infinity has no unit
             if not first and wrong.any():
                 i = int(np.argmax(wrong))
                 axis = int(np.argmax(np.abs(triad[i]) / limit))
@@ -767,14 +767,13 @@ def _mark(marks: NDArray[np.uint32], triads: Mapping[str, Floats], meta: ImuMeta
         triad, full_scale = triads[name], meta.full_scale(name)
         limit = _limit(name, full_scale)
         end = np.inf if full_scale is None else 0.999 * full_scale  # the last code below full scale is already the end
-        odd = np.flatnonzero(~_in_all(np.abs(triad) < np.minimum(limit, end)))  # a missing value is not below
-        if odd.size:
-            size = np.abs(triad[odd])
-            missing = ~_in_all(~np.isnan(size))
-            too_big = ~missing & ~_in_all(size <= limit)
-            marks[odd[missing]] |= absent
-            marks[odd[too_big]] |= invalid
-            marks[odd[~missing & ~too_big & ~_in_all(size < end)]] |= clipped
+        odd = np.flatnonzero(~known_rows(triad, np.minimum(limit, end)))
+        size = np.abs(triad[odd])
+        missing = ~_in_all(~np.isnan(size))
+        too_big = ~missing & ~_in_all(size <= limit)
+        marks[odd[missing]] |= absent
+        marks[odd[too_big]] |= invalid
+        marks[odd[~missing & ~too_big & ~_in_all(size < end)]] |= clipped
 
 
 def _in_all(marks: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -782,9 +781,10 @@ def _in_all(marks: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(marks[:, 0] & marks[:, 1] & marks[:, 2])
 
 
-def known_rows(triad: Floats) -> NDArray[np.bool_]:
-    """Which rows of a triad (N, 3) hold finite numbers throughout, (N,)."""
-    return _in_all(np.isfinite(triad))
+def known_rows(triad: Floats, limit: float | Floats = np.inf) -> NDArray[np.bool_]:
+    """Which rows of a triad (N, 3) hold finite numbers throughout, (N,), or such whose sizes are below a limit."""
+    is_plain = max(-triad.min(initial=0.0), triad.max(initial=0.0)) < np.min(limit)  # two looks, without a copy
+    return np.ones(len(triad), dtype=np.bool_) if is_plain else _in_all(np.abs(triad) < limit)
 
 
 _CONVERTER = {"gyr": "dps", "acc": "g", "mag": "gauss"}

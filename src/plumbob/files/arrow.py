@@ -165,7 +165,7 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 _WORKBOOK: Final = "xl/workbook.xml"
 _PACKINGS: Final = {b"\x1f\x8b": "gzip", b"BZh": "bz2", b"(\xb5/\xfd": "zstd", b"\xfd7zXZ": "xz", b"PK\3\4": "zip"}
 _TABLES: Final = {b"PAR1": "parquet", b"ARROW1": "feather", b"ORC": "orc"}
-_AT_ONCE: Final = 1 << 23
+_AT_ONCE: Final = 1 << 21
 
 
 def text_bytes(path: Path, most: int | None = None) -> bytes:

@@ -29,7 +29,7 @@ from plumbob.core.text import visible
 from plumbob.core.time import interpolated, to_ns, to_s
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.cards import UNITS
-from plumbob.data.imu import known_rows
+from plumbob.data.imu import BLOCK, known_rows
 from plumbob.data.recording import Recording, stored_notes
 from plumbob.files.arrow import arrow_column, text_bytes
 from plumbob.files.columns import COLUMNS, GROUPS, TIME, Columns, StampError, to_columns, to_seconds
@@ -198,7 +198,7 @@ def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[Findin
     first = stamps[0] * factor
     if not source.epoch and first >= _UPTIME and not CENTURY[0] < first < CENTURY[1]:  # no clock that somebody knows
         stamps = stamps - first // _UPTIME * _UPTIME / factor
-    if (np.diff(stamps) > 0.0).all() and source.unit_per_count == 1.0:
+    if (stamps[1:] > stamps[:-1]).all() and source.unit_per_count == 1.0:
         return inside(stamps, source.unit), t0_ns, ()
     line = time_line(stamps, 1e9 * factor, table.place)
     return line.t_ns / 1e9, t0_ns, line.notes
@@ -299,8 +299,11 @@ def inside(values: Floats, unit: str) -> Floats:
 
 
 def _stacked(columns: tuple[ColumnRef, ...], table: TextTable) -> Floats:
-    none = np.full(table.rows, np.nan) if NO_COLUMN in columns else None
-    return np.stack([none if ref == NO_COLUMN else table.columns[ref] for ref in columns], axis=1)  # type: ignore[misc]
+    stacked = np.empty((table.rows, len(columns)))
+    for at in range(0, table.rows, BLOCK):
+        for i, ref in enumerate(columns):
+            stacked[at : at + BLOCK, i] = np.nan if ref == NO_COLUMN else table.columns[ref][at : at + BLOCK]
+    return stacked
 
 
 def to_vectors(group: GroupSource, table: TextTable, turn: str | None) -> Floats:
@@ -418,9 +421,9 @@ def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None
         raise DecodeError(f"{path} would have two profiles, {other.name} and {profile.name}; choose another name.")
     # The profile takes its name first: alone it reads nothing, where a table alone would be read by guess.
     with replacing_all(profile, path, overwrite=overwrite) as (profile_file, csv_file):
-        profile_file.write_bytes(_encoded(table_profile(recording, columns)))
+        profile_file.write_bytes(table_profile(recording, columns).encode("utf-8", "replace"))
         with csv_file.open("wb") as stream:
-            stream.write(_encoded("".join(f"{line}\n" for line in _head(path, recording, columns))))
+            stream.write("".join(f"{line}\n" for line in _head(path, recording, columns)).encode("utf-8", "replace"))
             numbers = {name: v.astype(np.uint8) if v.dtype == bool else v for name, v in columns.items()}
             numbers[TIME] = to_s(columns[TIME])
             table = pa.table({name: arrow_column(values) for name, values in numbers.items()})
@@ -501,7 +504,3 @@ def _sized(size: Any, unit: str) -> Any:
     if isinstance(size, tuple):
         return [_sized(axis, unit) for axis in size]
     return None if size is None else f"{size!r} {unit}"
-
-
-def _encoded(text: str) -> bytes:
-    return text.encode("utf-8", "replace")

@@ -446,8 +446,9 @@ def is_idle(row: str, comment: str) -> bool:
 
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
-_BLOCK: Final = 1 << 23
+_BLOCK: Final = 1 << 21
 _LOOKED_AT: Final = 200
+_NO_ROWS: Final = "there is no row of numbers; check the profile's [header]."
 _WORD: Final = 1 << 30
 LEFT_OUT_MOST: Final = 0.05  # share of rows; a wrong separator, sign or column spoils most, a bad line few
 
@@ -601,7 +602,7 @@ def read_table(
         raise DecodeError(f"the column {excerpt(layout.where[0])} of header.where is nowhere in the row of names.")
     first = [_size(row, layout)[0] for _, row in islice(body.rows(), _LOOKED_AT)]
     if not first:
-        raise DecodeError("there is no row of numbers; check the profile's [header].")
+        raise DecodeError(_NO_ROWS)
     width = Counter(first).most_common(1)[0][0]
     places = {ref: column_index(ref, body.head.names, width, layout) for ref in refs}
     firsts = {ref: next(r for r, p in places.items() if p == place) for ref, place in places.items()}
@@ -619,7 +620,7 @@ def read_table(
             "or is not the one that was described. If that is intended, correct the profile."
         )
     if not count:
-        raise DecodeError("there is no row of numbers; check the profile's [header].")
+        raise DecodeError(_NO_ROWS)
     columns: dict[ColumnRef, Floats] = {ref: np.frombuffer(values) for ref, values in reading.numbers.items()}
     places_read = np.delete(np.arange(float(reading.rows)), list(reading.left_out)) if reading.left_out else None
     lines = {line for line, _ in reading.left_out.values()}
