@@ -163,14 +163,14 @@ def test_an_attitude_beside_the_samples_brings_both_to_memory(tmp_path):
 ], ids=["time", "acc", "gyr", "mag"])  # fmt: skip
 def test_the_whole_is_refused_in_the_same_words(tmp_path, monkeypatch, change, error):
     """A file with other columns, and a checksum that fits them."""
-    to_columns, said = parquet.to_columns, []
+    to_columns, said = parquet.layout.to_columns, []
 
     def damaged(recording):
         columns = to_columns(recording)
         change(columns)
         return columns
 
-    monkeypatch.setattr(parquet, "to_columns", damaged)
+    monkeypatch.setattr(parquet.layout, "to_columns", damaged)
     file = plumbob.write(tmp_path / "damaged.parquet", replace(sea(), meta=ImuMeta()))
     for whole in (True, False):
         with pytest.raises(error) as caught:

@@ -54,7 +54,7 @@ def test_the_structs_in_c_have_the_bytes_of_the_encoder(tmp_path):
                 lines += filled(form, message, counts)
                 encoded += encode(form, columns, message=message.name)[0].tobytes()
     (tmp_path / "main.c").write_text("\n".join(["#include <stdio.h>", *lines, "    return 0; }", ""]))
-    strict = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-function"]
+    strict = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-pedantic", "-Wno-unused-function"]
     made = subprocess.run(
         [CC, *strict, "-o", "main", "main.c"], cwd=tmp_path, capture_output=True, text=True, check=False
     )

@@ -32,7 +32,7 @@ static inline void plumbob_set_odd(uint8_t *at, int size, int bit)
     unsigned ones = 0;
     at[size - 1 - bit / 8] &= (uint8_t)~(1u << bit % 8);
     for (int i = 0; i < 8 * size; i++)
-        ones += at[i / 8] >> i % 8 & 1u;
+        ones += (unsigned)at[i / 8] >> i % 8 & 1u;
     if (ones % 2u == 0u)
         at[size - 1 - bit / 8] |= (uint8_t)(1u << bit % 8);
 }

@@ -22,6 +22,7 @@ from plumbob.filters.smoother.inertial import (
     REST_SPEED,
     SHORTEST,
     SPEED_TIMES,
+    TINY,
     USUAL_SPEED,
     WIDE,
     WINDOW,
@@ -57,7 +58,8 @@ from plumbob.filters.smoother.sweeps import (
     zero_rate_update,
     zero_velocity_update,
 )
-from plumbob.rotations.kernels import rotate
+from plumbob.filters.start import angle_to, turn_about_vertical, upright
+from plumbob.rotations.kernels import quat_mul, quat_unit, rotate
 
 LOST: Final = deg(20.0)  # a tilt that would be off by more than this, rad, is sought again, as at a start in motion
 
@@ -105,23 +107,17 @@ def velocity_density(learned: Floats, mean: Floats, dt: float, least: float, unt
     """Spectral density of the level velocity, m²/s, by how the body has moved up to now; a held force says nothing."""
     if untold:
         learned[EAST_SPEED] = learned[NORTH_SPEED] = learned[RISE] = 0.0
-        return learned_density(learned, least)
-    fading = math.exp(-dt / LEAK)
-    learned[EAST_SPEED] = learned[EAST_SPEED] * fading + mean[FORCE]
-    learned[NORTH_SPEED] = learned[NORTH_SPEED] * fading + mean[FORCE + 1]
-    learned[RISE] = learned[RISE] * fading + mean[FORCE + 2] - G0 * dt
-    share = 1.0 - math.exp(-dt / WINDOW)
-    speed2 = 0.5 * (learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2)
-    force2 = 0.5 * (mean[FORCE] ** 2 + mean[FORCE + 1] ** 2) / (dt * dt)
-    learned[SPEED2] += share * (speed2 - learned[SPEED2])
-    learned[FORCE2] += share * (force2 - learned[FORCE2])
-    learned[PEAK2] = max(learned[SPEED2], learned[PEAK2] * fading)
-    return learned_density(learned, least)
-
-
-@kernel
-def learned_density(learned: Floats, least: float) -> float:
-    """The same by what is learned."""
+    else:
+        fading = math.exp(-dt / LEAK)
+        learned[EAST_SPEED] = learned[EAST_SPEED] * fading + mean[FORCE]
+        learned[NORTH_SPEED] = learned[NORTH_SPEED] * fading + mean[FORCE + 1]
+        learned[RISE] = learned[RISE] * fading + mean[FORCE + 2] - G0 * dt
+        share = 1.0 - math.exp(-dt / WINDOW)
+        speed2 = 0.5 * (learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2)
+        force2 = 0.5 * (mean[FORCE] ** 2 + mean[FORCE + 1] ** 2) / (dt * dt)
+        learned[SPEED2] += share * (speed2 - learned[SPEED2])
+        learned[FORCE2] += share * (force2 - learned[FORCE2])
+        learned[PEAK2] = max(learned[SPEED2], learned[PEAK2] * fading)
     return 2.0 * lasts(learned) * max(learned[SPEED2], least * least)  # type: ignore[no-any-return]
 
 
@@ -354,6 +350,41 @@ def see_other(other: Floats, mean: Floats, dt: float, rate: float, field: LocalF
         other[OTHER + i] += min(share, 1.0) * (mean[FIELD + i] - other[OTHER + i])
     if other[SEEN] > STEADY:
         other[DOUBT] = math.atan2(other[OTHER], other[OTHER + 1])
+
+
+@kernel
+def first_attitudes(
+    t: Floats, gyr: Floats, acc: Floats, mag: Floats, given: bool, spread: float, q: Floats, var: Floats
+) -> None:
+    """Attitudes (N, 4) of the first samples, from the first one, which is written in `q`, by the gyroscope.
+
+    Where it is not `given`, the mean force up to each is up, and the mean field of a place points north: `var` (N, 2)
+    becomes what tilt and heading are known to, rad², by the size of that force and the `spread` of fields, µT.
+    """
+    now, force, field, fields = np.zeros(4), np.zeros(3), np.zeros(3), 0
+    for k in range(4):
+        now[k] = q[0, k]
+    for i in range(t.size):
+        if i:
+            dt = t[i] - t[i - 1]
+            turned_by(now, dt * gyr[i, 0], dt * gyr[i, 1], dt * gyr[i, 2])
+        a0, a1, a2, a3 = now[0], now[1], now[2], now[3]
+        if not given:
+            x, y, z = rotate(now[0], now[1], now[2], now[3], acc[i, 0], acc[i, 1], acc[i, 2])
+            force[0], force[1], force[2] = force[0] + x, force[1] + y, force[2] + z
+            if not math.isnan(mag[i, 0]):
+                x, y, z = rotate(now[0], now[1], now[2], now[3], mag[i, 0], mag[i, 1], mag[i, 2])
+                field[0], field[1], field[2], fields = field[0] + x, field[1] + y, field[2] + z, fields + 1
+            size = max(math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2), TINY)
+            u0, u1, u2, u3 = upright(1.0, force[0] / size, force[1] / size, force[2] / size)
+            a0, a1, a2, a3 = quat_mul(u0, u1, u2, u3, a0, a1, a2, a3)
+            var[i, 0], var[i, 1] = WIDE * WIDE + (size / (G0 * (i + 1)) - 1.0) ** 2, math.pi**2
+            east, north, up = rotate(u0, u1, u2, u3, field[0], field[1], field[2])
+            level = math.hypot(east, north)
+            if fields and on_earth(level / fields, up / fields) and level > STEEPEST * abs(up):
+                a0, a1, a2, a3 = turn_about_vertical(angle_to(east, north, 0.0, 1.0), a0, a1, a2, a3)
+                var[i, 1] = ((fields * spread) ** 2 + up * up * var[i, 0]) / (level * level)
+        q[i, 0], q[i, 1], q[i, 2], q[i, 3] = quat_unit(a0, a1, a2, a3)
 
 
 @kernel

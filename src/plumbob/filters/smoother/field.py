@@ -229,9 +229,8 @@ PATCH: Final = 30.0  # the rate of the drift is sought in stretches of this, s, 
 PATCHES: Final = 20
 SHORT: Final = 0.25  # phasors of so many seconds are taken together: the largest drift turns them by 7.5° meanwhile
 MOST_DRIFT: Final = dps(30.0)
-DRIFT_SD: Final = 4.0
 LEAST_DRIFT: Final = dps(0.1)
-"""where it may be more than this, rad/s, up to so many standard deviations."""
+"""where it may be more than this, rad/s."""
 DRIFTS: Final = dps(0.3)  # afterwards it may still change: standard deviation of the rate, rad/s;
 DRIFT_WALK: Final = dps(0.006)
 DRIFT_NOISE: Final = 0.05 * dps(0.3) ** 2
@@ -243,16 +242,16 @@ WIDTHS: Final = 2.0, 1.0, 0.6, 0.35, 0.25, 0.25
 THIRDS: Final = (0.0, 0.34), (0.33, 0.67), (0.66, 1.0)
 
 
-def heading_turn(frames: Keyframes, inertial: Inertial, field: Floats, weight: Floats) -> Floats:
+def heading_turn(frames: Keyframes, inertial: Inertial, field: Floats, weight: Floats, var: Floats) -> Floats:
     """Turn about the vertical, (K,), rad, that brings the field of an attitude without heading north, over time.
 
     It is a constant that drifts as the gyroscope's bias is wrong. Fields of another direction must not pull it, whether
     they come first or last: it is followed from three starts, each with weights that narrow, and the one that explains
-    most stays.
+    most stays. `var` (K,): variance of the heading that each field shows, rad².
     """
     time, dt = frames.time[1:], frames.step
     azimuth = np.where(weight > 0.0, np.arctan2(field[:, 0], field[:, 1]), 0.0)
-    drift = _drift(frames, azimuth, weight, inertial.drift_sd)
+    drift = _drift(frames, azimuth, 1.0 / var, inertial.drift_sd)
     base = drift * (time - time[0])
     turned = azimuth - base
     part = (time - time[0]) / max(time[-1] - time[0], 1e-9)
@@ -289,8 +288,11 @@ def bias_of_drift(frames: Keyframes, inertial: Inertial, turn: Floats) -> Floats
     return np.asarray(np.linalg.solve(normal, -vertical.T @ (trust * rate)), dtype=np.float64)
 
 
-def _drift(frames: Keyframes, azimuth: Floats, weight: Floats, sd: float) -> float:
-    """Rate, rad/s, at which the phasors of the field stand still longest: the peak of their periodogram."""
+def _drift(frames: Keyframes, azimuth: Floats, precision: Floats, sd: float) -> float:
+    """Rate, rad/s, at which the phasors of the field stand still longest: the peak of their periodogram.
+
+    Weighed by the `precision` (K,) of each, 1/rad², that is a log likelihood; the prior of the rate counts with it.
+    """
     if sd < LEAST_DRIFT:
         return 0.0
     since = frames.time[1:] - frames.time[1]
@@ -298,14 +300,14 @@ def _drift(frames: Keyframes, azimuth: Floats, weight: Floats, sd: float) -> flo
     patches = min(max(1, int(length // PATCH)), PATCHES)
     count = max(math.ceil(length / patches / SHORT), 1)
     place = np.minimum((since / SHORT).astype(np.intp), patches * count - 1)
-    phasor = weight * frames.step * np.exp(1j * azimuth)
+    phasor = precision * np.exp(1j * azimuth)
     short = np.bincount(place, phasor.real, patches * count) + 1j * np.bincount(place, phasor.imag, patches * count)
     apart = min(dps(0.05) * PATCH / min(PATCH, max(length, 1.0)), dps(0.5))
     points = max(1 << math.ceil(math.log2(2.0 * math.pi / (SHORT * apart))), count)
     rates = 2.0 * math.pi * np.fft.fftfreq(points, SHORT)
-    near = np.abs(rates) <= min(DRIFT_SD * sd, MOST_DRIFT)
+    near = np.abs(rates) <= MOST_DRIFT
     strength = np.abs(np.fft.fft(short.reshape(patches, count), points, axis=1)[:, near]).sum(axis=0)
-    return float(rates[near][np.argmax(strength)])
+    return float(rates[near][np.argmax(strength - 0.5 * (rates[near] / sd) ** 2)])
 
 
 def _wrapped(angle: Floats) -> Floats:

@@ -23,6 +23,7 @@ from plumbob.filters.smoother.model import (
     start_covariance,
 )
 from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
+from plumbob.filters.start import upright
 from plumbob.rotations import dcm_from_quat, quat_rotate
 
 WINDOW: Final = 3.0  # the body's speed is learned over this to both sides, s
@@ -49,6 +50,8 @@ GIVEN: Final = deg(1.0)
 USUAL_SPEED: Final = 1.0
 """its tilt is less certain where it takes the mean force of the first seconds for more than this level speed, m/s,
 and any other where a body gathers more within `LEAK`."""
+TINY: Final = 1e-12  # of velocities that are nothing no logarithm is taken
+BY_CHANCE: Final = 0.05  # and a larger one counts only where the smaller ones have less than this of its likelihood
 AGAIN_BIAS: Final = dps(1.0)  # and this is what a later pass takes for it
 FIXED_MATRIX: Final = 1e-2
 """Share of its prior by which scale and misalignment may move while the attitude is still far off."""
@@ -313,20 +316,8 @@ def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
     path(t, frames.gyr[i:j] - bias, free)
     x = (t - t[0]) / max(t[-1] - t[0], 1e-9)
     weight = np.minimum(1.0, 4.0 * np.minimum(x, 1.0 - x) + 1e-3)  # what moves at the ends counts less
-    return upright(weight @ quat_rotate(free, frames.acc[i:j]))
-
-
-def upright(up: Floats) -> Floats:
-    """Attitude (4,) of no heading in which a direction (3,) of any length is up: the shortest turn."""
-    size = float(np.linalg.norm(up))
-    if size < 1e-6:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    ux, uy, uz = up / size
-    if uz < -1.0 + 1e-9:
-        return np.array([0.0, 1.0, 0.0, 0.0])
-    turn = np.array([1.0 + uz, uy, -ux, 0.0])
-    q: Floats = turn / np.linalg.norm(turn)
-    return q
+    force = weight @ quat_rotate(free, frames.acc[i:j])
+    return np.array(upright(1.0, *(force / max(float(np.linalg.norm(force)), TINY)).tolist()))
 
 
 class Given(NamedTuple):
@@ -387,58 +378,54 @@ def level(
         return replace(of(sd), bias_sd=0.0, drift_sd=sd)
     if sure:
         return replace(of(REST_BIAS), bias_sd=0.0 if prior is None or resting.any() else prior[1])
-    wide, *narrower = FIRST_BIASES[0] * p.bias_start, *FIRST_BIASES[1:]
-    best = of(wide)
-    for sd in () if any_bias else narrower:
-        other = of(sd)
-        # A wrong attitude takes gravity for an acceleration, a wrong bias is unlikely: what both leave, of one model
-        density = np.maximum(best.speed.density(p, resting), other.speed.density(p, resting))
-        spared = 6.0 * math.log(wide / sd)  # a wide prior explains everything, and each of it less: −2 log p
-        if _misfit(frames, p, other.sweep, density) > _misfit(frames, p, best.sweep, density) + spared:
-            break
-        best, wide = other, sd
-    level_bias = dcm_from_quat(best.sweep.q[:1])[0, :2] @ best.sweep.bias[0]
-    # its part about the vertical is as large as the others
-    wide = max(wide, BIAS_REPEATS, math.sqrt(0.5 * float(level_bias @ level_bias)))
-    return replace(best, drift_sd=wide, bias_sd=wide)
-
-
-def _misfit(frames: Keyframes, p: Params, estimate: Sweep, density: Floats) -> float:
-    moved = float(np.sum(frames.step / density * (estimate.velocity[1:] ** 2).sum(axis=1)))
-    return moved + float(np.sum(estimate.bias[0] ** 2)) / p.bias_start**2
+    return of(FIRST_BIASES[0] * p.bias_start, *(() if any_bias else FIRST_BIASES[1:]))
 
 
 def _level(
     frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, tilt_sd: float,
-    tilt_var: float, sd: float, *, unit: Floats | None, sure: bool,
+    tilt_var: float, *spreads: float, unit: Floats | None, sure: bool,
 ) -> Inertial:  # fmt: skip
     """Two passes, the other from the smoothed start of the first, which hardly moves scale and misalignment.
 
-    Where little is known of these both seek them, at the first speed: what they explain would be taken for speed.
+    Where little is known of these both seek them, at the first speed: what they explain would be taken for speed. The
+    first is tried with each of some spreads of the bias, from the widest on.
     """
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
-    noise, start = ModelVariances.from_params(p, 0.0), tilt.copy()
+    noise, start, sd, spread2 = ModelVariances.from_params(p, 0.0), tilt.copy(), spreads, 0.0
     free = p.gyr_scale > Params().gyr_scale
     for wide, matrix in ((WIDE, 1.0 if free else FIXED_MATRIX), (NARROW, 1.0)):
-        bias_sd = sd if wide == WIDE else min(sd, AGAIN_BIAS)
-        p0 = start_covariance(
-            p, tilt=wide, heading=FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit
-        )
-        density = speed.density(p, resting)
+        density, tried = speed.density(p, resting), list[Sweep]()
         lasting = speed.lasting(frames.step) if sure else np.ones(kind.size)
-        first = narrowed(p0, tilt_sd)
-        p0[TH + 2, TH + 2] = math.pi**2  # behind a gap the heading may be any, but for what bridges it
-        estimate = sweep(
-            frames, kind, density, lasting, unused, start, bias, p0, noise, first=first,
-            covariance=wide == NARROW,
-        )  # fmt: skip
+        for bias_sd in sd:
+            p0 = start_covariance(
+                p, tilt=wide, heading=FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit
+            )
+            first = narrowed(p0, tilt_sd)
+            p0[TH + 2, TH + 2] = math.pi**2  # behind a gap the heading may be any, but for what bridges it
+            estimate = sweep(
+                frames, kind, density, lasting, unused, start, bias, p0, noise, first=first,
+                covariance=wide == NARROW,
+            )  # fmt: skip
+            tried.append(estimate)
+        if wide == WIDE:
+            # How fast the body moves, in truth, may be any: then −2 log p is n log Σ r²/s + Σ log s, of n velocities
+            squares, logs = np.array([each.moved for each in tried]).T
+            unlikely = float(np.sum(frames.step / speed.lasts)) * np.log(np.maximum(squares, TINY)) + logs
+            odds = np.exp(-0.5 * (unlikely - unlikely.min()))
+            k = int(np.flatnonzero(odds > BY_CHANCE)[-1])
+            spread2, spreads, estimate = float(odds @ np.square(sd) / odds.sum()), sd[k:], tried[k]
+            sd = (min(sd[k], AGAIN_BIAS),)
         if not free or wide == NARROW:
             speed = level_speed(frames, estimate.force[:, :2], sure=sure)
         start[frames.starts], bias = estimate.q[frames.starts], estimate.bias[0]
         if tilt_sd < NARROW:
             start[0] = tilt[0]
-    drift_sd = p.bias_start
     if sure:
         vertical = dcm_from_quat(estimate.q)[:, 2, :]
         drift_sd = math.sqrt(float(np.median(np.einsum("ki,kij,kj->k", vertical, estimate.cov[:, 3:, 3:], vertical))))
-    return Inertial(estimate, resting, speed, drift_sd, given_sd=tilt_sd, tilt_var=tilt_var)
+        return Inertial(estimate, resting, speed, drift_sd, given_sd=tilt_sd, tilt_var=tilt_var)
+    level_bias = dcm_from_quat(estimate.q[:1])[0, :2] @ estimate.bias[0]
+    # its part about the vertical is as large as the others
+    least = max(BIAS_REPEATS, math.sqrt(0.5 * float(level_bias @ level_bias)))
+    drift_sd, bias_sd = max(spreads[0], least), max(math.sqrt(spread2), least)
+    return Inertial(estimate, resting, speed, drift_sd, bias_sd, tilt_sd, tilt_var)

@@ -35,15 +35,16 @@ from plumbob.filters.smoother.causal import (
     Room,
     between_keyframes,
     doubt,
+    first_attitudes,
     onward,
     taken,
     turn_heading_by,
     unlikely_tilt,
 )
 from plumbob.filters.smoother.field import APART, LEAST_TURNING, REST_SHARE, Reference, turning_time
-from plumbob.filters.smoother.inertial import GIVEN, LEAK, WIDE, WINDOW, Given, level_speed, peaks, upright
+from plumbob.filters.smoother.inertial import GIVEN, LEAK, WINDOW, Given, level_speed, peaks
 from plumbob.filters.smoother.keyframes import Bools, Keyframes
-from plumbob.filters.smoother.model import FREE_HEADING, SIZE, TH, B, M, ModelVariances, Params
+from plumbob.filters.smoother.model import FREE_HEADING, TH, B, M, ModelVariances, Params
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
 from plumbob.filters.smoother.preprocess import Arriving
 from plumbob.filters.smoother.samples import (
@@ -273,27 +274,22 @@ class Live:
         return self._everywhere(data, mask)
 
     def _before_any_look(self, n: int) -> None:
-        """What is known of samples until the past is looked at: the gyroscope goes on from the first attitude.
+        """What is known of samples until the past is looked at: the gyroscope goes on from a given attitude.
 
-        That is the given one, or any in which the first force is up.
+        Without one force and field say where up and north are; what a given heading has besides comes with its drift.
         """
         arriving, out = self._arriving, self._out
-        rows = slice(max(self._base - 1, 0), arriving.samples)
-        sought = np.logical_or.accumulate(arriving.fields(slice(self._base, arriving.samples)))
+        t, gyr, acc, mag = arriving.all_rows()
+        q, var = np.empty((t.size, 4)), np.tile([GIVEN**2, FREE_HEADING**2], (t.size, 1))
+        q[0] = [1.0, 0.0, 0.0, 0.0] if self._start is None else self._start.q
+        first_attitudes(t, gyr, acc, mag, self._start is not None, self.p.mag_spread, q, var)
+        tilt2, heading2 = var[-n:].T
+        sought = np.logical_or.accumulate(np.isfinite(mag[:, 0]))[-n:]
         out.flags[sought] |= np.uint32(flags.FIELD_UNKNOWN)
-        tilt_sd, heading2 = GIVEN, FREE_HEADING**2  # what the heading has besides comes with its drift
         if self._start is None:
-            force = arriving.force(arriving.first(0))
-            tilt_sd, heading2 = math.hypot(WIDE, np.linalg.norm(force) / G0 - 1.0), math.pi**2
-            if not self._base:
-                self._last = self._last._replace(q=upright(force)[np.newaxis])
-        t, gyr = arriving.rows(rows)
-        q, ends, no = np.empty((t.size, 4)), np.array([0, t.size - 1]), np.zeros(1, dtype=bool)
-        between_keyframes(t, gyr, ends, ~no, no, np.tile(self._last.q, (2, 1)), np.zeros((2, SIZE)), q)
-        q[0] = self._last.q
+            out.flags[heading2 < math.pi**2] &= ~np.uint32(flags.HEADING_FREE)
         out.q[:] = q[-n:]
-        tilt = np.tile(tilt_sd**2 * np.eye(3), (n, 1, 1))
-        out.cov[:] = widened(out.q, tilt, np.full(n, heading2 - tilt_sd**2))
+        out.cov[:] = widened(out.q, tilt2[:, np.newaxis, np.newaxis] * np.eye(3), heading2 - tilt2)
 
     def _everywhere(self, data: ImuData, mask: Bools) -> SampleEstimates:
         """The same at all samples: in a hole of the gyroscope the attitude stays, and may be any."""
@@ -501,7 +497,7 @@ class Live:
             return
         first = arriving.first(k)
         _, gyr = arriving.rows(slice(first, first + 1))
-        self._put(first, running.last.attitude[np.newaxis], *self._now(running, 1), gyr, *self._step_now(running, 1))
+        self._put(first, running.last.attitude[np.newaxis], *self._now(running, gyr))
 
     def _beyond(self, running: Running, k: int) -> None:
         """What is known of the samples behind the last keyframe: the gyroscope goes on."""
@@ -509,20 +505,17 @@ class Live:
         t, gyr = self._arriving.rows(slice(first, self._arriving.samples))
         if (n := t.size - 1) == 0:
             return
-        x, cov = self._now(running, n)
+        now = self._now(running, gyr[1:])
         q, ends, no = np.empty((n + 1, 4)), np.array([0, n]), np.zeros(1, dtype=bool)
-        between_keyframes(t, gyr, ends, ~no, no, np.tile(running.last.attitude, (2, 1)), np.tile(x[:1], (2, 1)), q)
-        self._put(first + 1, q[1:], x, cov, gyr[1:], *self._step_now(running, n))
+        between_keyframes(t, gyr, ends, ~no, no, np.tile(running.last.attitude, (2, 1)), np.tile(now[0][:1], (2, 1)), q)
+        self._put(first + 1, q[1:], *now)
 
     @staticmethod
-    def _now(running: Running, n: int) -> tuple[Floats, Floats]:
-        """State and covariance of the attitude, n times."""
-        return np.tile(running.last.state, (n, 1)), np.tile(running.cov, (n, 1, 1))
-
-    @staticmethod
-    def _step_now(running: Running, n: int) -> tuple[NDArray[np.uint32], Floats]:
-        """Flags and weight of the last step, n times."""
-        return np.full(n, running.word, dtype=np.uint32), np.full(n, running.weight)
+    def _now(running: Running, gyr: Floats) -> tuple[Floats, Floats, Floats, NDArray[np.uint32], Floats]:
+        """State and covariance of the attitude, rates, flags and weight of the last step, at each of some rates."""
+        n, word = len(gyr), np.full(len(gyr), running.word, dtype=np.uint32)
+        x, cov = np.tile(running.last.state, (n, 1)), np.tile(running.cov, (n, 1, 1))
+        return x, cov, gyr, word, np.full(n, running.weight)
 
     def _put(
         self, first: int, q: Floats, x: Floats, cov: Floats, gyr: Floats, word: NDArray[np.uint32], weight: Floats

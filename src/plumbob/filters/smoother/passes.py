@@ -232,8 +232,10 @@ def _headed(
     """Heading of an attitude without one, by fields (K, 3) in its axes; None where no field gives any."""
     if (reference := find_reference(frames, p, field, inertial, doubtful, prior.reference, prior.weight)) is None:
         return None
-    weight = weights(reference, p, field, doubtful, directed=False)
-    return _Headed(reference, heading_turn(frames, inertial, field, weight * share_of_rest(frames, inertial)))
+    weight = weights(reference, p, field, doubtful, directed=False) * share_of_rest(frames, inertial)
+    return _Headed(
+        reference, heading_turn(frames, inertial, field, weight, heading_variance(frames, p, reference, weight))
+    )
 
 
 def _attitude_paths(frames: Keyframes, inertial: Inertial, headed: _Headed | None) -> Iterator[Floats]:
@@ -284,12 +286,12 @@ def _with_field(
         noise = ModelVariances.from_params(p, reference.bend(p))
         kind, density = kinds(frames, resting), speed.density(p, resting)
         begin, began = bias[0], first
-        if 0.0 < inertial.bias_sd < again:
+        if inertial.bias_sd > 0.0 and inertial.drift_sd < again:
             up = dcm_from_quat(q[:1])[0, 2]
             # Only the field shows the part along `up`. A pass that began with what the field showed the one before
             # would count it twice, and what is known of a gyroscope never: a turning field would be followed.
             began, place = first.copy(), slice(B, B + 3)
-            began[place, place] -= (up @ first[place, place] @ up - inertial.bias_sd**2) * np.outer(up, up)
+            began[place, place] -= (up @ first[place, place] @ up - inertial.drift_sd**2) * np.outer(up, up)
             begin = begin - up * float(up @ (begin - inertial.sweep.bias[0]))
         estimate = sweep(
             frames, kind, density, speed.lasting(frames.step), var, q, begin, p0, noise, first=began,
@@ -329,7 +331,9 @@ def _rival_turn(frames: Keyframes, p: Params, inertial: Inertial, field: Floats,
     if not near.any():
         return math.pi
     alone = weights(replace(reference, median=0.0), p, field, near, directed=False)
-    east, north = _turn_level(heading_turn(frames, inertial, field, alone), field)
+    east, north = _turn_level(
+        heading_turn(frames, inertial, field, alone, heading_variance(frames, p, reference, alone)), field
+    )
     return abs(math.atan2(float(east[near].sum()), float(north[near].sum())))
 
 

@@ -468,15 +468,10 @@ class Arriving:
         """Times and rates of samples."""
         return self._t[rows], self._gyr[rows]
 
-    def force(self, row: int) -> Floats:
-        """Specific force of a sample, (3,), m/s²."""
-        force: Floats = self._acc[row : row + 1][0]
-        return force
-
-    def fields(self, rows: slice) -> Bools:
-        """Which samples have a field."""
-        finite: Bools = np.isfinite(self._field[rows][:, 0])
-        return finite
+    def all_rows(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Times, rates, specific forces and fields of all samples that are held."""
+        rows = slice(self._t.begin, self.samples)
+        return self._t[rows], self._gyr[rows], self._acc[rows], self._field[rows]
 
     def frames(self, steps: slice) -> Keyframes:
         """Samples and steps, as the smoother takes them."""

@@ -538,6 +538,7 @@ class Sweep:
     # force, field: (K, 3), mean specific force and field of each step in smoothed navigation axes, m/s² and µT
     force: Floats
     field: Floats
+    moved: tuple[float, float]  # sums of r²/s and of log s, of level velocities foretold with variances s
     last: Last  # what the pass forward knew at the last keyframe, from where another one can go on
 
     @property
@@ -587,10 +588,11 @@ def sweep(
 
     attitude, now, p = q_start[0].copy(), np.zeros(SIZE), (p0 if first is None else first).copy()
     now[B : B + 3] = bias
-    begins, starts = range(0, n, BLOCK), []
+    begins, starts, foretold = range(0, n, BLOCK), [], np.empty((n, 2, 2))
     for begin in begins:
         starts.append((attitude.copy(), now.copy(), p.copy()))
         block = ahead(begin, attitude, now, p)
+        foretold[begin : begin + BLOCK] = block[3][:, EAST : EAST + 2, [RESIDUAL, INVERSE]]
     last = Last(attitude.copy(), now.copy(), 0.5 * (p + p.T))
     lam, big = np.zeros(SIZE), np.zeros((SIZE, SIZE))
     for begin, start in zip(reversed(begins), reversed(starts), strict=True):
@@ -604,7 +606,9 @@ def sweep(
     force = quat_rotate(change, mean[:, FORCE : FORCE + 3])
     field = quat_rotate(change, mean[:, FIELD : FIELD + 3])
     field[mean[:, COUNT] == 0.0] = np.nan
+    residual, inverse = foretold[foretold[..., 1] > 0.0].T
+    moved = float(residual**2 @ inverse), -float(np.log(inverse).sum())
     unit = [*range(B, B + 3), *range(M, M + 9)]
     unit_cov = p[np.ix_(unit, unit)]
     unit_cov = 0.5 * (unit_cov + unit_cov.T)
-    return Sweep(q_s, x_s, cov_s, now[M:], now[A : A + 3], unit_cov, force, field, last)
+    return Sweep(q_s, x_s, cov_s, now[M:], now[A : A + 3], unit_cov, force, field, moved, last)
