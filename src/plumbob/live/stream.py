@@ -135,8 +135,8 @@ class Stream:
 
     def __init__(self, session: Session, *, covariance: bool = False, source: str = "") -> None:
         self.source = source
-        self.beside = {s.name: Stream(s, covariance=covariance, source=s.name) for s in session.beside}
         self.session = check.kind("session", session, Session, hint="load_session(path) gives one.")
+        self.beside = {s.name: Stream(s, covariance=covariance, source=s.name) for s in session.beside}
         self._covariance = covariance
         self.decoder = decoder_of(session.form)
         message = session.form.message(session.message)
