@@ -353,37 +353,29 @@ def see_other(other: Floats, mean: Floats, dt: float, rate: float, field: LocalF
 
 
 @kernel
-def first_attitudes(
-    t: Floats, gyr: Floats, acc: Floats, mag: Floats, given: bool, spread: float, q: Floats, var: Floats
-) -> None:
-    """Attitudes (N, 4) of the first samples, from the first one, which is written in `q`, by the gyroscope.
+def first_attitudes(acc: Floats, mag: Floats, spread: float, q: Floats, var: Floats) -> None:
+    """Turn what the gyroscope has of the first samples, (N, 4), up and north by all of them up to each.
 
-    Where it is not `given`, the mean force up to each is up, and the mean field of a place points north: `var` (N, 2)
-    becomes what tilt and heading are known to, rad², by the size of that force and the `spread` of fields, µT.
+    The mean force is up, and the mean field of a place points north: `var` (N, 2) becomes what tilt and heading are
+    known to, rad², by the size of that force and the `spread` of fields, µT.
     """
-    now, force, field, fields = np.zeros(4), np.zeros(3), np.zeros(3), 0
-    for k in range(4):
-        now[k] = q[0, k]
-    for i in range(t.size):
-        if i:
-            dt = t[i] - t[i - 1]
-            turned_by(now, dt * gyr[i, 0], dt * gyr[i, 1], dt * gyr[i, 2])
-        a0, a1, a2, a3 = now[0], now[1], now[2], now[3]
-        if not given:
-            x, y, z = rotate(now[0], now[1], now[2], now[3], acc[i, 0], acc[i, 1], acc[i, 2])
-            force[0], force[1], force[2] = force[0] + x, force[1] + y, force[2] + z
-            if not math.isnan(mag[i, 0]):
-                x, y, z = rotate(now[0], now[1], now[2], now[3], mag[i, 0], mag[i, 1], mag[i, 2])
-                field[0], field[1], field[2], fields = field[0] + x, field[1] + y, field[2] + z, fields + 1
-            size = max(math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2), TINY)
-            u0, u1, u2, u3 = upright(1.0, force[0] / size, force[1] / size, force[2] / size)
-            a0, a1, a2, a3 = quat_mul(u0, u1, u2, u3, a0, a1, a2, a3)
-            var[i, 0], var[i, 1] = WIDE * WIDE + (size / (G0 * (i + 1)) - 1.0) ** 2, math.pi**2
-            east, north, up = rotate(u0, u1, u2, u3, field[0], field[1], field[2])
-            level = math.hypot(east, north)
-            if fields and on_earth(level / fields, up / fields) and level > STEEPEST * abs(up):
-                a0, a1, a2, a3 = turn_about_vertical(angle_to(east, north, 0.0, 1.0), a0, a1, a2, a3)
-                var[i, 1] = ((fields * spread) ** 2 + up * up * var[i, 0]) / (level * level)
+    force, field, fields = np.zeros(3), np.zeros(3), 0
+    for i in range(acc.shape[0]):
+        a0, a1, a2, a3 = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        x, y, z = rotate(a0, a1, a2, a3, acc[i, 0], acc[i, 1], acc[i, 2])
+        force[0], force[1], force[2] = force[0] + x, force[1] + y, force[2] + z
+        if not math.isnan(mag[i, 0]):
+            x, y, z = rotate(a0, a1, a2, a3, mag[i, 0], mag[i, 1], mag[i, 2])
+            field[0], field[1], field[2], fields = field[0] + x, field[1] + y, field[2] + z, fields + 1
+        size = max(math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2), TINY)
+        u0, u1, u2, u3 = upright(1.0, force[0] / size, force[1] / size, force[2] / size)
+        a0, a1, a2, a3 = quat_mul(u0, u1, u2, u3, a0, a1, a2, a3)
+        var[i, 0], var[i, 1] = WIDE * WIDE + (size / (G0 * (i + 1)) - 1.0) ** 2, math.pi**2
+        east, north, up = rotate(u0, u1, u2, u3, field[0], field[1], field[2])
+        level = math.hypot(east, north)
+        if fields and on_earth(level / fields, up / fields) and level > STEEPEST * abs(up):
+            a0, a1, a2, a3 = turn_about_vertical(angle_to(east, north, 0.0, 1.0), a0, a1, a2, a3)
+            var[i, 1] = ((fields * spread) ** 2 + up * up * var[i, 0]) / (level * level)
         q[i, 0], q[i, 1], q[i, 2], q[i, 3] = quat_unit(a0, a1, a2, a3)
 
 

@@ -391,12 +391,12 @@ def _level(
     first is tried with each of some spreads of the bias, from the widest on.
     """
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
-    noise, start, sd, spread2 = ModelVariances.from_params(p, 0.0), tilt.copy(), spreads, 0.0
+    noise, start, chosen, spread2 = ModelVariances.from_params(p, 0.0), tilt.copy(), 0.0, 0.0
     free = p.gyr_scale > Params().gyr_scale
     for wide, matrix in ((WIDE, 1.0 if free else FIXED_MATRIX), (NARROW, 1.0)):
         density, tried = speed.density(p, resting), list[Sweep]()
         lasting = speed.lasting(frames.step) if sure else np.ones(kind.size)
-        for bias_sd in sd:
+        for bias_sd in spreads if wide == WIDE else (min(chosen, AGAIN_BIAS),):
             p0 = start_covariance(
                 p, tilt=wide, heading=FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit
             )
@@ -413,8 +413,7 @@ def _level(
             unlikely = float(np.sum(frames.step / speed.lasts)) * np.log(np.maximum(squares, TINY)) + logs
             odds = np.exp(-0.5 * (unlikely - unlikely.min()))
             k = int(np.flatnonzero(odds > BY_CHANCE)[-1])
-            spread2, spreads, estimate = float(odds @ np.square(sd) / odds.sum()), sd[k:], tried[k]
-            sd = (min(sd[k], AGAIN_BIAS),)
+            spread2, chosen, estimate = float(odds @ np.square(spreads) / odds.sum()), spreads[k], tried[k]
         if not free or wide == NARROW:
             speed = level_speed(frames, estimate.force[:, :2], sure=sure)
         start[frames.starts], bias = estimate.q[frames.starts], estimate.bias[0]
@@ -427,5 +426,5 @@ def _level(
     level_bias = dcm_from_quat(estimate.q[:1])[0, :2] @ estimate.bias[0]
     # its part about the vertical is as large as the others
     least = max(BIAS_REPEATS, math.sqrt(0.5 * float(level_bias @ level_bias)))
-    drift_sd, bias_sd = max(spreads[0], least), max(math.sqrt(spread2), least)
+    drift_sd, bias_sd = max(chosen, least), max(math.sqrt(spread2), least)
     return Inertial(estimate, resting, speed, drift_sd, bias_sd, tilt_sd, tilt_var)

@@ -43,7 +43,7 @@ from plumbob.filters.smoother.causal import (
 )
 from plumbob.filters.smoother.field import APART, LEAST_TURNING, REST_SHARE, Reference, turning_time
 from plumbob.filters.smoother.inertial import GIVEN, LEAK, WINDOW, Given, level_speed, peaks
-from plumbob.filters.smoother.keyframes import Bools, Keyframes
+from plumbob.filters.smoother.keyframes import Bools, Keyframes, path
 from plumbob.filters.smoother.model import FREE_HEADING, TH, B, M, ModelVariances, Params
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
 from plumbob.filters.smoother.preprocess import Arriving
@@ -281,13 +281,15 @@ class Live:
         arriving, out = self._arriving, self._out
         t, gyr, acc, mag = arriving.all_rows()
         q, var = np.empty((t.size, 4)), np.tile([GIVEN**2, FREE_HEADING**2], (t.size, 1))
-        q[0] = [1.0, 0.0, 0.0, 0.0] if self._start is None else self._start.q
-        first_attitudes(t, gyr, acc, mag, self._start is not None, self.p.mag_spread, q, var)
+        path(t, gyr, q)
+        if self._start is None:
+            first_attitudes(acc, mag, self.p.mag_spread, q, var)
+            out.flags[var[-n:, 1] < math.pi**2] &= ~np.uint32(flags.HEADING_FREE)
+        else:
+            q = quat_multiply(self._start.q, q)
         tilt2, heading2 = var[-n:].T
         sought = np.logical_or.accumulate(np.isfinite(mag[:, 0]))[-n:]
         out.flags[sought] |= np.uint32(flags.FIELD_UNKNOWN)
-        if self._start is None:
-            out.flags[heading2 < math.pi**2] &= ~np.uint32(flags.HEADING_FREE)
         out.q[:] = q[-n:]
         out.cov[:] = widened(out.q, tilt2[:, np.newaxis, np.newaxis] * np.eye(3), heading2 - tilt2)
 
