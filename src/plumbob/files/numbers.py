@@ -4,16 +4,16 @@ They are what a logger, an oscilloscope or ``numpy.save`` leaves. What they do n
 the type and the columns) must be declared; a text that says more than numbers is a recording (`plumbob.files.read`).
 They are read, not mapped into memory, where every page that was touched would count as used.
 
-Arrow parses a chunk of a text; what it refuses is gone through value by value, so that an error names its place. A last
-number or row that nothing follows is left out, and said so: a cut (``9.81`` to ``9.8``) would read as a good number.
+A text is read as any table is, in blocks, but a cell without a number is refused with its place. A last number that
+nothing follows, or a last row that was cut, is left out, and said so: ``9.8`` of ``9.81`` would read as a good number.
 """
 
 import os
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +22,16 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, excerpt, one_line
 from plumbob.core.files import existing_file, reading
 from plumbob.core.findings import Finding, warning
-from plumbob.files.arrow import column_numbers, parsed_csv
-from plumbob.files.profile import GUIDE
-from plumbob.files.text_table import single_blanks
+from plumbob.files.arrow import text_bytes
+from plumbob.files.profile import GUIDE, TextLayout
+from plumbob.files.sniff import READ, decoded
+from plumbob.files.text_table import Body, Head, Reading, decode, split_row, text_blocks
 
-CHUNK: Final = 1 << 20  # bytes that are read at once; a line longer than these must be the only one
-_BOM: Final = b"\xef\xbb\xbf"
-_TWO_OR_ONE = re.compile(rb"\s*[-+]?\d+,\d+\s*")
+_COMMENT: Final = re.compile(r"^[ \t]*[#%].*", re.MULTILINE)
+_TWO_OR_ONE: Final = re.compile(r"\s*[-+]?\d+,\d+\s*")
 _ADVICE: Final = (
-    f"a file of plain numbers holds only numbers and comment lines (# or %). A table with names, units or decimal "
-    f"commas needs a profile: --profile FILE.toml, see {GUIDE}"
+    f"A file of plain numbers holds only numbers and comment lines (# or %). A table with names, units or decimal "
+    f"commas needs a profile: --profile FILE.toml, see {GUIDE}."
 )
 
 
@@ -40,169 +40,98 @@ class Text:
     """Numbers in a text."""
 
     path: Path
-    separator: bytes  # between the numbers of a line: a comma, a semicolon, or empty for blanks and tabs
+    layout: TextLayout  # how its rows are laid out
     columns: int  # numbers in a row
     one_line: bool  # whether all rows stand on one line
-    start: int  # byte at which the first row begins
-    line: int  # number of its line, from 1
-    complete: bool  # whether something follows the last number (on several lines: a line end)
+    line: int  # number of the line of the first row, from 1
+    notes: tuple[Finding, ...] = ()  # what is left out
 
-    @property
-    def notes(self) -> tuple[Finding, ...]:
-        """What is left out."""
-        code = "reading.last_number_cut" if self.one_line else "reading.last_line_open"
-        return () if self.complete else (warning(code),)
+    def body(self) -> Body:
+        """Its lines, of which those of comments are blank, and none ends in a separator."""
+
+        def texts() -> Iterator[str]:
+            return (_bare(text, self.layout.separator) for text in text_blocks(self.path, self.layout.encoding))
+
+        return Body(texts, Head((), 0, 1), self.layout)
 
     def blocks(self) -> Iterator[tuple[Floats, int]]:
         """Blocks with the bytes used so far."""
         if self.one_line:
-            yield from self._of_one_line()
+            rows = self._of_one_line()
+            yield rows, self.path.stat().st_size
             return
-        line = self.line
-        for chunk, done in self._chunks(b"\n"):
-            rows = _parsed_lines(chunk, self.separator, self.columns)
-            yield _strict_lines(chunk, self, line) if rows is None else rows, done
-            line += chunk.count(b"\n")
+        done = 0
+        for block, line in self.body().blocks():
+            done += len(block)
+            yield self._parsed(block, line, self.columns), done
 
-    def _of_one_line(self) -> Iterator[tuple[Floats, int]]:
-        count, rest = 0, np.empty(0)
-        for chunk, done in self._chunks(self.separator or b" "):
-            before, _, after = chunk.partition(b"\n")
-            if after.strip():
-                raise DecodeError(
-                    f"line {self.line} has more than {CHUNK} bytes, so it must be the only one, but more follow."
-                )
-            cells = _cells(before, self.separator)
-            # an empty line would be left out without a word
-            parsed = _arrow(b"\n".join(cells) + b"\n", b",", 1) if cells and all(cells) else None
-            new = _strict_cells(cells, self.line, count) if parsed is None else parsed[:, 0]
-            values = np.append(rest, new)
-            count += len(cells)
-            size = values.size // self.columns * self.columns
-            rest = values[size:]
-            yield values[:size].reshape(-1, self.columns), done
-        if rest.size:
-            raise DecodeError(f"its {count} numbers do not fill rows of {self.columns} columns; it is cut.")
+    def _parsed(self, block: str, line: int, columns: int) -> Floats:
+        """Numbers of a block that begins with a line; DecodeError where one cannot be read."""
+        reading = Reading(self.layout, columns, {place + 1: place for place in range(columns)}, None, {})
+        if not reading.add_fast(block):
+            reading.add_slow((number, row) for number, row in enumerate(block.split("\n"), line) if row.strip())
+        for _, error in reading.left_out.values():
+            raise DecodeError(f"{error} {_ADVICE}") from error
+        return np.stack([np.array(reading.numbers[ref]) for ref in reading.places], axis=1)
 
-    def _chunks(self, end: bytes) -> Iterator[tuple[bytes, int]]:
-        """Parts of the file that stop after an `end`, and the bytes used up to there."""
-        with self.path.open("rb") as stream:
-            stream.seek(self.start)
-            done, rest = self.start, b""
-            while data := stream.read(CHUNK):
-                done += len(data)
-                part, ending, rest = (rest + data).replace(b"\t", b" ").rpartition(end)
-                if ending:
-                    yield part + ending, done - len(rest)
-                elif len(rest) > 2 * CHUNK:
-                    raise DecodeError(f"after byte {done - len(rest)} no number ends in {len(rest)} bytes; {_ADVICE}.")
-            if self.complete and rest.strip():
-                yield rest, done
+    def _of_one_line(self) -> Floats:
+        text = "".join(self.body().again())
+        (row, *others), separator = filter(str.strip, text.split("\n")), self.layout.separator
+        if others:
+            raise DecodeError(
+                f"line {self.line} has more than {READ} bytes, so it must be the only one, but more follow."
+            )
+        cells = row.split() if separator == " " else [cell.strip() for cell in row.split(separator)]
+        cells = cells[:-1] if self.notes else cells
+        if "" in cells:  # which would be left out without a word, as an empty line is
+            raise DecodeError(f"line {self.line}, value {1 + cells.index('')}: '' is not a number. {_ADVICE}")
+        if len(cells) % self.columns:
+            raise DecodeError(f"its {len(cells)} numbers do not fill rows of {self.columns} columns; it is cut.")
+        try:
+            return self._parsed("\n".join(cells), 1, 1).reshape(-1, self.columns)
+        except DecodeError as error:
+            where = rf"line {self.line}, value \1"
+            raise DecodeError(re.sub(r"line (\d+), column 1\b", where, str(error), count=1)) from error
 
 
 def open_text(file: Path, columns: int | None) -> Text:
     """Find the first row, and how it is laid out; DecodeError if it can be read in two ways, or there is none."""
-    with file.open("rb") as stream:
-        start, number, first = _first_row(stream)
-        one_line = not (first.endswith(b"\n") and _first_row(stream)[2])
-        stream.seek(-1, 2)
-        complete = stream.read(1) in ((b" ", b"\t", b"\r", b"\n", b",", b";") if one_line else (b"\n",))
-    if not first:
-        raise DecodeError(f"it holds no number; {_ADVICE}.")
-    separator = b";" if b";" in first else b"," if b"," in first else b""
+    text, encoding = decoded(text_bytes(file, READ))
+    rows = [(line, row) for line, row in enumerate(_bare(text, "").split("\n"), 1) if row.strip()][:2]
+    if not rows:
+        raise DecodeError(f"it holds no number. {_ADVICE}")
+    number, first = rows[0]
+    separator = next((sign for sign in ";," if sign in first), " ")
     _refuse_decimal_comma(first, separator, columns, number)
-    width = 1 if one_line else len(_strict_cells(_cells(first, separator), number))
-    if not one_line and columns not in {None, width}:
-        raise DecodeError(f"line {number} has {width} numbers, but {columns} columns are declared; {_ADVICE}.")
-    return Text(file, separator, columns or width, one_line, start, number, complete)
+    layout = TextLayout(separator, encoding=encoding, missing=(), names=False)
+    if one_line := len(rows) == 1:
+        is_cut = not decode(text_bytes(file), encoding).endswith((" ", "\t", "\n", separator))
+        return Text(file, layout, columns or 1, one_line, number, (warning("reading.last_number_cut"),) * is_cut)
+    width = len(split_row(_bare(first, separator), separator, number))
+    if columns not in {None, width}:
+        raise DecodeError(f"line {number} has {width} numbers, but {columns} columns are declared. {_ADVICE}")
+    made = Text(file, layout, width, one_line, number)
+    made._parsed(_bare(first, separator), number, width)
+    for _ in (body := made.body()).blocks():
+        pass
+    return replace(made, notes=body.cut)
 
 
-def _first_row(stream: BinaryIO) -> tuple[int, int, bytes]:
-    """Place, line number and (at most the first `CHUNK` bytes of) the next line that is neither blank nor comment."""
-    number, inside = 0, False
-    while True:
-        start = stream.tell()
-        line = stream.readline(CHUNK)
-        number += not inside
-        if start == 0 and line.startswith(_BOM):
-            start, line = len(_BOM), line.removeprefix(_BOM)
-        if not line or not (inside or _is_idle(line)):
-            return start, number, line
-        inside = not line.endswith(b"\n")  # a comment longer than a chunk goes on
+def _bare(text: str, separator: str) -> str:
+    """Text whose comments are blank, and whose lines do not end in the separator."""
+    text = _COMMENT.sub("", text) if "#" in text or "%" in text else text
+    return re.sub(rf"{separator}[ \t]*$", "", text, flags=re.MULTILINE) if separator.strip() else text
 
 
-def _is_idle(line: bytes) -> bool:
-    return line.lstrip()[:1] in {b"", b"#", b"%"}
-
-
-def _refuse_decimal_comma(first: bytes, separator: bytes, columns: int | None, number: int) -> None:
-    row = excerpt(first[:80].decode("utf-8", "replace").strip())
-    if separator == b";" and b"," in first:
-        raise DecodeError(f"line {number}, {row}, has semicolons and commas, so the commas may be decimal; {_ADVICE}.")
+def _refuse_decimal_comma(first: str, separator: str, columns: int | None, number: int) -> None:
+    row = excerpt(first[:80].strip())
+    if separator == ";" and "," in first:
+        raise DecodeError(f"line {number}, {row}, has semicolons and commas, so the commas may be decimal. {_ADVICE}")
     if columns is None and _TWO_OR_ONE.fullmatch(first):
         raise DecodeError(
             f"line {number}, {row}, may be two whole numbers or one with a decimal comma; declare columns = 2 if it is "
-            f"two; {_ADVICE}."
+            f"two. {_ADVICE}"
         )
-
-
-def _cells(line: bytes, separator: bytes) -> list[bytes]:
-    """Cells of a line; a separator at its end closes the last one."""
-    if not separator:
-        return line.split()
-    return line.strip().removesuffix(separator).split(separator) if line.strip() else []
-
-
-def _parsed_lines(chunk: bytes, separator: bytes, columns: int) -> Floats | None:
-    if b"#" in chunk or b"%" in chunk:
-        chunk = b"".join(line for line in chunk.splitlines(keepends=True) if not _is_idle(line))
-    chunk = chunk.replace(b"\r\n", b"\n")
-    if separator:
-        packed = chunk.replace(separator + b"\n", b"\n")
-    else:
-        packed = single_blanks(chunk.decode("latin-1")).encode("latin-1")
-    return _arrow(packed, separator or b" ", columns) if packed.strip() else np.empty((0, columns))
-
-
-def _arrow(packed: bytes, separator: bytes, columns: int) -> Floats | None:
-    """Rows (N, columns), or None where Arrow refuses."""
-    import pyarrow as pa
-
-    types = {str(i): pa.float64() for i in range(columns)}
-    table = parsed_csv(packed, separator.decode(), columns, types, quoted=False, null_values=[])
-    return None if table is None else np.stack([column_numbers(column) for column in table.itercolumns()], axis=1)
-
-
-def _strict_lines(chunk: bytes, text: Text, first: int) -> Floats:
-    """Rows of a chunk, line by line; `first` is the number of its first line."""
-    rows = []
-    for number, line in enumerate(chunk.split(b"\n"), first):
-        if _is_idle(line):
-            continue
-        cells = _cells(line, text.separator)
-        if len(cells) != text.columns:
-            raise DecodeError(
-                f"line {number} has {len(cells)} numbers, but line {text.line}, the first, has {text.columns}: "
-                f"{excerpt(line.decode('utf-8', 'replace').strip())}; correct or delete it."
-            )
-        rows.append(_strict_cells(cells, number))
-    return np.array(rows, dtype=np.float64).reshape(-1, text.columns)
-
-
-def _strict_cells(cells: list[bytes], line: int, before: int = 0) -> list[float]:
-    """Numbers of a line, of which `before` came before these."""
-    values: list[float] = []
-    try:
-        for cell in cells:
-            if b"_" in cell:  # which Python takes, and no logger means
-                raise ValueError(cell)
-            values.append(float(cell))
-    except ValueError:
-        text = excerpt(cells[len(values)].decode("utf-8", "replace").strip())
-        raise DecodeError(
-            f"line {line}, value {before + len(values) + 1}: {text} is not a number; {_ADVICE}."
-        ) from None
-    return values
 
 
 RAW: Final[dict[str, str]] = {  # types of raw values by names that are suffixes, too

@@ -130,7 +130,7 @@ def read_sample(path: Path) -> Sample:
     """First rows of a text file, and how it is laid out; DecodeError if no layout makes a table of it."""
     raw = text_bytes(path, READ)
     complete = len(raw) < READ
-    text, encoding = _decoded(raw)
+    text, encoding = decoded(raw)
     if are_objects(text) and (
         sample := _of_objects(text if complete else decode(text_bytes(path), encoding), encoding)
     ):
@@ -314,7 +314,8 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(names) if sum(map(bool, words[:-1])) > 1 else (), tuple(units)  # a word before all of them names none
 
 
-def _decoded(raw: bytes) -> tuple[str, str]:
+def decoded(raw: bytes) -> tuple[str, str]:
+    """Text of the first bytes of a file, and its encoding: UTF-8, or the one in which most words are understood."""
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return normal(raw.decode("utf-16", "ignore")), "utf-16"
     for encoding, zeros in (("utf-16-le", raw[1::2]), ("utf-16-be", raw[::2])):

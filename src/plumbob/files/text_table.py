@@ -236,7 +236,7 @@ def text_blocks(source: bytes | Path, encoding: str) -> Iterator[str]:
     pieces = (
         text_pieces(source)
         if isinstance(source, Path)
-        else (source[place : place + _BLOCK] for place in range(0, len(source), _BLOCK))
+        else (source[place : place + BLOCK] for place in range(0, len(source), BLOCK))
     )
     before, parts = "", list[bytes]()
     try:
@@ -258,7 +258,7 @@ def in_blocks(text: str) -> Iterator[str]:
     """The same text in blocks of whole lines."""
     start = 0
     while start < len(text):
-        end = text.find("\n", start + _BLOCK) + 1 or len(text)
+        end = text.find("\n", start + BLOCK) + 1 or len(text)
         yield text[start:end]
         start = end
 
@@ -446,7 +446,7 @@ def is_idle(row: str, comment: str) -> bool:
 
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
-_BLOCK: Final = 1 << 21
+BLOCK: Final = 1 << 21  # characters or bytes of a text that are gone through at once
 _LOOKED_AT: Final = 200
 _NO_ROWS: Final = "there is no row of numbers; check the profile's [header]."
 _WORD: Final = 1 << 30
@@ -664,7 +664,7 @@ def _size(row: str, layout: TextLayout) -> tuple[int, int]:
 
 
 @dataclass(slots=True)
-class _Body:
+class Body:
     """Lines behind the head of a text, read as often as they are asked for."""
 
     again: Callable[[], Iterator[str]]  # blocks of the text from its beginning
@@ -697,7 +697,7 @@ class _Body:
                 yield number, row
 
 
-def _body(source: bytes | Path, layout: TextLayout) -> _Body:
+def _body(source: bytes | Path, layout: TextLayout) -> Body:
     """Body of a text, which is in memory at once only where its form asks for it."""
 
     def again() -> Iterator[str]:
@@ -708,7 +708,7 @@ def _body(source: bytes | Path, layout: TextLayout) -> _Body:
     first, has_more = next(blocks), next(blocks, None) is not None
     if not (layout.separator == JSON or layout.channels or layout.cells or layout.end):
         try:
-            return _Body(again, find_head(first, layout), layout)
+            return Body(again, find_head(first, layout), layout)
         except DecodeError:  # the head may be longer than a block
             pass
     text = "".join(again())
@@ -721,7 +721,7 @@ def _body(source: bytes | Path, layout: TextLayout) -> _Body:
     text = _before_end(text, head.start, layout.end) if layout.end else text
     if layout.cells:
         text, head = with_cells_apart(text, head, layout)
-    return _Body(lambda: in_blocks(text), head, layout, cut)
+    return Body(lambda: in_blocks(text), head, layout, cut)
 
 
 def belongs(row: str, names: Sequence[str], layout: TextLayout) -> bool:
