@@ -5,6 +5,7 @@ import re
 import sys
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import product
 
 import numpy as np
 import pyarrow.csv
@@ -44,19 +45,22 @@ from plumbob.core.event import Event
 from plumbob.core.units import dps
 from plumbob.data import UNCALIBRATED, ImuData, ImuMeta
 from plumbob.data.cards import UNITS, CalibrationCard, Mount, TriadCalibration, TriadNoise
+from plumbob.door.reading import opened_array
 from plumbob.files import read, write
 from plumbob.filters import filter_names, load, takes_noise
 from plumbob.filters.offline import CHUNK, Stage, bias_beyond, run_stage, with_noise
 from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.fleet.experiments.scenario import measure_scenario
 from plumbob.live.emulated import running_rig
+from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.live.runner import SETTLED, Watch
 from plumbob.live.session_toml import load_session, parse_session, plain_session, recorded_session
-from plumbob.live.sinks import TextSink
+from plumbob.live.sinks import Collected, TextSink
 from plumbob.live.stream import STARTED_AGAIN
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
+from plumbob.reporting.catalogue import start
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate
 from plumbob.simulation.presets import draw_module
 from tests.helpers import beside
@@ -188,7 +192,7 @@ SYSTEMS = {  # what the page of next steps says of the file of each
     "fin": rates("moving_average", params={"samples": 1}),
     "buoy": lambda file: plumbob.estimate(file, "mahony", params={"kp": 0.5, "ki": 0.03, "gate": "0.08 g"}).track,
     "trackball": rates("scalar", params={"walk": "0.01 deg/s", "noise": "0.1 deg/s"}, drift="chen2013"),
-    "arm": lambda file: paper(plumbob.read_array(file), frame="NED"),
+    "arm": lambda file: paper(opened_array(file), frame="NED"),
     "rod": lambda file: plumbob.estimate(file, "ekf7", params={"hard_switch": True}).track,
 }
 
@@ -206,6 +210,30 @@ def test_started_system_runs_on_a_line_by_its_papers_method_as_on_its_file(name,
     np.testing.assert_array_equal(again.track.q_nb, SYSTEMS[name](recording).q_nb)
     assert len(text.read_text().splitlines()) > 10
     assert f"plumbob record {name}.toml" in (tmp_path / "next.md").read_text()
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_value_that_is_missing_costs_one_sample_of_any_papers_method_on_a_line_as_of_its_file(name, tmp_path):
+    start(name, tmp_path, port="none")
+    text, plan, rng = tmp_path / f"{name}.toml", PLANS[name], np.random.default_rng(7)
+    text.write_text(re.sub('rest = "[0-9]+ s"', 'rest = "1 s"', text.read_text()))
+    made = load_session(text)
+    data = make_rig(plan, made.form, seed=3, duration=4.0).frames.tobytes()
+    message, pieces = made.form.message(made.message), range(0, len(data), 7 * made.form.message(made.message).length)
+    for row, triad in product((0, *rng.integers(1, 30, 3)), {f.triad for f in message.fields} - {None, ""}):
+        names = [f.name for f in message.fields if f.triad == triad][: 3 if made.units else rng.integers(1, 4)]
+        line, found = Stream(made), Collected()
+        for at in pieces:
+            (frames,) = line.decoder.feed(data[at : at + pieces.step], 5_000_000_000 + at).values()
+            for key in names:
+                frames.columns[key][frames.start == row * message.length] = np.nan
+            if part := line.through({made.message: frames}):
+                found.on_part(part)
+        track, said = found.track(), flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSENT | flags.UNIT_EXCLUDED
+        assert np.isfinite(track.q_nb[row + 1 :]).all() and np.ptp(track.q_nb[-5:], axis=0).any(), (row, names)
+        assert track.flags[row] & said
+        source = found.array(calibrated=False) if made.units else found.imu(calibrated=False)
+        np.testing.assert_array_equal(SYSTEMS[name](source).q_nb, track.q_nb, err_msg=f"{row} {names}")
 
 
 def test_started_board_that_prints_text_has_its_profile_and_nothing_is_written_over(tmp_path):

@@ -12,7 +12,6 @@ class Stoppable(Protocol):
 
     def set(self) -> None:
         """Ask it."""
-        ...
 
 
 @contextmanager

@@ -49,11 +49,9 @@ class Follower(Protocol):
 
     def begin(self, samples: ImuData) -> None:
         """Be ready for these samples, as the filter is given them."""
-        ...
 
     def take(self, imu: ImuData, track: AttitudeTrack) -> None:
         """Take consecutive samples and their attitudes."""
-        ...
 
 
 @dataclass(frozen=True, eq=False, repr=False)

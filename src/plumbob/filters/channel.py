@@ -55,12 +55,10 @@ class ChannelModule(Protocol):
     @staticmethod
     def coefficients(params: Any) -> tuple[float, ...]:
         """Coefficients of the kernel."""
-        ...
 
     @staticmethod
     def own_state(params: Any) -> int:
         """How many own numbers evolve."""
-        ...
 
 
 @kernel

@@ -46,7 +46,6 @@ class FilterModule(Protocol):
     @staticmethod
     def coefficients(params: Any) -> tuple[float, ...]:
         """Own coefficients of the kernel."""
-        ...
 
 
 def _module(name: str, what: Any) -> FilterModule:

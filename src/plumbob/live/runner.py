@@ -35,23 +35,18 @@ class Keeper(Protocol):
 
     def start(self) -> Event | None:
         """Begin."""
-        ...
 
     def on_item(self, item: Received | Event) -> None:
         """Keep what has come."""
-        ...
 
     def on_part(self, part: ItemResult, now_ns: int) -> None:
         """Keep what the line made of it."""
-        ...
 
     def tick(self, now_ns: int) -> list[Event]:
         """Send off what is due, and return what has happened."""
-        ...
 
     def close(self) -> list[Event]:
         """End, and return what happened last."""
-        ...
 
 
 def run_stream(

@@ -35,11 +35,9 @@ class Encoder(Protocol):
 
     def encode(self, a: AttitudeSample) -> bytes | None:
         """Bytes of an attitude; None where nothing is to be sent of it."""
-        ...
 
     def finish(self) -> bytes:
         """Bytes behind the last attitude."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -134,7 +134,6 @@ class Openable(Source, Protocol):
 
     def open(self) -> Source:
         """Open it; LineError where that is not possible."""
-        ...
 
 
 def open_source(spec: SourceSpec | None) -> Source:

@@ -22,11 +22,9 @@ class Disturbance(Protocol):
     @property
     def on(self) -> str:
         """Segment that it is fixed to; empty where it stands in the room."""
-        ...
 
     def at(self, place_n: Floats, segment: Truth | None) -> Floats:
         """Field (N, 3) that it adds at places (N, 3), m; navigation frame, µT. `segment` is the one that it is on."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

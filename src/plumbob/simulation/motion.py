@@ -159,7 +159,6 @@ class Motion(Protocol):
 
     def truth(self, t: Floats) -> Truth:
         """State at the instants t (N,), s."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ from plumbob.core.kernels import kernel
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import NoiseCard
+from plumbob.filters.integrate import turn
 from plumbob.filters.start import angle_to, has_heading, level, turn_about_vertical
 from plumbob.rotations import Frame, North, dcm_from_quat
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rotate, rows
@@ -126,14 +127,6 @@ def step_time(
     turned[1, 0], turned[1, 1], turned[1, 2] = -dt * r10, -dt * r11, -dt * r12
     turned[2, 0], turned[2, 1], turned[2, 2] = -dt * r20, -dt * r21, -dt * r22
     propagate(p, turned, (white if has_rate else 1.0) * dt, noise[1] * noise[1] * dt)
-
-
-@kernel
-def turn(x: Floats, rx: float, ry: float, rz: float) -> None:
-    """Turn the attitude by a vector in body axes."""
-    e0, e1, e2, e3 = quat_exp(rx, ry, rz)
-    q0, q1, q2, q3 = quat_mul(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], e0, e1, e2, e3)
-    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
 
 
 @kernel

@@ -14,7 +14,8 @@ rate of set 1, the PI law that of set 2; the mean of both rates, set 2 with its 
 Kalman filter behind takes that rate, and the directions of set 1. Departures are those of `plumbob.filters.fuzzy_pi`
 and `plumbob.filters.ekf_quaternion`: the error belongs to the predicted attitude, the specific force points up in any
 level frame, and q is normalised. Without the Kalman filter the regulators hold the attitude alone; with it they see the
-attitude that it predicts.
+attitude that it predicts. Where a unit lacks a value, its opposite one stands for both; where both do, the rate stays
+as it was, and the direction is left out.
 """
 
 import math
@@ -22,20 +23,25 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from plumbob.arm.array.channels import axis_values
+from plumbob.arm.array.monitoring import common_flags
+from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps, to_deg
-from plumbob.data import AttitudeTrack
+from plumbob.data import TRIAD_FLAGS, TRIADS, AttitudeTrack
 from plumbob.data.array import ImuArray
 from plumbob.filters.base import CommonParams
 from plumbob.filters.ekf_quaternion import P, correct_direction, predict
 from plumbob.filters.fuzzy_pi import Params as Rules
 from plumbob.filters.fuzzy_pi import coefficients, regulate, wind
+from plumbob.filters.input_checks import usable
 from plumbob.filters.layout import OWN, Q
 from plumbob.filters.start import angle_to, level, turn_about_vertical
+from plumbob.protocols.encode import hold_last
 from plumbob.rotations import Frame, North
-from plumbob.rotations.kernels import cross, quat_exp, quat_mul, quat_unit, rotate
+from plumbob.rotations.kernels import Quat, Vec, cross, quat_exp, quat_mul, quat_unit, rotate
 
 NONE, PI, FUZZY = 0, 1, 2
 LAWS: Final = {"none": NONE, "pi": PI, "fuzzy": FUZZY}
@@ -96,9 +102,9 @@ def sets_of(array: ImuArray) -> Sets:
                     f"axis {'xyz'[axis]} of unit '{name}' must point along {'-+'[sign > 0]}{'xyz'[axis]} of the body; "
                     "turn its mount."
                 )
-    for triad in ("gyr", "acc", "mag"):
+    for triad in TRIADS:
         high, low = (
-            np.stack([getattr(array.units[names[axis + at]], triad)[:, axis] for axis in range(3)], axis=1)
+            np.stack([axis_values(array.units[names[axis + at]], triad)[:, axis] for axis in range(3)], axis=1)
             for at in (0, 3)
         )
         plus[triad], minus[triad], parity[triad] = high, -low, 0.5 * (high + low)
@@ -106,18 +112,53 @@ def sets_of(array: ImuArray) -> Sets:
 
 
 @kernel
+def turn_to(
+    q0: float, q1: float, q2: float, q3: float, dx: float, dy: float, dz: float, vx: float, vy: float, vz: float
+) -> Vec:
+    """Turn, rad, that would bring the predicted direction d onto a vector as measured; none where that is missing."""
+    if not usable(vx, vy, vz):
+        return 0.0, 0.0, 0.0
+    s = 1.0 / math.sqrt(vx * vx + vy * vy + vz * vz)
+    ux, uy, uz = rotate(q0, -q1, -q2, -q3, dx, dy, dz)
+    return cross(s * vx, s * vy, s * vz, ux, uy, uz)
+
+
+@kernel
 def error_of(
-    up: float, q0: float, q1: float, q2: float, q3: float, fx: float, fy: float, fz: float,
-    ax: float, ay: float, az: float, mx: float, my: float, mz: float,
-) -> tuple[float, float, float]:  # fmt: skip
-    """Turn that would bring predicted up and field onto the measured ones, rad: â × Rᵀâₙ + m̂ × Rᵀm̂ₙ."""
-    s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
-    ux, uy, uz = rotate(q0, -q1, -q2, -q3, 0.0, 0.0, up)
-    e0, e1, e2 = cross(s * ax, s * ay, s * az, ux, uy, uz)  # [HuangJiang]
-    s = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
-    ux, uy, uz = rotate(q0, -q1, -q2, -q3, fx, fy, fz)
-    d0, d1, d2 = cross(s * mx, s * my, s * mz, ux, uy, uz)
+    up: float, q0: float, q1: float, q2: float, q3: float, field: Floats, acc: Floats, mag: Floats, i: int
+) -> Vec:
+    """Error of a prediction by the force and the field of sample i, rad: â × Rᵀâₙ + m̂ × Rᵀm̂ₙ."""
+    e0, e1, e2 = turn_to(q0, q1, q2, q3, 0.0, 0.0, up, acc[i, 0], acc[i, 1], acc[i, 2])  # [HuangJiang]
+    d0, d1, d2 = turn_to(q0, q1, q2, q3, field[0], field[1], field[2], mag[i, 0], mag[i, 1], mag[i, 2])
     return e0 + d0, e1 + d1, e2 + d2
+
+
+@kernel
+def begin(
+    x: Floats, up: float, north_x: float, north_y: float,
+    ax: float, ay: float, az: float, mx: float, my: float, mz: float,
+) -> Quat:  # fmt: skip
+    """First attitude: the one that `x` was given, else that of a force and a field; NaN where one is missing."""
+    q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
+    if q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3 > 0.5:
+        return q0, q1, q2, q3
+    if not (usable(ax, ay, az) and usable(mx, my, mz)):
+        return math.nan, math.nan, math.nan, math.nan
+    s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
+    q0, q1, q2, q3 = level(up, s * ax, s * ay, s * az)
+    m0, m1, _ = rotate(q0, q1, q2, q3, mx, my, mz)
+    return turn_about_vertical(angle_to(m0, m1, north_x, north_y), q0, q1, q2, q3)
+
+
+@kernel
+def look_at(
+    x: Floats, q0: float, q1: float, q2: float, q3: float, dx: float, dy: float, dz: float,
+    vx: float, vy: float, vz: float, var: float,
+) -> None:  # fmt: skip
+    """Take up a vector, which is known to point along d, unless it is missing."""
+    if usable(vx, vy, vz):
+        s = 1.0 / math.sqrt(vx * vx + vy * vy + vz * vz)
+        correct_direction(x, q0, q1, q2, q3, dx, dy, dz, s * vx, s * vy, s * vz, var)
 
 
 @kernel
@@ -165,7 +206,8 @@ def run(
 ) -> None:  # fmt: skip
     """Attitude (N, 4) of both sets, behind as many as are there already (`n_before`); `x` holds q and P.
 
-    A second set with a weight kinds[2] of zero is left out, also of the start; with kinds[3] the error is late.
+    A second set with a weight kinds[2] of zero is left out, also of the start; with kinds[3] the error is late. No
+    rate is NaN; attitudes are, until forces and fields of all axes have come together.
     """
     size = math.sqrt(field[0] * field[0] + field[1] * field[1])
     first, second, weight, both = int(kinds[0]), int(kinds[1]), kinds[2], 1.0 if kinds[2] > 0.0 else 0.0
@@ -180,29 +222,20 @@ def run(
                 sums[2, k] = steady
                 sums[3, k] = dt * (0.5 * (before + now) + steady)  # the rate of a step is the mean of its ends
             w0, w1, w2 = sums[3, 0], sums[3, 1], sums[3, 2]
-        if i == 0:
-            ax, ay, az = acc1[0, 0] + both * acc2[0, 0], acc1[0, 1] + both * acc2[0, 1], acc1[0, 2] + both * acc2[0, 2]
-            mx, my, mz = mag1[0, 0] + both * mag2[0, 0], mag1[0, 1] + both * mag2[0, 1], mag1[0, 2] + both * mag2[0, 2]
-            s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
-            q0, q1, q2, q3 = level(up, s * ax, s * ay, s * az)
-            m0, m1, _ = rotate(q0, q1, q2, q3, mx, my, mz)
-            q0, q1, q2, q3 = turn_about_vertical(angle_to(m0, m1, field[0] / size, field[1] / size), q0, q1, q2, q3)
-            if x[Q] * x[Q] + x[Q + 1] * x[Q + 1] + x[Q + 2] * x[Q + 2] + x[Q + 3] * x[Q + 3] > 0.5:
-                q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]  # a start was given
+        if i == 0 or math.isnan(q_nb[i - 1, 0]):
+            q0, q1, q2, q3 = begin(
+                x, up, field[0] / size, field[1] / size,
+                acc1[i, 0] + both * acc2[i, 0], acc1[i, 1] + both * acc2[i, 1], acc1[i, 2] + both * acc2[i, 2],
+                mag1[i, 0] + both * mag2[i, 0], mag1[i, 1] + both * mag2[i, 1], mag1[i, 2] + both * mag2[i, 2],
+            )  # fmt: skip
         else:
             e0, e1, e2, e3 = quat_exp(w0, w1, w2)
             q0, q1, q2, q3 = quat_mul(q_nb[i - 1, 0], q_nb[i - 1, 1], q_nb[i - 1, 2], q_nb[i - 1, 3], e0, e1, e2, e3)
             p0, p1, p2, p3 = q0, q1, q2, q3
             if kinds[3] > 0.0:
                 p0, p1, p2, p3 = q_nb[i - 1, 0], q_nb[i - 1, 1], q_nb[i - 1, 2], q_nb[i - 1, 3]
-            a0, a1, a2 = error_of(
-                up, p0, p1, p2, p3, field[0], field[1], field[2],
-                acc1[i, 0], acc1[i, 1], acc1[i, 2], mag1[i, 0], mag1[i, 1], mag1[i, 2],
-            )  # fmt: skip
-            c0, c1, c2 = error_of(
-                up, p0, p1, p2, p3, field[0], field[1], field[2],
-                acc2[i, 0], acc2[i, 1], acc2[i, 2], mag2[i, 0], mag2[i, 1], mag2[i, 2],
-            )  # fmt: skip
+            a0, a1, a2 = error_of(up, p0, p1, p2, p3, field, acc1, mag1, i)
+            c0, c1, c2 = error_of(up, p0, p1, p2, p3, field, acc2, mag2, i)
             d0 = blended(first, second, weight, a0, c0, dt, rules, sums, 0)
             d1 = blended(first, second, weight, a1, c1, dt, rules, sums, 1)
             d2 = blended(first, second, weight, a2, c2, dt, rules, sums, 2)
@@ -211,12 +244,8 @@ def run(
                 x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = q_nb[i - 1, 0], q_nb[i - 1, 1], q_nb[i - 1, 2], q_nb[i - 1, 3]
                 predict(x, dt, w0 / dt + u0, w1 / dt + u1, w2 / dt + u2, 0.25 * dt * dt * noise[0])
                 q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
-                mx, my, mz = mag1[i, 0], mag1[i, 1], mag1[i, 2]
-                s = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
-                correct_direction(x, q0, q1, q2, q3, field[0], field[1], field[2], s * mx, s * my, s * mz, noise[1])
-                ax, ay, az = acc1[i, 0], acc1[i, 1], acc1[i, 2]
-                s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
-                correct_direction(x, q0, q1, q2, q3, 0.0, 0.0, up, s * ax, s * ay, s * az, noise[1])
+                look_at(x, q0, q1, q2, q3, field[0], field[1], field[2], mag1[i, 0], mag1[i, 1], mag1[i, 2], noise[1])
+                look_at(x, q0, q1, q2, q3, 0.0, 0.0, up, acc1[i, 0], acc1[i, 1], acc1[i, 2], noise[1])
                 q0, q1, q2, q3 = quat_unit(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
             else:
                 e0, e1, e2, e3 = quat_exp(dt * u0, dt * u1, dt * u2)
@@ -274,9 +303,18 @@ class ArrayFilter:
 
     def take(self, array: ImuArray) -> AttitudeTrack:
         """Attitude at the next samples."""
-        of, n_before = sets_of(array), len(self._last)
+        of, n_before, words = sets_of(array), len(self._last), common_flags(array)
+        for triad in TRIADS:
+            plus, minus = of.plus[triad], of.minus[triad]
+            alone = np.isnan(of.parity[triad])
+            words[alone.any(axis=1)] |= np.uint32(flags.UNIT_EXCLUDED)
+            words[(np.isnan(plus) & np.isnan(minus)).any(axis=1)] |= np.uint32(TRIAD_FLAGS[triad][0])
+            plus[:], minus[:] = np.where(np.isnan(plus), minus, plus), np.where(np.isnan(minus), plus, minus)
+        words[(words & np.uint32(flags.GYR_ABSENT)) != 0] |= np.uint32(flags.GYR_HELD)
         signals = [array.t[:, np.newaxis], *of.plus.values(), *of.minus.values(), np.empty((len(array), 4))]
         rows = np.concatenate((self._last, np.hstack(signals)))
+        for k in (1, 2, 3, 10, 11, 12):  # rates of both sets
+            rows[:, k] = hold_last(rows[:, k])
         a, b, c, d, e, f, q_nb = (np.ascontiguousarray(part) for part in np.split(rows[:, 1:], range(3, 19, 3), axis=1))
         run(
             np.ascontiguousarray(rows[:, 0]), a, b, c, -d if self._scheme.raw_mean else d, e, f, self._kinds,
@@ -284,8 +322,9 @@ class ArrayFilter:
             n_before,
         )  # fmt: skip
         self._last = np.hstack((rows[-1:, :19], q_nb[-1:]))
+        words[np.isnan(q_nb[n_before:, 0])] |= np.uint32(flags.NOT_CONVERGED)
         return AttitudeTrack(
-            t=array.t, q_nb=q_nb[n_before:], frame=self.frame, north=North.MAGNETIC, source="teaching-arm paper"
+            array.t, q_nb[n_before:], self.frame, North.MAGNETIC, flags=words, source="teaching-arm paper"
         )
 
 

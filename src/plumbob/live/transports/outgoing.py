@@ -67,6 +67,15 @@ class _Addressed(Target):
     port: int
     _socket: socket.socket | None = field(default=None, init=False)
 
+    def write(self, data: bytes, patience: float) -> int:
+        """Send it; a datagram for which nobody listens on this machine is sent all the same."""
+        if self._socket is None:
+            raise OSError(_CLOSED)
+        self._socket.settimeout(patience)
+        with contextlib.suppress(ConnectionRefusedError):
+            self._socket.sendall(data)
+        return 0
+
     def close(self) -> None:
         """Close the socket."""
         if self._socket is not None:
@@ -92,15 +101,6 @@ class Udp(_Addressed):
             self.close()
             raise
 
-    def write(self, data: bytes, patience: float) -> int:
-        """Send it; a datagram for which nobody listens on this machine is sent all the same."""
-        if self._socket is None:
-            raise OSError(_CLOSED)
-        self._socket.settimeout(patience)
-        with contextlib.suppress(ConnectionRefusedError):
-            self._socket.send(data)
-        return 0
-
 
 @dataclass(slots=True)
 class Tcp(_Addressed):
@@ -110,14 +110,6 @@ class Tcp(_Addressed):
         """Connect."""
         self._socket = socket.create_connection((self.host, self.port), timeout=_CONNECT)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-
-    def write(self, data: bytes, patience: float) -> int:
-        """Send it."""
-        if self._socket is None:
-            raise OSError(_CLOSED)
-        self._socket.settimeout(patience)
-        self._socket.sendall(data)
-        return 0
 
 
 class _Client:

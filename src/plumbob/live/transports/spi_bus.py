@@ -13,11 +13,9 @@ class SpiBus(Protocol):
 
     def transfer(self, data: bytes) -> bytes:
         """Clock bytes out and as many in, with chip select low from the first to the last."""
-        ...
 
     def close(self) -> None:
         """Let go."""
-        ...
 
 
 class SpiDev:

@@ -29,23 +29,19 @@ class Source(Protocol):
     @property
     def name(self) -> str:
         """Short name for messages and recordings."""
-        ...
 
     @property
     def finished(self) -> bool:
         """Whether nothing will ever come again; a live line is never finished by itself."""
-        ...
 
     def read(self, timeout: float) -> list[Received | Event]:
         """Wait at most `timeout` s for something, and return what has come, oldest first; empty where nothing has.
 
         A line that breaks raises nothing: it gives an `Event`, and later another when it is back.
         """
-        ...
 
     def close(self) -> None:
         """Let go of the line; more than once does no harm."""
-        ...
 
 
 class Stopping(Protocol):
@@ -53,7 +49,6 @@ class Stopping(Protocol):
 
     def is_set(self) -> bool:
         """Whether it is time to end."""
-        ...
 
 
 class Stop:
@@ -190,15 +185,12 @@ class Wire(Protocol):
 
     def fileno(self) -> int:
         """Descriptor that becomes readable when something has come."""
-        ...
 
     def take(self) -> list[Received | Event]:
         """All that is there, asked only when something is; OSError where the line is gone and nothing was left."""
-        ...
 
     def close(self) -> None:
         """Let go."""
-        ...
 
 
 class Replug(Opened):
