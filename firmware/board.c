@@ -4,20 +4,15 @@
 
 #define RETRY_US 200000u    /* between two tries to start the chips */
 #define SILENCE_US 1000000u /* without a sample, until the chips are started again */
-#define HALF_TURN 0x80000000u /* of the clock: a difference beyond it is negative */
 
-/* Wait for the next period, and count how many have passed: more than one where the last took too long. */
+/* Wait for the next period, and count how many have passed: more than one where something took longer than one. */
 static uint16_t next_period(uint32_t *due, uint32_t period)
 {
-    uint32_t passed = 1;
     *due += period;
-    uint32_t late = hal_micros() - *due;
-    if (late < HALF_TURN) {
-        passed += late / period;
-        *due += late / period * period;
-    }
     hal_sleep_until(*due);
-    return (uint16_t)passed;
+    uint32_t missed = (hal_micros() - *due) / period;
+    *due += missed * period;
+    return (uint16_t)(1 + missed);
 }
 
 static void start_chips(const struct board *board)

@@ -15,20 +15,29 @@ static const struct hal_chip COMPASS = {.kind = HAL_SPI, .bus = 0, .select = 20,
 #define MAG_NEW 0x01u
 #define COMPASS_RETRY 100u /* periods, 1 s: a compass that is silent must not cost the frames */
 
+static uint8_t compass_silent; /* periods since it answered last */
+
+static void start_compass(void)
+{
+    compass_silent = hmc5983_start(&COMPASS) && hmc5983_measure(&COMPASS) ? 0 : 1;
+}
+
 static bool start(void)
 {
+    start_compass();
     return mpu6000_start(&IMU, MPU6000_42_HZ); /* the widest below 50 Hz, half of 100 frames a second */
 }
 
-/* The field that was measured since the frame before; the next measurement is begun. */
+/* Whether `field` was measured since the frame before; the next measurement is begun. */
 static bool read_compass(uint8_t field[HMC5983_BYTES])
 {
-    static uint8_t silent = COMPASS_RETRY; /* periods without an answer; it has to be started yet */
-    if (silent >= COMPASS_RETRY)
-        silent = hmc5983_start(&COMPASS) ? 0 : 1;
-    enum reading reading = silent > 0 ? READING_NO_ANSWER : hmc5983_read(&COMPASS, field);
+    if (compass_silent >= COMPASS_RETRY) {
+        start_compass();
+        return false;
+    }
+    enum reading reading = compass_silent > 0 ? READING_NO_ANSWER : hmc5983_read(&COMPASS, field);
     if (reading == READING_NO_ANSWER || !hmc5983_measure(&COMPASS))
-        silent++;
+        compass_silent++;
     return reading == READING_NEW;
 }
 

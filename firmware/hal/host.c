@@ -5,7 +5,7 @@
  *     TIME set NAME ADDRESS BYTES     what is in its registers from then on
  *     TIME silent NAME 0|1            whether it does not answer: no acknowledgement on I2C, a wire that stays high on SPI
  *     TIME bytes BYTES                what comes on the second line
- *     TIME stall MICROS               the processor is away so long
+ *     TIME stall MICROS               the processor is away from then on, so long
  *     TIME end                        the power goes
  *
  * BUS is i2c or spi, KHZ the most that the chip takes, PROTOCOL one of those below, CHANNEL that of the switch it is
@@ -131,7 +131,7 @@ static void happen(void)
     else if (strcmp(verb, "bytes") == 0)
         received_count += parse_bytes(rest, received + received_count, LINE - received_count);
     else if (strcmp(verb, "stall") == 0 && sscanf(rest, "%u", &number) == 1)
-        now += number;
+        now = now < line_time + number ? line_time + number : now;
     else if (strcmp(verb, "end") == 0) {
         fflush(stdout);
         exit(0);
