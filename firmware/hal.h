@@ -1,5 +1,5 @@
 /* What a board gives the firmware: eight functions. Nothing else touches the hardware, so that all the rest runs on any
- * processor, and in the tests on the host. hal/pico.c has them for the Raspberry Pi Pico, hal/host.c for the tests. */
+ * processor, and in the tests on the host. pico/hal.c has them for the Raspberry Pi Pico, host/hal.c for the tests. */
 #ifndef HAL_H
 #define HAL_H
 
@@ -29,7 +29,7 @@ void hal_spi(const struct hal_chip *chip, const uint8_t *out, uint8_t *in, uint8
 /* Time since the start, in us; it wraps after 71 min. */
 uint32_t hal_micros(void);
 
-/* Wait until hal_micros() is `micros`; at once where that is past. */
+/* Wait until hal_micros() is `micros`, not shorter; not at all where that is past. */
 void hal_sleep_until(uint32_t micros);
 
 /* Send bytes to the host. */
