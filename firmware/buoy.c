@@ -24,8 +24,9 @@ static void start_compass(void)
 
 static bool start(void)
 {
-    start_compass();
-    return mpu6000_start(&IMU, MPU6000_42_HZ); /* the widest below 50 Hz, half of 100 frames a second */
+    bool there = mpu6000_start(&IMU, MPU6000_42_HZ); /* the widest below 50 Hz, half of 100 frames a second */
+    start_compass(); /* behind it, where that lets it through */
+    return there;
 }
 
 /* Whether `field` was measured since the frame before; the next measurement is begun. */

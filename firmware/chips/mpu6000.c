@@ -6,6 +6,7 @@ enum {
     CONFIG = 0x1A,       /* bits 2:0 DLPF_CFG [DS-6050] */
     GYRO_CONFIG = 0x1B,  /* bits 4:3 FS_SEL [DS-6050] */
     ACCEL_CONFIG = 0x1C, /* bits 4:3 AFS_SEL [DS-6050] */
+    INT_PIN_CFG = 0x37,  /* bit 1: its second bus is one with the first [K-mpu] */
     INT_ENABLE = 0x38,   /* bit 0 data ready [K-mpu] */
     INT_STATUS = 0x3A,   /* bit 0 data ready, until it is read [DS-6050]; 3B to 48 follow */
     USER_CTRL = 0x6A,    /* bit 4 I2C_IF_DIS [DS-6050] */
@@ -17,6 +18,7 @@ enum {
 #define AFS_4_G 0x08u       /* AFS_SEL 1 [DS-6050] */
 #define CLOCK_OF_GYRO 0x01u /* PLL on gyroscope x, which is steadier than the inner RC clock; awake [K-mpu] */
 #define SPI_ONLY 0x10u
+#define BYPASS 0x02u        /* so that a compass behind it, as on a GY-87, has its own address */
 #define DATA_READY 0x01u
 #define START_US 30000u     /* of the gyroscopes [DS-6050] */
 
@@ -29,7 +31,8 @@ bool mpu6000_start(const struct hal_chip *chip, enum mpu6000_low_pass low_pass)
 {
     if (!answers(chip) || !registers_set(chip, READ, PWR_MGMT_1, CLOCK_OF_GYRO))
         return false;
-    if (chip->kind == HAL_SPI && !registers_set(chip, READ, USER_CTRL, SPI_ONLY))
+    if (chip->kind == HAL_SPI ? !registers_set(chip, READ, USER_CTRL, SPI_ONLY)
+                              : !registers_set(chip, READ, INT_PIN_CFG, BYPASS))
         return false;
     hal_sleep_until(hal_micros() + START_US);
     return registers_set(chip, READ, SMPLRT_DIV, 0) && registers_set(chip, READ, CONFIG, (uint8_t)low_pass)

@@ -18,6 +18,7 @@ from benchmarks.harness.__main__ import main as measure
 from plumbob import profile, read
 from plumbob.core.constants import G0
 from plumbob.core.resources import guide
+from plumbob.live.emulated import running_rig
 from tests.helpers.commandline import call, is_built, start
 
 ROOT = Path(__file__).parents[2]
@@ -95,14 +96,18 @@ def test_console_blocks_run_and_print_what_follows_them(page, tmp_path):
         if kind == "console":
             if re.search("plumbob report|--report", code) and not is_built():
                 pytest.skip("the pages are not built: run 'make page'")
-            printed = iter("".join(output(line, tmp_path, run) for line in code.splitlines()).splitlines())
+            with contextlib.ExitStack() as beside:
+                printed = iter("".join(output(line, tmp_path, run, beside) for line in code.splitlines()).splitlines())
             shown = text.splitlines() if after == "text" and page.name not in NOT_PRINTED else []
             assert [line for line in shown if line != "…" and line not in printed] == [], page.name
 
 
-def output(line, folder, run):
-    """What a line of a console prints; those that need a network or a checkout are not run."""
+def output(line, folder, run, beside):
+    """What a line of a console prints; those that need a network or a checkout are not run, an emulated rig beside it."""
     words = shlex.split(line.removeprefix("$ "), comments=True)
+    if words[-1] == "&":
+        with contextlib.chdir(folder):
+            return beside.enter_context(running_rig(*words[2:-1]))
     if words[:3] == ["python", "-m", "benchmarks.harness"]:
         done = call(*words[3:], cwd=folder, main=measure)
     elif words[0] == "plumbob":
