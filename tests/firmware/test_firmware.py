@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import threading
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -17,44 +18,14 @@ from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import find_format
 from plumbob.protocols.unpack import field_values
 from plumbob.reporting.catalogue import start
+from tests.helpers import beside
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 CC = next(filter(shutil.which, ("cc", "gcc", "clang")), None)
 pytestmark = pytest.mark.skipif(not (CC and shutil.which("make")), reason="no C compiler, or no make, on this machine")
 
-HMC = "set {0} 0a 483433\n0 set {0} 09 01"
-CHIPS = {  # by system: its chips as they are wired, and what they say before the first sample
-    "fin": "chip yaw spi 11 0 8080 replies ff ff\nchip swing spi 14 3 5000 registers ff ff\n"
-    "0 set yaw 00 080000ff\n0 set swing 00 ad1d92",  # what the ADXRS453 says in its self-test
-    "buoy": "chip imu spi 11 0 1000 registers ff 3a\nchip compass spi 14 3 8000 bursts ff ff\n"
-    f"0 set imu 75 68\n0 {HMC.format('compass')}",
-    "buoy_i2c": "chip imu i2c 68 0 400 registers ff 3a\nchip compass i2c 1e 0 400 registers ff ff\n"
-    f"0 set imu 75 68\n0 {HMC.format('compass')}",
-    "trackball": "chip gyro i2c 68 0 400 registers ff 1a\n0 set gyro 00 69",  # bit 0 of the identity is not one
-    "arm": "chip switch i2c 70 0 400 switch ff ff\n" + "\n".join(
-        f"chip imu{i} i2c 68 0 400 registers {i} 3a\nchip compass{i} i2c 1e 0 400 registers {i} ff\n"
-        f"0 set imu{i} 75 68\n0 {HMC.format(f'compass{i}')}" for i in range(6)),
-    "rod": "chip unit spi 11 3 2000 words ff ff",
-}  # fmt: skip
-BYTES = {  # where the chips' bytes stand in a frame: chip, address, what comes before them there, place, how many
-    "fin": [("yaw", "00", "", 8, 4), ("swing", "08", "", 12, 6)],
-    "buoy": [("imu", "3a", "01", 9, 14), ("compass", "03", "", 23, 6)],
-    "trackball": [("gyro", "1a", "01", 8, 8)],
-    "arm": [(f"imu{i}", "3a", "01", 8 + 20 * i, 14) for i in range(6)]
-    + [(f"compass{i}", "03", "", 22 + 20 * i, 6) for i in range(6)],
-    "rod": [("unit", "04", "", 8, 16), ("unit", "02", "", 24, 2), ("unit", "16", "", 26, 2), (None, "", "", 28, 26)],
-}  # fmt: skip
-PERIOD = {"fin": 2_000, "buoy": 10_000, "trackball": 100_000, "arm": 100_000, "rod": 10_000}  # us
-SETTINGS = {  # of the options that the formats have: ranges, gain, filters below half of the frames' rate
-    "fin": {"swing": {0x11: 0x02, 0x10: 0x03}},  # 160 Hz, no high-pass; measure, with temperature
-    "buoy": {
-        "imu": {0x1A: 3, 0x1B: 0 << 3, 0x1C: 1 << 3},
-        "compass": {0x01: 1 << 5},
-    },  # 42 Hz, 250 deg/s, 4 g; 1.3 gauss
-    "trackball": {"gyro": {0x16: 0 << 3 | 6, 0x3E: 3}},  # 250 deg/s, 5 Hz; awake
-    "arm": {"imu5": {0x1A: 6, 0x1B: 0 << 3, 0x1C: 1 << 3}, "compass5": {0x01: 1 << 5}},
-    "rod": {"unit": {0x38: 0x04, 0x39: 0x03, 0x37: 0x01, 0x35: 0x80}},  # the upper byte first; 300 deg/s, 8 taps
-}
+SYSTEMS = tomllib.loads(beside(__file__, "systems.toml"))
+FAULTS = tomllib.loads(beside(__file__, "faults.toml"))
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +72,9 @@ class Bench:
         self.folder, self.system, self.clock = folder, system, clock
         self.name = system.removesuffix("_i2c")
         self.form = find_format(self.name).bind()
-        self.period = PERIOD[self.name]
+        self.parts, self.period = SYSTEMS[system]["bytes"], SYSTEMS[system]["period"]
+        lines = SYSTEMS[system]["chips"].splitlines()
+        self.chips = "\n".join(line.format(i=i) for line in lines for i in range(6 if "{i}" in line else 1))
         self.ticks = self.first() + self.period * np.arange(count)  # us since the power came
         self.columns = columns(self.form, count, (clock + self.ticks) % 2**32)
         self.frames = encode(self.form, self.columns)
@@ -111,14 +84,14 @@ class Bench:
 
     def says(self, frame):
         """What the chips get for a frame."""
-        for chip, address, before, at, size in BYTES[self.name]:
+        for chip, address, before, at, size in self.parts:
             data = before + frame[at : at + size].tobytes().hex()
-            yield f"bytes {data}" if chip is None else f"set {chip} {address} {data}"
+            yield f"set {chip} {address} {data}" if chip else f"bytes {data}"
 
     def first(self):
         """When the first frame is due, by the counter and clock of one that comes later."""
         ready = "".join(f"500000 {line}\n" for line in self.says(np.ones(130, np.uint8)))
-        sent, _ = powered(self.folder, self.system, f"{CHIPS[self.system]}\n{ready}900000 end\n")
+        sent, _ = powered(self.folder, self.system, f"{self.chips}\n{ready}900000 end\n")
         return int.from_bytes(sent[4:8], "little") - int.from_bytes(sent[2:4], "little") * self.period
 
     def before(self, tick, line):
@@ -128,7 +101,7 @@ class Bench:
     def run(self):
         """Bytes, and the log."""
         script = [f"{time} {line}" for time, line in sorted(self.events, key=lambda event: event[0])]
-        script = [CHIPS[self.system], *script, f"{self.ticks[-1] + self.period // 2} end", ""]
+        script = [self.chips, *script, f"{self.ticks[-1] + self.period // 2} end", ""]
         return powered(self.folder, self.system, "\n".join(script), clock=self.clock)
 
     def values(self, kind):
@@ -165,58 +138,35 @@ def require_samples(bench, units, lost=(), absent=None):
     for kind in ("gyr", "acc", "mag"):
         for unit, values in bench.values(kind).items():
             expected = values.copy()
-            expected[list((absent or {}).get(f"{unit}.{kind}".removeprefix("."), ()))] = np.nan
+            expected[slice(*(absent or {}).get(f"{unit}.{kind}".removeprefix("."), [0]))] = np.nan
             invalid = units[unit].flags & getattr(flags, f"{kind.upper()}_INVALID") != 0
             said = np.where(invalid[:, np.newaxis], np.nan, getattr(units[unit], kind))
             np.testing.assert_array_equal(said, expected[there], f"{unit} {kind}")
 
 
-@pytest.mark.parametrize("system", CHIPS)
+@pytest.mark.parametrize("system", SYSTEMS)
 def test_the_counts_of_the_chips_reach_the_session_to_the_bit(built, system, tmp_path, monkeypatch):
     bench = Bench(built, system, 30)
     sent, log = bench.run()
     assert sent == bench.frames.tobytes()
     require_samples(bench, recorded(bench.name, sent, tmp_path, monkeypatch))
-    written = {(line[2], int(line[3], 16)): int(line[4], 16) for line in log if line[1] == "write"}
-    for chip, values in SETTINGS[bench.name].items():
+    written = {(line[2], line[3]): int(line[4], 16) for line in log if line[1] == "write"}
+    for chip, values in SYSTEMS[system]["settings"].items():
         assert {at: written[chip, at] for at in values} == values
     assert [line[1:] for line in log if line[1] == "lamp"] == [["lamp", "1"], ["lamp", "0"]]
 
 
-def silent(chip, until=13):
-    """What happens before samples 10 to `until`: a chip does not answer."""
-    return {10: f"silent {chip} 1", until: f"silent {chip} 0"}
-
-
-THREE = range(10, 13)
-FAULTS = {  # system, what happens before which sample, samples that are lost, and what is absent in which
-    "no acknowledgement": ("buoy_i2c", silent("imu"), THREE, {}),
-    "wire of the IMU pulled": ("buoy", silent("imu"), THREE, {}),
-    "IMU has nothing new": ("buoy", {10: "set imu 3a 00"}, [10], {}),
-    "field not measured yet": ("buoy", {10: "set compass 09 00", 11: "set compass 09 01"}, [], {"mag": [10]}),
-    "compass silent, asked again after 1 s": ("buoy", silent("compass"), [], {"mag": range(10, 111)}),
-    "gyroscope without acknowledgement": ("trackball", silent("gyro"), THREE, {}),
-    "gyroscope has nothing new": ("trackball", {10: "set gyro 1a 00"}, [10], {}),
-    "one of six compasses silent": ("arm", silent("compass2"), [], {"u3.mag": THREE}),
-    "one of six IMUs silent": ("arm", silent("imu1"), THREE, {}),
-    "wire of the yaw gyroscope pulled": ("fin", silent("yaw"), [], {"gyr": THREE}),
-    "yaw gyroscope says invalid": ("fin", {10: "set yaw 00 10000084"}, [], {"gyr": [10]}),  # its PLL and self-test fail
-    "wire of the other gyroscope pulled": ("fin", silent("swing"), THREE, {}),
-    "wire of the unit pulled": ("rod", silent("unit"), [], {"gyr": THREE, "acc": THREE}),
-    "words that are not new": ("rod", {10: "set unit 04 " + 16 * "11"}, [], {"gyr": [10], "acc": [10]}),  # ND is 0
-}
-
-
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_chip_that_fails_costs_its_samples_and_gives_no_wrong_one(built, fault, tmp_path, monkeypatch):
-    system, events, lost, absent = FAULTS[fault]
-    bench = Bench(built, system, 120 if "1 s" in fault else 20)
-    for tick, line in events.items():
-        bench.before(tick, line)
+    case = FAULTS[fault]
+    bench = Bench(built, case["system"], case.get("samples", 20))
+    for tick, line in case["events"].items():
+        bench.before(int(tick), line)
     sent, _ = bench.run()
-    frames = decode(sent, bench.form).frames[bench.name]
-    assert set(range(len(bench.ticks))) - set(frames.columns["counter"]) == set(lost)
-    require_samples(bench, recorded(bench.name, sent, tmp_path, monkeypatch), list(lost), absent)
+    lost = [*range(*case.get("lost", [0]))]
+    counters = decode(sent, bench.form).frames[bench.name].columns["counter"]
+    assert np.setdiff1d(np.arange(len(bench.ticks)), counters).tolist() == lost
+    require_samples(bench, recorded(bench.name, sent, tmp_path, monkeypatch), lost, case.get("absent"))
 
 
 def test_a_reference_that_is_silent_or_damaged_is_absent_and_found_again(built):
@@ -273,7 +223,7 @@ def test_a_board_on_a_port_is_recorded_by_the_session_that_is_started(built, tmp
     def power():
         script = [f"{time} {text}" for time, text in bench.events]
         boards.append(subprocess.Popen([built / "fin"], stdin=subprocess.PIPE, stdout=line, stderr=subprocess.DEVNULL))
-        script = "\n".join([CHIPS["fin"], *script, f"{bench.ticks[-1] + 900} end", ""])
+        script = "\n".join([bench.chips, *script, f"{bench.ticks[-1] + 900} end", ""])
         threading.Thread(target=boards[0].communicate, args=(script.encode(),)).start()
 
     monkeypatch.chdir(tmp_path)
