@@ -103,7 +103,7 @@ def test_console_blocks_run_and_print_what_follows_them(page, tmp_path):
 
 
 def output(line, folder, run, beside):
-    """What a line of a console prints; those that need a network or a checkout are not run, an emulated rig beside it."""
+    """What a line of a console prints; those that need a network or a checkout are not run, a rig beside it."""
     words = shlex.split(line.removeprefix("$ "), comments=True)
     if words[-1] == "&":
         with contextlib.chdir(folder):

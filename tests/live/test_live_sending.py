@@ -25,7 +25,7 @@ from plumbob.live.transports import outgoing
 from plumbob.live.transports.outgoing import FileTarget, Sender, SerialPort, Tcp, TcpServer, Udp, parse_target
 from plumbob.live.transports.transport import BackOff
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
-from tests.helpers import full_disk, until
+from tests.helpers import beside, full_disk, until
 from tests.helpers.commandline import emulated
 
 HDT = len(b"$HEHDT,0.00,T*00\r\n")
@@ -350,13 +350,7 @@ def test_a_file_on_a_disk_that_is_full_is_not_left_half_written(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-BUOY = """
-kind = "plumbob session"
-version = 1
-format = { name = "buoy" }
-imu = { frame = "NED" }
-estimate = { filter = "mekf" }
-"""
+BUOY = beside(__file__, "buoy.session.toml")
 
 
 def session(folder, more):

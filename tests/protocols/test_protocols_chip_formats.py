@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 from plumbob.core import flags
+from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.protocols.decode import decode, triads_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.field import MARKS
 from plumbob.protocols.format_toml import find_format, parse_format
-from plumbob.protocols.unpack import field_values, read_counts
+from plumbob.protocols.unpack import counts_for, field_values, put, read_counts
 from plumbob.simulation.presets import preset_names
 from tests.helpers import beside
 from tests.helpers.commandline import table_of
@@ -32,6 +33,7 @@ POLL = "8222 BDDE BFFF 8000 BE73 818D 8029 8F32 8AAA 8800"
 BURST = "00 00 00 00 00 00 0F A0 00 00 00 00 0F A0 00 FA 00 07 02 5F"
 EXAMPLES = table_of(beside(__file__, "chips.txt"))
 SAID = table_of(beside(__file__, "chips_said.txt"))
+WORDS = table_of(beside(__file__, "registers.txt"))
 
 
 def bound(name, options=""):
@@ -165,3 +167,55 @@ def test_sensor_time_of_the_bosch_parts_counts_39_us(name):
     (clock,) = (field for field in bound(name).message().fields if field.role == "clock")
     assert 25600 * clock.scale == pytest.approx(1.0, rel=1e-12)
     assert (clock.type, clock.order) == ("u24", "little")
+
+
+FINE = {"gyr_range": "75 deg/s"}
+
+
+def word_of(form, key):
+    (register,) = [register for register in form.bind().registers if key in (register.name, str(register.address))]
+    return register.word
+
+
+def said(word, data):
+    counts = read_counts(word, np.frombuffer(data, dtype=np.uint8).reshape(-1, word.size))
+    return field_values(word, counts) if word.physical else counts
+
+
+@pytest.mark.parametrize(("name", "options", "key", "text", "meaning"), WORDS)
+def test_a_register_says_its_value_and_back(name, options, key, text, meaning):
+    word, data, value = word_of(bound(name, options), key), bytes.fromhex(text), fields_of(meaning)["is"]
+    assert said(word, data)[0] == pytest.approx(value, rel=1e-12, abs=1e-13)
+    row = np.zeros((1, word.size), dtype=np.uint8)
+    put(word, row, counts_for(word, np.array([value]))[0] if word.physical else np.array([value]))
+    assert row.tobytes() == data
+
+
+@pytest.mark.parametrize("name", ["adxrs290", "adxrs453", "mpu6000", "mpu3050", "hmc5983", "adis16355"])
+def test_counts_of_every_register_survive(name):
+    for word in (r.word for r in find_format(name).bind().registers if r.word and r.word.physical):
+        counts = np.unique(np.linspace(*word.limits, 7).astype(np.int64))
+        rows = np.zeros((counts.size, word.size), dtype=np.uint8)
+        put(word, rows, counts_for(word, field_values(word, counts))[0])
+        assert np.array_equal(read_counts(word, rows), counts)
+
+
+def test_a_register_in_ones_own_format_is_read_strictly_and_a_settled_option_stays():
+    text = (
+        'kind = "plumbob format"\nversion = 1\nname = "own"\ntitle = "own"\nbyte_order = "big"\n[frame]\nlength = 2\n'
+        '[[field]]\nname = "temp_c"\ntype = "s16"\nunit = "degC"\n'
+        '[[register]]\naddress = 1\nname = "V"\nmeaning = "volts"\ntype = "u16"\nunit = "{unit}"\n{more}'
+    )
+    form = parse_format(text.format(unit="mV", more=""))
+    assert said(word_of(form, "V"), b"\x03\xe8")[0] == pytest.approx(1.0)
+    with pytest.raises(DecodeError, match="no key 'role'"):
+        parse_format(text.format(unit="mV", more='role = "status"\n'))
+    with pytest.raises(Exception, match="'bogus' is not a unit"):
+        said(word_of(parse_format(text.format(unit="bogus", more="")), "V"), b"\0\0")
+    # Its numbers are in the fields by then; a second choice would change the name of the range and no number.
+    form = find_format("adis16355").bind(FINE)
+    assert form.bind().chosen == FINE
+    # bits beside the value do not matter
+    assert said(word_of(form, "4"), bytes.fromhex("C222"))[0] == pytest.approx(546 * 0.018315 * DEG, rel=1e-12)
+    with pytest.raises(ParameterError, match="is settled as '75 deg/s' and cannot become '150 deg/s'"):
+        form.bind({"gyr_range": "150 deg/s"})

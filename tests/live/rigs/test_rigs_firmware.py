@@ -12,6 +12,7 @@ from plumbob.protocols.encode import encode
 from plumbob.protocols.ring import read_ring
 from plumbob.rotations import North, quat_angle
 from plumbob.simulation import scenario
+from tests.helpers import beside
 from tests.helpers.commandline import ok, refused
 
 FORM = find_format("buoy_attitude")
@@ -179,15 +180,7 @@ def test_a_coarse_recording_is_fused_where_it_has_something_new():
     assert np.abs(done.track.roll).max() < 1e-3
 
 
-SESSION = """
-kind = "plumbob session"
-version = 1
-source = { kind = "file", path = "said.bin" }
-format = { name = "buoy_attitude" }
-imu = { device = "mpu6000+hmc5983 #3", frame = "NED" }
-reference = { north = "magnetic" }
-record = { path = "said.mcap" }
-"""
+SESSION = beside(__file__, "said.session.toml")
 
 
 def test_on_the_command_line_it_is_a_rig_with_a_log_and_records_like_an_ahrs(tmp_path):
