@@ -45,13 +45,13 @@ static bool read_compass(uint8_t field[HMC5983_BYTES])
 static bool read(struct frame *frame)
 {
     uint8_t imu[MPU6000_BYTES];
-    uint8_t field[HMC5983_BYTES];
+    uint8_t field[HMC5983_BYTES] = {0}; /* means nothing where it is not new */
     if (mpu6000_read(&IMU, imu) != READING_NEW)
         return false;
     const uint8_t mag_new = read_compass(field) ? MAG_NEW : 0;
     frame_put(frame, &mag_new, 1);
     frame_put(frame, imu, sizeof imu);
-    frame_put(frame, mag_new ? field : HMC5983_NO_FIELD, HMC5983_BYTES);
+    frame_put(frame, field, sizeof field);
     return true;
 }
 

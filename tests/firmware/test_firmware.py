@@ -140,7 +140,8 @@ def require_samples(bench, units, lost=(), absent=None):
             expected = values.copy()
             expected[slice(*(absent or {}).get(f"{unit}.{kind}".removeprefix("."), [0]))] = np.nan
             invalid = units[unit].flags & getattr(flags, f"{kind.upper()}_INVALID") != 0
-            said = np.where(invalid[:, np.newaxis], np.nan, getattr(units[unit], kind))
+            triad = getattr(units[unit], kind)  # None where it has no number at all
+            said = np.where(invalid[:, np.newaxis], np.nan, np.full(values.shape, np.nan) if triad is None else triad)
             np.testing.assert_array_equal(said, expected[there], f"{unit} {kind}")
 
 

@@ -83,26 +83,26 @@ class Collected(Sink):
 
     def imu(self, *, calibrated: bool) -> ImuData | None:
         """Samples of the whole, judged as a recording; None where there are none."""
-        parts = [part.imu if calibrated else part.sensed for part in self.parts]
-        return _joined_imu(parts, parts[0].triads) if parts and parts[0].triads else None
+        return _joined_imu([part.imu if calibrated else part.sensed for part in self.parts])
 
     def array(self, *, calibrated: bool) -> ImuArray | None:
-        """The same of all units; None where there are no samples, or the session decodes one unit.
-
-        A triad, or a unit, that has no number in any sample is left out.
-        """
+        """The same of all units that have samples; None where there are none, or the session decodes one unit."""
         if not self.parts or not self.parts[0].units:
             return None
         units, mounts = dict[str, ImuData](), dict[str, UnitMount]()
         for name, unit in self.parts[0].units.items():
             parts = [part.units[name].imu if calibrated else part.units[name].sensed for part in self.parts]
-            alive = [triad for triad in unit.sensed.triads if any(np.isfinite(getattr(p, triad)).any() for p in parts)]
-            if alive:
-                units[name], mounts[name] = _joined_imu(parts, alive), unit.mount
+            if (joined := _joined_imu(parts)) is not None:
+                units[name], mounts[name] = joined, unit.mount
         return ImuArray(units, mounts)
 
 
-def _joined_imu(parts: Sequence[ImuData], triads: Sequence[str]) -> ImuData:
+def _joined_imu(parts: Sequence[ImuData]) -> ImuData | None:
+    """Samples of all parts, without triads that have no number in any, as of a compass that is away."""
+    candidates = parts[0].triads if parts else ()
+    triads = [name for name in candidates if any(np.isfinite(getattr(part, name)).any() for part in parts)]
+    if not triads:
+        return None
     names = ("t", "flags", *triads, *(() if parts[0].temp_c is None else ("temp_c",)))
     return ImuData(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names}, meta=parts[0].meta)
 
