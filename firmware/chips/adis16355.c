@@ -18,7 +18,7 @@ enum { /* [DS-1635x] */
 
 #define COMPENSATED 0x80u
 #define RATE_819 0x01u
-#define RANGE_300 0x04u     /* bits 10:8 [DS-1635x] */
+#define RANGE_300 0x0400u   /* bits 10:8 [DS-1635x] */
 #define TAPS_8 0x03u        /* 2^3 in each of two stages: 34.4 Hz, below half of 100 frames a second [DS-1635x] */
 #define WRITE 0x80u         /* bit 15 of a word: write one byte [DS-1635x] */
 #define START_US 150000u    /* [DS-1635x] */
@@ -34,22 +34,23 @@ static uint16_t exchange(const struct hal_chip *chip, uint8_t high, uint8_t low)
     uint32_t begun = hal_micros();
     hal_spi(chip, out, in, 2);
     hal_sleep_until(begun + READ_US);
-    return (uint16_t)((uint16_t)(in[0] << 8) | in[1]);
+    return (uint16_t)((uint16_t)in[0] << 8 | in[1]);
 }
 
-static bool set(const struct hal_chip *chip, uint8_t address, uint8_t high, uint8_t low)
+/* Write a register, a byte at a time, and read back the bits that mean something. */
+static bool set(const struct hal_chip *chip, uint8_t address, uint16_t value, uint16_t bits)
 {
-    exchange(chip, WRITE | address, low);
-    exchange(chip, (uint8_t)(WRITE | (address + 1)), high);
+    exchange(chip, WRITE | address, (uint8_t)(value & 0xFFu));
+    exchange(chip, (uint8_t)(WRITE | (address + 1)), (uint8_t)(value >> 8));
     exchange(chip, address, 0);
-    return exchange(chip, address, 0) == ((uint16_t)(high << 8) | low);
+    return (exchange(chip, address, 0) & bits) == value;
 }
 
 bool adis16355_start(const struct hal_chip *chip)
 {
     hal_sleep_until(hal_micros() + START_US);
-    return set(chip, SMPL_PRD, 0, RATE_819) && set(chip, SENS_AVG, RANGE_300, TAPS_8)
-           && set(chip, MSC_CTRL, 0, COMPENSATED);
+    return set(chip, SMPL_PRD, RATE_819, 0x00FF) && set(chip, SENS_AVG, RANGE_300 | TAPS_8, 0x0707)
+           && set(chip, MSC_CTRL, COMPENSATED, 0x07C7);
 }
 
 void adis16355_read(const struct hal_chip *chip, uint8_t data[ADIS16355_BYTES])

@@ -15,7 +15,7 @@ static bool sound(const uint8_t packet[AHRS500GA_BYTES])
         bytes = (uint16_t)(bytes + packet[i]);
         words += i % 2 ? packet[i] : (uint32_t)packet[i] << 8;
     }
-    uint16_t check = (uint16_t)((uint16_t)(packet[CHECK_AT] << 8) | packet[CHECK_AT + 1]);
+    uint16_t check = (uint16_t)((uint16_t)packet[CHECK_AT] << 8 | packet[CHECK_AT + 1]);
     return packet[0] == SYNC_0 && packet[1] == SYNC_1 && (check == bytes || check == words % 0xFFFFu);
 }
 
