@@ -174,12 +174,12 @@ def test_a_reference_that_is_silent_or_damaged_is_absent_and_found_again(built):
     bench = Bench(built, "rod", 20)
     place = bench.events.index((bench.ticks[10] - 400, f"bytes {bench.frames[10, 28:54].tobytes().hex()}"))
     time, line = bench.events[place]
-    bench.events[place] = (time, line[:20] + "aa55" + line[24:])  # what begins a packet, within a packet
-    del bench.events[place + 4]  # none comes
+    bench.events[place] = (time, line[:20] + "aa55" + line[24:46])  # what begins a packet, within one that is cut off
+    del bench.events[place + 8]  # none comes
     columns = decode(bench.run()[0], bench.form).frames["rod"].columns
     for name in ("ref.roll", "ref.gyr.z", "gyr.x"):
         expected = bench.columns[name].copy()
-        expected[[10, 11] if "ref" in name else []] = np.nan
+        expected[[10, 12] if "ref" in name else []] = np.nan
         np.testing.assert_array_equal(columns[name], expected)
 
 
