@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from plumbob import ImuArray, ImuData, flags, simulate_chain
-from plumbob.arm import ArmCard, align, run
+from plumbob.arm import ArmCard, ArmStream, align, run
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.core.units import deg
 from plumbob.data.chain import Chain, Joint, Segment
@@ -148,6 +149,28 @@ def test_a_causal_result_knows_nothing_of_what_comes_later(five):
     part = run(card, made.array[:900], params=INSTANT, causal=True)
     # the common heading is interpolated from keyframe to keyframe, and the last one comes early
     assert np.array_equal(whole.joints.angles[:890], part.joints.angles[:890])
+
+
+@pytest.mark.parametrize("frame", ["ENU", "NED"])
+def test_a_stream_gives_the_bits_of_the_causal_result_however_it_is_cut(five, frame):
+    made, card = five
+    keep = (made.t < 10.0) | (made.t >= 15.0)
+    units = {name: ImuData(one.t[keep], one.gyr[keep], one.acc[keep], one.mag[keep], meta=one.meta)
+             for name, one in with_hole(made.array, "u3", "gyr", 5.0, 5.3).units.items()}  # fmt: skip
+    array, stream = ImuArray(units), ArmStream(card, frame=frame, params=INSTANT)
+    whole = run(card, array, frame=frame, params=INSTANT, causal=True)
+    cuts = [0, *np.random.default_rng(1).choice(len(array), 40, replace=False), len(array)]
+    parts = [stream.take(array[a:b], end=b == len(array)) for a, b in pairwise(sorted(cuts))]
+    parts = [part for part in parts if part is not None]
+    assert len(parts) > 20
+    for name in ("t", "angles", "sd", "hand", "hand_sd", "flags"):
+        assert (
+            np.concatenate([getattr(part.joints, name) for part in parts]).tobytes()
+            == getattr(whole.joints, name).tobytes()
+        ), name
+    for name, track in whole.tracks.items():
+        assert np.concatenate([part.tracks[name].q_nb for part in parts]).tobytes() == track.q_nb.tobytes()
+        assert np.concatenate([part.tracks[name].cov_b for part in parts]).tobytes() == track.cov_b.tobytes()
 
 
 def test_without_a_magnetometer_the_heading_is_free_and_less_and_less_certain(five):

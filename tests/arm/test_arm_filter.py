@@ -8,7 +8,7 @@ import pytest
 
 from plumbob.arm.filter import WIDTH, ChainFilter, Params, UnitSamples
 from plumbob.arm.links import chain_links
-from plumbob.arm.smoother import backward, begin, first_tilts, keyframe_rows, stretches
+from plumbob.arm.smoother import UnitAttitudes, backward, begin, first_tilts, keyframe_rows
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.rotations import quat_conjugate, quat_multiply, quat_rotate, rotvec_from_quat
@@ -185,6 +185,10 @@ def test_smoothing_of_one_keyframe_changes_nothing_and_of_many_never_adds_doubt(
     for before, after in zip(frames, backward(frames), strict=True):
         # knowing more, the covariance cannot grow (Gauss–Markov)
         assert np.linalg.eigvalsh(before.cov - after.cov).min() > -1e-9
+
+
+def stretches(samples):
+    return [*UnitAttitudes([], Params()).stretches(samples)]
 
 
 def test_a_gap_of_all_units_parts_a_recording_and_one_of_a_single_unit_does_not():

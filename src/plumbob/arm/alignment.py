@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
+from plumbob import rotations
 from plumbob.arm import geometry
 from plumbob.arm.filter import Params, UnitSamples
 from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, JointLink, chain_links, joint_axes, unit_numbers
-from plumbob.arm.smoother import Attitudes, estimate_motion
+from plumbob.arm.smoother import Attitudes, UnitAttitudes
 from plumbob.core import check
 from plumbob.core.check import Floats, number
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
@@ -21,16 +22,7 @@ from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.cards.file import Card, built, kind_of
 from plumbob.data.chain import Chain, Joint, Segment, chain_text, load_chain, parse_chain
 from plumbob.filters.smoother.keyframes import trusted
-from plumbob.filters.smoother.preprocess import watched
-from plumbob.rotations import (
-    dcm_from_quat,
-    quat_conjugate,
-    quat_from_dcm,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_rotate,
-    rotvec_from_quat,
-)
+from plumbob.filters.smoother.preprocess import SampleWatch, watched
 
 if TYPE_CHECKING:
     from plumbob.door.reading import Source
@@ -280,8 +272,11 @@ def filter_params(chain: Chain, array: ImuArray, params: Mapping[str, Any] | Non
     return build(Params, defaults | dict(params or {}), of="arm")
 
 
-def chain_samples(chain: Chain, array: ImuArray) -> UnitSamples:
-    """Samples of the units of a chain, in the order of its segments; what is stuck or beyond its range is missing."""
+def chain_samples(chain: Chain, array: ImuArray, watches: Mapping[str, SampleWatch] | None = None) -> UnitSamples:
+    """Samples of the units of a chain, in the order of its segments; what is stuck or beyond its range is missing.
+
+    Of a stream `watches` have seen what came before, by unit.
+    """
     check.kind("array", array, ImuArray)
     if not chain.joints:
         raise ParameterError(f"{chain.name} has no joint, so one unit is all there is; plumbob run estimates one unit.")
@@ -296,10 +291,14 @@ def chain_samples(chain: Chain, array: ImuArray) -> UnitSamples:
         lacking = [triad for triad in ("gyr", "acc") if triad not in array.units[name].triads]
         if lacking:
             raise ShapeError(f"the unit '{name}' has no {' and no '.join(lacking)}, which a chain needs of every unit.")
-    units = [watched(array.units[name]) for name in names]
+    units = [
+        watched(imu) if watches is None else imu.flagged(watches[name].words(np.array(imu.t), *trusted(imu, mag=True)))
+        for name, imu in ((name, array.units[name]) for name in names)
+    ]
     gyr, acc, mag = (np.stack(triad) for triad in zip(*(trusted(imu, mag=True) for imu in units), strict=True))
     words = np.bitwise_or.reduce([imu.flags for imu in units])
-    return UnitSamples(np.array(array.t), gyr, acc, mag if np.isfinite(mag).any() else None, words)
+    has_mag = watches is not None or np.isfinite(mag).any()
+    return UnitSamples(np.array(array.t), gyr, acc, mag if has_mag else None, words)
 
 
 class _Fits(NamedTuple):
@@ -369,7 +368,9 @@ class _AlternatingSearch:
             replace(link, play=float(np.hypot(link.play, angle)), force_sd=float(np.hypot(link.force_sd, force)))
             for link in self._links
         ]
-        return estimate_motion(self._samples, links, self._params, north=0.0, smooth=True)[1]
+        completed = UnitAttitudes(links, self._params, smooth=True).take(self._samples, end=True)
+        assert completed is not None  # at the end
+        return completed[0]
 
     def _begin_axes(self, terms: geometry.Terms) -> None:
         """First axes of joints that have none yet."""
@@ -495,15 +496,15 @@ def _geometry(chain: Chain, fits: _Fits, poses: Sequence[Pose]) -> Chain:
 def _found_joint(link: JointLink, origin: Floats, motion: Attitudes, poses: Sequence[Pose]) -> Joint:
     """Joint whose angles are zero in the first posture, or at the first sample."""
     first = 0 if not poses else int(np.searchsorted(motion.t, 0.5 * (poses[0][0] + poses[0][1])))
-    zero = quat_multiply(quat_conjugate(motion.q[link.parent, first]), motion.q[link.child, first])
+    zero = rotations.quat_multiply(rotations.quat_conjugate(motion.q[link.parent, first]), motion.q[link.child, first])
     axes = link.joint.axes
     if link.joint.kind == "fixed":
-        zero = quat_from_dcm(link.axes[0].T @ link.axes[1])
+        zero = rotations.quat_from_dcm(link.axes[0].T @ link.axes[1])
     elif link.joint.kind != "ball":
         axis = ahead = link.axes[1, 0]
         axes = (tuple(axis.tolist()),)
         if link.joint.kind == "universal":
-            ahead = dcm_from_quat(quat_conjugate(zero)) @ link.axes[0, 0]
+            ahead = rotations.dcm_from_quat(rotations.quat_conjugate(zero)) @ link.axes[0, 0]
             ahead = ahead - axis * (axis @ ahead)
             axes = (tuple((ahead / np.linalg.norm(ahead)).tolist()), *axes)
         zero = _carried(zero, ahead, link.axes[0, 0])
@@ -512,11 +513,11 @@ def _found_joint(link: JointLink, origin: Floats, motion: Attitudes, poses: Sequ
 
 def _carried(q: Floats, axis: Floats, to: Floats) -> Floats:
     """Rotation nearest to q that carries an axis exactly to another."""
-    rotated = quat_rotate(q, axis)
+    rotated = rotations.quat_rotate(q, axis)
     across = np.cross(rotated, to)
     sine = float(np.linalg.norm(across))
     angle = float(np.arctan2(sine, rotated @ to)) / max(sine, 1e-12)
-    return quat_multiply(quat_from_rotvec(across * angle), q)
+    return rotations.quat_multiply(rotations.quat_from_rotvec(across * angle), q)
 
 
 def _found_sd(chain: Chain, fits: _Fits) -> dict[str, Any]:
@@ -586,7 +587,7 @@ class _MountProblem:
         mounts = {}
         for k, body in enumerate(self._mounted):
             turn, moved = x[6 * k : 6 * k + 3], x[6 * k + 3 : 6 * k + 6]
-            q = quat_multiply(quat_from_rotvec(turn), np.array(body.mount.q_bs))
+            q = rotations.quat_multiply(rotations.quat_from_rotvec(turn), np.array(body.mount.q_bs))
             lever = np.array(body.mount.lever_b) + moved
             mounts[body.name] = replace(body.mount, q_bs=tuple(q.tolist()), lever_b=tuple(lever.tolist()))
         return mounts
@@ -642,7 +643,7 @@ class _MountProblem:
                 rows.append(_whitened(cov, axis.value[side, 0] - expected[side, 0]))
         if joint.kind == "fixed" and axis is not None:
             off = (axis.value[0].T @ axis.value[1]).T @ expected[0].T @ expected[1]
-            rows.append(rotvec_from_quat(quat_from_dcm(off)) / AXIS_SD)
+            rows.append(rotations.rotvec_from_quat(rotations.quat_from_dcm(off)) / AXIS_SD)
         return rows
 
     def _of_pose(
@@ -650,15 +651,19 @@ class _MountProblem:
     ) -> list[Floats]:
         """How far attitudes in a posture are from what mounts and angles make of it."""
         numbers, rows = unit_numbers(self._chain), []
-        ground = quat_from_rotvec(np.array([0.0, 0.0, heading]))
+        ground = rotations.quat_from_rotvec(np.array([0.0, 0.0, heading]))
         for joint, joint_angles in zip(self._chain.joints, angles, strict=True):
             parent, child = numbers[joint.parent], numbers[joint.child]
-            before = ground if parent == GROUND else quat_multiply(
-                attitudes[parent], quat_conjugate(np.array(mounts[joint.parent].q_bs))
+            before = ground if parent == GROUND else rotations.quat_multiply(
+                attitudes[parent], rotations.quat_conjugate(np.array(mounts[joint.parent].q_bs))
             )  # fmt: skip
-            after = quat_multiply(attitudes[child], quat_conjugate(np.array(mounts[joint.child].q_bs)))
-            off = quat_multiply(quat_conjugate(quat_multiply(before, joint.turned(joint_angles)[0])), after)
-            rows.append(rotvec_from_quat(off) / self._pose_sd)
+            after = rotations.quat_multiply(
+                attitudes[child], rotations.quat_conjugate(np.array(mounts[joint.child].q_bs))
+            )
+            off = rotations.quat_multiply(
+                rotations.quat_conjugate(rotations.quat_multiply(before, joint.turned(joint_angles)[0])), after
+            )
+            rows.append(rotations.rotvec_from_quat(off) / self._pose_sd)
         return rows
 
 

@@ -23,27 +23,31 @@ UNKNOWN: Final = math.pi
 
 
 class Anchored(NamedTuple):
-    """By how much the chain's frame is turned from North at each keyframe (K,), rad, and the variance of that, rad²."""
+    """By how much the chain's frame is turned from North at each keyframe (K,), rad, and the variance of that, rad².
+
+    `state` is the filter's at the last one, from which a stream goes on; None where no field holds the frame.
+    """
 
     turn: Floats
     var: Floats
+    state: tuple[Floats, Floats] | None = None
 
 
 def anchored(
     samples: UnitSamples, motion: Attitudes, params: Params, *, north: float, turn_sd: float, north_sd: float,
-    smooth: bool,
-) -> Anchored | None:  # fmt: skip
-    """Turn of the frame at each keyframe; None where no keyframe has a field.
+    smooth: bool, before: Anchored | None = None,
+) -> Anchored:  # fmt: skip
+    """Turn of the frame at each keyframe; `before` has it at the first one, where that is known.
 
     `motion`: attitudes in the chain's own frame; `north`: where the field points from the frame's x axis, rad;
     `turn_sd`, `north_sd`: how far the frame may be turned at the beginning, and how far North is known, rad; `smooth`:
     whether what comes later counts.
     """
-    directions = _directions(samples, motion)
-    if not np.isfinite(directions).any():
-        return None
+    directions, going_on = directions_at(samples, motion), before is not None and before.state is not None
     t, drift = motion.t[motion.rows], _drift(motion)
     x, p = np.array([0.0, 0.0, north]), np.diag([turn_sd**2, params.anchor_sd**2, north_sd**2])
+    if before is not None and before.state is not None:
+        x, p = before.state
     h = np.array([-1.0, 1.0, 1.0])
     states, covs = np.empty((len(t), 3)), np.empty((len(t), 3, 3))
     priors, fades = covs.copy(), np.ones(len(t))
@@ -56,26 +60,29 @@ def anchored(
             p[0, 0] += drift[k] + LEAST_DRIFT**2 * span
             p[1, 1] += params.anchor_sd**2 * (1.0 - fades[k] ** 2)
         priors[k] = p
-        if math.isfinite(directions[k]):
+        if math.isfinite(directions[k]) and (k or not going_on):
             off = wrap(directions[k] - h @ x)
             gain = p @ h / (h @ p @ h + LOOK_SD**2)
             x, p = x + gain * off, p - np.outer(gain, h @ p)
         states[k], covs[k] = x, 0.5 * (p + p.T)
     if smooth:
         _backward(states, covs, priors, fades)
-    return Anchored(states[:, 0], np.maximum(covs[:, 0, 0], 0.0))
+    return Anchored(states[:, 0], np.maximum(covs[:, 0, 0], 0.0), (x, p))
 
 
-def drifting(motion: Attitudes, turn_sd: float) -> Anchored:
-    """The frame where nothing holds it: not turned, and known ever worse."""
+def drifting(motion: Attitudes, turn_sd: float, before: Anchored | None = None) -> Anchored:
+    """The frame where nothing holds it: not turned, and known ever worse; `before` as of `anchored`."""
     t = motion.t[motion.rows]
-    return Anchored(np.zeros(len(t)), turn_sd**2 + np.cumsum(_drift(motion)) + LEAST_DRIFT**2 * (t - t[0]))
+    growth = _drift(motion) + LEAST_DRIFT**2 * np.diff(t, prepend=t[0])
+    growth[0] = turn_sd**2 if before is None else before.var[-1]
+    return Anchored(np.zeros(len(t)), np.cumsum(growth))
 
 
-def _directions(samples: UnitSamples, motion: Attitudes) -> Floats:
+def directions_at(samples: UnitSamples, motion: Attitudes) -> Floats:
     """Direction of the sum of all level fields at each keyframe (K,), rad; NaN where there is none."""
-    assert samples.mag is not None
     rows = motion.rows
+    if samples.mag is None:
+        return np.full(len(rows), np.nan)
     level = quat_rotate(motion.q[:, rows], samples.mag[:, rows])[..., :2]
     size = np.linalg.norm(level, axis=2)
     used = np.isfinite(size) & (size > LEAST_FIELD)

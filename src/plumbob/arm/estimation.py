@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob import rotations
 from plumbob.arm.alignment import ArmCard, chain_samples, filter_params, opened_chain
-from plumbob.arm.anchor import UNKNOWN, Anchored, anchored, drifting
+from plumbob.arm.anchor import UNKNOWN, Anchored, anchored, directions_at, drifting
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.filter import Params, UnitSamples
 from plumbob.arm.links import GROUND, JointLink, chain_links, unit_numbers
-from plumbob.arm.smoother import FRAME_SD, LOST, Attitudes, ChainStart, estimate_motion
+from plumbob.arm.smoother import FRAME_SD, LOST, TILT_TIME, Attitudes, ChainStart, UnitAttitudes
 from plumbob.core import check, flags
 from plumbob.core.check import Floats, number
 from plumbob.core.errors import ParameterError
@@ -26,19 +27,8 @@ from plumbob.data import AttitudeTrack
 from plumbob.data.array import ImuArray
 from plumbob.data.chain import Chain, Joint, Posture
 from plumbob.filters.offline import navigation_frame
-from plumbob.rotations import (
-    Frame,
-    North,
-    change_frame,
-    dcm_from_quat,
-    frame_rotation,
-    quat_conjugate,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_rotate,
-    skew,
-    wrap,
-)
+from plumbob.filters.smoother.preprocess import SampleWatch
+from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
     from plumbob.door.reading import Source
@@ -139,7 +129,7 @@ class ArmEstimate(Series):
         """Where every segment is: in the axes of a root that stands still, else in ENU; the root's origin stays."""
         if self.chain.base_fixed:
             return self.chain.postures(self.joints.angles)
-        root = change_frame(self.tracks[self.chain.segments[0].name].q_nb, to=Frame.ENU, from_=self.frame)
+        root = rotations.change_frame(self.tracks[self.chain.segments[0].name].q_nb, to=Frame.ENU, from_=self.frame)
         return self.chain.postures(self.joints.angles, root)
 
 
@@ -193,46 +183,110 @@ def run(
     """
     from plumbob.door.reading import opened_array
 
-    chain = opened_chain(chain)
-    card = chain if isinstance(chain, ArmCard) else None
-    model = check.kind("chain", chain, Chain) if card is None else card.chain
-    array, held = opened_array(array), number("pose_sd", given("pose_sd", pose_sd, Quantity.ANGLE), "rad")
-    wanted = navigation_frame(
-        next(iter(array.units.values())), None if frame is None else Frame.parse(frame), where="the recording"
+    follower = ArmStream(
+        chain, frame=frame, pose=pose, pose_sd=pose_sd, params=params, smooth=not causal, progress=progress
     )
-    samples, settings = chain_samples(model, array), filter_params(model, array, params)
-    links = chain_links(model) if card is None else card.links()
-    inside = _Z_UP[wanted]
-    north = float(np.arctan2(inside.north[1], inside.north[0]))
-    posture = None if pose is None else _posture(model, pose)
-    posed = posture is not None
-    start, motion = estimate_motion(
-        samples, links, settings, north=north, pose=posture, pose_sd=held, smooth=not causal,
-        progress=_counter(len(samples), progress),
-    )  # fmt: skip
-    anchor = _anchor(model, samples, motion, settings, start, north, posed=held if posed else None, smooth=not causal)
-    strays = _strays(links, motion)
-    estimate = _Reading(model, card, motion, anchor, inside, wanted, samples.flags, strays).estimate(
-        north=_north(model, start, anchor, posed=posed, causal=causal),
-        source=_source(settings, causal=causal),
-        notes=_notes(model, card, start, anchor, posed=posed, causal=causal) + _contradicted(links, strays),
-    )
+    estimate = follower.take(opened_array(array), end=True)
+    assert estimate is not None  # at the end there is something
     for remark in estimate.notes if note else ():
         note(str(remark))  # type: ignore[misc]
     return estimate
 
 
-def _counter(total: int, progress: Callable[[int, int], None] | None) -> Callable[[int], None] | None:
-    if progress is None:
-        return None
-    done = 0
+class ArmStream:
+    """Estimate a chain as the samples of its units come; cut anywhere, a stream gives the same bits.
 
-    def count(more: int) -> None:
-        nonlocal done
-        done += more
-        progress(done, total)
+    It is what `run` does, whose arguments these are, causal unless `smooth`: then all comes at the end. Else angles
+    come with the keyframe behind them, at most 0.1 s late; the first ones when headings have begun, after seconds.
 
-    return count
+    Examples
+    --------
+    >>> from plumbob.arm import ArmStream
+    >>> follower = ArmStream("card.json", frame="ENU")  # doctest: +SKIP
+    >>> for part in parts:  # doctest: +SKIP
+    ...     if (found := follower.take(part)) is not None:
+    ...         print(found.joints.angles[-1])
+    """
+
+    def __init__(
+        self, chain: Chain | ArmCard | str | Path, *, frame: Frame | str | None = None,
+        pose: str | Sequence[float] | None = None, pose_sd: float | str = "1 deg",
+        params: Mapping[str, Any] | None = None, smooth: bool = False,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> None:  # fmt: skip
+        chain = opened_chain(chain)
+        self._card = chain if isinstance(chain, ArmCard) else None
+        self.chain = model = check.kind("chain", chain, Chain) if self._card is None else self._card.chain
+        self._wanted, self._given = None if frame is None else Frame.parse(frame), params
+        self._pose = None if pose is None else _posture(model, pose)
+        self._pose_sd = number("pose_sd", given("pose_sd", pose_sd, Quantity.ANGLE), "rad")
+        self._watches = {segment.unit: SampleWatch() for segment in model.segments if segment.unit}
+        self._on_base = pose is not None and model.base_fixed
+        self._smooth, self._progress = smooth, progress
+        self._motion: UnitAttitudes | None = None
+        self._anchor: Anchored | None = None
+        self._has_field, self._strays, self._count = False, np.zeros(len(model.joints)), 0
+
+    def take(self, array: ImuArray, *, end: bool = False) -> ArmEstimate | None:
+        """Take the next samples, of any number, and return what they complete; None where that is nothing.
+
+        With `end`, nothing else comes, and all that waits is returned.
+        """
+        samples = chain_samples(self.chain, array, None if self._smooth else self._watches)
+        if self._motion is None:
+            self._begin(array)
+        completed = self._motion.take(samples, end=end) if self._motion else None
+        if self._motion is None or completed is None or self._motion.start is None:
+            return None
+        (motion, samples, n_before), start = completed, self._motion.start
+        notes = () if n_before else self._see(samples, motion, start)
+        strays = _strays(self._links, motion)
+        self._strays += np.sum(strays[n_before:] ** 2, axis=0)
+        self._count += len(strays) - n_before
+        if end:
+            notes += _contradicted(self._links, np.sqrt(self._strays / self._count))
+        self._anchor = self._anchored(samples, motion, start.ready) if start.free else None
+        steady = not self._smooth or self._on_base or self._anchor is None
+        return _Reading(
+            self.chain, self._card, motion, self._anchor, self._inside, self.frame, samples.flags, strays
+        ).estimate(
+            north=rotations.North.FREE if steady else rotations.North.MAGNETIC,
+            source=_source(self._params, causal=not self._smooth), notes=notes, n_before=n_before,
+        )  # fmt: skip
+
+    def _begin(self, array: ImuArray) -> None:
+        """Take over what the first samples say of units and frame."""
+        self._params = filter_params(self.chain, array, self._given)
+        self._links = chain_links(self.chain) if self._card is None else self._card.links()
+        self.frame = navigation_frame(next(iter(array.units.values())), self._wanted, where="the recording")
+        self._inside = _Z_UP[self.frame]
+        self._north = float(np.arctan2(self._inside.north[1], self._inside.north[0]))
+        self._motion = UnitAttitudes(
+            self._links, self._params, north=self._north, pose=self._pose, pose_sd=self._pose_sd, smooth=self._smooth,
+            progress=self._progress,
+        )  # fmt: skip
+
+    def _see(self, samples: UnitSamples, motion: Attitudes, start: ChainStart) -> tuple[Note, ...]:
+        """Look for a field, of a stream in its first seconds, and say what a reader should know."""
+        until = np.inf if self._smooth else max(start.ready, float(samples.t[0]) + TILT_TIME)
+        looked = motion.t[motion.rows] <= until
+        self._has_field = bool(np.isfinite(directions_at(samples, motion)[looked]).any())
+        return _notes(
+            self.chain, self._card, start, has_anchor=self._has_field or self._on_base, posed=self._pose is not None,
+            causal=not self._smooth,
+        )  # fmt: skip
+
+    def _anchored(self, samples: UnitSamples, motion: Attitudes, ready: float) -> Anchored | None:
+        """Common heading from the fields, where the ground does not hold it."""
+        on_base, smooth = self._on_base, self._smooth
+        # as of a moment, a frame that moves to North would carry all with it: fields hold it where it began
+        steady = not smooth or on_base
+        sd = (self._pose_sd or FRAME_SD) if on_base else FRAME_SD
+        if not self._has_field:
+            return drifting(motion, sd, self._anchor) if on_base else None
+        north = _first_direction(samples, motion, ready) if steady else self._north
+        sds = {"turn_sd": sd, "north_sd": UNKNOWN} if steady else {"turn_sd": UNKNOWN, "north_sd": FRAME_SD}
+        return anchored(samples, motion, self._params, north=north, smooth=smooth, before=self._anchor, **sds)
 
 
 def _posture(chain: Chain, pose: str | Sequence[float]) -> Floats:
@@ -248,44 +302,20 @@ def _posture(chain: Chain, pose: str | Sequence[float]) -> Floats:
         )
     postures = chain.postures(angles[np.newaxis])
     return np.array(
-        [quat_multiply(postures[body.name].q_nb[0], np.array(body.mount.q_bs)) for body in chain.segments if body.unit]
+        [
+            rotations.quat_multiply(postures[body.name].q_nb[0], np.array(body.mount.q_bs))
+            for body in chain.segments
+            if body.unit
+        ]
     )
-
-
-def _anchor(
-    chain: Chain, samples: UnitSamples, motion: Attitudes, params: Params, start: ChainStart, north: float, *,
-    posed: float | None, smooth: bool,
-) -> Anchored | None:  # fmt: skip
-    """Common heading from the fields, where the ground does not hold it; `posed` is how well a posture set it, rad."""
-    if not start.free:
-        return None
-    on_base = posed is not None and chain.base_fixed
-    # as of a moment, a frame that moves to North would carry all with it: fields hold it where it began
-    steady = not smooth or on_base
-    sd = (posed or FRAME_SD) if on_base else FRAME_SD
-    anchor = None if samples.mag is None else anchored(
-        samples,
-        motion,
-        params,
-        north=_first_direction(samples, motion, start.ready) if steady else north,
-        turn_sd=sd if steady else UNKNOWN,
-        north_sd=UNKNOWN if steady else FRAME_SD,
-        smooth=smooth,
-    )  # fmt: skip
-    return drifting(motion, sd) if anchor is None and on_base else anchor
 
 
 def _first_direction(samples: UnitSamples, motion: Attitudes, ready: float) -> float:
     """Direction of all level fields together at the keyframes from which headings begin, rad."""
     assert samples.mag is not None
     rows = motion.rows[motion.t[motion.rows] <= ready]
-    level = np.nan_to_num(quat_rotate(motion.q[:, rows], samples.mag[:, rows])).sum(axis=(0, 1))
+    level = np.nan_to_num(rotations.quat_rotate(motion.q[:, rows], samples.mag[:, rows])).sum(axis=(0, 1))
     return math.atan2(level[1], level[0])
-
-
-def _north(chain: Chain, start: ChainStart, anchor: Anchored | None, *, posed: bool, causal: bool) -> North:
-    steady = causal or not start.free or (chain.base_fixed and posed)
-    return North.FREE if steady or anchor is None else North.MAGNETIC
 
 
 def _source(params: Params, *, causal: bool) -> str:
@@ -295,7 +325,7 @@ def _source(params: Params, *, causal: bool) -> str:
 
 
 def _notes(
-    chain: Chain, card: ArmCard | None, start: ChainStart, anchor: Anchored | None, *, posed: bool, causal: bool
+    chain: Chain, card: ArmCard | None, start: ChainStart, *, has_anchor: bool, posed: bool, causal: bool
 ) -> tuple[Note, ...]:
     notes: list[Note] = []
     if card is None:
@@ -304,7 +334,7 @@ def _notes(
         notes += [f"{joint.name}: {joint.rating}" for joint in card.joints if not joint.rating.startswith("good")]
     if chain.base_fixed and start.free and not posed:
         notes.append(warning("arm.no_pose"))
-    elif start.free and anchor is None:
+    elif start.free and not has_anchor:
         notes.append(warning("arm.heading_drifts"))
     elif start.free and causal:
         notes.append(
@@ -325,7 +355,7 @@ def _without_common_heading(cov: Floats) -> Floats:
 
 def _strays(links: Sequence[JointLink], motion: Attitudes) -> Floats:
     """By how many standard deviations both sides of each joint disagree about its axis at keyframes (K, L)."""
-    matrices = dcm_from_quat(motion.q[:, motion.rows])
+    matrices = rotations.dcm_from_quat(motion.q[:, motion.rows])
     strays = np.zeros((len(motion.rows), len(links)))
     for k, link in enumerate(links):
         if link.axes.shape[1]:
@@ -337,9 +367,8 @@ def _strays(links: Sequence[JointLink], motion: Attitudes) -> Floats:
     return strays
 
 
-def _contradicted(links: Sequence[JointLink], strays: Floats) -> tuple[str, ...]:
+def _contradicted(links: Sequence[JointLink], rms: Floats) -> tuple[str, ...]:
     """Joints whose axis strays by much more than it did when the chain was aligned, in words."""
-    rms = np.sqrt(np.mean(strays**2, axis=0))
     return tuple(
         f"{link.joint.name}: both sides disagree about its axis by {to_deg(stray * link.play):.0f}°, and "
         f"{to_deg(link.play):.1f}° were expected; a unit has slipped, was exchanged or fails, or the card is of another"
@@ -377,19 +406,21 @@ class _Reading:
     def _segments(self) -> dict[str, Floats]:
         """Attitude of each segment at each sample, by name."""
         turn = np.zeros((len(self._motion.t), 3))
-        turn[:, 2] = np.interp(self._motion.t, self._times, np.unwrap(self._turn))
-        common, attitudes = quat_from_rotvec(turn), {}
+        turn[:, 2] = np.interp(self._motion.t, self._times, self._turn)
+        common, attitudes = rotations.quat_from_rotvec(turn), {}
         for segment in self._chain.segments:
             number = self._numbers[segment.name]
             if number == GROUND:
                 attitudes[segment.name] = np.tile([1.0, 0.0, 0.0, 0.0], (len(turn), 1))
             else:
-                of_unit = quat_multiply(common, self._motion.q[number])
-                attitudes[segment.name] = quat_multiply(of_unit, quat_conjugate(np.array(segment.mount.q_bs)))
+                of_unit = rotations.quat_multiply(common, self._motion.q[number])
+                attitudes[segment.name] = rotations.quat_multiply(
+                    of_unit, rotations.quat_conjugate(np.array(segment.mount.q_bs))
+                )
         return attitudes
 
-    def estimate(self, *, north: North, source: str, notes: tuple[Note, ...]) -> ArmEstimate:
-        """All of it."""
+    def estimate(self, *, north: rotations.North, source: str, notes: tuple[Note, ...], n_before: int) -> ArmEstimate:
+        """All of it behind so many samples, which are keyframes."""
         angles = self._chain.angles_of(self._q)
         covs = {joint.name: self._joint_cov(joint) for joint in self._chain.joints}
         sd = np.hstack([self._angle_sd(joint, covs[joint.name]) for joint in self._chain.joints])
@@ -399,21 +430,22 @@ class _Reading:
             self._motion.t, self._chain.angles, angles, spread, hand, self._at_samples(hand_sd),
             self._flags(spread, north), source,
         )  # fmt: skip
-        tracks = {segment.name: self._track(segment.name, north, source) for segment in self._chain.segments}
-        return ArmEstimate(joints, tracks, self._chain, self._frame, self._rows, covs, notes)
+        tracks = {segment.name: self._track(segment.name, north, source, n_before) for segment in self._chain.segments}
+        rows, covs = self._rows[n_before:] - n_before, {name: cov[n_before:] for name, cov in covs.items()}
+        return ArmEstimate(joints[n_before:], tracks, self._chain, self._frame, rows, covs, notes)
 
     def _at_samples(self, values: Floats) -> Floats:
         """Values at keyframes (K, M) at every sample."""
         return np.stack([np.interp(self._motion.t, self._times, column) for column in values.T], axis=1)
 
-    def _flags(self, sd: Floats, north: North) -> NDArray[np.uint32]:
+    def _flags(self, sd: Floats, north: rotations.North) -> NDArray[np.uint32]:
         words = np.zeros(len(self._motion.t), dtype=np.uint32)
         if self._words is not None:
             words |= self._words
         words[(sd > DOUBT).any(axis=1)] |= np.uint32(flags.NOT_CONVERGED)
         odd = np.interp(self._motion.t, self._times, self._strays.max(axis=1, initial=0.0)) > ODD
         words[odd] |= np.uint32(flags.INCONSISTENT)
-        if north is North.FREE:
+        if north is rotations.North.FREE:
             words |= np.uint32(flags.HEADING_FREE)
         return words
 
@@ -425,7 +457,7 @@ class _Reading:
             cov += self._cov[:, 3 * a : 3 * a + 3, 3 * b : 3 * b + 3]
             cov[:, 2, 2] += self._turn_var
             if a == b:
-                turn = dcm_from_quat(self._q[segment][self._rows])
+                turn = rotations.dcm_from_quat(self._q[segment][self._rows])
                 cov += (turn * (self._mount_var[segment] + self._own_sway(segment))) @ np.swapaxes(turn, 1, 2)
         return cov
 
@@ -439,19 +471,20 @@ class _Reading:
         """Covariance of the child's attitude against the parent's at keyframes (K, 3, 3), parent axes, rad²."""
         between = self._block(joint.parent, joint.child)
         cov = self._block(joint.parent, joint.parent) + self._block(joint.child, joint.child)
-        turn = dcm_from_quat(quat_conjugate(self._q[joint.parent][self._rows]))
+        turn = rotations.dcm_from_quat(rotations.quat_conjugate(self._q[joint.parent][self._rows]))
         return turn @ (cov - between - np.swapaxes(between, 1, 2)) @ np.swapaxes(turn, 1, 2)
 
     def _angle_sd(self, joint: Joint, cov: Floats) -> Floats:
         """Standard deviations of a joint's angles at keyframes (K, degrees of freedom), rad."""
         parent, child = self._q[joint.parent][self._rows], self._q[joint.child][self._rows]
-        relative = quat_multiply(quat_conjugate(parent), child)
+        relative = rotations.quat_multiply(rotations.quat_conjugate(parent), child)
         columns = []
         for axis in np.eye(3):
             ahead, behind = (
-                joint.angles_of(quat_multiply(quat_from_rotvec(sign * _SMALL * axis), relative)) for sign in (1.0, -1.0)
+                joint.angles_of(rotations.quat_multiply(rotations.quat_from_rotvec(sign * _SMALL * axis), relative))
+                for sign in (1.0, -1.0)
             )
-            columns.append(wrap(ahead - behind) / (2.0 * _SMALL))
+            columns.append(rotations.wrap(ahead - behind) / (2.0 * _SMALL))
         slope = np.stack(columns, axis=2)
         return np.asarray(np.sqrt(np.maximum(np.einsum("kdi,kij,kdj->kd", slope, cov, slope), 0.0)))
 
@@ -465,7 +498,7 @@ class _Reading:
         reach = np.array(self._chain.hand_b)
         path = list[tuple[str, Floats]]()
         while True:
-            path.append((at, quat_rotate(self._q[at][rows], reach)))
+            path.append((at, rotations.quat_rotate(self._q[at][rows], reach)))
             if at not in by_child:
                 break
             at, reach = by_child[at].parent, np.array(by_child[at].place)
@@ -473,22 +506,22 @@ class _Reading:
         for segment, a in path:
             for other, b in path:
                 # both signs turn: a point at a moves by θ × a, which is −[a]× θ
-                cov += skew(a) @ self._block(segment, other) @ np.swapaxes(skew(b), 1, 2)
+                cov += rotations.skew(a) @ self._block(segment, other) @ np.swapaxes(rotations.skew(b), 1, 2)
         if self._inside is not self._frame and not self._chain.base_fixed:  # the base's axes are those inside
-            turn = dcm_from_quat(frame_rotation(self._frame, self._inside))
+            turn = rotations.dcm_from_quat(rotations.frame_rotation(self._frame, self._inside))
             hand, cov = hand @ turn.T, turn @ cov @ turn.T
         return hand, np.sqrt(np.maximum(np.einsum("kii->ki", cov), 0.0))
 
-    def _track(self, name: str, north: North, source: str) -> AttitudeTrack:
+    def _track(self, name: str, north: rotations.North, source: str, n_before: int) -> AttitudeTrack:
         q = self._q[name]
-        turn = dcm_from_quat(quat_conjugate(q[self._rows]))
+        turn = rotations.dcm_from_quat(rotations.quat_conjugate(q[self._rows]))
         cov = turn @ self._block(name, name) @ np.swapaxes(turn, 1, 2)
         nearest = np.searchsorted(self._rows, np.arange(len(q)), side="right") - 1
         return AttitudeTrack(
-            t=self._motion.t,
-            q_nb=change_frame(q, to=self._frame, from_=self._inside),
+            t=self._motion.t[n_before:],
+            q_nb=rotations.change_frame(q[n_before:], to=self._frame, from_=self._inside),
             frame=self._frame,
             north=north,
-            cov_b=cov[nearest],
+            cov_b=cov[nearest[n_before:]],
             source=f"{source}, {name}",
         )

@@ -1,7 +1,11 @@
-"""The filter over a recording: how the headings begin, forward, and backward where what comes later may be used."""
+"""The filter over samples as they come: how headings begin, forward, and backward where what comes later may be used.
+
+Cut anywhere, a stream gives the same bits. What lies between two keyframes is known when the second has come, up to
+0.1 s later; the first attitudes when headings have begun, and then all since the first sample.
+"""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Final
@@ -34,6 +38,7 @@ LEVEL: Final = 0.2  # length of the level part of an axis that shows a heading
 LOST: Final = deg(90.0)
 FRAME_SD: Final = deg(0.01)
 SPAN: Final = 300.0  # a recording is smoothed in stretches of this, s, with what
+AGAIN: Final = 0.5  # a start that was not ready is tried again after this, s
 AHEAD: Final = 60.0  # comes so much later, s
 
 
@@ -51,6 +56,10 @@ class ChainStart:
     ready: float
     free: bool
 
+    def filter(self, links: Sequence[JointLink], params: Params) -> ChainFilter:
+        """The filter that begins so."""
+        return ChainFilter(links, len(self.q), params, self.q, self.sd)
+
 
 @dataclass(frozen=True, eq=False)
 class Attitudes:
@@ -58,9 +67,8 @@ class Attitudes:
 
     `t` (N,): times of the samples, s; `q` (U, N, 4): attitude of each unit at each sample, in the frame that the filter
     works in; `rows` (K,): samples that are keyframes; `cov` (K, 3U, 3U): covariance of the attitudes' errors there,
-    navigation axes, rad²; `bias` (K, U, 3): biases of the gyroscopes there, rad/s; `ready`: when a live system would
-    have known this, s; `begun` (S,): keyframes at which a gap ends, behind which the heading of the whole has begun
-    again; `cov` leaves that out.
+    navigation axes, rad²; `bias` (K, U, 3): biases of the gyroscopes there, rad/s; `begun` (S,): keyframes at which a
+    gap ends, behind which the heading of the whole has begun again; `cov` leaves that out.
     """
 
     t: Floats
@@ -68,8 +76,13 @@ class Attitudes:
     rows: NDArray[np.intp]
     cov: Floats
     bias: Floats
-    ready: float
     begun: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+
+    def since(self, first: int) -> "Attitudes":
+        """Those from a sample on that is a keyframe; what has begun again before has so at the first of them."""
+        k = int(np.searchsorted(self.rows, first))
+        rows, begun = self.rows[k:] - first, np.unique(np.maximum(self.begun - k, 0))
+        return Attitudes(self.t[first:], self.q[:, first:], rows, self.cov[k:], self.bias[k:], begun)
 
 
 def keyframe_rows(t: Floats, spacing: float) -> NDArray[np.intp]:
@@ -268,63 +281,36 @@ class _Fields:
         return north - float(np.angle(self._sum[unit])) if abs(self._sum[unit]) > 0.0 else 0.0
 
 
-def stretches(samples: UnitSamples) -> list[tuple[int, int]]:
-    """First samples, and those behind the last, of stretches between which all gyroscopes are silent for a `GAP`."""
-    rows = np.flatnonzero(np.isfinite(samples.gyr[:, :, 0]).any(axis=0))
-    firsts = [0, *rows[1:][np.diff(samples.t[rows]) > GAP].tolist()]
-    return list(zip(firsts, [*firsts[1:], len(samples)], strict=True))
-
-
-def estimate_motion(
-    samples: UnitSamples, links: Sequence[JointLink], params: Params, *,
-    north: float, pose: Floats | None = None, pose_sd: float = deg(1.0), smooth: bool,
-    progress: Callable[[int], None] | None = None,
-) -> tuple[ChainStart, Attitudes]:  # fmt: skip
-    """How a recording begins, and attitudes over all of it; behind a gap, everything begins as at the start.
-
-    Parameters are as of `begin` and `estimated`. A filter that turned on through a gap would be wrong by more than a
-    linear filter can mend.
-    """
-    starts, parts, begun, count = list[ChainStart](), list[Attitudes](), list[int](), 0
-    for first, last in stretches(samples):
-        part = samples.rows(first, last)
-        starts.append(begin(part, links, params, north=north, pose=None if starts else pose, pose_sd=pose_sd))
-        parts.append(estimated(part, links, params, starts[-1], smooth=smooth, progress=progress))
-        if first and starts[-1].free:
-            begun.append(count)
-        parts[-1] = replace(parts[-1], rows=parts[-1].rows + first)
-        count += len(parts[-1].rows)
+def joined(parts: Sequence[Attitudes]) -> Attitudes:
+    """Attitudes of parts that follow each other."""
     if len(parts) == 1:
-        return starts[0], parts[0]
-    return starts[0], Attitudes(
-        t=samples.t,
+        return parts[0]
+    samples, keyframes = (np.cumsum([0, *map(len, each)]) for each in zip(*((m.t, m.rows) for m in parts), strict=True))
+    return Attitudes(
+        t=np.concatenate([motion.t for motion in parts]),
         q=np.concatenate([motion.q for motion in parts], axis=1),
-        rows=np.concatenate([motion.rows for motion in parts]),
+        rows=np.concatenate([motion.rows + at for motion, at in zip(parts, samples, strict=False)]),
         cov=np.concatenate([motion.cov for motion in parts]),
         bias=np.concatenate([motion.bias for motion in parts]),
-        ready=parts[0].ready,
-        begun=np.array(begun, dtype=np.intp),
+        begun=np.concatenate([motion.begun + at for motion, at in zip(parts, keyframes, strict=False)]),
     )
 
 
 def estimated(
-    samples: UnitSamples, links: Sequence[JointLink], params: Params, start: ChainStart, *,
-    smooth: bool, progress: Callable[[int], None] | None = None,
-) -> Attitudes:  # fmt: skip
-    """Attitudes of all units over a recording that begins as `begin` found.
+    samples: UnitSamples, filter_: ChainFilter, rows: NDArray[np.intp], frame: Keyframe, q: Floats, *, smooth: bool,
+    progress: Callable[[int], None],
+) -> tuple[Attitudes, Keyframe]:  # fmt: skip
+    """Attitudes of all units from a keyframe at the first sample on, where they are q (U, 4), and the last keyframe.
 
-    `smooth`: whether each attitude may know what comes later; `progress`: called with the number of samples done since
-    the last call.
+    `rows`: samples that are keyframes, up to the last one wanted; `smooth`: whether each attitude may know what comes
+    later; `progress`: called with the number of samples done since the last call.
     """
-    filter_ = ChainFilter(links, len(start.q), params, start.q, start.sd)
-    rows = keyframe_rows(samples.t, params.keyframe)
-    path = np.empty((len(start.q), len(samples), 4))
-    path[:, 0] = start.q
-    history = _History(samples, params, len(start.q))
-    history.add([filter_.now()], 1)
-    frames = list[Keyframe]()
-    for first, last in pairwise(rows):
-        frame = filter_.advance(samples, int(first) + 1, int(last) + 1, path)
+    params, path = filter_.params, np.empty((len(q), int(rows[-1]) + 1, 4))
+    path[:, 0] = q
+    history, frames = _History(samples, params, len(q)), list[Keyframe]()
+    history.add([frame._replace(row=0)], 1)
+    for first, last in pairwise(rows.tolist()):
+        frame = filter_.advance(samples, first + 1, last + 1, path)
         if params.mean_rate:
             path[:, last] = frame.q
         if smooth:
@@ -335,11 +321,10 @@ def estimated(
                 frames = frames[done:]
         else:
             history.add([frame], 1)
-        if progress:
-            progress(int(last - first))
+        progress(last - first)
     if frames:
         history.add(backward(frames), len(frames), path)
-    return history.motion(path, start.ready if not smooth else float(samples.t[0]))
+    return history.motion(path), frame
 
 
 class _History:
@@ -347,8 +332,7 @@ class _History:
 
     def __init__(self, samples: UnitSamples, params: Params, units: int) -> None:
         self._samples, self._params = samples, params
-        places = np.arange(units)[:, np.newaxis] * WIDTH + np.arange(3)
-        self._places = places.ravel()
+        self._places = (np.arange(units)[:, np.newaxis] * WIDTH + np.arange(3)).ravel()
         self._rows, self._cov, self._bias = list[int](), list[Floats](), list[Floats]()
 
     def add(self, frames: Sequence[Keyframe], count: int, path: Floats | None = None) -> None:
@@ -374,9 +358,10 @@ class _History:
             )
             path[u, inside] = quat_multiply(quat_from_rotvec(share[:, np.newaxis] * turn), before.q[u])
 
-    def motion(self, path: Floats, ready: float) -> Attitudes:
+    def motion(self, path: Floats) -> Attitudes:
         """All of it."""
-        return Attitudes(self._samples.t, path, np.array(self._rows), np.array(self._cov), np.array(self._bias), ready)
+        t, rows = self._samples.t[: path.shape[1]], np.array(self._rows)
+        return Attitudes(t, path, rows, np.array(self._cov), np.array(self._bias))
 
 
 def backward(frames: Sequence[Keyframe]) -> list[Keyframe]:
@@ -418,3 +403,119 @@ def fill(t: Floats, gyr: Floats, first: int, last: int, mean_rate: bool, q: Floa
                 )
                 p0, p1, p2, p3 = quat_mul(q0, q1, q2, q3, h0, h1, h2, h3)
             path[u, r, 0], path[u, r, 1], path[u, r, 2], path[u, r, 3] = p0, p1, p2, p3
+
+
+def samples_joined(parts: Sequence[UnitSamples]) -> UnitSamples:
+    """Samples that follow each other."""
+    if len(parts) == 1:
+        return parts[0]
+    columns = {"t": 0, "gyr": 1, "acc": 1, "mag": 1, "flags": 0}  # and the axis of the samples
+    return UnitSamples(**{
+        name: np.concatenate([getattr(part, name) for part in parts], axis=axis)
+        for name, axis in columns.items()
+        if getattr(parts[0], name) is not None
+    })  # fmt: skip
+
+
+class UnitAttitudes:
+    """Attitudes of all units as their samples come; behind a gap, everything begins as at the start.
+
+    A filter that turned on through a gap would be wrong by more than a linear filter can mend. Parameters are as of
+    `plumbob.arm.smoother.begin` and `estimated`; smoothed, all come at the end. `start` is how the chain begins, once
+    that is known.
+    """
+
+    def __init__(
+        self, links: Sequence[JointLink], params: Params, *, north: float = 0.0, pose: Floats | None = None,
+        pose_sd: float = 0.0, smooth: bool = False, progress: Callable[[int, int], None] | None = None,
+    ) -> None:  # fmt: skip
+        self._links, self._params, self._north = links, params, north
+        self._smooth, self._progress, self._done, self._total = smooth, progress, 0, 0
+        self._pose, self._pose_sd = pose, pose_sd
+        self.start: ChainStart | None = None
+        self._rate_at: float | None = None  # when a gyroscope has said something last, s
+        self._last: tuple[Attitudes, UnitSamples] | None = None  # the last keyframe of all that was given
+        self._renew()
+
+    def _renew(self) -> None:
+        self._samples: UnitSamples | None = None  # from the last keyframe on
+        self._filter: ChainFilter | None = None
+        self._try_at = -np.inf
+
+    def take(self, samples: UnitSamples, *, end: bool) -> tuple[Attitudes, UnitSamples, int] | None:
+        """Attitudes that these samples complete, with their samples; None where that is nothing.
+
+        The first ones may be the last of the call before, so many as the number says. With `end`, nothing else comes.
+        """
+        self._total, parts = self._total + len(samples), []
+        for k, (first, last) in enumerate(self.stretches(samples)):
+            if k:
+                parts += self._go(end=True)
+                self._renew()
+            new = samples.rows(first, last)
+            if len(new):
+                self._samples = new if self._samples is None else samples_joined([self._samples, new])
+                parts += self._go(end=False)
+        parts += self._go(end=True) if end else []
+        if not parts:
+            return None
+        before = [] if self._last is None else [self._last]
+        motion, taken = joined([m for m, _ in before + parts]), samples_joined([s for _, s in before + parts])
+        last = len(taken) - 1
+        self._last = motion.since(last), taken.rows(last, last + 1)
+        return motion, taken, len(before)
+
+    def stretches(self, samples: UnitSamples) -> Iterator[tuple[int, int]]:
+        """Samples of the stretch so far, and of each that begins where all gyroscopes were silent for a `GAP`."""
+        rows = np.flatnonzero(np.isfinite(samples.gyr[:, :, 0]).any(axis=0))
+        times = samples.t[rows]
+        before = times[:1] if self._rate_at is None else np.array([self._rate_at])
+        firsts = rows[np.diff(np.concatenate((before, times))) > GAP].tolist() if len(rows) else []
+        self._rate_at = float(times[-1]) if len(rows) else self._rate_at
+        yield from pairwise([0, *firsts, len(samples)])
+
+    def _go(self, *, end: bool) -> list[tuple[Attitudes, UnitSamples]]:
+        """Attitudes up to the last keyframe, or the last sample, behind those that were given, with their samples."""
+        samples = self._samples
+        if samples is None or (self._smooth and not end):
+            return []
+        rows = keyframe_rows(samples.t, self._params.keyframe)
+        if not end and len(rows) > 1:
+            last, before = samples.t[rows[-1]], samples.t[rows[-2]]
+            rows = rows[:-1] if last - before < self._params.keyframe * (1.0 - 1e-6) else rows
+        is_new, begun = self._filter is None, np.zeros(0, dtype=np.intp)
+        if self._filter is None:
+            start = self._begin(samples, rows, end=end)
+            if start is None:
+                return []
+            begun = np.zeros(int(self.start is not None and start.free), dtype=np.intp)
+            self.start, self._filter = self.start or start, start.filter(self._links, self._params)
+            self._frame, self._q = self._filter.now(), start.q
+        elif len(rows) < 2:
+            return []
+        motion, self._frame = estimated(
+            samples, self._filter, rows, self._frame, self._q, smooth=self._smooth, progress=self._count
+        )
+        self._q, stop = motion.q[:, -1].copy(), len(motion.t)
+        self._samples, first = samples.rows(stop - 1, len(samples)), int(not is_new)
+        return [(replace(motion.since(first), begun=begun), samples.rows(first, stop))]
+
+    def _count(self, more: int) -> None:
+        self._done += more
+        if self._progress:
+            self._progress(self._done, self._total)
+
+    def _begin(self, samples: UnitSamples, rows: NDArray[np.intp], *, end: bool) -> ChainStart | None:
+        """How the chain begins, where that is known: it was before the last keyframe that was looked at."""
+        pose = self._pose if self.start is None else None
+        least = samples.t[0] + max(TILT_TIME, self._params.start if pose is None else 0.0)
+        for row in [] if self._smooth else rows[1:].tolist():
+            if samples.t[row] > max(least, self._try_at):
+                part = samples.rows(0, row + 1)
+                start = begin(part, self._links, self._params, north=self._north, pose=pose, pose_sd=self._pose_sd)
+                if start.ready < samples.t[row]:
+                    return start
+                self._try_at = float(samples.t[row]) + AGAIN
+        if not end:
+            return None
+        return begin(samples, self._links, self._params, north=self._north, pose=pose, pose_sd=self._pose_sd)

@@ -22,18 +22,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.calibration import ellipsoid_fit
 from plumbob.calibration.autocorrelation import alike
-from plumbob.calibration.ellipsoid_fit import (
-    SPARE,
-    Ellipsoid,
-    NormFit,
-    Shape,
-    choose,
-    fit_norm,
-    linearised,
-    mean_radius,
-    scaled,
-)
+from plumbob.calibration.ellipsoid_fit import SPARE, Ellipsoid, Shape, mean_radius
 from plumbob.calibration.fit import TILT, CaptureRefusedError, Fitted, Reason, grade_of, reason_if, refuse
 from plumbob.calibration.gyr.drift import accumulate, rotation_vectors
 from plumbob.calibration.predicted import REGIONS, TILT_RANGE, filled, region_names, tilt_sd
@@ -83,7 +74,7 @@ def faces(poses: Floats) -> list[int] | None:
     return sides.tolist() if one_each else None
 
 
-def six_positions(poses: Floats, *, noise: float = 0.0) -> NormFit | None:
+def six_positions(poses: Floats, *, noise: float = 0.0) -> ellipsoid_fit.NormFit | None:
     """Bias and scale by pairs of poses (6, 3), any unit; None where they are not the six faces within 15°.
 
     It takes faces for upright: one held at the angle θ reads low by 1 − cos θ, 1.4 % at 10°, which the shape of the
@@ -104,7 +95,9 @@ def six_positions(poses: Floats, *, noise: float = 0.0) -> NormFit | None:
     variance = 0.5 * sd**2  # of half the sum, and of half the difference
     covariance = np.diag(np.concatenate((np.full(3, variance), variance / gain**4, np.zeros(3))))
     used = np.ones(6, dtype=np.bool_)
-    return NormFit(Shape.AXES, ellipsoid, covariance, sd, residuals, used, 1.0, float(residuals @ residuals))
+    return ellipsoid_fit.NormFit(
+        Shape.AXES, ellipsoid, covariance, sd, residuals, used, 1.0, float(residuals @ residuals)
+    )
 
 
 SHAPES: Final = ("auto", "six", "axes", "ellipsoid")  # what can be asked for
@@ -145,7 +138,7 @@ def fit_accel(
     refuse(*_unusable(poses, shape, noise, gravity))
     fit, why = _by_shape(poses, shape, noise)
     shared = alike(fit.residuals, fit.ellipsoid.to_sphere(poses), fit.used)
-    matrix, covariance = scaled(fit, gravity, alike=shared.factor)
+    matrix, covariance = ellipsoid_fit.scaled(fit, gravity, alike=shared.factor)
     tilt = tilt_sd(matrix, covariance, size=gravity, tilt_range=tilt_range)
     refuse(*_untrue(fit, tilt, gravity))
     residuals = np.linalg.norm((poses - fit.ellipsoid.centre) @ matrix, axis=1)[fit.used] - gravity
@@ -163,19 +156,19 @@ def fit_accel(
     return Fitted(calibration, poses, fit.residuals, fit.used, _remarks(fit, why, gravity, noise))
 
 
-def _across(fit: NormFit) -> float:
+def _across(fit: ellipsoid_fit.NormFit) -> float:
     """Standard deviation of the sensitivity across the axes."""
     return float(np.sqrt(np.diag(fit.covariance)[6:].max())) * mean_radius(fit.ellipsoid.shape)
 
 
-def _by_shape(poses: Floats, shape: str, noise: float) -> tuple[NormFit, str]:
+def _by_shape(poses: Floats, shape: str, noise: float) -> tuple[ellipsoid_fit.NormFit, str]:
     """Fit of the shape that is asked for, or that the poses can tell and ask for, and why it is that."""
     if shape == "six":
         fit, why = six_positions(poses, noise=noise), "asked for"
     elif shape != "auto":
         fit, why = _fit(poses, _SMALLEST[shape], noise), "asked for"
     else:
-        choice = choose(poses)
+        choice = ellipsoid_fit.choose(poses)
         full = _fit(poses, Shape.ELLIPSOID, noise) if choice is None else choice.full
         # whether the poses say more of the sensitivity across the axes than a data sheet does
         if full is not None and full.condition < _SINGULAR and _across(full) < CROSS_AXIS:
@@ -194,23 +187,23 @@ def _by_shape(poses: Floats, shape: str, noise: float) -> tuple[NormFit, str]:
     raise CaptureRefusedError(Reason("ill-conditioned", text, advice))
 
 
-def _fit(poses: Floats, shape: Shape, noise: float) -> NormFit | None:
+def _fit(poses: Floats, shape: Shape, noise: float) -> ellipsoid_fit.NormFit | None:
     """Fit from the nominal sensor, which is never far off."""
     if len(poses) < _least(shape, noise):
         return None
     start = Ellipsoid(np.zeros(3), np.eye(3) / float(np.median(np.linalg.norm(poses, axis=1))))
-    return fit_norm(poses, shape, start, robust=len(poses) >= shape.value + SPARE, noise=noise)
+    return ellipsoid_fit.fit_norm(poses, shape, start, robust=len(poses) >= shape.value + SPARE, noise=noise)
 
 
 def _least(shape: Shape, noise: float) -> int:
     return shape.value if noise > 0.0 else shape.value + 1
 
 
-def _doubted(fit: NormFit, poses: Floats) -> NormFit:
+def _doubted(fit: ellipsoid_fit.NormFit, poses: Floats) -> ellipsoid_fit.NormFit:
     """Fit of the axes whose covariance counts misalignment as data sheets have it: in itself, and in what it spoils."""
     if fit.shape is Shape.ELLIPSOID:
         return fit
-    rows, _ = linearised(poses[fit.used], fit.ellipsoid)
+    rows, _ = ellipsoid_fit.linearised(poses[fit.used], fit.ellipsoid)
     spoilt = np.vstack((-np.linalg.lstsq(rows[:, :6], rows[:, 6:], rcond=None)[0], np.eye(3)))
     variance = (CROSS_AXIS / mean_radius(fit.ellipsoid.shape)) ** 2
     return fit._replace(covariance=fit.covariance + variance * spoilt @ spoilt.T)
@@ -255,7 +248,7 @@ def wrong_gravity(size: float, gravity: float, limit: float) -> Reason | None:
     return reason_if(not abs(ratio - 1.0) <= limit, "wrong-gravity", text, advice)
 
 
-def _untrue(fit: NormFit, tilt: float, gravity: float) -> tuple[Reason | None, ...]:
+def _untrue(fit: ellipsoid_fit.NormFit, tilt: float, gravity: float) -> tuple[Reason | None, ...]:
     """Reasons not to believe a fit."""
     out = int(np.count_nonzero(~fit.used))
     apart = f"{out} of {fit.used.size} poses do not fit the others (poses {_numbers(fit)})."
@@ -269,7 +262,7 @@ def _untrue(fit: NormFit, tilt: float, gravity: float) -> tuple[Reason | None, .
     )
 
 
-def _quality(poses: Floats, fit: NormFit, tilt: float, tilt_range: float) -> Quality:
+def _quality(poses: Floats, fit: ellipsoid_fit.NormFit, tilt: float, tilt_range: float) -> Quality:
     used = int(np.count_nonzero(fit.used))
     grade = grade_of(tilt, TILT) or "poor"
     return Quality(
@@ -283,7 +276,7 @@ def _quality(poses: Floats, fit: NormFit, tilt: float, tilt_range: float) -> Qua
     )
 
 
-def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[Note, ...]:
+def _remarks(fit: ellipsoid_fit.NormFit, why: str, gravity: float, noise: float) -> tuple[Note, ...]:
     notes: list[Note] = [
         info("calibration.shape", shape=_WORDS[fit.shape], why=why),
     ]
@@ -303,7 +296,7 @@ def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[Note
     return tuple(notes)
 
 
-def _numbers(fit: NormFit) -> str:
+def _numbers(fit: ellipsoid_fit.NormFit) -> str:
     out = (np.flatnonzero(~fit.used) + 1).tolist()
     return ", ".join(map(str, out[:_NAMED])) + (", …" if out[_NAMED:] else "")
 
@@ -380,7 +373,7 @@ def _fit_windows(
     poses = _poses(windows, acc, matrix, bias)
     for _ in range(_ROUNDS):
         start = Ellipsoid(bias, np.asarray(matrix / gravity))
-        fit = fit_norm(poses, Shape.AXES if shape == "axes" else Shape.ELLIPSOID, start)
+        fit = ellipsoid_fit.fit_norm(poses, Shape.AXES if shape == "axes" else Shape.ELLIPSOID, start)
         if fit is None:
             break
         matrix, bias = np.asarray(gravity * fit.ellipsoid.shape), fit.ellipsoid.centre

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plumbob import rotations
 from plumbob.calibration.calibration import Capture
 from plumbob.calibration.fit import CaptureRefusedError, Mounted, Reason, reason_if, refuse
 from plumbob.core import check
@@ -22,17 +23,6 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import Mount
 from plumbob.evaluation.align import associate
 from plumbob.quality.static_periods import stills
-from plumbob.rotations import (
-    Frame,
-    change_frame,
-    quat_angle,
-    quat_conjugate,
-    quat_from_dcm,
-    quat_from_rotvec,
-    quat_mean,
-    quat_multiply,
-    rotvec_from_quat,
-)
 from plumbob.rotations.frames import heading_policy
 
 # Smallest angle between the two poses, rad: 1 mg of force is then 0.3° of heading.
@@ -46,7 +36,7 @@ _PARTS = 10
 _ROUNDS = 10  # of reweighting
 
 
-def mount_from_level(level: ArrayLike, *, frame: Frame) -> Mounted:
+def mount_from_level(level: ArrayLike, *, frame: rotations.Frame) -> Mounted:
     """Roll and pitch of the mounting from the specific force (N, 3) of the level body at rest.
 
     Its heading is assumed: the case's x axis points ahead. Standard deviations are those of white noise; that about the
@@ -61,7 +51,9 @@ def mount_from_level(level: ArrayLike, *, frame: Frame) -> Mounted:
     return Mounted(mount, ("the mounting's heading was not measured: the case's x axis is taken to point ahead.",))
 
 
-def mount_from_poses(level: ArrayLike, raised: ArrayLike, *, frame: Frame, turn: ArrayLike | None = None) -> Mounted:
+def mount_from_poses(
+    level: ArrayLike, raised: ArrayLike, *, frame: rotations.Frame, turn: ArrayLike | None = None
+) -> Mounted:
     """Mounting from calibrated forces (N, 3) at rest of the level body and of it with a raised nose.
 
     1 mg of bias is 0.06° of roll and pitch. `turn` is the rotation vector (3,) from one pose to the other, axes of the
@@ -91,18 +83,18 @@ def mount_from_attitudes(q_ns: ArrayLike, q_nb: ArrayLike) -> Mounted:
     if len(ours) < 10 * _PARTS:
         text = f"{len(ours)} attitudes are known at the same time; {10 * _PARTS} or more are needed."
         raise CaptureRefusedError(Reason("too-few", text, "Give recordings that overlap for longer."))
-    q_bs = quat_multiply(quat_conjugate(theirs), ours)
+    q_bs = rotations.quat_multiply(rotations.quat_conjugate(theirs), ours)
     weights = np.ones(len(q_bs))
     for _ in range(_ROUNDS):  # under Cauchy's weights, whose scale is the median angle
-        mean = quat_mean(q_bs, weights)
-        angle = quat_angle(q_bs, mean)
+        mean = rotations.quat_mean(q_bs, weights)
+        angle = rotations.quat_angle(q_bs, mean)
         weights = 1.0 / (1.0 + (angle / max(float(np.median(angle)), 1e-9)) ** 2)
-    off = float(np.median(quat_angle(q_bs, mean)))
+    off = float(np.median(rotations.quat_angle(q_bs, mean)))
     if off > SCATTER:
         text = f"the attitudes differ by no constant rotation: half of them are more than {to_deg(off):.0f}° off it."
         advice = "Check their frames, their north and their clocks, and that the unit is fixed to the body."
         raise CaptureRefusedError(Reason("implausible", text, advice))
-    errors = rotvec_from_quat(quat_multiply(q_bs, quat_conjugate(mean)))
+    errors = rotations.rotvec_from_quat(rotations.quat_multiply(q_bs, rotations.quat_conjugate(mean)))
     parts = zip(np.array_split(errors, _PARTS), np.array_split(weights, _PARTS), strict=True)
     means = np.array([np.average(error, axis=0, weights=weight) for error, weight in parts])
     sd = means.std(axis=0, ddof=1) / np.sqrt(_PARTS)
@@ -127,12 +119,12 @@ def _up(pose: str, force: ArrayLike) -> tuple[Floats, float]:
     return mean / size, float(scatter / np.sqrt(len(finite)) / size)
 
 
-def _axes(up: Floats, ahead: Floats, frame: Frame) -> Floats:
+def _axes(up: Floats, ahead: Floats, frame: rotations.Frame) -> Floats:
     """Rotation q_bs (4,) of a body with the vertical `up` and the nose on the side of `ahead`, axes of the case."""
     x = ahead - (ahead @ up) * up
     x /= np.linalg.norm(x)
     z = frame.up[2] * up
-    return quat_from_dcm(np.stack((x, np.cross(z, x), z)))  # [Shuster1981]: TRIAD, the first vector exact
+    return rotations.quat_from_dcm(np.stack((x, np.cross(z, x), z)))  # [Shuster1981]: TRIAD, the first vector exact
 
 
 def _why_no_raise(up: Floats, angle: float, turn: ArrayLike | None) -> Reason | None:
@@ -161,7 +153,12 @@ Span = tuple[float, float]
 
 
 def mount_by_poses(
-    capture: Capture, *, frame: Frame, level: Span | None = None, raised: Span | None = None, level_only: bool = False
+    capture: Capture,
+    *,
+    frame: rotations.Frame,
+    level: Span | None = None,
+    raised: Span | None = None,
+    level_only: bool = False,
 ) -> Mounted:
     """Mounting from the poses of a capture, on body axes with z down in NED, up in ENU and NWU.
 
@@ -197,7 +194,7 @@ def mount_by_reference(estimate: AttitudeTrack, reference: AttitudeTrack) -> Mou
     if not policy.comparable:
         raise FrameError(f"a mounting is found from full attitudes, but {policy.reason}.")
     match = associate(estimate, reference)
-    q_nb = change_frame(match.q_ref[match.scored], to=estimate.frame, from_=reference.frame)
+    q_nb = rotations.change_frame(match.q_ref[match.scored], to=estimate.frame, from_=reference.frame)
     return mount_from_attitudes(estimate.q_nb[match.scored], q_nb)
 
 
@@ -240,8 +237,8 @@ def _turn(imu: ImuData, pose: slice, other: slice) -> Floats | None:
     turned = (imu.gyr[between] - imu.gyr[first].mean(axis=0))[1:] * np.diff(imu.t[between])[:, np.newaxis]
     if not np.isfinite(turned).all():
         return None
-    q = quat_from_rotvec(turned)
+    q = rotations.quat_from_rotvec(turned)
     while len(q) > 1:  # pairs of neighbours, then pairs of pairs
         even = len(q) // 2 * 2
-        q = np.concatenate((quat_multiply(q[:even:2], q[1:even:2]), q[even:]))
-    return rotvec_from_quat(q[0])
+        q = np.concatenate((rotations.quat_multiply(q[:even:2], q[1:even:2]), q[even:]))
+    return rotations.rotvec_from_quat(q[0])

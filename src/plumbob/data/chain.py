@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from plumbob import rotations
 from plumbob.core import check, schema
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, ShapeError, excerpt
@@ -21,15 +22,6 @@ from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity
 from plumbob.data.array import Quat, UnitMount, Vec
 from plumbob.data.array_toml import AXES, PLACE, QUATERNION
-from plumbob.rotations import (
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_rotate,
-    rotation_from_quat,
-    wrap,
-)
 
 DEGREES_OF_FREEDOM: Final = {"fixed": 0, "hinge": 1, "universal": 2, "ball": 3}  # of each kind of joint
 
@@ -136,26 +128,26 @@ class Joint:
         """Attitude of the child in the parent's axes (N, 4) at angles (N, degrees of freedom), rad."""
         q = np.broadcast_to(np.array(self.q_pc), (len(angles), 4))
         for k, axis in enumerate(self.axes):
-            q = quat_multiply(q, quat_from_rotvec(angles[:, k, np.newaxis] * np.array(axis)))
+            q = rotations.quat_multiply(q, rotations.quat_from_rotvec(angles[:, k, np.newaxis] * np.array(axis)))
         return q
 
     def angles_of(self, q_pc: Floats) -> Floats:
         """Angles (N, degrees of freedom), rad, that come nearest to attitudes of the child in the parent (N, 4)."""
-        turn = quat_multiply(quat_conjugate(np.array(self.q_pc)), q_pc)
+        turn = rotations.quat_multiply(rotations.quat_conjugate(np.array(self.q_pc)), q_pc)
         count = len(self.axes)
         if count == 0:
             return np.zeros((len(q_pc), 0))
         if count == 1:
             twist = turn[:, 1:] @ np.array(self.axes[0])
             angle = 2.0 * np.arctan2(twist, turn[:, 0])
-            return wrap(angle)[:, np.newaxis]
+            return rotations.wrap(angle)[:, np.newaxis]
         axes = np.array(self.axes)
         if count == 2:
             axes = np.vstack((axes, np.cross(axes[0], axes[1])))
         angles = np.full((len(q_pc), 3), np.nan)
         finite = np.isfinite(turn).all(axis=1)
         if finite.any():
-            angles[finite] = rotation_from_quat(turn[finite]).as_davenport(axes, "intrinsic")
+            angles[finite] = rotations.rotation_from_quat(turn[finite]).as_davenport(axes, "intrinsic")
         return angles[:, :count]
 
 
@@ -296,15 +288,15 @@ class Chain(FactsText):
         for joint, turns in zip(self.joints, self.split(angles), strict=True):
             parent = postures[joint.parent]
             postures[joint.child] = Posture(
-                quat_multiply(parent.q_nb, joint.turned(turns)),
-                parent.pos_n + quat_rotate(parent.q_nb, np.array(joint.place)),
+                rotations.quat_multiply(parent.q_nb, joint.turned(turns)),
+                parent.pos_n + rotations.quat_rotate(parent.q_nb, np.array(joint.place)),
             )
         return postures
 
     def angles_of(self, q_nb: Mapping[str, Floats]) -> Floats:
         """Angles (N, all), rad, that come nearest to attitudes (N, 4) of the segments, by name."""
         angles: Sequence[Floats] = [
-            joint.angles_of(quat_multiply(quat_conjugate(q_nb[joint.parent]), q_nb[joint.child]))
+            joint.angles_of(rotations.quat_multiply(rotations.quat_conjugate(q_nb[joint.parent]), q_nb[joint.child]))
             for joint in self.joints
         ]
         return np.concatenate(angles, axis=1) if angles else np.zeros((len(next(iter(q_nb.values()))), 0))
@@ -312,7 +304,7 @@ class Chain(FactsText):
     def hand_at(self, postures: Mapping[str, Posture]) -> Floats:
         """Position of the hand (N, 3), m."""
         at = postures[self.hand or self.segments[-1].name]
-        return at.pos_n + quat_rotate(at.q_nb, np.array(self.hand_b))
+        return at.pos_n + rotations.quat_rotate(at.q_nb, np.array(self.hand_b))
 
 
 KIND: Final = "plumbob chain"
@@ -503,7 +495,7 @@ _JOINT: Final = schema.form(
         "origin": PLACE,
         "axes": schema.either(list, _VECTORS, schema.described(_axes, type="string")),
         "q_pc": QUATERNION,
-        "euler": schema.converted(lambda angles: tuple(quat_from_euler_zyx(angles).tolist()), _EULER),
+        "euler": schema.converted(lambda angles: tuple(rotations.quat_from_euler_zyx(angles).tolist()), _EULER),
         "limits": schema.either(list, schema.listed(_LIMIT), schema.converted(lambda limits: (limits,), _LIMIT)),
     },
     _ENDS,

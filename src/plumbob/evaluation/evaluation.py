@@ -21,18 +21,9 @@ from plumbob.core.series import data_frame
 from plumbob.core.text import counted
 from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.data import UNCALIBRATED, AttitudeTrack
+from plumbob.evaluation import align as aligning
 from plumbob.evaluation import metrics
-from plumbob.evaluation.align import (
-    Alignment,
-    Fate,
-    Match,
-    associate,
-    find_heading,
-    find_mounting,
-    find_mounting_and_heading,
-    find_time_offset,
-    not_converged,
-)
+from plumbob.evaluation.align import not_converged
 from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle, quat_conjugate
 from plumbob.rotations.frames import HeadingPolicy, heading_policy, turn_heading
 
@@ -85,8 +76,8 @@ class Evaluation(Reported):
     estimate: AttitudeTrack
     reference: AttitudeTrack
     settings: EvaluationSettings
-    match: Match
-    alignment: Alignment
+    match: aligning.Match
+    alignment: aligning.Alignment
     errors: Mapping[str, Floats]
     stats: Mapping[str, metrics.Stats]
     not_scored: Mapping[str, str]
@@ -164,7 +155,7 @@ class Evaluation(Reported):
     @property
     def not_converged_until(self) -> float | None:
         """Time of the last sample that is left out because the estimate had not converged, s; None without one."""
-        times = self.t[self.match.fate == Fate.NOT_CONVERGED]
+        times = self.t[self.match.fate == aligning.Fate.NOT_CONVERGED]
         return float(times[-1]) if times.size else None
 
     def flag_counts(self) -> dict[str, int]:
@@ -190,18 +181,18 @@ def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: Evaluatio
         converged = estimate.with_attitude(np.where(early[:, np.newaxis], np.nan, estimate.q_nb))
     time = None
     if "time" in settings.align:
-        time = find_time_offset(converged, truth, max_offset=settings.max_offset, max_gap=settings.max_gap)
+        time = aligning.find_time_offset(converged, truth, max_offset=settings.max_offset, max_gap=settings.max_gap)
     offset = 0.0 if time is None else time.offset
-    match = associate(estimate, truth, max_gap=settings.max_gap, settle=settings.settle, offset=offset)
+    match = aligning.associate(estimate, truth, max_gap=settings.max_gap, settle=settings.settle, offset=offset)
     if not match.scored.any():
         raise _nothing_scored(estimate, match)
-    q_est, q_ref, alignment = estimate.q_nb[match.scored], match.q_ref[match.scored], Alignment()
+    q_est, q_ref, alignment = estimate.q_nb[match.scored], match.q_ref[match.scored], aligning.Alignment()
     if {"mounting", "heading"} <= set(settings.align):
-        alignment = find_mounting_and_heading(q_est, q_ref, estimate.frame)
+        alignment = aligning.find_mounting_and_heading(q_est, q_ref, estimate.frame)
     elif "mounting" in settings.align:
-        alignment = Alignment(mounting=find_mounting(q_est, q_ref))
+        alignment = aligning.Alignment(mounting=aligning.find_mounting(q_est, q_ref))
     elif "heading" in settings.align:
-        alignment = Alignment(heading=find_heading(q_est, q_ref, estimate.frame))
+        alignment = aligning.Alignment(heading=aligning.find_heading(q_est, q_ref, estimate.frame))
     alignment = replace(alignment, time=time)
     match = replace(match, q_ref=alignment.apply(match.q_ref, estimate.frame))
     errors = metrics.attitude_errors(converged.q_nb, match.q_ref)
@@ -209,13 +200,15 @@ def judge(estimate: AttitudeTrack, reference: AttitudeTrack, settings: Evaluatio
     return replace(evaluation, notes=tuple(_remarks(evaluation, policy)))
 
 
-def _nothing_scored(estimate: AttitudeTrack, match: Match) -> ShapeError:
+def _nothing_scored(estimate: AttitudeTrack, match: aligning.Match) -> ShapeError:
     if not_converged(estimate).all():
         return ShapeError(
             f"no sample is left to score: the filter did not converge in {len(estimate)} samples. Give it an attitude "
             "to start from (--init, Filter(..., init=...)), or a recording with an accelerometer that begins at rest."
         )
-    why = "; ".join(f"{count} {fate.meaning}" for fate, count in match.counts().items() if fate is not Fate.SCORED)
+    why = "; ".join(
+        f"{count} {fate.meaning}" for fate, count in match.counts().items() if fate is not aligning.Fate.SCORED
+    )
     return ShapeError(f"no sample is left to score. Of {match.fate.size} samples of the estimate: {why}.")
 
 
@@ -223,8 +216,8 @@ def _measured(
     estimate: AttitudeTrack,
     reference: AttitudeTrack,
     settings: EvaluationSettings,
-    match: Match,
-    alignment: Alignment,
+    match: aligning.Match,
+    alignment: aligning.Alignment,
     policy: HeadingPolicy,
     errors: Mapping[str, Floats],
 ) -> Evaluation:
@@ -275,7 +268,7 @@ _MOSTLY = 0.5
 def _remarks(e: Evaluation, policy: HeadingPolicy) -> Iterator[Note]:
     """Remarks in the order in which things were done; none where there is nothing to say."""
     align, time = e.settings.align, e.alignment.time
-    beyond = e.match.counts().get(Fate.OUTSIDE, 0)
+    beyond = e.match.counts().get(aligning.Fate.OUTSIDE, 0)
     if beyond > _MOSTLY * e.t.size:
         yield (warning("evaluation.outside", beyond=beyond, samples=e.t.size))
     if e.estimate.frame is not e.reference.frame:
@@ -332,9 +325,9 @@ def _explanations(e: Evaluation, q_est: Floats, q_ref: Floats) -> Iterator[tuple
     """The reference (N, 4) as it would be with a constant taken out, or had it been read otherwise; each in words."""
     frame, declared = e.estimate.frame, e.reference.frame
     with suppress(ShapeError):  # no constant is better than another, so none explains anything
-        heading = Alignment(heading=find_heading(q_est, q_ref, frame))
+        heading = aligning.Alignment(heading=aligning.find_heading(q_est, q_ref, frame))
         yield heading.apply(q_ref, frame), f"{_describe(heading)} (if it is not an error: --align heading)"
-        mounting = Alignment(mounting=find_mounting(q_est, q_ref))
+        mounting = aligning.Alignment(mounting=aligning.find_mounting(q_est, q_ref))
         yield mounting.apply(q_ref, frame), f"{_describe(mounting)} (if it is not an error: --align mounting)"
     q = change_frame(q_ref, to=declared, from_=frame)
     for order, read, columns in (("x y z w", "w x y z", [3, 0, 1, 2]), ("w x y z", "x y z w", [1, 2, 3, 0])):
@@ -350,7 +343,7 @@ def _explanations(e: Evaluation, q_est: Floats, q_ref: Floats) -> Iterator[tuple
         yield change_frame(q, to=frame, from_=other), f"a reference in {other} that was read as {declared}"
 
 
-def _describe(alignment: Alignment) -> str:
+def _describe(alignment: aligning.Alignment) -> str:
     if alignment.heading is not None:
         return f"a constant heading of {to_deg(alignment.heading):+.1f}°"
     angle = to_deg(float(quat_angle(IDENTITY, alignment.mounting if alignment.mounting is not None else IDENTITY)))
@@ -369,7 +362,7 @@ def sample_counts(e: Evaluation) -> dict[str, Any]:
         "estimate": int(e.t.size), "scored": int(times.size), "exact": exact, "interpolated": int(times.size) - exact,
         "near_gimbal": e.near_gimbal, "first_s": float(times[0]), "last_s": float(times[-1]),
         "not_converged_until_s": e.not_converged_until,
-        "left_out": {fate.name.lower(): n for fate, n in e.match.counts().items() if fate is not Fate.SCORED},
+        "left_out": {fate.name.lower(): n for fate, n in e.match.counts().items() if fate is not aligning.Fate.SCORED},
     }  # fmt: skip
 
 

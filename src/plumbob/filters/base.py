@@ -24,27 +24,10 @@ from plumbob.core.text import FactsText
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
+from plumbob.filters import layout
 from plumbob.filters.input_checks import as_one, judge, or_zero, usable, watch
 from plumbob.filters.known import BUILT_IN, EXTENSIBLE, SMOOTHER, FilterModule, load
-from plumbob.filters.layout import (
-    BIAS,
-    BLIND,
-    COUNT,
-    HEADED,
-    LAST,
-    LEVEL,
-    MAX_GAP,
-    NORTH_X,
-    NORTH_Y,
-    OWN,
-    SEEN,
-    SIZE,
-    STAGE,
-    UP,
-    USE_MAG,
-    Q,
-    tick,
-)
+from plumbob.filters.layout import BIAS, BLIND, MAX_GAP, OWN, SEEN, SIZE, STAGE, USE_MAG, Q, tick
 from plumbob.filters.settling import settle, trial_time
 from plumbob.filters.start import Start, as_start
 from plumbob.rotations import Frame, North
@@ -380,7 +363,7 @@ class Filter(AttitudeEstimator):
         self._x[Q] = 1.0
         if self._init is not None:
             self._x[Q : Q + 4] = self._init.q_nb
-            self._x[STAGE] = LEVEL if self._init.north is North.FREE else HEADED
+            self._x[STAGE] = layout.LEVEL if self._init.north is North.FREE else layout.HEADED
         meta = ImuMeta() if self._meta is None else self._meta
         self._count_from(meta.declination)
         self._left = meta.left
@@ -390,7 +373,7 @@ class Filter(AttitudeEstimator):
         self._left = meta.left
         if meta.declination is None or meta.declination == self.common.declination:
             return
-        if self._x[COUNT] > 0.0 and not self._decided:
+        if self._x[layout.COUNT] > 0.0 and not self._decided:
             used = self.common.declination
             began = "without a" if used is None else f"with {to_deg(used):.6g}° of"
             raise FrameError(
@@ -448,8 +431,8 @@ class Filter(AttitudeEstimator):
         filter_cov: Floats = module.covariance(q_nb, entries[:, :-2])
         from plumbob.filters.settling import considered
 
-        north = float(self._c[NORTH_X]), float(self._c[NORTH_Y])
-        return filter_cov + considered(q_nb, entries[:, -2:], float(self._c[UP]), north, *self._left)
+        north = float(self._c[layout.NORTH_X]), float(self._c[layout.NORTH_Y])
+        return filter_cov + considered(q_nb, entries[:, -2:], float(self._c[layout.UP]), north, *self._left)
 
     def process(self, data: ImuData, *, covariance: bool = False, look: bool = True) -> AttitudeTrack:
         """Take a recording, or its next chunk, and return the attitude at each of its samples.
@@ -471,7 +454,7 @@ class Filter(AttitudeEstimator):
         self._require(self.module.NEEDS, data)
         data = data if self._card is None else self._card.correct(data, live=True)
         self._heed(data.meta)
-        if look and self._x[COUNT] == 0.0:
+        if look and self._x[layout.COUNT] == 0.0:
             _warn_of_doubts(data, self.frame)
         mag = data.usable("mag") if self.common.mag else check.read_only(np.full((len(data), 3), np.nan))
         n, place = len(data), self._covariance if covariance else slice(0, 0)
@@ -584,7 +567,7 @@ class Filter(AttitudeEstimator):
 
     def facts(self) -> Mapping[str, str]:
         """Name, frame, the parameters that differ from their defaults, and samples taken."""
-        return {**super().facts(), "samples": f"{self._x[COUNT]:.0f}"}
+        return {**super().facts(), "samples": f"{self._x[layout.COUNT]:.0f}"}
 
     def _fixed(self) -> dict[str, Any]:
         """Common parameters that were given, whatever a recording says."""
@@ -617,7 +600,9 @@ def _warn_of_doubts(data: ImuData, frame: Frame) -> None:
 
 def _require_plausible(state: Floats) -> None:
     """Refuse numbers that are finite and yet no state: from them a filter would go on with nonsense."""
-    largest = float(np.abs(np.delete(state, slice(LAST, LAST + 3))).max())  # what a sensor said may be anything
+    largest = float(
+        np.abs(np.delete(state, slice(layout.LAST, layout.LAST + 3))).max()
+    )  # what a sensor said may be anything
     if largest > _LARGEST:
         raise DecodeError(f"the saved state holds {largest:g}, more than any state; it is damaged.")
     size = float(np.linalg.norm(state[Q : Q + 4]))

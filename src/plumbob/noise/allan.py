@@ -10,29 +10,13 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from plumbob import noise
 from plumbob.core import __version__
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.result import Reported
 from plumbob.data.cards import NoiseCard
-from plumbob.noise import (
-    AllanStream,
-    Analysis,
-    Averager,
-    Averages,
-    ChannelComparison,
-    Curve,
-    Deviation,
-    analyse,
-    analyse_averages,
-    compare,
-    curves,
-    every_adev,
-    log_factors,
-    make_curve,
-    stream_factors,
-    with_curve,
-)
+from plumbob.noise import Averager, ChannelComparison, Curve, compare, curves
 from plumbob.noise.factors import Factors, kind_named
 from plumbob.noise.static import StaticReport, bridged
 from plumbob.noise.static_record import Channels, StaticRecord
@@ -49,13 +33,13 @@ _ROUNDED = 0.01  # of an averaging time: more is another one
 
 def characterise(
     record: StaticRecord, report: StaticReport, *, taus: Taus = None, progress: _Done | None = None
-) -> list[Analysis]:
+) -> list[noise.Analysis]:
     """Analyse every channel of a record, those of sensors that the report refuses left out.
 
     What it skips is bridged by its neighbours, and its warnings stand in the notes. `taus` are those of the curve; the
     coefficients are found on log-spaced ones all the same. `progress` is given the bytes that are done.
     """
-    analyses: list[Analysis] = []
+    analyses: list[noise.Analysis] = []
     for group in _sound(record, report):
         if isinstance(group.source, np.ndarray) or record.size <= IN_MEMORY or taus == "all":
             analyses += _in_memory(group, report, taus)
@@ -77,14 +61,14 @@ def characterise(
     ]
 
 
-def deviations(record: StaticRecord, report: StaticReport, kind: str, *, taus: Taus = None) -> list[Deviation]:
+def deviations(record: StaticRecord, report: StaticReport, kind: str, *, taus: Taus = None) -> list[noise.Deviation]:
     """Only the deviation of each channel, of any kind in `plumbob.noise.KINDS`; otherwise as `characterise`."""
-    channels: list[Deviation] = []
+    channels: list[noise.Deviation] = []
     for group in _sound(record, report):
         samples = _samples(group, report)
         n = None if taus is None else _factors(taus, group.dt, samples.shape[0], kind)
         of = curves(samples, group.dt, n, kind=kind)
-        channels += [Deviation(name, group.quantity, curve) for name, curve in zip(group.names, of, strict=True)]
+        channels += [noise.Deviation(name, group.quantity, curve) for name, curve in zip(group.names, of, strict=True)]
     return channels
 
 
@@ -130,13 +114,13 @@ def _samples(group: Channels, report: StaticReport) -> Floats:
     return bridged(group.read(), group.dt, group.start, list(parts)) if parts else group.read()
 
 
-def _in_memory(group: Channels, report: StaticReport, taus: Taus) -> Iterable[Analysis]:
+def _in_memory(group: Channels, report: StaticReport, taus: Taus) -> Iterable[noise.Analysis]:
     samples = _samples(group, report)
 
-    def analyse_column(channel: int) -> Analysis:
+    def analyse_column(channel: int) -> noise.Analysis:
         column = np.ascontiguousarray(samples[:, channel])
-        analysis = analyse(column, group.dt, name=group.names[channel], quantity=group.quantity)
-        return analysis if taus is None else with_curve(analysis, _curve_at_taus(column, group.dt, taus))
+        analysis = noise.analyse(column, group.dt, name=group.names[channel], quantity=group.quantity)
+        return analysis if taus is None else noise.with_curve(analysis, _curve_at_taus(column, group.dt, taus))
 
     with ThreadPoolExecutor(_WORKERS) as pool:
         return list(pool.map(analyse_column, range(samples.shape[1])))
@@ -144,24 +128,26 @@ def _in_memory(group: Channels, report: StaticReport, taus: Taus) -> Iterable[An
 
 def _curve_at_taus(samples: Floats, dt: float, taus: Sequence[float] | Literal["all"]) -> Curve:
     if taus == "all":
-        dev = every_adev(samples)
-        return make_curve(dev, np.arange(1, dev.size + 1), samples.size, dt)
+        dev = noise.every_adev(samples)
+        return noise.make_curve(dev, np.arange(1, dev.size + 1), samples.size, dt)
     return curves(samples[:, np.newaxis], dt, _factors(taus, dt, samples.size))[0]
 
 
-def _streamed(group: Channels, size: int, taus: Taus, progress: _Done | None) -> list[Analysis]:
-    grid = log_factors(size)  # a number is a byte or more
-    n = None if taus is None else stream_factors(_factors(taus, group.dt, size))
-    allan = AllanStream(stream_factors(grid if n is None else np.union1d(grid, n)), channels=len(group.names))
+def _streamed(group: Channels, size: int, taus: Taus, progress: _Done | None) -> list[noise.Analysis]:
+    grid = noise.log_factors(size)  # a number is a byte or more
+    n = None if taus is None else noise.stream_factors(_factors(taus, group.dt, size))
+    allan = noise.AllanStream(
+        noise.stream_factors(grid if n is None else np.union1d(grid, n)), channels=len(group.names)
+    )
     averager = Averager(len(group.names))
     for block in group.blocks(progress):
         allan.feed(block)
         averager.feed(block)
     stats, values = allan.result(), averager.values()
-    channel_curves = [make_curve(dev, stats.n, stats.count, group.dt) for dev in stats.dev.T]
+    channel_curves = [noise.make_curve(dev, stats.n, stats.count, group.dt) for dev in stats.dev.T]
     analyses = [
-        analyse_averages(
-            Averages(np.ascontiguousarray(values[:, i]), averager.averaged),
+        noise.analyse_averages(
+            noise.Averages(np.ascontiguousarray(values[:, i]), averager.averaged),
             channel_curves[i],
             mean=float(stats.mean[i]),
             sd=float(stats.sd[i]),
@@ -220,7 +206,7 @@ class Noise(Reported):
 
     record: StaticRecord
     static: StaticReport
-    analyses: tuple[Analysis, ...]
+    analyses: tuple[noise.Analysis, ...]
     calibration: str | None = None
 
     def facts(self) -> Mapping[str, str]:

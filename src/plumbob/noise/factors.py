@@ -56,14 +56,8 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.noise.kernels import (
-    accumulate,
-    add_triangles,
-    modified_squares,
-    second_squares,
-    sum_accurately,
-    third_squares,
-)
+from plumbob.noise import kernels
+from plumbob.noise.kernels import second_squares
 
 Factors = NDArray[np.int64]
 STREAMED: Final = 2**14  # a stream takes every difference where fewer samples are averaged
@@ -285,7 +279,7 @@ def _running_sum(rate: Floats, column: Floats) -> Floats:
     if not math.isfinite(mean):  # as one sample is enough for; a test of every sample would be one more pass
         raise _unusable(rate)
     angle = np.zeros(column.size + 1)
-    accumulate(column, mean, 0.0, angle[1:])
+    kernels.accumulate(column, mean, 0.0, angle[1:])
     return angle
 
 
@@ -324,9 +318,9 @@ class _SumRule(NamedTuple):
 _HOW: Final = {
     "oadev": _SumRule(second_squares, 2.0),  # [Riley2008] (11)
     "adev": _SumRule(second_squares, 2.0, _every_nth),  # [Riley2008] (7)
-    "mdev": _SumRule(modified_squares, 2.0),  # [Riley2008] (14)
-    "ohdev": _SumRule(third_squares, 6.0),  # [Riley2008] (20)
-    "hdev": _SumRule(third_squares, 6.0, _every_nth),  # [Riley2008] (18)
+    "mdev": _SumRule(kernels.modified_squares, 2.0),  # [Riley2008] (14)
+    "ohdev": _SumRule(kernels.third_squares, 6.0),  # [Riley2008] (20)
+    "hdev": _SumRule(kernels.third_squares, 6.0, _every_nth),  # [Riley2008] (18)
     "totdev": _SumRule(second_squares, 2.0, _centred),  # [Riley2008] (25)
 }
 
@@ -436,7 +430,7 @@ def _without_parabola(angle: Floats) -> tuple[Floats, float]:
 def _weighted(values: Floats, middle: float, n: Factors) -> tuple[Floats, float]:
     """Sum of head, `middle` times the middle, and tail, P − 2n values each; and the largest running sum."""
     running = np.empty(values.size + 1)
-    sum_accurately(values, running)
+    kernels.sum_accurately(values, running)
     head, tail = running[values.size - 2 * n], running[-1] - running[2 * n]
     return head + middle * (running[values.size - n] - running[n]) + tail, float(np.max(np.abs(running)))
 
@@ -461,7 +455,7 @@ def _head_products(x: Floats, count: int) -> Floats:
     padded[:, : x.shape[1]] = x
     sums = np.zeros((2, size))
     for row, points in zip(sums, padded, strict=True):
-        add_triangles(points, edge, row)
+        kernels.add_triangles(points, edge, row)
     for level in range(1, levels + 1):
         length, half = edge << level, edge << level - 1
         early = fft.rfft(padded[:, :size].reshape(2, -1, length)[:, :, :half], length)

@@ -24,16 +24,9 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
+from plumbob.noise import spectrum as spectra
 from plumbob.noise.findings import Band, Coefficient
-from plumbob.noise.spectrum import (
-    LETTERS,
-    MarkovBins,
-    Spectrum,
-    densities,
-    markov_bin_densities,
-    markov_bins,
-    markov_density,
-)
+from plumbob.noise.spectrum import markov_bin_densities
 
 _ROUNDS: Final = 100
 _SMALL_STEP: Final = 1e-5
@@ -50,7 +43,7 @@ class Bins(NamedTuple):
     power: Floats
     cross: Floats
     ramp: Floats
-    process: MarkovBins  # for the density of a Gauss–Markov process
+    process: spectra.MarkovBins  # for the density of a Gauss–Markov process
 
 
 class Iterate(NamedTuple):
@@ -229,7 +222,7 @@ def _solve(now: Iterate, free: NDArray[np.bool_], damping: float, step: Floats, 
 
 CLEAR: Final = 2.0  # sd from 0 of a value whose likelihood is as much less as that without an observable term
 CLEARLY: Final = 9.0  # fall of the deviance for two terms together though neither shows by itself: chance of 1 %
-_WALK = LETTERS.index("K")
+_WALK = spectra.LETTERS.index("K")
 _NOTHING = -300.0  # logarithm of a coefficient that is not there: its square is still a number
 _ONE_SIDED = 0.02275  # of a normal distribution beyond 2 sd
 _SHARP = 0.1  # relative standard deviation up to which a coefficient is taken for log-normal
@@ -255,17 +248,17 @@ class LikelihoodFit:
     @property
     def squares(self) -> Floats:
         """Squares of Q, N, B and K, by which `densities` of any spectrum are multiplied."""
-        return np.asarray(np.exp(2.0 * self.logs[: len(LETTERS)]))
+        return np.asarray(np.exp(2.0 * self.logs[: len(spectra.LETTERS)]))
 
 
-def fit(spectrum: Spectrum, *, markov_time: float | None = None) -> LikelihoodFit:
+def fit(spectrum: spectra.Spectrum, *, markov_time: float | None = None) -> LikelihoodFit:
     """Find the most likely coefficients; with a Gauss–Markov process, starting from its correlation time, s."""
     model = _Model(spectrum)
     return model.search(model.begin(markov_time))
 
 
 def coefficients(
-    spectrum: Spectrum, best: LikelihoodFit, *, barred: Collection[str] = (), bands: Sequence[Band] = ()
+    spectrum: spectra.Spectrum, best: LikelihoodFit, *, barred: Collection[str] = (), bands: Sequence[Band] = ()
 ) -> tuple[dict[str, Coefficient], LikelihoodFit]:
     """Q, N, B, K and R with their intervals, around a fit of this spectrum; and the fit that they are quoted from.
 
@@ -275,21 +268,23 @@ def coefficients(
     are wider by what such departures do to the coefficients, and by what may be left of `bands` beyond their limits.
     """
     model = _Model(spectrum)
-    terms = {w: replace(model.interval(best, k), observable=False) for k, w in enumerate(LETTERS) if w in barred}
-    for k in (LETTERS.index(letter) for letter in terms):
+    terms = {
+        w: replace(model.interval(best, k), observable=False) for k, w in enumerate(spectra.LETTERS) if w in barred
+    }
+    for k in (spectra.LETTERS.index(letter) for letter in terms):
         best = model.with_log(best, k)
     if "Q" not in terms:
         terms["Q"] = model.interval(best, 0)
         if not terms["Q"].observable:
             best = model.with_log(best, 0)
     wider = _wider(spectrum, best, bands)
-    terms = {w: terms[w] if w in terms else model.interval(best, k, wider[k]) for k, w in enumerate(LETTERS)}
+    terms = {w: terms[w] if w in terms else model.interval(best, k, wider[k]) for k, w in enumerate(spectra.LETTERS)}
     ramp = model.ramp(best)
     return {**terms, "R": replace(ramp, observable=False) if "R" in barred else ramp}, best
 
 
 def departures(
-    spectrum: Spectrum, found: LikelihoodFit, group: NDArray[np.int64]
+    spectrum: spectra.Spectrum, found: LikelihoodFit, group: NDArray[np.int64]
 ) -> Iterator[tuple[NDArray[np.bool_], float, float]]:
     """Bins (m,) of each `group` (m,) from 0 on, the part by which their power departs from a fit, and its chance sd."""
     ratio = spectrum.without_ramp(found.ramp) / found.density
@@ -304,38 +299,38 @@ def most_likely(best: LikelihoodFit, ramp: Coefficient) -> dict[str, float]:
 
     But a ramp only where it is observable: else its slope is that of the random walk, which has been counted.
     """
-    random = {letter: math.exp(best.logs[k]) for k, letter in enumerate(LETTERS)}
+    random = {letter: math.exp(best.logs[k]) for k, letter in enumerate(spectra.LETTERS)}
     return {**random, "R": abs(best.ramp) if ramp.observable else 0.0}
 
 
-def is_more_than(spectrum: Spectrum, best: LikelihoodFit, shown: Sequence[str]) -> bool:
+def is_more_than(spectrum: spectra.Spectrum, best: LikelihoodFit, shown: Sequence[str]) -> bool:
     """Whether the record holds more than the terms `shown`, though none of the others stands out by itself."""
     model = _Model(spectrum)
     bare = best
-    for k, letter in enumerate(LETTERS):
+    for k, letter in enumerate(spectra.LETTERS):
         if letter not in shown:
             bare = model.with_log(bare, k)
-    return model.search(bare.logs, held=[k for k, w in enumerate(LETTERS) if w not in shown]).deviance > (
+    return model.search(bare.logs, held=[k for k, w in enumerate(spectra.LETTERS) if w not in shown]).deviance > (
         best.deviance + CLEARLY
     )
 
 
-def markov_coefficients(spectrum: Spectrum, best: LikelihoodFit) -> tuple[Coefficient, Coefficient]:
+def markov_coefficients(spectrum: spectra.Spectrum, best: LikelihoodFit) -> tuple[Coefficient, Coefficient]:
     """Standard deviation and correlation time of the Gauss–Markov process of a fit, with intervals."""
     model = _Model(spectrum)
-    sd, time = (model.interval(best, len(LETTERS) + k) for k in range(2))
+    sd, time = (model.interval(best, len(spectra.LETTERS) + k) for k in range(2))
     return sd, time
 
 
-def spectrum_bins(s: Spectrum) -> Bins:
+def spectrum_bins(s: spectra.Spectrum) -> Bins:
     """Bins of a spectrum, for `plumbob.noise.likelihood`."""
-    return Bins(densities(s), s.terms, s.power, s.cross, s.ramp, markov_bins(s))
+    return Bins(spectra.densities(s), s.terms, s.power, s.cross, s.ramp, spectra.markov_bins(s))
 
 
 class _Model:
     """Likelihood of one spectrum as a function of the logarithms of the coefficients."""
 
-    def __init__(self, spectrum: Spectrum) -> None:
+    def __init__(self, spectrum: spectra.Spectrum) -> None:
         self.spectrum = spectrum
         self.bins = spectrum_bins(spectrum)
 
@@ -348,7 +343,7 @@ class _Model:
         ahead = np.minimum(np.searchsorted(count, count[:-1] + 16.0), terms.size)
         behind = np.minimum(np.arange(terms.size), np.searchsorted(count, max(count[-1] - 16.0, 0.0), side="right"))
         smooth = (total[ahead] - total[behind]) / np.maximum(count[ahead] - count[behind], 1.0)
-        process = [] if markov_time is None else [markov_density(self.bins.process, markov_time)]
+        process = [] if markov_time is None else [spectra.markov_density(self.bins.process, markov_time)]
         logs = [0.5 * math.log(0.5 * np.min(smooth / row)) for row in [*self.bins.rows, *process]]
         return np.array(logs if markov_time is None else [*logs, math.log(markov_time)])
 
@@ -424,7 +419,7 @@ def _covariance(best: LikelihoodFit) -> Floats:
     return np.asarray(np.linalg.pinv(best.information / norm, hermitian=True) / norm)
 
 
-def _wider(spectrum: Spectrum, best: LikelihoodFit, bands: Sequence[Band]) -> Floats:
+def _wider(spectrum: spectra.Spectrum, best: LikelihoodFit, bands: Sequence[Band]) -> Floats:
     """How many times wider the intervals of the coefficients (p,) are, in the logarithm, than by chance alone.
 
     Real noise is not exactly that of any terms. Taken for independent from octave to octave, its departures have the
@@ -448,7 +443,7 @@ def _wider(spectrum: Spectrum, best: LikelihoodFit, bands: Sequence[Band]) -> Fl
     return np.asarray(np.sqrt(1.0 + moved / np.maximum(np.diag(covariance), 1e-300)))
 
 
-def octaves(spectrum: Spectrum) -> NDArray[np.int64]:
+def octaves(spectrum: spectra.Spectrum) -> NDArray[np.int64]:
     """Octave of each bin (m,), from the lowest on."""
     return np.asarray(np.floor(np.log2(spectrum.frequency / spectrum.frequency[0])), dtype=np.int64)
 

@@ -23,14 +23,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import FrameError, UnitError
 from plumbob.core.units import to_deg
-from plumbob.rotations.quaternions import (
-    dcm_from_quat,
-    euler_zyx_from_quat,
-    quat_from_dcm,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_rotate,
-)
+from plumbob.rotations import quaternions
 
 
 class _Named(StrEnum):
@@ -83,7 +76,7 @@ class North(_Named):
 def frame_rotation(to: Frame, from_: Frame) -> Floats:
     """Quaternion q_to_from between two navigation frames, shape (4,); read-only."""
     c = sum(np.outer(a, b) for a, b in zip(_axes(to), _axes(from_), strict=True))
-    return check.read_only(quat_from_dcm(np.asarray(c)))
+    return check.read_only(quaternions.quat_from_dcm(np.asarray(c)))
 
 
 def change_frame(q_nb: ArrayLike, *, to: Frame, from_: Frame) -> Floats:
@@ -103,7 +96,7 @@ def change_frame(q_nb: ArrayLike, *, to: Frame, from_: Frame) -> Floats:
     """
     q = check.last_axis("q_nb", q_nb, 4)
     turn = frame_rotation(to, from_)
-    return q.copy() if to == from_ else quat_multiply(turn, q)
+    return q.copy() if to == from_ else quaternions.quat_multiply(turn, q)
 
 
 def in_body_axes(spec: str, vectors: Floats) -> Floats:
@@ -271,12 +264,12 @@ def _free(estimate: North, reference: North, aligned: bool) -> HeadingPolicy:
 
 def turn_heading(q_nb: Floats, angle: float | Floats, frame: Frame) -> Floats:
     """Attitudes (N, 4) whose headings read `angle`, one or (N,), rad more, clockwise seen from above."""
-    return quat_multiply(quat_from_rotvec(np.multiply.outer(-angle, frame.up)), q_nb)
+    return quaternions.quat_multiply(quaternions.quat_from_rotvec(np.multiply.outer(-angle, frame.up)), q_nb)
 
 
 def heading_of(q_nb: Floats, frame: Frame) -> Floats:
     """Heading (N,) of the body's x axis, rad, 0 to 2π clockwise from the zero of headings, of attitudes (N, 4)."""
-    forward = quat_rotate(q_nb, np.array([1.0, 0.0, 0.0]))
+    forward = quaternions.quat_rotate(q_nb, np.array([1.0, 0.0, 0.0]))
     return np.asarray(np.arctan2(forward @ frame.east, forward @ frame.north) % (2.0 * np.pi))
 
 
@@ -286,7 +279,7 @@ def claimed_sd(q_nb: Floats, cov_b: Floats) -> tuple[Floats, Floats]:
     The error's two level parts in the navigation frame make the inclination, its vertical part the heading; so a
     consistent filter's errors have these rms values. NaN where nothing is claimed yet: a variance that is not positive.
     """
-    c_nb = dcm_from_quat(q_nb)
+    c_nb = quaternions.dcm_from_quat(q_nb)
     xx, yy, zz = np.moveaxis(np.einsum("nij,njk,nik->ni", c_nb, cov_b, c_nb), -1, 0)
     return _sd(xx + yy), _sd(zz)
 
@@ -296,7 +289,7 @@ def euler_sd(q_nb: Floats, cov_b: Floats) -> Floats:
 
     They grow without bound toward a pitch of ±90°, where yaw and roll are one; NaN where nothing is claimed yet.
     """
-    _, pitch, roll = np.moveaxis(euler_zyx_from_quat(q_nb), -1, 0)
+    _, pitch, roll = np.moveaxis(quaternions.euler_zyx_from_quat(q_nb), -1, 0)
     sr, cr, cp, tp = np.sin(roll), np.cos(roll), np.cos(pitch), np.tan(pitch)
     zeros, ones = np.zeros_like(roll), np.ones_like(roll)
     # derivatives of yaw, pitch and roll by a small turn in body axes

@@ -14,24 +14,13 @@ from typing import ClassVar, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plumbob import rotations
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import checked, describe, shown
-from plumbob.rotations import (
-    IDENTITY,
-    Frame,
-    body_rate_from_euler_zyx,
-    change_frame,
-    frame_rotation,
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_from_rotvec,
-    quat_multiply,
-    quat_rotate,
-    rotvec_from_quat,
-)
+from plumbob.rotations import Frame
 from plumbob.simulation.signals import Jet, Signal, constant, quintic
 
 _UPSIDE_DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # half a turn about x: forward-left-up to forward-right-down and back
@@ -71,7 +60,7 @@ class Truth:
 
     def in_body(self, v_n: ArrayLike) -> Floats:
         """Vectors (3,) or (N, 3) of the navigation frame, in body axes (N, 3)."""
-        return quat_rotate(quat_conjugate(self.q_nb), v_n)
+        return rotations.quat_rotate(rotations.quat_conjugate(self.q_nb), v_n)
 
     @property
     def specific_force_b(self) -> Floats:
@@ -90,9 +79,9 @@ class Truth:
             self.q_nb,
             self.rate_b,
             self.rate_dot_b,
-            self.pos_n + quat_rotate(self.q_nb, r),
-            self.vel_n + quat_rotate(self.q_nb, swing),
-            self.acc_n + quat_rotate(self.q_nb, pull),
+            self.pos_n + rotations.quat_rotate(self.q_nb, r),
+            self.vel_n + rotations.quat_rotate(self.q_nb, swing),
+            self.acc_n + rotations.quat_rotate(self.q_nb, pull),
         )
 
     def at_moving(self, r: Jet) -> Self:
@@ -101,54 +90,60 @@ class Truth:
         pull = np.cross(self.rate_dot_b, r.value) + np.cross(self.rate_b, swing + 2.0 * r.rate) + r.acc
         return replace(
             self,
-            pos_n=self.pos_n + quat_rotate(self.q_nb, r.value),
-            vel_n=self.vel_n + quat_rotate(self.q_nb, swing + r.rate),
-            acc_n=self.acc_n + quat_rotate(self.q_nb, pull),
+            pos_n=self.pos_n + rotations.quat_rotate(self.q_nb, r.value),
+            vel_n=self.vel_n + rotations.quat_rotate(self.q_nb, swing + r.rate),
+            acc_n=self.acc_n + rotations.quat_rotate(self.q_nb, pull),
         )
 
     def turned(self, q_bs: ArrayLike) -> Self:
         """State in axes s that are fixed to the body, q_bs (4,)."""
-        q, q_sb = np.asarray(q_bs, dtype=np.float64), quat_conjugate(q_bs)
+        q, q_sb = np.asarray(q_bs, dtype=np.float64), rotations.quat_conjugate(q_bs)
         return replace(
             self,
-            q_nb=quat_multiply(self.q_nb, q),
-            rate_b=quat_rotate(q_sb, self.rate_b),
-            rate_dot_b=quat_rotate(q_sb, self.rate_dot_b),
+            q_nb=rotations.quat_multiply(self.q_nb, q),
+            rate_b=rotations.quat_rotate(q_sb, self.rate_b),
+            rate_dot_b=rotations.quat_rotate(q_sb, self.rate_dot_b),
         )
 
     def hinged(self, axis: ArrayLike, angle: Jet) -> Self:
         """State of a part that turns about `axis` (3,), a unit vector of the body, by angle (N,), rad."""
         at, speed, acceleration = (part[:, np.newaxis] * np.asarray(axis, dtype=np.float64) for part in angle)
-        turn = quat_from_rotvec(at)
-        back = quat_conjugate(turn)
-        carried = quat_rotate(back, self.rate_b)
+        turn = rotations.quat_from_rotvec(at)
+        back = rotations.quat_conjugate(turn)
+        carried = rotations.quat_rotate(back, self.rate_b)
         return replace(
             self,
-            q_nb=quat_multiply(self.q_nb, turn),
+            q_nb=rotations.quat_multiply(self.q_nb, turn),
             rate_b=carried + speed,
-            rate_dot_b=quat_rotate(back, self.rate_dot_b) - np.cross(speed, carried) + acceleration,
+            rate_dot_b=rotations.quat_rotate(back, self.rate_dot_b) - np.cross(speed, carried) + acceleration,
         )
 
     def seen_from(self, frame: Frame) -> Self:
         """Describe the same motion of the same body axes in another navigation frame."""
-        turn = frame_rotation(frame, self.frame)
-        path = {name: quat_rotate(turn, getattr(self, name)) for name in ("pos_n", "vel_n", "acc_n")}
-        return replace(self, frame=frame, q_nb=change_frame(self.q_nb, to=frame, from_=self.frame), **path)
+        turn = rotations.frame_rotation(frame, self.frame)
+        path = {name: rotations.quat_rotate(turn, getattr(self, name)) for name in ("pos_n", "vel_n", "acc_n")}
+        return replace(self, frame=frame, q_nb=rotations.change_frame(self.q_nb, to=frame, from_=self.frame), **path)
 
     def in_frame(self, frame: Frame) -> Self:
         """Describe the same motion in another navigation frame, with the body axes that go with it."""
         if frame is self.frame:
             return self
-        q_nb, turn = change_frame(self.q_nb, to=frame, from_=self.frame), frame_rotation(frame, self.frame)
+        q_nb, turn = (
+            rotations.change_frame(self.q_nb, to=frame, from_=self.frame),
+            rotations.frame_rotation(frame, self.frame),
+        )
         rate_b, rate_dot_b = self.rate_b, self.rate_dot_b
         if frame.up[2] != self.frame.up[2]:
-            q_nb = quat_multiply(q_nb, _UPSIDE_DOWN)
-            rate_b, rate_dot_b = quat_rotate(_UPSIDE_DOWN, rate_b), quat_rotate(_UPSIDE_DOWN, rate_dot_b)
-        path = (quat_rotate(turn, v) for v in (self.pos_n, self.vel_n, self.acc_n))
+            q_nb = rotations.quat_multiply(q_nb, _UPSIDE_DOWN)
+            rate_b, rate_dot_b = (
+                rotations.quat_rotate(_UPSIDE_DOWN, rate_b),
+                rotations.quat_rotate(_UPSIDE_DOWN, rate_dot_b),
+            )
+        path = (rotations.quat_rotate(turn, v) for v in (self.pos_n, self.vel_n, self.acc_n))
         return type(self)(self.t, frame, q_nb, rate_b, rate_dot_b, *path)
 
 
-def at_rest(t: Floats, frame: Frame, q_nb: ArrayLike = IDENTITY) -> Truth:
+def at_rest(t: Floats, frame: Frame, q_nb: ArrayLike = rotations.IDENTITY) -> Truth:
     """State of a body that stands still at the origin, at an attitude (4,)."""
     zero = np.zeros((t.size, 3))
     return Truth(t, frame, np.tile(np.asarray(q_nb, dtype=np.float64), (t.size, 1)), zero, zero, zero, zero, zero)
@@ -185,9 +180,9 @@ class EulerMotion:
     def truth(self, t: Floats) -> Truth:
         """State at the instants t (N,), s."""
         angle, speed, acceleration = self.angles.at(t)
-        rate_b = body_rate_from_euler_zyx(angle, speed)
-        rate_dot_b = body_rate_from_euler_zyx(angle, acceleration) + _turning_axes(angle, speed, rate_b)
-        pivot = Truth(t, self.frame, quat_from_euler_zyx(angle), rate_b, rate_dot_b, *self.position.at(t))
+        rate_b = rotations.body_rate_from_euler_zyx(angle, speed)
+        rate_dot_b = rotations.body_rate_from_euler_zyx(angle, acceleration) + _turning_axes(angle, speed, rate_b)
+        pivot = Truth(t, self.frame, rotations.quat_from_euler_zyx(angle), rate_b, rate_dot_b, *self.position.at(t))
         return pivot.at_lever(self.lever_b) if any(self.lever_b) else pivot
 
 
@@ -294,11 +289,13 @@ class PoseMotion:
     def truth(self, t: Floats) -> Truth:
         """State at the instants t (N,), s."""
         poses = check.rows("poses", self.poses, 4)
-        turns = rotvec_from_quat(quat_multiply(quat_conjugate(poses), np.concatenate((poses[1:], poses[-1:]))))
+        turns = rotations.rotvec_from_quat(
+            rotations.quat_multiply(rotations.quat_conjugate(poses), np.concatenate((poses[1:], poses[-1:])))
+        )
         cycle = self.dwell + self.move
         i = np.clip(np.floor(t / cycle), 0, len(poses) - 1).astype(np.intp)
         way, rate, acc = quintic(np.clip((t - i * cycle - self.dwell) / self.move, 0.0, 1.0))
-        q_nb = quat_multiply(poses[i], quat_from_rotvec(way[:, np.newaxis] * turns[i]))
+        q_nb = rotations.quat_multiply(poses[i], rotations.quat_from_rotvec(way[:, np.newaxis] * turns[i]))
         rate_b = (rate / self.move)[:, np.newaxis] * turns[i]
         rate_dot_b = (acc / self.move**2)[:, np.newaxis] * turns[i]
         zero = np.zeros((t.size, 3))

@@ -7,16 +7,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.arm.array.channels import (
-    aligned,
-    combined_noise,
-    densities,
-    directions,
-    levers,
-    nominal_step,
-    stacked,
-    with_noise,
-)
+from plumbob.arm.array import channels
+from plumbob.arm.array.channels import directions
 from plumbob.arm.array.tracker import OF_TRIAD, OUT, SCALE, STATE, TRIAD_SIZE, UNIT_SIZE, start_unit, take_rows
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
@@ -182,9 +174,9 @@ class Monitor:
             raise ParameterError(f"step must be a positive number of seconds, but it is {step}.")
         self.settings = settings or MonitoringSettings()
         self._mounts = dict(mounts)
-        self._axes, self._levers = directions(mounts), levers(mounts)
+        self._axes, self._levers = directions(mounts), channels.levers(mounts)
         self._c = self.settings.coefficients(step)
-        self._weight = np.ascontiguousarray([step / densities(mounts, triad) ** 2 for triad in TRIADS])
+        self._weight = np.ascontiguousarray([step / channels.densities(mounts, triad) ** 2 for triad in TRIADS])
         units = len(self.names)
         self._x = np.zeros((3, units, UNIT_SIZE))
         self._g = np.zeros((3, TRIAD_SIZE))
@@ -208,7 +200,7 @@ class Monitor:
                 f"this monitor watches {', '.join(self.names)}, but the samples are of {', '.join(array.names)}. "
                 "Make a monitor for each array."
             )
-        y = np.ascontiguousarray(np.stack([stacked(array, triad) for triad in TRIADS], axis=1))
+        y = np.ascontiguousarray(np.stack([channels.stacked(array, triad) for triad in TRIADS], axis=1))
         values = np.empty((len(array), 3, 3))
         words = np.zeros((len(array), len(self.names)), dtype=np.uint32)
         row = common_flags(array)
@@ -217,7 +209,7 @@ class Monitor:
             np.ascontiguousarray(array.t), y, self._x, self._g, self._c, self._axes, self._weight, self._levers,
             bool(self._levers.any()), a, inverse, self._h, use, room, values, words, row,
         )  # fmt: skip
-        return Monitored(virtual(array, values, row), words, self.names, combined_noise(array, _name(array)))
+        return Monitored(virtual(array, values, row), words, self.names, channels.combined_noise(array, _name(array)))
 
     @property
     def relative(self) -> dict[str, Floats]:
@@ -258,8 +250,8 @@ def monitor(array: "ImuArray | Source | Sequence[Source]", *, settings: Monitori
 
     array = opened_array(array)
     has_card = any(mount.noise is not None for mount in array.mounts.values())
-    array = with_noise(aligned(array))
-    watch = Monitor(array.mounts, step=nominal_step(array), settings=settings)
+    array = channels.with_noise(channels.aligned(array))
+    watch = Monitor(array.mounts, step=channels.nominal_step(array), settings=settings)
     parts = [watch.take(part) for part in array.chunks(CHUNK)]
     imu = ImuData.joined([part.imu for part in parts])
     return Monitored(

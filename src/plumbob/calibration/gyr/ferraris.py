@@ -25,17 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.fit import BLOCKS, SCALE, TILT, Fitted, Reason, grade_of, mean_and_sd, reason_if, refuse
+from plumbob.calibration.gyr import rest as resting
 from plumbob.calibration.gyr.drift import chen2013
-from plumbob.calibration.gyr.rest import (
-    UNCALIBRATED,
-    Rates,
-    beyond_bias,
-    bias_at_rest,
-    inverse_covariance,
-    new_bias_covariance,
-    rest,
-    unseen_turn,
-)
+from plumbob.calibration.gyr.rest import UNCALIBRATED, Rates, rest
 from plumbob.calibration.predicted import TILT_RANGE, tilt_sd
 from plumbob.core import check
 from plumbob.core.check import Floats
@@ -145,8 +137,8 @@ def fit_trackball(rates: Rates) -> Fitted:
     drift = chen2013().at_rest(
         gyr[still], None if temp_c is None else temp_c[still], None if acc is None else acc[still]
     )
-    refuse(beyond_bias(drift.bias))
-    _, spread, means = bias_at_rest([drift.compensate(gyr[part], temp_c[part], acc[part]) for part in where])  # type: ignore[index]
+    refuse(resting.beyond_bias(drift.bias))
+    _, spread, means = resting.bias_at_rest([drift.compensate(gyr[part], temp_c[part], acc[part]) for part in where])  # type: ignore[index]
     calibration = TriadCalibration(
         np.diag(1.0 / (1.0 + drift.scale)),
         drift.bias,
@@ -155,13 +147,13 @@ def fit_trackball(rates: Rates) -> Fitted:
         bias_per_k=drift.bias_per_k,
         temp_ref_c=drift.temp_ref_c,
         g_sensitivity=drift.g_sensitivity,
-        covariance=new_bias_covariance(UNCALIBRATED, np.diag(spread**2)),
+        covariance=resting.new_bias_covariance(UNCALIBRATED, np.diag(spread**2)),
         residual_rms=float(np.sqrt(np.mean(means**2))),
         method="gyr by the trackball paper's preset, bias at rest",
         quality=Quality(grade="poor", samples=still.size),
     )
     slope = to_dps(float(drift.bias_per_k[0]))
-    remarks = (warning("calibration.assumed_drift", slope=slope), *turned, *unseen_turn(rates, where))
+    remarks = (warning("calibration.assumed_drift", slope=slope), *turned, *resting.unseen_turn(rates, where))
     return Fitted(calibration, means, means, np.ones(len(where), dtype=bool), remarks)
 
 
@@ -251,7 +243,7 @@ def _accelerometer(session: _Session) -> tuple[Fitted, float]:
     np.fill_diagonal(variance, noise**2 / (2.0 * G0**2) + 0.5 * placing**4)  # 1 − cos of the placing
     covariance = np.zeros((12, 12))
     covariance[:3, :3] = np.diag(0.5 * noise**2 + 0.5 * (G0 * placing**2) ** 2)
-    covariance[3:, 3:] = inverse_covariance(np.diag(variance.ravel()), matrix)
+    covariance[3:, 3:] = resting.inverse_covariance(np.diag(variance.ravel()), matrix)
     measured = np.stack((up.T, down.T), axis=1).reshape(6, 3)
     residuals = np.linalg.norm((measured - bias) @ matrix.T, axis=1) - G0
     tilt = tilt_sd(matrix, covariance, size=G0)
@@ -298,7 +290,7 @@ def _gyroscope(session: _Session, accelerometer: TriadCalibration, placing: floa
     np.fill_diagonal(variance, np.diag(drift) / angle**2 + (ANGLE_SD / angle) ** 2)
     covariance = np.zeros((12, 12))
     covariance[:3, :3] = np.diag(bias_sd**2)
-    covariance[3:, 3:] = inverse_covariance(np.diag(variance.ravel()), matrix)
+    covariance[3:, 3:] = resting.inverse_covariance(np.diag(variance.ravel()), matrix)
     scale_sd = float(np.sqrt(np.diag(covariance)[[3, 7, 11]]).max())
     calibration = TriadCalibration(
         matrix,

@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob import rotations
 from plumbob.calibration.autocorrelation import Alike, memory_of_each
 from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, distortion_to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, reason_if, refuse
@@ -30,15 +31,6 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
 from plumbob.core.findings import Note, info
 from plumbob.core.units import dps, to_deg, to_dps
-from plumbob.rotations import (
-    dcm_from_quat,
-    quat_chained,
-    quat_conjugate,
-    quat_from_rotvec,
-    quat_multiply,
-    rotvec_from_quat,
-    skew,
-)
 
 _DIRECTIONS: Final = 400
 
@@ -131,8 +123,8 @@ class _RandomWalkFit:
         self.mag, self.gyr, self.size = mag, gyr[samples], size
         nodes = np.union1d(samples, np.searchsorted(t, np.arange(t[0], t[-1], _NODE)))
         self.seen, self.dt = np.searchsorted(nodes, samples), np.diff(t[nodes])[:, np.newaxis]
-        q = quat_chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis])[nodes]
-        self.angles = rotvec_from_quat(quat_multiply(quat_conjugate(q[:-1]), q[1:]))
+        q = rotations.quat_chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis])[nodes]
+        self.angles = rotations.rotvec_from_quat(rotations.quat_multiply(rotations.quat_conjugate(q[:-1]), q[1:]))
         self.turned = float(np.sum(np.linalg.norm(self.angles, axis=1)))
         self.gyr_tight = tightness(gyr_gain_sd)
         self.used = np.ones(len(mag), dtype=np.bool_)
@@ -211,12 +203,12 @@ class _RandomWalkFit:
     def _turns(self) -> Floats:
         """Attitudes (M, 3, 3), and beside them how they lean by the gyroscope's errors."""
         angles = self.angles + self.angles @ self._gain().T - self.gyr_errors[:3] * self.dt
-        attitude = dcm_from_quat(quat_chained(angles))
+        attitude = rotations.dcm_from_quat(rotations.quat_chained(angles))
         sums = leaning(attitude, angles, self.angles, self.dt)[self.seen]
         self.now, delay = attitude[self.seen], float(self.gyr_errors[12])
         self.by_gyr = sums - by_error(self.now, delay * self.gyr, np.full((len(self.now), 1), delay))
         self.rate = self.gyr + self.gyr @ self._gain().T - self.gyr_errors[:3]
-        return np.asarray(self.now @ dcm_from_quat(quat_from_rotvec(-delay * self.rate)))
+        return np.asarray(self.now @ rotations.dcm_from_quat(rotations.quat_from_rotvec(-delay * self.rate)))
 
     def _gain(self) -> Floats:
         return self.gyr_errors[3:12].reshape(3, 3)
@@ -292,7 +284,7 @@ class _RandomWalkFit:
             rows[:, i, 3 * i : 3 * i + 3] = field
             rows[:, i, 9 + i] = 1.0
         back = self.distortion @ np.swapaxes(self.turns, 1, 2)
-        lean = back @ skew(self.h)
+        lean = back @ rotations.skew(self.h)
         rows[:, :, 12:14] = back @ across(self.h)
         rows[:, :, _FIELD : PARAMETERS - 1] = lean @ self.by_gyr
         rows[:, :, PARAMETERS - 1] = np.cross(self.rate, field) @ self.distortion.T

@@ -12,16 +12,8 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
+from plumbob.filters.smoother import model
 from plumbob.filters.smoother.keyframes import LOST, Bools, Keyframes, path, sum_between
-from plumbob.filters.smoother.model import (
-    BIAS_REPEATS,
-    FREE_HEADING,
-    TH,
-    ModelVariances,
-    Params,
-    hides_rest,
-    start_covariance,
-)
 from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
 from plumbob.filters.start import upright
 from plumbob.rotations import dcm_from_quat, quat_rotate
@@ -82,7 +74,7 @@ class Speed:
     untold: Bools
     now: Floats
 
-    def density(self, p: Params, resting: Bools) -> Floats:
+    def density(self, p: model.Params, resting: Bools) -> Floats:
         """Spectral density of the level velocity, taken for white, m²/s."""
         moving = 2.0 * self.lasts * np.maximum(self.speed, np.where(self.untold, ANY_SPEED, p.speed)) ** 2
         at_rest = np.maximum(self.lasts * self.now**2, SHORTEST * REST_SPEED**2)
@@ -149,13 +141,13 @@ class Calm:
     mean: Floats
     turn: Floats
 
-    def at_bias(self, p: Params, bias: Floats) -> Bools:
+    def at_bias(self, p: model.Params, bias: Floats) -> Bools:
         """Steps at rest, where the bias, (3,) or (K, 3), is known."""
         resting: Bools = self.quiet & (np.linalg.norm(self.mean - bias, axis=1) < p.rest_band)
         return resting
 
 
-def calm(frames: Keyframes, p: Params) -> Calm:
+def calm(frames: Keyframes, p: model.Params) -> Calm:
     """Find the calm steps: the window reaches to both sides, and one with a gap in it is not calm."""
     usual = float(np.median(frames.step))
     width = max(3, round(p.rest_time / usual) | 1)
@@ -172,7 +164,7 @@ def calm(frames: Keyframes, p: Params) -> Calm:
     turning, still, moved = _turned_field(frames, p, quiet)
     along = (mean * up).sum(axis=1) / np.maximum(np.linalg.norm(up, axis=1), 1e-9)
     turn = np.where(moved, np.linalg.norm(mean, axis=1), np.where(still, 0.0, along))
-    return Calm(quiet & ~turning & ~hides_rest(p, frames.digit), mean, turn)
+    return Calm(quiet & ~turning & ~model.hides_rest(p, frames.digit), mean, turn)
 
 
 @kernel
@@ -186,7 +178,7 @@ def farthest(values: Floats, mean: Floats, low: NDArray[np.int64], high: NDArray
         out[k] = most
 
 
-def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bools, Bools]:
+def _turned_field(frames: Keyframes, p: model.Params, quiet: Bools) -> tuple[Bools, Bools, Bools]:
     """Calm steps around which the field turns in the body, as a bias never does; where it stands still; and moves."""
     turning, still, moved = np.zeros_like(quiet), np.zeros_like(quiet), np.zeros_like(quiet)
     piece = frames.pieces(PIECE)
@@ -209,7 +201,7 @@ def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bo
     return quiet & turning, quiet & still, quiet & moved
 
 
-def first_rest(windows: Calm, p: Params, step: Floats) -> tuple[Bools, Floats]:
+def first_rest(windows: Calm, p: model.Params, step: Floats) -> tuple[Bools, Floats]:
     """Steps at rest, and the bias that they show, before any is known.
 
     A slow even turn is as calm as rest, but its rate is its own; the rate at rest is the same bias every time. So rest
@@ -342,13 +334,13 @@ def given_sd(q: Floats, measured: Floats, lasted: float) -> tuple[float, float]:
 def narrowed(p0: Floats, tilt: float) -> Floats:
     """First covariance where the tilt is known to this, rad."""
     p0 = p0.copy()
-    for i in (TH, TH + 1):
+    for i in (model.TH, model.TH + 1):
         p0[i, i] = min(p0[i, i], tilt**2)
     return p0
 
 
 def level(
-    frames: Keyframes, p: Params, prior: tuple[Floats, float] | None = None, unit: Floats | None = None,
+    frames: Keyframes, p: model.Params, prior: tuple[Floats, float] | None = None, unit: Floats | None = None,
     given: Given | None = None, *, any_bias: bool = False, before: tuple[Floats, Floats] | None = None,
 ) -> Inertial:  # fmt: skip
     """Attitude whose heading counts from nothing or from a given one, by the first bias that leaves the least velocity.
@@ -382,7 +374,7 @@ def level(
 
 
 def _level(
-    frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, tilt_sd: float,
+    frames: Keyframes, p: model.Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, tilt_sd: float,
     tilt_var: float, *spreads: float, unit: Floats | None, sure: bool,
 ) -> Inertial:  # fmt: skip
     """Two passes, the other from the smoothed start of the first, which hardly moves scale and misalignment.
@@ -391,17 +383,17 @@ def _level(
     first is tried with each of some spreads of the bias, from the widest on.
     """
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
-    noise, start, chosen, spread2 = ModelVariances.from_params(p, 0.0), tilt.copy(), 0.0, 0.0
-    free = p.gyr_scale > Params().gyr_scale
+    noise, start, chosen, spread2 = model.ModelVariances.from_params(p, 0.0), tilt.copy(), 0.0, 0.0
+    free = p.gyr_scale > model.Params().gyr_scale
     for wide, matrix in ((WIDE, 1.0 if free else FIXED_MATRIX), (NARROW, 1.0)):
         density, tried = speed.density(p, resting), list[Sweep]()
         lasting = speed.lasting(frames.step) if sure else np.ones(kind.size)
         for bias_sd in spreads if wide == WIDE else (min(chosen, AGAIN_BIAS),):
-            p0 = start_covariance(
-                p, tilt=wide, heading=FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit
+            p0 = model.start_covariance(
+                p, tilt=wide, heading=model.FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit
             )
             first = narrowed(p0, tilt_sd)
-            p0[TH + 2, TH + 2] = math.pi**2  # behind a gap the heading may be any, but for what bridges it
+            p0[model.TH + 2, model.TH + 2] = math.pi**2  # behind a gap the heading may be any, but for what bridges it
             estimate = sweep(
                 frames, kind, density, lasting, unused, start, bias, p0, noise, first=first,
                 covariance=wide == NARROW,
@@ -425,6 +417,6 @@ def _level(
         return Inertial(estimate, resting, speed, drift_sd, given_sd=tilt_sd, tilt_var=tilt_var)
     level_bias = dcm_from_quat(estimate.q[:1])[0, :2] @ estimate.bias[0]
     # its part about the vertical is as large as the others
-    least = max(BIAS_REPEATS, math.sqrt(0.5 * float(level_bias @ level_bias)))
+    least = max(model.BIAS_REPEATS, math.sqrt(0.5 * float(level_bias @ level_bias)))
     drift_sd, bias_sd = max(chosen, least), max(math.sqrt(spread2), least)
     return Inertial(estimate, resting, speed, drift_sd, bias_sd, tilt_sd, tilt_var)

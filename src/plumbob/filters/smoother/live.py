@@ -26,37 +26,15 @@ from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards.residuals import full_covariance
-from plumbob.filters.smoother.causal import (
-    BEGAN,
-    CONTRARY,
-    DOUBT,
-    TAKEN,
-    LocalField,
-    Room,
-    between_keyframes,
-    doubt,
-    first_attitudes,
-    onward,
-    taken,
-    turn_heading_by,
-    unlikely_tilt,
-)
+from plumbob.filters.smoother import causal, samples
+from plumbob.filters.smoother.causal import taken
 from plumbob.filters.smoother.field import APART, LEAST_TURNING, REST_SHARE, Reference, turning_time
 from plumbob.filters.smoother.inertial import GIVEN, LEAK, WINDOW, Given, level_speed, peaks
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, path
 from plumbob.filters.smoother.model import FREE_HEADING, TH, B, M, ModelVariances, Params
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
 from plumbob.filters.smoother.preprocess import Arriving
-from plumbob.filters.smoother.samples import (
-    ANYTHING,
-    DOUBTFUL,
-    GATED,
-    MARGIN,
-    FreeHeading,
-    SampleEstimates,
-    body_cov,
-    widened,
-)
+from plumbob.filters.smoother.samples import MARGIN
 from plumbob.filters.smoother.stationary import HOLDS, JUMPED, UNTIL, fresh
 from plumbob.filters.smoother.sweeps import Last, heading_from
 from plumbob.rotations import quat_from_rotvec, quat_multiply
@@ -94,7 +72,7 @@ class Running:
     cov: Floats  # (3, 3), covariance of the attitude, with what is in doubt
     learned: Floats  # (6,), what it has learned of the motion
     smoothed: Smoothed  # what the last look found
-    field: LocalField  # the field of the place
+    field: causal.LocalField  # the field of the place
     iron: Floats  # (3,), field that turns with the sensor, µT
     noise: ModelVariances  # of the model
     since: float  # time of that look, or of a gap behind it, s
@@ -212,7 +190,7 @@ class Live:
         self, p: Params, meta: ImuMeta, *, mag: bool, background: bool = False, start: Given | None = None
     ) -> None:
         self.p, self._left, self._start = p, meta.left, start
-        self._drift = FreeHeading(meta, p, GIVEN**2 if start is not None and start.headed else None)
+        self._drift = samples.FreeHeading(meta, p, GIVEN**2 if start is not None and start.headed else None)
         self._unit = None if meta.gyr_left is None else full_covariance(meta.gyr_left)
         self._arriving, self._proven = Arriving(p, mag=mag), Proven()
         self._thread = ThreadPoolExecutor(1, "plumbob-look") if background else None
@@ -222,7 +200,9 @@ class Live:
         self._step, self._pause, self._due, self._check = 0, SOONEST, math.inf, math.inf
         lost = np.array([flags.NOT_CONVERGED | flags.HEADING_FREE], dtype=np.uint32)
         q = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else start.q
-        self._last = SampleEstimates(q[np.newaxis], np.zeros((1, 3)), ANYTHING[np.newaxis], lost, np.full(1, np.nan))
+        self._last = samples.SampleEstimates(
+            q[np.newaxis], np.zeros((1, 3)), samples.ANYTHING[np.newaxis], lost, np.full(1, np.nan)
+        )
         self._jumped, self._any_bias = -math.inf, False  # since when the bias is another one
         self._believed = math.inf  # when a field was last believed
         self._base, self._out, self._rate, self._bias_sd = 0, self._last, np.zeros((1, 3)), np.zeros(1)
@@ -255,7 +235,7 @@ class Live:
         if self._thread is not None:
             self._thread.shutdown()
 
-    def take(self, data: ImuData) -> SampleEstimates:
+    def take(self, data: ImuData) -> samples.SampleEstimates:
         """What is known of each of the next samples."""
         arriving = self._arriving
         self._base = arriving.samples
@@ -283,7 +263,7 @@ class Live:
         q, var = np.empty((t.size, 4)), np.tile([GIVEN**2, FREE_HEADING**2], (t.size, 1))
         path(t, gyr, q)
         if self._start is None:
-            first_attitudes(acc, mag, self.p.mag_spread, q, var)
+            causal.first_attitudes(acc, mag, self.p.mag_spread, q, var)
             out.flags[var[-n:, 1] < math.pi**2] &= ~np.uint32(flags.HEADING_FREE)
         else:
             q = quat_multiply(self._start.q, q)
@@ -291,13 +271,13 @@ class Live:
         sought = np.logical_or.accumulate(np.isfinite(mag[:, 0]))[-n:]
         out.flags[sought] |= np.uint32(flags.FIELD_UNKNOWN)
         out.q[:] = q[-n:]
-        out.cov[:] = widened(out.q, tilt2[:, np.newaxis, np.newaxis] * np.eye(3), heading2 - tilt2)
+        out.cov[:] = samples.widened(out.q, tilt2[:, np.newaxis, np.newaxis] * np.eye(3), heading2 - tilt2)
 
-    def _everywhere(self, data: ImuData, mask: Bools) -> SampleEstimates:
+    def _everywhere(self, data: ImuData, mask: Bools) -> samples.SampleEstimates:
         """The same at all samples: in a hole of the gyroscope the attitude stays, and may be any."""
         both = self._last.followed_by(self._out)
         part = both.rows(np.cumsum(mask))
-        part.cov[~mask] += ANYTHING
+        part.cov[~mask] += samples.ANYTHING
         word = part.flags | np.asarray(data.flags) | self._arriving.word
         lost = (word & ~np.uint32(flags.AT_REST)) | np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED)
         self._last = both.rows(slice(len(both.q) - 1, None))
@@ -334,7 +314,7 @@ class Live:
             self._check = now + BLOCK
             if running is not None:  # at times that do not depend on how the stream comes in parts
                 if now - running.since > max(LEAST_PAUSE, RECENT * (now - self._arriving.time(self._begin(now)))):
-                    lost = running.cov[0, 0] + running.cov[1, 1] > 2.0 * DOUBTFUL**2  # a tilt that is in doubt
+                    lost = running.cov[0, 0] + running.cov[1, 1] > 2.0 * samples.DOUBTFUL**2  # a tilt that is in doubt
                     against = bool(lost or running.against[0] > AGAINST)
                 place, unseen = slice(B, B + 3), running.smoothed.bias_sd**2 * np.eye(3)
                 self._biases.append((now, running.last.state[place].copy(), running.last.cov[place, place] + unseen))
@@ -414,20 +394,20 @@ class Live:
         if smoothed.reference is None and look.anchor is not None:
             place, attitude = look.anchor
             by = heading_from(smoothed.sweep.q[max(place - (look.step - frames.gap.size), 0)], attitude)
-            turn_heading_by(by, *last, learned)
+            causal.turn_heading_by(by, *last, learned)
         iron = np.zeros(3) if smoothed.attached is None else smoothed.attached.field[-1]
         bend = 0.0 if smoothed.reference is None else smoothed.reference.bend(p)
-        other, standing = np.zeros(CONTRARY), fresh()
+        other, standing = np.zeros(causal.CONTRARY), fresh()
         if self._running is not None:
             standing[UNTIL : JUMPED + 1] = self._running.standing[UNTIL : JUMPED + 1]
         if self._running is not None and not self._proven.settled:
-            other[DOUBT] = self._running.other[DOUBT]
+            other[causal.DOUBT] = self._running.other[causal.DOUBT]
         cov = last.cov[TH : TH + 3, TH : TH + 3].copy()
-        doubt(cov, 0.0, unlikely_tilt(learned), other[DOUBT] ** 2)
+        causal.doubt(cov, 0.0, causal.unlikely_tilt(learned), other[causal.DOUBT] ** 2)
         sought = bool(np.isfinite(frames.mag[:, 0]).any())
         turned = smoothed.reference is not None and self._proven.turning > LEAST_TURNING
         return Running(
-            last, cov, learned, smoothed, LocalField.from_reference(smoothed.reference, p), iron,
+            last, cov, learned, smoothed, causal.LocalField.from_reference(smoothed.reference, p), iron,
             ModelVariances.from_params(p, bend),
             float(frames.time[-1]), flags.AT_REST if smoothed.resting[-1] else 0, float(smoothed.weight[-1]),
             np.zeros(1), other, self._proven.settled, standing, flags.FIELD_UNKNOWN if sought and not turned else 0,
@@ -442,25 +422,25 @@ class Live:
         if self._running is not None:
             self._anchor, self._running.since = (k, self._running.last.attitude.copy()), now
 
-    def _steps(self, running: Running, k: int, end: int) -> tuple[Keyframes, Room]:
+    def _steps(self, running: Running, k: int, end: int) -> tuple[Keyframes, causal.Room]:
         """Follow some steps."""
         steps = slice(k, end)
-        frames, room = self._arriving.frames(steps), Room.empty(end - k)
-        onward(
+        frames, room = self._arriving.frames(steps), causal.Room.empty(end - k)
+        causal.onward(
             frames.t, frames.gyr, frames.acc, frames.mag - running.iron, frames.first, frames.gap,
             *self._arriving.quiet(steps), frames.missed, frames.pushed, frames.untold, running.noise,
             running.field, self.p.rest_band, self.p.rest_time, self.p.speed, running.proven, *running.last,
             running.learned, running.against, running.other, running.standing, room.q, room.x,
             room.cov, room.word, room.weight,
         )  # fmt: skip
-        if running.other[TAKEN]:
+        if running.other[causal.TAKEN]:
             self._take(running)
         if running.standing[JUMPED] > self._jumped:
             jumped = float(running.standing[JUMPED])
             self._behind_jump(jumped, jumped)
         if running.field.level == 0.0:
             self._believed = float(frames.time[-1])
-        elif (near := np.flatnonzero(room.weight > GATED)).size:
+        elif (near := np.flatnonzero(room.weight > samples.GATED)).size:
             self._believed = float(frames.time[near[-1] + 1])
         running.cov, running.word, running.weight = room.cov[-1], int(room.word[-1]), float(room.weight[-1])
         return frames, room
@@ -475,8 +455,10 @@ class Live:
     def _take(self, running: Running) -> None:
         """Take another field for the one of the place."""
         running.field, running.proven = taken(running.other, running.field), True
-        self._proven.take(Reference(running.field.level, running.field.vertical, 0.0), float(running.other[BEGAN]))
-        running.other[TAKEN] = 0.0
+        self._proven.take(
+            Reference(running.field.level, running.field.vertical, 0.0), float(running.other[causal.BEGAN])
+        )
+        running.other[causal.TAKEN] = 0.0
 
     def _on(self, running: Running, k: int, end: int) -> None:
         """Follow some steps, and write what is known of their samples."""
@@ -485,7 +467,7 @@ class Live:
         room.cov[0] = cov
         early, n = frames.step < self.p.keyframe - 1e-6, frames.t.size
         q = np.empty((n, 4))
-        between_keyframes(frames.t, frames.gyr, frames.first, early, frames.gap, room.q, room.x, q)
+        causal.between_keyframes(frames.t, frames.gyr, frames.first, early, frames.gap, room.q, room.x, q)
         place = np.searchsorted(frames.first, np.arange(1, n), side="right") - 1
         place[frames.first[1:][early] - 1] -= 1
         words, weights = np.concatenate(([np.uint32(word)], room.word)), np.concatenate(([weight], room.weight))
@@ -509,7 +491,9 @@ class Live:
             return
         now = self._now(running, gyr[1:])
         q, ends, no = np.empty((n + 1, 4)), np.array([0, n]), np.zeros(1, dtype=bool)
-        between_keyframes(t, gyr, ends, ~no, no, np.tile(running.last.attitude, (2, 1)), np.tile(now[0][:1], (2, 1)), q)
+        causal.between_keyframes(
+            t, gyr, ends, ~no, no, np.tile(running.last.attitude, (2, 1)), np.tile(now[0][:1], (2, 1)), q
+        )
         self._put(first + 1, q[1:], *now)
 
     @staticmethod
@@ -532,13 +516,13 @@ class Live:
         rows = slice(first + skip - self._base, first + skip - self._base + len(q))
         smoothed, bias, matrix = self._running.smoothed, x[:, B : B + 3], x[:, M:].reshape(-1, 3, 3)
         rate = gyr - bias - np.einsum("nij,nj->ni", matrix, gyr)
-        cov_b = body_cov(q, cov, smoothed, rate, self.p, self._left)
+        cov_b = samples.body_cov(q, cov, smoothed, rate, self.p, self._left)
         word = word | self._flags(smoothed, weight, cov) | np.uint32(self._running.unknown)
         self._rate[rows], self._bias_sd[rows] = rate, smoothed.bias_sd
         if self.p.latency:
             q = quat_multiply(q, quat_from_rotvec(self.p.latency * rate))
         weight = weight if smoothed.reference is not None else np.full(len(q), np.nan)
-        self._out.put(rows, SampleEstimates(q, bias, cov_b, word, weight))
+        self._out.put(rows, samples.SampleEstimates(q, bias, cov_b, word, weight))
 
     def _widen(self) -> None:
         """Count in a heading without a field what nothing shows of the gyroscope."""
@@ -548,16 +532,16 @@ class Live:
         variance = self._drift.variance(t, part.q, self._rate, self._bias_sd, gap)
         free = (part.flags & np.uint32(flags.HEADING_FREE)) != 0
         if free.any():
-            self._out = part._replace(cov=widened(part.q, part.cov, np.where(free, variance, 0.0)))
+            self._out = part._replace(cov=samples.widened(part.q, part.cov, np.where(free, variance, 0.0)))
 
     @staticmethod
     def _flags(smoothed: Smoothed, weight: Floats, cov: Floats) -> NDArray[np.uint32]:
         """What to know of each sample."""
         word = np.zeros(len(cov), dtype=np.int64)
-        lost = cov[:, 0, 0] + cov[:, 1, 1] + 2.0 * smoothed.tilt_var > 2.0 * DOUBTFUL**2
+        lost = cov[:, 0, 0] + cov[:, 1, 1] + 2.0 * smoothed.tilt_var > 2.0 * samples.DOUBTFUL**2
         if smoothed.reference is None:
             word |= flags.HEADING_FREE
         else:
-            word |= np.where(weight < GATED, flags.MAG_GATED, 0)
+            word |= np.where(weight < samples.GATED, flags.MAG_GATED, 0)
             lost |= cov[:, 2, 2] + smoothed.heading_var > UNCERTAIN_HEADING**2
         return (word | np.where(lost, flags.NOT_CONVERGED, 0)).astype(np.uint32)

@@ -16,20 +16,9 @@ from plumbob.data import ImuData
 from plumbob.filters.input_checks import NO_DIGIT, least_change, watch
 from plumbob.filters.layout import DIGITS, OWN
 from plumbob.filters.layout import LAST as WATCHED
+from plumbob.filters.smoother import keyframes
 from plumbob.filters.smoother.inertial import farthest
-from plumbob.filters.smoother.keyframes import (
-    ABSENT,
-    AROUND,
-    CORRELATED,
-    LOST,
-    UNKNOWN_FORCE,
-    WRONG,
-    Bools,
-    Keyframes,
-    last_digit,
-    trusted,
-    unless,
-)
+from plumbob.filters.smoother.keyframes import ABSENT, AROUND, CORRELATED, LOST, UNKNOWN_FORCE, Bools, unless
 from plumbob.filters.smoother.model import Params, hides_rest
 
 RECENT: Final = 31  # steps of whose lengths the median is the usual one
@@ -269,8 +258,8 @@ class SampleWatch:
 
 def watched(imu: ImuData) -> ImuData:
     """The same samples with the flags of what is stuck or beyond its range."""
-    triads = trusted(imu, mag=True)
-    digits = [min(last_digit(values, i), NO_DIGIT) for i, values in enumerate(triads)]
+    triads = keyframes.trusted(imu, mag=True)
+    digits = [min(keyframes.last_digit(values, i), NO_DIGIT) for i, values in enumerate(triads)]
     return imu.flagged(SampleWatch(digits).words(np.ascontiguousarray(imu.t), *triads))
 
 
@@ -388,11 +377,13 @@ class Arriving:
 
     def take(self, imu: ImuData) -> Bools:
         """Take the next samples; says which of them are kept: not those in a hole of the gyroscope."""
-        t, (gyr, acc, field) = np.ascontiguousarray(imu.t), trusted(imu, mag=self._mag)
+        t, (gyr, acc, field) = np.ascontiguousarray(imu.t), keyframes.trusted(imu, mag=self._mag)
         n, begin = t.size, self.samples
         self.word = self._watch.words(t, gyr, acc, field)
         if self.word.any():
-            gyr, acc, field = (unless(*args) for args in zip((gyr, acc, field), (self.word,) * 3, WRONG, strict=True))
+            gyr, acc, field = (
+                unless(*args) for args in zip((gyr, acc, field), (self.word,) * 3, keyframes.WRONG, strict=True)
+            )
         mask, filled, long = np.empty(n, dtype=bool), np.empty((2, n, 3)), np.empty(n, dtype=bool)
         last, gap, variance = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=bool), np.empty((2 * n, 3))
         steps = arrive(
@@ -473,12 +464,12 @@ class Arriving:
         rows = slice(self._t.begin, self.samples)
         return self._t[rows], self._gyr[rows], self._acc[rows], self._field[rows]
 
-    def frames(self, steps: slice) -> Keyframes:
+    def frames(self, steps: slice) -> keyframes.Keyframes:
         """Samples and steps, as the smoother takes them."""
         first = self._last[steps.start : steps.stop + 1]
         rows = slice(int(first[0]), int(first[-1]) + 1)
         variance = self._variance[steps]
-        return Keyframes(
+        return keyframes.Keyframes(
             self._t[rows], self._gyr[rows], self._acc[rows], self._field[rows], first - first[0], self._gap[steps],
             np.ascontiguousarray(variance[:, 0]), np.ascontiguousarray(variance[:, 1]),
             np.arange(rows.start, rows.stop), float(variance[-1, 2]),

@@ -18,6 +18,7 @@ from plumbob.data.cards.residuals import full_covariance
 from plumbob.data.sample import ImuSample
 from plumbob.filters.base import AttitudeEstimator
 from plumbob.filters.known import CAUSAL_LAG, SMOOTHER
+from plumbob.filters.smoother import samples
 from plumbob.filters.smoother.inertial import GIVEN, Given
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
@@ -25,20 +26,7 @@ from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
 from plumbob.filters.smoother.per_sample import CurrentEstimate, Single
 from plumbob.filters.smoother.preprocess import watched
 from plumbob.filters.smoother.remarks import remarks_before, remarks_so_far, stretch_remarks
-from plumbob.filters.smoother.samples import (
-    ANYTHING,
-    CORE,
-    MARGIN,
-    Piece,
-    SampleEstimates,
-    Stretch,
-    continued,
-    heading_variance_at,
-    sample_part,
-    stretches,
-    unknown,
-    widened,
-)
+from plumbob.filters.smoother.samples import MARGIN, Piece, Stretch
 from plumbob.filters.start import Start, as_start
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.frames import turn_heading
@@ -147,7 +135,7 @@ class Smoother(AttitudeEstimator):
             pieces = self._live(data)
         else:  # stretches that overlap, each smoothed by itself; a list of them: the times of all are not kept
             along = Along(self, data.meta, remarks_before(data) if lag is None else [])
-            pieces = (along.piece(data[stretch.span], stretch) for stretch in list(stretches(data.t, lag)))
+            pieces = (along.piece(data[stretch.span], stretch) for stretch in list(samples.stretches(data.t, lag)))
         for piece in pieces:
             if progress:
                 progress(len(piece.t))
@@ -182,7 +170,7 @@ class Smoother(AttitudeEstimator):
             word.append(piece.part.flags)
             has_mag |= self.common.mag and part.mag is not None and bool(np.isfinite(part.mag[:, 0]).any())
             remaining -= len(part)
-            if t[-1][-1] - t[0][0] > CORE or not remaining:
+            if t[-1][-1] - t[0][0] > samples.CORE or not remaining:
                 lines = remarks_so_far(np.array(live.gaps), np.concatenate(t), np.concatenate(word), mag=has_mag)
                 remarks |= dict.fromkeys(lines)
                 t, word, self.remarks = [], [], tuple(remarks)
@@ -233,25 +221,29 @@ class Along:
         self._known = replace(self._known, start=None if stretch.span.start else self._start)
         smoothed = smoother.smooth(data, self._known)
         if smoothed is None:
-            part = unknown(data, self._attitude, np.zeros(3) if self._known.bias is None else self._known.bias[0])
+            part = samples.unknown(
+                data, self._attitude, np.zeros(3) if self._known.bias is None else self._known.bias[0]
+            )
         else:
             heading_var = None  # of a given heading where the stretch begins, beyond what comes from the one before
             if self._start is not None and self._start.headed:
                 heading_var = 0.0 if stretch.span.start else GIVEN**2
-            part = sample_part(data, smoothed, smoother.params, heading_var)
+            part = samples.sample_part(data, smoothed, smoother.params, heading_var)
             if self._last is not None and smoothed.reference is None:
-                part = continued(part, stretch, *self._last)
-                part = part._replace(cov=widened(part.q, part.cov, self._before(part, inside.start)))
-            self._free_variance = heading_variance_at(part, inside.stop - 1) if smoothed.reference is None else 0.0
+                part = samples.continued(part, stretch, *self._last)
+                part = part._replace(cov=samples.widened(part.q, part.cov, self._before(part, inside.start)))
+            self._free_variance = (
+                samples.heading_variance_at(part, inside.stop - 1) if smoothed.reference is None else 0.0
+            )
             self._last, self._known, smoother.learned = (part.q, stretch), self._known.after(smoothed), smoothed.learned
             self._remarks |= dict.fromkeys(stretch_remarks(smoothed, smoother.params, data.t[inside]))
         self._attitude, smoother.remarks = part.q[inside][-1].copy(), tuple(self._remarks)
         headed = 0 if smoothed is not None and smoothed.reference is not None else inside.stop - inside.start
         return Piece(data.t[inside], part.rows(inside), headed, smoothed is not None)
 
-    def _before(self, part: SampleEstimates, begin: int) -> Floats:
+    def _before(self, part: samples.SampleEstimates, begin: int) -> Floats:
         """What a free heading was uncertain by before the core that begins at a sample, rad², beyond what it now is."""
-        return np.full(len(part.q), max(self._free_variance - heading_variance_at(part, begin), 0.0))
+        return np.full(len(part.q), max(self._free_variance - samples.heading_variance_at(part, begin), 0.0))
 
 
 class _Tracks:
@@ -422,7 +414,7 @@ class FixedLag(Smoother):
     def _at_first(self) -> CurrentEstimate:
         """What is known before the first sample."""
         q, cov = (
-            (np.array([1.0, 0.0, 0.0, 0.0]), ANYTHING)
+            (np.array([1.0, 0.0, 0.0, 0.0]), samples.ANYTHING)
             if self._init is None
             else (self._init.q_nb, GIVEN**2 * np.eye(3))
         )
@@ -461,7 +453,7 @@ class FixedLag(Smoother):
         assert self._tracks is not None
         data, tracks, self._due = ImuData.joined(self._held), list[AttitudeTrack](), -math.inf
         t, first = data.t, self._first
-        for stretch in stretches(t, self._lag, self._next - first):
+        for stretch in samples.stretches(t, self._lag, self._next - first):
             self._due = float(t[stretch.core.start]) + self._lag
             if not (ended or t[-1] > self._due):
                 break

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from plumbob import rotations
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
@@ -19,16 +20,6 @@ from plumbob.core.errors import FrameError
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.rotations import (
-    Frame,
-    North,
-    change_frame,
-    dcm_from_quat,
-    euler_zyx_from_quat,
-    quat_conjugate,
-    quat_multiply,
-    rotvec_from_quat,
-)
 from plumbob.rotations.frames import euler_sd
 
 UNRELIABLE: Final = flags.NOT_CONVERGED | flags.GAP | flags.TIME_FAULT | flags.GYR_HELD
@@ -52,9 +43,9 @@ class BodyAxes(StrEnum):
             raise FrameError(f"{name!r} are not body axes that can be sent; known: {', '.join(cls)}.") from None
 
 
-def default_body(frame: Frame) -> BodyAxes:
+def default_body(frame: rotations.Frame) -> BodyAxes:
     """Body axes that go with a navigation frame, unless others are named: z points down in both, or up in both."""
-    return BodyAxes.FRD if frame is Frame.NED else BodyAxes.FLU
+    return BodyAxes.FRD if frame is rotations.Frame.NED else BodyAxes.FLU
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +57,7 @@ class AttitudeSample:
     elapsed_ns: int  # ns since the first attitude
     q_nb: tuple[float, ...] | None  # forward-right-down body to NED, wxyz
     angles: tuple[float, float, float] | None  # roll, pitch, and heading in 0 to 2π, rad
-    north: North  # what the heading counts from
+    north: rotations.North  # what the heading counts from
     declination: float | None  # rad, east positive
     rates_b: tuple[float, ...] | None  # angular rate in forward-right-down axes, rad/s
     acc_b: tuple[float, ...] | None  # specific force in forward-right-down axes, m/s²
@@ -90,15 +81,15 @@ class AttitudeSample:
         """Pitch, °, positive with the bow up."""
         return None if self.angles is None else float(to_deg(self.angles[1]))
 
-    def heading_deg(self, north: North) -> float | None:
+    def heading_deg(self, north: rotations.North) -> float | None:
         """Heading from true or magnetic north, 0 to 360°; None where it is not known."""
-        if self.angles is None or self.north is North.FREE or self.flags & flags.HEADING_FREE:
+        if self.angles is None or self.north is rotations.North.FREE or self.flags & flags.HEADING_FREE:
             return None
         turn = 0.0
         if north is not self.north:
             if self.declination is None:
                 return None
-            turn = self.declination if north is North.TRUE else -self.declination
+            turn = self.declination if north is rotations.North.TRUE else -self.declination
         return float(to_deg(self.angles[2] + turn)) % 360.0
 
     @property
@@ -106,20 +97,20 @@ class AttitudeSample:
         """Rate of the heading, rad/s, positive to starboard; None where it is not known."""
         if self.q_nb is None or self.rates_b is None:
             return None
-        down = dcm_from_quat(np.array(self.q_nb))[2]
+        down = rotations.dcm_from_quat(np.array(self.q_nb))[2]
         return float(down @ np.array(self.rates_b))
 
     def acceleration(self, gravity: float = G0) -> tuple[float, float] | None:
         """Horizontal and upward acceleration without gravity, m/s²; None where they are not known."""
         if self.q_nb is None or self.acc_b is None:
             return None
-        north, east, down = dcm_from_quat(np.array(self.q_nb)) @ np.array(self.acc_b)
+        north, east, down = rotations.dcm_from_quat(np.array(self.q_nb)) @ np.array(self.acc_b)
         return float(np.hypot(north, east)), float(-down - gravity)
 
 
-def sent_by(north: North, declination: float | None, to: North) -> bool:
+def sent_by(north: rotations.North, declination: float | None, to: rotations.North) -> bool:
     """Whether a heading from `north` can be sent as one from `to`."""
-    return north is not North.FREE and (north is to or declination is not None)
+    return north is not rotations.North.FREE and (north is to or declination is not None)
 
 
 def attitudes(
@@ -144,14 +135,14 @@ def attitudes(
         return
     body = default_body(track.frame) if body is None else body
     c = np.array([1.0, -1.0, -1.0]) if body is BodyAxes.FLU else np.ones(3)
-    q = change_frame(track.q_nb[chosen], to=Frame.NED, from_=track.frame)
-    q = quat_multiply(q, _HALF_TURN) if body is BodyAxes.FLU else q
+    q = rotations.change_frame(track.q_nb[chosen], to=rotations.Frame.NED, from_=track.frame)
+    q = rotations.quat_multiply(q, _HALF_TURN) if body is BodyAxes.FLU else q
     gyr, acc = (sensed[chosen] for sensed in _sensed(track, imu))
     if not np.isfinite(gyr).all():
         gyr = np.where(np.isfinite(gyr), gyr, _differences(track)[chosen])
     gyr, acc = gyr * c, acc * c
     q = np.where(q[:, :1] < 0.0, -q, q) + 0.0
-    euler = euler_zyx_from_quat(q)
+    euler = rotations.euler_zyx_from_quat(q)
     cov = np.full((chosen.size, 3, 3), np.nan) if track.cov_b is None else track.cov_b[chosen] * np.outer(c, c)
     sigma = euler_sd(q, cov)[:, ::-1]
     words = np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags
@@ -202,7 +193,9 @@ def _differences(track: AttitudeTrack) -> Floats:
     if len(track) < 2:
         return rates
     dt = np.diff(track.t)
-    turn = rotvec_from_quat(quat_multiply(quat_conjugate(track.q_nb[:-1]), track.q_nb[1:]))
+    turn = rotations.rotvec_from_quat(
+        rotations.quat_multiply(rotations.quat_conjugate(track.q_nb[:-1]), track.q_nb[1:])
+    )
     rates[1:] = np.where(dt[:, np.newaxis] <= _LONGEST_STEP, turn / dt[:, np.newaxis], np.nan)
     if track.flags is not None:
         rates[(track.flags & np.uint32(flags.GAP | flags.TIME_FAULT)) != 0] = np.nan
