@@ -19,6 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+from plumbob.live.sinks import Sink
+
 RATE = 1000
 FORMAT = """
 kind = "plumbob format"
@@ -112,7 +114,7 @@ def emit(seconds: float) -> None:
     sys.stdin.readline()
 
 
-class Ages:
+class Ages(Sink):
     """Sink: age of every sample when its attitude is there, µs."""
 
     def __init__(self) -> None:
@@ -124,9 +126,6 @@ class Ages:
 
     def on_event(self, event) -> None:
         print(f"event        {event.kind}: {event.text}", flush=True)
-
-    def close(self) -> None:
-        pass
 
 
 def run(seconds: float, folder: Path) -> int:

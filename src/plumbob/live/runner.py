@@ -104,7 +104,7 @@ class _TolerantSink(Sink):
 
     def __init__(self, sink: Sink, recording: Keeper, clock: Callable[[], int]) -> None:
         self._sink: Sink | None = sink
-        self.source = getattr(sink, "source", "")  # of a sink that is no `Sink`, the first
+        self.source = sink.source
         self._recording, self._clock = recording, clock
 
     def on_part(self, part: ItemResult) -> None:
