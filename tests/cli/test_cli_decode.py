@@ -202,7 +202,7 @@ def test_a_table_that_was_changed_or_has_no_time_is_refused(buoy, tmp_path):
     for suffix in ("csv", "parquet"):
         typed(f"decode raw.bin --format hmc5983 --out timeless.{suffix}", cwd=tmp_path)
     for name, why in (
-        ("less.parquet", r"less\.parquet: it has no column gyr\.x \[rad/s\], which its own profile"),
+        ("less.parquet", r"less\.parquet: the column 'gyr\.x \[rad/s\]' is nowhere in the row of names"),
         ("odd.parquet", "'tired' is not the name of a flag"),
         ("timeless.csv", r"1 open question: time\.rate"),
         ("timeless.parquet", r"1 open question: time\.rate"),

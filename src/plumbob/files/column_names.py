@@ -227,7 +227,8 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
     if not stated and len(words) > 1:
         for count in (3, 2, 1):
             text = " ".join(words[-count:])
-            if len(words) > count and (suffix := _unit_word(text, plain, count)):
+            is_letter = text == "g" and {*words[:-1]} <= _BARE  # of the gyroscope, as in ``data.g[1]``
+            if len(words) > count and not is_letter and (suffix := _unit_word(text, plain, count)):
                 words = words[:-count]
                 break
     if not stated and not suffix and words and canonical(time := _SUFFIXES.get(words[-1], ""), Quantity.TIME):

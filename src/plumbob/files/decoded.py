@@ -3,24 +3,20 @@
 import json
 import math
 from collections.abc import Iterator, Mapping
-from decimal import Decimal
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from plumbob.core.errors import DecodeError, unknown_name
-from plumbob.core.files import profile_beside, replacing, replacing_all, require_room, write_text
-from plumbob.core.findings import info
+from plumbob.core.errors import unknown_name
+from plumbob.core.files import profile_beside, replacing, replacing_all, write_text
 from plumbob.core.schema import toml_text
 from plumbob.data import TRIADS, UNCALIBRATED
 from plumbob.data.cards import UNITS
-from plumbob.files.arrow import column_numbers, unpacked_bytes
 from plumbob.files.profile import NO_COLUMN, toml_lines
 
 if TYPE_CHECKING:
-    import pyarrow.parquet as pq
-
     from plumbob.data.recording import Recording
     from plumbob.protocols.decode import Counts, Frames
     from plumbob.protocols.format import Format, Message
@@ -28,7 +24,6 @@ if TYPE_CHECKING:
 TEXTS: Final = (".csv", ".txt")  # suffixes of tables that get their profile beside them
 TIME: Final = "t [s]"  # column of time
 KEY: Final = b"plumbob profile"  # where a Parquet table keeps its profile among its metadata
-_MOST_BYTES: Final = 4096  # of numbers that a byte of a Parquet file may hold; a file that claims more lies
 
 
 class DecodedTable:
@@ -142,29 +137,10 @@ def profile_text(form: "Format", message: "Message", unit: str | None, time: str
     return "\n".join([*lines, *toml_lines(tables)]) + "\n"
 
 
-def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
-    """Recording of a Parquet table that carries its profile; errors as of `text.read_text`."""
-    import pyarrow as pa
-
+def read_described(metadata: Mapping[bytes, bytes], file: Path) -> "Recording":
+    """Recording of a Parquet table whose metadata carry its profile; errors as of `text.read_text`."""
     from plumbob.files.profile import parse_profile
-    from plumbob.files.text import table_recording
-    from plumbob.files.text_table import TextTable
+    from plumbob.files.text import read_text
 
-    text = (parquet.metadata.metadata or {})[KEY].decode("utf-8", "replace")
-    profile = parse_profile(text, origin="in its metadata")
-    refs = [str(ref) for ref in profile.used]
-    if wrong := [ref for ref in refs if parquet.schema_arrow.names.count(ref) != 1]:
-        which = f"{'several columns' if wrong[0] in parquet.schema_arrow.names else 'no column'} {wrong[0]}"
-        raise DecodeError(f"it has {which}, which its own profile names; decode the bytes again.")
-    rows = parquet.metadata.num_rows
-    if rows < 1 or 8 * rows * len(refs) > (16 << 20) + _MOST_BYTES * file.stat().st_size:
-        raise DecodeError(f"it claims {rows} rows in {file.stat().st_size} bytes, which cannot be; decode again.")
-    require_room(unpacked_bytes(file), file.stat().st_size)
-    table = parquet.read(columns=refs)
-    words = [ref for ref in profile.texts if ref in refs]
-    numbers: dict[Any, Any] = {
-        ref: np.asarray(column_numbers(table.column(ref)), dtype=np.float64) for ref in refs if ref not in words
-    }
-    texts: dict[Any, Any] = {ref: table.column(ref).cast(pa.string()).to_pylist() for ref in words}
-    decoded = TextTable(numbers, Decimal(0), rows, (), texts, lambda row: row + 1)
-    return table_recording(profile, decoded, file.stem, info("source.profile_inside"))
+    profile = parse_profile(metadata[KEY].decode("utf-8", "replace"), origin="the profile in its metadata")
+    return read_text(file, replace(profile, layout=replace(profile.layout, separator="\t")))

@@ -177,12 +177,12 @@ def read_triples(path: str | Path, sensor: str) -> Floats:
 def answer(text: str) -> tuple[str, Any]:
     """Key and value of an answer as ``gyr.unit=deg/s``; lists and numbers as TOML has them, other text bare."""
     key, equals, value = text.partition("=")
-    if not equals or not re.fullmatch(r"[a-z_0-9.]+", key.strip()):
+    if not equals or not re.fullmatch(r"[a-z_0-9.]+|rows\..+", key.strip()):
         raise ParameterError(f"an answer must be KEY=VALUE, as frame=ENU or time.rate='100 Hz', but it is {text!r}.")
-    try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return key.strip(), value.strip()
+    for written in (value, f"[{value}]") if key.strip().endswith("columns") else (value,):
+        with suppress(tomllib.TOMLDecodeError):
+            return key.strip(), tomllib.loads(f"value = {written}")["value"]
+    return key.strip(), value.strip()
 
 
 def _joined(streams: "Sequence[_DraftWriter]", accept: bool) -> Draft:
@@ -200,14 +200,15 @@ def _writers(name: str, sample: Sample, answers: Mapping[str, Any], *, is_alone:
     """What drafts the profile of a file: one for each sensor, where the rows of a file that is alone name them."""
     tables = _by_clock(sample)
     sample = tables[0] if tables else sample
-    stream, parts = ("", tables if len(tables) > 1 else _by_sensor(sample)) if is_alone else (name, [])
+    stream, parts = ("", tables if len(tables) > 1 else _by_sensor(sample, answers)) if is_alone else (name, [])
     if not parts and (device := _device(sample)):
         column, words = device
         ref, where = sample.ref(column), tuple(answers.get("header.where", ()))
         if where not in {(ref, word) for word in words}:
             raise DecodeError(
-                f"its rows are of {len(words)} devices, which column {ref!r} names: {', '.join(words)}. Choose one, as "
-                f"with --set 'header.where={json.dumps([ref, words[0]])}'."
+                f"its rows are of {len(words)} devices or sensors, which column {ref!r} names: {', '.join(words)}. "
+                f"Choose one, as with --set 'header.where={json.dumps([ref, words[0]])}', or name the sensor of each, "
+                f"as with --set 'rows.{words[0]}=acc' --set 'rows.{words[1]}=gyr'."
             )
         sample = _matching_rows(sample, column, where[1])
     stream = stream or ("*" if parts else "")
@@ -242,8 +243,8 @@ def _by_clock(sample: Sample) -> list[Sample]:
     ]
 
 
-def _by_sensor(sample: Sample) -> list[Sample]:
-    """Rows of each sensor, where rows name it; or nothing."""
+def _by_sensor(sample: Sample, answers: Mapping[str, Any]) -> list[Sample]:
+    """Rows of each sensor, where rows name it or answers say which rows are whose; or nothing."""
     if sample.others:
         return [sample, *sample.others]
     parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
@@ -258,6 +259,7 @@ def _by_sensor(sample: Sample) -> list[Sample]:
         if len(axes) >= len("xyz"):
             raise DecodeError(f"a row holds several samples of an axis: {', '.join(axes)}. Write a row for each.")
         sensors = {word: units[word][0] if word in units else named_sensor(word) for word in words}
+        sensors |= {word: answers[key] for word in words if (key := f"rows.{word}") in answers}
         sensors = {word: sensor for word, sensor in sensors.items() if sensor in TRIADS}
         if sensors and len(set(sensors.values())) == len(sensors):
             said = {word: tuple(unit * (k in values) for k in range(sample.width)) for word, (_, unit) in units.items()}
@@ -304,7 +306,8 @@ class _DraftWriter:
     def __init__(self, name: str, sample: Sample, *, stream: str, answers: Mapping[str, Any]) -> None:
         self._names = sample.for_cells(sample.names)
         units = sample.for_cells(sample.units)
-        groups = os.path.commonpath(list(map(os.path.dirname, self._names))).split("/")  # that hold all arrays
+        levels = zip(*(name.split("/")[:-1] for name in self._names), strict=False)  # groups that hold all arrays
+        groups = (level[0] for level in takewhile(lambda level: len({*level}) == 1, levels))
         above = "".join(f"{group}/" for group in takewhile(lambda group: not taken_apart(group).sensor, groups))
         names = [name.removeprefix(above) for name in self._names]
         self._parts = [taken_apart(*both) for both in zip(names, units, strict=True)]
@@ -339,7 +342,9 @@ class _DraftWriter:
         self.triads = {name: columns for name, columns in self.triads.items() if columns}
         if "acc.plus" in self._answers and "acc" in self.triads and not self._plus:
             self._add(self.triads["acc"], tuple(self._place("acc.plus", ref) for ref in self._answers["acc.plus"]))
-        self._temperature = next((i for i in self._free() if TEMPERATURE.fullmatch(self._parts[i].base)), None)
+        heat = [i for i in self._free() if TEMPERATURE.fullmatch(self._parts[i].base)]
+        said = [i for i in heat if "temperature.unit" in answers or self._parts[i].unit_as(Quantity.TEMPERATURE)]
+        self._temperature = next((i for i in heat if i in said or self._usual_degc(i).unit), None)
         self._lines: list[str] = []
         self._questions: list[tuple[str, str]] = []
         self._evidence: list[tuple[str, str]] = []
@@ -361,8 +366,8 @@ class _DraftWriter:
                 else "it holds angles and velocities gained in each sample: divide them by its step, in radians and "
                 "seconds, which gives rates and specific force."
                 if any(re.search(r"\bd(elta)? [av]", part.base) for part in self._parts)
-                else f"no three columns look like a gyroscope, an accelerometer or a magnetometer; {GUIDE} says how to "
-                "write a profile by hand."
+                else "no three columns look like a gyroscope, an accelerometer or a magnetometer; name them, as with "
+                f"--set gyr.columns=1,2,3, or write a profile by hand ({GUIDE})."
             )
         if self._stream:
             self._lines += ["[[stream]]", f"file = {json.dumps(self._stream)}"]
@@ -373,9 +378,7 @@ class _DraftWriter:
         if self._temperature is not None and self.triads:
             self._open("temperature")
             self._set("column", self._sample.ref(self._temperature), "the name of the column", ask=True, sure=True)
-            typical = float(np.nanmedian(self._numbers[self._temperature]))
-            usual = _Guess("degC", f"{typical:.4g} is usual in degC") if -40.0 < typical < 85.0 else _Guess()
-            self._write_unit(Quantity.TEMPERATURE, [self._temperature], usual)
+            self._write_unit(Quantity.TEMPERATURE, [self._temperature], self._usual_degc(self._temperature))
         if self._quaternion or (self._angles and not self.triads):  # beside samples, no two makers turn alike
             self._write_reference()
         return Draft("\n".join(self._lines) + "\n", tuple(self._questions), tuple(self._evidence))
@@ -448,7 +451,7 @@ class _DraftWriter:
         nameless = self._is_nameless()
         for i, part in enumerate(self._parts):
             steps = np.diff(self._numbers[i])
-            counts = bool((steps == 1.0).all()) and bool(self._names[i])
+            counts = bool((steps == 1.0).all()) and not nameless
             alone = not part.axis or all(other.axis != "y" or other.base != part.base for other in self._parts)
             bare = not part.is_counter and not part.sensor and (nameless or alone)
             rises = steps.size and (np.mean(steps > 0.0) > 1.0 - LEFT_OUT_MOST if i == 0 else (steps > 0.0).all())
@@ -538,9 +541,12 @@ class _DraftWriter:
                 self._add(without, down)
         if "gyr" not in triads and "acc" in triads and (turning := self._turning_three(triads["acc"])):
             triads["gyr"] = turning
-        if triads and "acc" not in triads:  # steady vectors of the size of gravity, whose names say no sensor: asked
+        gyr = triads.get("gyr", ())
+        if gyr and "acc" not in triads and self._parts[gyr[0]].base == "g" and self._has_gravity(gyr):  # ``G(x)``
+            triads["acc"] = triads.pop("gyr")
+        if "acc" not in triads and (triads or not self._is_nameless()):  # a steady vector of the size of gravity: asked
             for i in self._free()[:-2]:
-                three = [part for part in self._parts[i : i + 3] if not part.sensor and not part.unit]
+                three = [p for p in self._parts[i : i + 3] if not (p.sensor or p.unit) and (triads or p.is_bare)]
                 if [part.axis for part in three] == list("xyz") and self._has_gravity((i, i + 1, i + 2)):
                     return triads | {"acc": (i, i + 1, i + 2)}
         return triads
@@ -616,6 +622,8 @@ class _DraftWriter:
         varying = self._varying()
         more = len(free) > len("xyz") * len(TRIADS) and not len(varying) % len("xyz")
         free = varying if len(free) % len("xyz") or more else free
+        if not any(f"{name}.columns" in self._answers for name in TRIADS):
+            self._require_one_unit(varying)
         threes = [tuple(free[i : i + 3]) for i in range(0, len(free) - 2, 3)]
         triads: dict[str, tuple[int, ...]] = {}
         for three in filter(self._steady, threes):
@@ -627,6 +635,20 @@ class _DraftWriter:
         turning = self._turning(others, triads["acc"]) if "acc" in triads and len(others) > 1 else []
         names = [name for name in ("gyr", "acc", "mag") if name not in triads]
         return triads | dict(zip(names, sorted(others, key=lambda three: three not in turning), strict=False))
+
+    def _require_one_unit(self, columns: Sequence[int]) -> None:
+        """Refuse columns without names of which several threes have gravity: they are of several units or ranges."""
+        threes: list[tuple[int, ...]] = []
+        for three in zip(columns, columns[1:], columns[2:], strict=False):
+            if three[2] - three[0] == 2 and self._has_gravity(three) and not {*three} & {*(threes or [()])[-1]}:
+                threes.append(three)
+        if len(threes) > 1:
+            listed = [",".join(map(json.dumps, self._refs(three))) for three in threes]
+            raise DecodeError(
+                f"its columns have no names, and {len(threes)} threes of them could be the accelerometer: "
+                f"{'; '.join(listed)}. Name those of the sensors by the description of the file, as with --set "
+                f"acc.columns={listed[0]} --set gyr.columns=…"
+            )
 
     def _steady(self, columns: Sequence[int]) -> bool:
         """Whether a vector keeps its length, as gravity and a field do, and rates do not."""
@@ -910,6 +932,10 @@ class _DraftWriter:
         self._set("unit", guess.unit or named, f"{said}{guess.why or f'one of {fitting}'}", ask=True, sure=sure)
         return False
 
+    def _usual_degc(self, column: int) -> _Guess:
+        typical = float(np.nanmedian(self._numbers[column]))
+        return _Guess("degC", f"{typical:.4g} is usual in degC") if -40.0 < typical < 85.0 else _Guess()
+
     def _is_sure_by_size(self) -> bool:
         """Whether triads without names are surely these: gravity, perhaps the Earth's field, one that is neither."""
         acc, mag, gyr = (self.triads.get(name) for name in ("acc", "mag", "gyr"))
@@ -1040,7 +1066,9 @@ def _device(sample: Sample) -> tuple[int, tuple[str, ...]] | None:
         cells = sample.cells(i)
         words = tuple(dict.fromkeys(cells))
         named = _DEVICE.search(" ".join(re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)).lower())
-        are_labels = not name and cells[: 2 * len(words)] == [*words, *words] and np.isnan(sample.numbers(i)).all()
+        in_order = all(cell == words[k % len(words)] for k, cell in enumerate(cells))
+        are_words = bool(np.isnan(sample.numbers(i)).all()) and cells[: 2 * len(words)] == [*words, *words]
+        are_labels = not name and (are_words or (in_order and all(map(str.isdigit, words))))
         if not (named or are_labels) or not 1 < len(words) <= _MOST_SENSORS:
             continue
         places = [[k for k, cell in enumerate(cells) if cell == word] for word in words]
@@ -1055,8 +1083,9 @@ def _time_unit(numbers: Floats, part: ColumnName, said: float = 0.0) -> tuple[st
     steps = np.diff(numbers[np.isfinite(numbers)])
     step = float(np.mean(steps[steps >= 0.0])) if (steps > 0.0).any() else 0.0
     rates = {unit: 1.0 / to_si(step, unit) for unit in _TIMES if step > 0.0}
-    if (named := part.unit_as(Quantity.TIME)) and step > 0.0:
-        return named, f"the header says {_one_line(part.unit)}: {1.0 / to_si(step, named):.4g} Hz", True
+    said_unit = part.unit or part.base  # as of a column that is called ``min``
+    if (named := canonical(said_unit, Quantity.TIME)) and step > 0.0:
+        return named, f"the header says {_one_line(said_unit)}: {1.0 / to_si(step, named):.4g} Hz", True
     if "tick" in part.base:
         return "", "ticks of a length that nothing says; give unit_per_count, or declare rate = '100 Hz'", False
     if "tow" in part.base:

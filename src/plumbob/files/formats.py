@@ -312,7 +312,8 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> FileFor
         )
     if file.stat().st_size == 0:
         raise DecodeError(f"{file} is empty: it has 0 bytes; use an intact copy.")
-    raise _unknown(file, f"its content is not that of a '{file.suffix}' file that is known, which are {names}.")
+    hint = f"file that is known, which are {names}; 'plumbob profile' drafts what a table of another program needs."
+    raise _unknown(file, f"its content is not that of a '{file.suffix}' {hint}")
 
 
 def is_recording(path: Path) -> bool:

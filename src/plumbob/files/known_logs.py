@@ -58,7 +58,7 @@ SENTENCES: Final[Mapping[str, list[str]]] = _TABLES["sentences"]  # names of the
 def refuse_known(file: Path) -> None:
     """UnknownFormatError where a file is of a kind that is known and not read."""
     with file.open("rb") as stream:
-        start = stream.read(64)
+        start = stream.read(128)
     for pattern, words in _TABLES["refused"].items():
         if re.match(pattern.encode("latin-1"), start):
             raise UnknownFormatError(f"{file} is {words}")

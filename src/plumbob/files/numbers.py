@@ -12,6 +12,7 @@ import os
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -48,17 +49,13 @@ class Text:
 
     def body(self) -> Body:
         """Its lines, of which those of comments are blank, and none ends in a separator."""
-
-        def texts() -> Iterator[str]:
-            return (_bare(text, self.layout.separator) for text in text_blocks(self.path, self.layout.encoding))
-
-        return Body(texts, Head((), 0, 1), self.layout)
+        texts = partial(text_blocks, self.path, self.layout.encoding)
+        return Body(lambda: (_bare(text, self.layout.separator) for text in texts()), Head((), 0, 1), self.layout)
 
     def blocks(self) -> Iterator[tuple[Floats, int]]:
         """Blocks with the bytes used so far."""
         if self.one_line:
-            rows = self._of_one_line()
-            yield rows, self.path.stat().st_size
+            yield self._of_one_line(), self.path.stat().st_size
             return
         done = 0
         for block, line in self.body().blocks():
@@ -78,9 +75,7 @@ class Text:
         text = "".join(self.body().again())
         (row, *others), separator = filter(str.strip, text.split("\n")), self.layout.separator
         if others:
-            raise DecodeError(
-                f"line {self.line} has more than {READ} bytes, so it must be the only one, but more follow."
-            )
+            raise DecodeError(f"line {self.line} has more than {READ} bytes, but others follow it. {_ADVICE}")
         cells = row.split() if separator == " " else [cell.strip() for cell in row.split(separator)]
         cells = cells[:-1] if self.notes else cells
         if "" in cells:  # which would be left out without a word, as an empty line is
@@ -90,8 +85,8 @@ class Text:
         try:
             return self._parsed("\n".join(cells), 1, 1).reshape(-1, self.columns)
         except DecodeError as error:
-            where = rf"line {self.line}, value \1"
-            raise DecodeError(re.sub(r"line (\d+), column 1\b", where, str(error), count=1)) from error
+            where = re.sub(r"line (\d+), column 1\b", rf"line {self.line}, value \1", str(error), count=1)
+            raise DecodeError(where) from error
 
 
 def open_text(file: Path, columns: int | None) -> Text:
@@ -111,7 +106,6 @@ def open_text(file: Path, columns: int | None) -> Text:
     if columns not in {None, width}:
         raise DecodeError(f"line {number} has {width} numbers, but {columns} columns are declared. {_ADVICE}")
     made = Text(file, layout, width, one_line, number)
-    made._parsed(_bare(first, separator), number, width)
     for _ in (body := made.body()).blocks():
         pass
     return replace(made, notes=body.cut)
@@ -254,13 +248,9 @@ class Numbers:
             if len(block):
                 yield block
 
-    def __iter__(self) -> Iterator[Floats]:
-        """Blocks from the start, as `blocks` gives them."""
-        return self.blocks()
-
     def read(self) -> Floats:
         """All rows at once, (N, columns)."""
-        return np.concatenate(list(self))
+        return np.concatenate(list(self.blocks()))
 
 
 def open_numbers(path: str | os.PathLike[str], *, kind: str | None = None, columns: int | None = None) -> Numbers:

@@ -134,14 +134,12 @@ def read_parquet(path: str | Path, in_memory: bool = True) -> Recording:
     file = existing_file(path)
     with reading(file), _open(file) as parquet:
         metadata = parquet.metadata.metadata or {}
-        if KEY not in metadata and PROFILE in metadata:
-            return read_described(parquet, file)
         is_own = KEY in metadata
         content, columns = _load(file, parquet, header.load(metadata[KEY]), in_memory) if is_own else ({}, {})
     if not is_own:
         from plumbob.files.formats import read_table
 
-        return read_table(file, None)
+        return read_described(metadata, file) if PROFILE in metadata else read_table(file, None)
     with reading(file):
         content = header.parse_header(content)
         track, several = content["track"], content.get("array", {})

@@ -165,7 +165,7 @@ def read_sample(path: Path) -> Sample:
     sensors = {part.sensor for part in map(taken_apart, sample.names)} & set(QUANTITY_BY_TRIAD)
     if not complete and len(sensors) < 2:  # other sensors may have their table far below
         lines = decode(text_bytes(path), encoding).split("\n")
-    return _sections(lines, best, encoding) or _of_channels(text, sample) or sample
+    return _sections(lines, best, encoding) or _of_channels(text, sample) or _of_kinds(lines, sample) or sample
 
 
 def _sections(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample | None:
@@ -231,6 +231,19 @@ def _of_channels(text: str, sample: Sample) -> Sample | None:
     lines = channels_as_columns(text, layout)[0].split("\n")
     wide = _headed(lines, _table(lines, "\t", layout.decimal), layout.encoding)
     return replace(wide, layout=replace(layout, missing=wide.layout.missing), facts=sample.facts)
+
+
+def _of_kinds(lines: Sequence[str], sample: Sample) -> Sample | None:
+    """Rows of several kinds by their first word, of which lines of comment give the names; None of other tables."""
+    sign, kinds = sample.layout.separator, list[Sample]()
+    comments = [_cells(line.lstrip("#%/ "), sign, 0) for line in lines[:TRIED] if line.startswith(_COMMENTS)]
+    rows_of_all = [_cells(line, sign, 0) for line in lines] if len(comments) > 1 else []
+    for word, cells in {cells[0].strip(): cells for cells in comments if len(cells) > len("xyz")}.items():
+        rows = [row for row in rows_of_all if len(row) == len(cells) and row[0].strip() == word]
+        layout = replace(sample.layout, skip=0, names=False, after_names=0, mark="", where=(1, word))
+        if len(rows) >= FEWEST and 2 * _known_names(cells) >= len(cells) - 1:
+            kinds.append(replace(sample, layout=layout, names=("", *cells[1:]), units=(), by_name=False, rows=rows))
+    return replace(kinds[0], others=tuple(kinds[1:])) if len(kinds) > 1 else None
 
 
 def _of_objects(text: str, encoding: str) -> Sample | None:
@@ -306,7 +319,7 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     names: list[str] = []
     for i, (word, other) in enumerate(pairwise(words[:-1])):  # what a log writes before a name is of no number
         bare = " ".join(word.split()[-len(other.split()) :]) if other else word
-        if (part := taken_apart(bare)).sensor and part.base == taken_apart(other).base:
+        if (part := taken_apart(bare)).is_time or (part.sensor and part.base == taken_apart(other).base):
             words[i] = bare
     for word in words[:-1]:
         axis = (len("xyz") if taken_apart(word).axis else 0) if word else axis + 1

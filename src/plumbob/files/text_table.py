@@ -17,7 +17,7 @@ from decimal import Decimal, InvalidOperation
 from functools import cache
 from itertools import islice, pairwise
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -70,7 +70,10 @@ _NESTED: Final = re.compile(r"^(\w+)(?::| \{)[^,;\t\n]*\n +\w+(?::| \{)", re.MUL
 
 
 def _printed(text: str) -> list[str]:
-    """Messages with indented lines between lines of ``---``, or each from its first key on; nothing in other texts."""
+    """Messages with indented lines between lines of ``---``, each from its first key on, or items of a list in YAML."""
+    if items := re.findall(r"^ *- (?=\w+:)", text, re.MULTILINE):
+        parts = re.split(rf"^{items[0]}", text, flags=re.MULTILINE)[1:]
+        return [" " * len(items[0]) + part for part in parts] if not _BETWEEN.search(text) else []
     if (first := _NESTED.search(text)) is None:
         return []
     parts = _BETWEEN.split(text)
@@ -297,26 +300,14 @@ def channels_as_columns(text: str, layout: TextLayout) -> tuple[str, TextLayout]
     return "\n".join((*lines, *broken, "")), plain
 
 
-class _Line(NamedTuple):
-    """A line of a text, and where the next one begins, and its number."""
-
-    row: str
-    start: int
-    line: int
-
-
-def _lines(text: str) -> Iterator[_Line]:
-    rows = re.finditer(r"[^\n]+\n?|\n", text)
-    return (_Line(row[0].removesuffix("\n"), row.end(), line) for line, row in enumerate(rows, 2))
-
-
 def find_head(text: str, layout: TextLayout) -> Head:
     """Find where the numbers begin; DecodeError if the marker does not come, or the file ends before."""
-    lines, last = _lines(text), _Line("", 0, 1)
+    lines = ((row[0].removesuffix("\n"), row.end(), k) for k, row in enumerate(re.finditer(r"[^\n]+\n?|\n", text), 2))
+    last = ("", 0, 1)  # a line, and where the next one begins, and its number
     if layout.marker:
         remaining, marker = layout.occurrence, layout.marker.strip(" \t,;")
         for last in lines:
-            remaining -= last.row.strip(" \t,;") == marker
+            remaining -= last[0].strip(" \t,;") == marker
             if remaining == 0:
                 break
         else:
@@ -326,13 +317,14 @@ def find_head(text: str, layout: TextLayout) -> Head:
             )
     last, names = [last, *islice(lines, layout.skip)][-1], list[str]()
     if layout.names:
-        comment, end = "" if layout.mark else layout.comment, _Line("", len(text), last.line)
-        last = next((line for line in lines if not is_idle(line.row, comment)), end)
-        names = split_row(last.row.removeprefix(layout.mark), layout.separator, last.line - 1)
+        comment, end = "" if layout.mark else layout.comment, ("", len(text), last[2])
+        last = row, _, line = next((line for line in lines if not is_idle(line[0], comment)), end)
+        names = split_row(row.removeprefix(layout.mark), layout.separator, line - 1)
         last = [last, *islice(lines, layout.after_names)][-1]
-    if last.start >= len(text):
+    _, start, line = last
+    if start >= len(text):
         raise DecodeError("the file ends before its first row of numbers; check the profile's [header].")
-    return Head(tuple(map(str.strip, names)), last.start, last.line)
+    return Head(tuple(map(str.strip, names)), start, line)
 
 
 def split_row(row: str, separator: str, line: int) -> list[str]:
