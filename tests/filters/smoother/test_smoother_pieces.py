@@ -232,14 +232,14 @@ def test_a_field_far_off_is_another_one_however_far_all_are_off():
     assert middles == [2.0, 4.0, 3.0]  # of their weight
 
 
-def test_in_a_minute_a_drift_shows_a_bias_to_a_twentieth_of_a_degree_per_second():
-    """What is known as well beforehand halves it: information is the sum of both."""
-    frames = SimpleNamespace(step=np.ones(60), gap=np.zeros(60, dtype=bool))
-    sweep = SimpleNamespace(
-        q=np.tile([1.0, 0.0, 0.0, 0.0], (61, 1)), cov=np.tile(dps(0.05) ** 2 * np.eye(6), (61, 1, 1))
-    )
-    found = bias_of_drift(frames, SimpleNamespace(sweep=sweep), dps(0.1) * np.arange(60.0))
-    assert found == pytest.approx([0.0, 0.0, -dps(0.05)])
+@pytest.mark.parametrize(("seconds", "var"), [(10, 0.36 / 1e3), (60, 0.36 / 216e3), (240, dps(0.05) ** 2 / 4.0)])
+def test_a_drift_shows_a_bias_as_well_as_the_slope_of_a_straight_line_and_as_a_minute_allows(seconds, var):
+    """Information is the sum of both; variance of a slope: 12 σ² / T³, σ² = .03 rad² s."""
+    frames, known = SimpleNamespace(step=np.ones(seconds), gap=np.zeros(seconds, dtype=bool)), dps(0.05) ** 2
+    q, cov = np.tile([1.0, 0.0, 0.0, 0.0], (seconds + 1, 1)), np.tile(known * np.eye(6), (seconds + 1, 1, 1))
+    inertial = SimpleNamespace(sweep=SimpleNamespace(q=q, cov=cov))
+    bias = bias_of_drift(frames, inertial, dps(0.1) * np.arange(float(seconds)))
+    assert bias == pytest.approx([0.0, 0.0, -dps(0.1) / (1.0 + var / known)])
 
 
 def test_what_a_recording_did_not_show_of_the_gyroscope_stays_as_it_was():

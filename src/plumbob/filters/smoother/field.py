@@ -276,13 +276,13 @@ def heading_turn(frames: Keyframes, inertial: Inertial, field: Floats, weight: F
 
 
 def bias_of_drift(frames: Keyframes, inertial: Inertial, turn: Floats) -> Floats:
-    """Bias, (3,), rad/s, that a drift of the heading shows, beside what is already known of it."""
-    dt = frames.step
+    """Bias, (3,), rad/s, by a drift: a slope through white noise is known to 12 `ONE_LOOK` / T³, rad²/s²."""
+    dt, length = frames.step, float(frames.step.sum())
     rate = np.diff(turn, prepend=turn[0]) / dt
     rate[0] = rate[1] if rate.size > 1 else 0.0
     rate[frames.gap] = 0.0
     vertical = dcm_from_quat(inertial.sweep.q[1:])[:, 2, :]
-    trust = dt / (60.0 * dps(0.05) ** 2)  # in a minute a drift is known to 0.05 °/s
+    trust = dt * min(length**2 / (12.0 * ONE_LOOK), 1.0 / (60.0 * dps(0.05) ** 2))  # in a minute at best to 0.05 °/s
     info = np.asarray(np.linalg.inv(inertial.sweep.cov[dt.size // 2, 3:, 3:]))
     normal = info + (vertical * trust[:, np.newaxis]).T @ vertical
     return np.asarray(np.linalg.solve(normal, -vertical.T @ (trust * rate)), dtype=np.float64)

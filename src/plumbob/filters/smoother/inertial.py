@@ -45,6 +45,8 @@ and any other where a body gathers more within `LEAK`."""
 TINY: Final = 1e-12  # of velocities that are nothing no logarithm is taken
 BY_CHANCE: Final = 0.05  # and a larger one counts only where the smaller ones have less than this of its likelihood
 AGAIN_BIAS: Final = dps(1.0)  # and this is what a later pass takes for it
+UNSHOWN: Final = dps(0.3)
+"""but of the part about the vertical of a small one: a motion that repeats, as a walk does, looks like that."""
 FIXED_MATRIX: Final = 1e-2
 """Share of its prior by which scale and misalignment may move while the attitude is still far off."""
 BEYOND: Final = 3.0  # a mean rate beyond this many standard deviations of the bias is a turn
@@ -58,8 +60,6 @@ PARTS: Final = 6
 """It does so evenly: of the means of these parts none is farther from the next than this share of all these ways."""
 EVEN: Final = 0.5
 MOST: Final = 2000  # windows that are tried as centre of a cluster
-NOT_GRAVITY: Final = 0.5 * G0
-"""Over a `PIECE` the mean specific force differs by less than this from gravity, m/s², also where peaks are cut off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,20 +89,6 @@ class Speed:
         peaks(step, LEAK, square)
         share: Floats = np.exp(-step / LEAK * square / (square + USUAL_SPEED**2))
         return share
-
-
-def without_gravity(frames: Keyframes, force: Floats) -> Bools:
-    """Steps in whose piece of the record the mean force (K, 3) in navigation axes is not gravity.
-
-    Over ten seconds a level speed that is bounded leaves nothing else: free fall, a centrifuge, a wrong attitude.
-    """
-    piece = frames.pieces(PIECE)
-    dt = np.where(frames.gap, 0.0, frames.step)
-    length = np.bincount(piece, dt)
-    total = np.stack([np.bincount(piece, dt * force[:, i]) for i in range(3)], axis=1)
-    off = np.linalg.norm(total / np.maximum(length, 1e-9)[:, np.newaxis] - [0.0, 0.0, G0], axis=1)
-    weightless: Bools = ((off > NOT_GRAVITY) & (length > 0.5 * PIECE))[piece]
-    return weightless
 
 
 @dataclass(frozen=True, slots=True)
@@ -339,6 +325,13 @@ def narrowed(p0: Floats, tilt: float) -> Floats:
     return p0
 
 
+def known_along(p0: Floats, axis: Floats, sd: float) -> Floats:
+    """First covariance where the bias along an axis (3,) of the body is known to this, rad/s."""
+    p0, place = p0.copy(), slice(model.B, model.B + 3)
+    p0[place, place] -= (axis @ p0[place, place] @ axis - sd**2) * np.outer(axis, axis)
+    return p0
+
+
 def level(
     frames: Keyframes, p: model.Params, prior: tuple[Floats, float] | None = None, unit: Floats | None = None,
     given: Given | None = None, *, any_bias: bool = False, before: tuple[Floats, Floats] | None = None,
@@ -393,6 +386,9 @@ def _level(
                 p, tilt=wide, heading=model.FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit
             )
             first = narrowed(p0, tilt_sd)
+            if wide == NARROW and not sure and chosen < AGAIN_BIAS:
+                up = dcm_from_quat(start[:1])[0, 2]
+                first, bias = known_along(first, up, UNSHOWN), bias - up * float(up @ bias)
             p0[model.TH + 2, model.TH + 2] = math.pi**2  # behind a gap the heading may be any, but for what bridges it
             estimate = sweep(
                 frames, kind, density, lasting, unused, start, bias, p0, noise, first=first,

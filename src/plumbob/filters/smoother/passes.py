@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.core.check import Floats
+from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.filters.smoother.field import (
     APART,
@@ -22,20 +23,20 @@ from plumbob.filters.smoother.field import (
 )
 from plumbob.filters.smoother.inertial import (
     AGAIN_BIAS,
+    PIECE,
     Given,
     Inertial,
     calm,
     kinds,
+    known_along,
     level,
     level_speed,
     narrowed,
-    without_gravity,
 )
 from plumbob.filters.smoother.keyframes import CORRELATED, Bools, Keyframes, between
 from plumbob.filters.smoother.model import (
     BIAS_REPEATS,
     FREE_HEADING,
-    B,
     M,
     ModelVariances,
     Params,
@@ -58,6 +59,8 @@ DISBELIEVED, BELIEVED = 0.25, 0.5
 """The last seconds contradict what came before if their fields are believed less than this; else more;"""
 FASTER, SLOWER = 1.5, 0.5
 """and if the body seems to move so many times faster than before, but by these seconds alone not by so much."""
+NOT_GRAVITY: Final = 0.5 * G0
+"""Over a `PIECE` the mean specific force differs by less than this from gravity, m/s², also where peaks are cut off."""
 LONGEST_SEEN: Final = 300.0
 """A field that was seen for long counts as if for this, s, so that another one can follow it."""
 
@@ -122,8 +125,15 @@ class Smoothed:
 
     @property
     def weightless(self) -> Bools:
-        """Steps in which no gravity shows, so that the attitude may be any, (K,)."""
-        return without_gravity(self.frames, self.sweep.force)
+        """Steps in whose piece of the recording the mean force in navigation axes is not gravity, (K,).
+
+        Over ten seconds a level speed that is bounded leaves nothing else: free fall, a centrifuge, a wrong attitude.
+        """
+        piece, dt = self.frames.pieces(PIECE), np.where(self.frames.gap, 0.0, self.frames.step)
+        length = np.bincount(piece, dt)
+        total = np.stack([np.bincount(piece, dt * of) for of in self.sweep.force.T], axis=1)
+        off = np.linalg.norm(total / np.maximum(length, 1e-9)[:, np.newaxis] - [0.0, 0.0, G0], axis=1)
+        return np.asarray(((off > NOT_GRAVITY) & (length > 0.5 * PIECE))[piece])
 
     @property
     def heading_var(self) -> float:
@@ -272,8 +282,7 @@ def _with_field(
     free, field = field, np.stack((*_turn_level(turn, field), field[:, 2]), axis=1)
     bias = inertial.sweep.bias + bias_of_drift(frames, inertial, turn)
     speed, resting, estimate = inertial.speed, inertial.resting, inertial.sweep
-    again = AGAIN_BIAS
-    p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=again, rigid=False, unit=prior.unit)
+    p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=AGAIN_BIAS, rigid=False, unit=prior.unit)
     still, first = calm(frames, p), narrowed(p0, inertial.given_sd)
     for remaining in range(PASSES, 0, -1):
         latest = Inertial(estimate, resting, speed)
@@ -286,12 +295,11 @@ def _with_field(
         noise = ModelVariances.from_params(p, reference.bend(p))
         kind, density = kinds(frames, resting), speed.density(p, resting)
         begin, began = bias[0], first
-        if inertial.bias_sd > 0.0 and inertial.drift_sd < again:
+        if inertial.bias_sd > 0.0 and inertial.drift_sd < AGAIN_BIAS:
             up = dcm_from_quat(q[:1])[0, 2]
             # Only the field shows the part along `up`. A pass that began with what the field showed the one before
             # would count it twice, and what is known of a gyroscope never: a turning field would be followed.
-            began, place = first.copy(), slice(B, B + 3)
-            began[place, place] -= (up @ first[place, place] @ up - inertial.drift_sd**2) * np.outer(up, up)
+            began = known_along(first, up, inertial.drift_sd)
             begin = begin - up * float(up @ (begin - inertial.sweep.bias[0]))
         estimate = sweep(
             frames, kind, density, speed.lasting(frames.step), var, q, begin, p0, noise, first=began,

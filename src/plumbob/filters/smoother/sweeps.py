@@ -546,11 +546,6 @@ class Sweep:
         """Bias of the gyroscope at the keyframes, rad/s, (K + 1, 3)."""
         return self.x[:, B : B + 3]
 
-    @property
-    def velocity(self) -> Floats:
-        """Level velocity at the keyframes, m/s, (K + 1, 2)."""
-        return self.x[:, V : V + 2]
-
 
 def sweep(
     frames: Keyframes, kind: NDArray[np.int64], density: Floats, lasting: Floats, heading_var: Floats, q_start: Floats,
