@@ -260,7 +260,7 @@ def test_a_profile_makes_a_recording_of_a_text(tmp_path):
     assert [group.names[0] for group in record.groups] == ["gyr x", "acc x", "mag x"]
     path.with_suffix(".profile.toml").rename(tmp_path / "b.toml")
     assert len(load_static(path, profile=tmp_path / "b.toml").groups) == 3
-    with pytest.raises(DecodeError, match=r"is not a number; .*--profile FILE.toml"):
+    with pytest.raises(DecodeError, match=r"is not a number with.*--profile FILE.toml"):
         load_static(path, rate=100.0, scale="1")
 
 

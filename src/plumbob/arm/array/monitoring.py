@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.arm.array import channels
-from plumbob.arm.array.channels import directions
+from plumbob.arm.array.channels import directions, nominal_step
 from plumbob.arm.array.tracker import OF_TRIAD, OUT, SCALE, STATE, TRIAD_SIZE, UNIT_SIZE, start_unit, take_rows
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
@@ -251,7 +251,7 @@ def monitor(array: "ImuArray | Source | Sequence[Source]", *, settings: Monitori
     array = opened_array(array)
     has_card = any(mount.noise is not None for mount in array.mounts.values())
     array = channels.with_noise(channels.aligned(array))
-    watch = Monitor(array.mounts, step=channels.nominal_step(array), settings=settings)
+    watch = Monitor(array.mounts, step=nominal_step(array), settings=settings)
     parts = [watch.take(part) for part in array.chunks(CHUNK)]
     imu = ImuData.joined([part.imu for part in parts])
     return Monitored(
