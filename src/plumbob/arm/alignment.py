@@ -23,6 +23,7 @@ from plumbob.data.cards.file import Card, built, kind_of
 from plumbob.data.chain import Chain, Joint, Segment, chain_text, load_chain, parse_chain
 from plumbob.filters.smoother.keyframes import trusted
 from plumbob.filters.smoother.preprocess import SampleWatch, watched
+from plumbob.rotations import quat_conjugate, quat_multiply
 
 if TYPE_CHECKING:
     from plumbob.door.reading import Source
@@ -496,7 +497,7 @@ def _geometry(chain: Chain, fits: _Fits, poses: Sequence[Pose]) -> Chain:
 def _found_joint(link: JointLink, origin: Floats, motion: Attitudes, poses: Sequence[Pose]) -> Joint:
     """Joint whose angles are zero in the first posture, or at the first sample."""
     first = 0 if not poses else int(np.searchsorted(motion.t, 0.5 * (poses[0][0] + poses[0][1])))
-    zero = rotations.quat_multiply(rotations.quat_conjugate(motion.q[link.parent, first]), motion.q[link.child, first])
+    zero = quat_multiply(quat_conjugate(motion.q[link.parent, first]), motion.q[link.child, first])
     axes = link.joint.axes
     if link.joint.kind == "fixed":
         zero = rotations.quat_from_dcm(link.axes[0].T @ link.axes[1])
@@ -504,7 +505,7 @@ def _found_joint(link: JointLink, origin: Floats, motion: Attitudes, poses: Sequ
         axis = ahead = link.axes[1, 0]
         axes = (tuple(axis.tolist()),)
         if link.joint.kind == "universal":
-            ahead = rotations.dcm_from_quat(rotations.quat_conjugate(zero)) @ link.axes[0, 0]
+            ahead = rotations.dcm_from_quat(quat_conjugate(zero)) @ link.axes[0, 0]
             ahead = ahead - axis * (axis @ ahead)
             axes = (tuple((ahead / np.linalg.norm(ahead)).tolist()), *axes)
         zero = _carried(zero, ahead, link.axes[0, 0])
@@ -517,7 +518,7 @@ def _carried(q: Floats, axis: Floats, to: Floats) -> Floats:
     across = np.cross(rotated, to)
     sine = float(np.linalg.norm(across))
     angle = float(np.arctan2(sine, rotated @ to)) / max(sine, 1e-12)
-    return rotations.quat_multiply(rotations.quat_from_rotvec(across * angle), q)
+    return quat_multiply(rotations.quat_from_rotvec(across * angle), q)
 
 
 def _found_sd(chain: Chain, fits: _Fits) -> dict[str, Any]:
@@ -587,7 +588,7 @@ class _MountProblem:
         mounts = {}
         for k, body in enumerate(self._mounted):
             turn, moved = x[6 * k : 6 * k + 3], x[6 * k + 3 : 6 * k + 6]
-            q = rotations.quat_multiply(rotations.quat_from_rotvec(turn), np.array(body.mount.q_bs))
+            q = quat_multiply(rotations.quat_from_rotvec(turn), np.array(body.mount.q_bs))
             lever = np.array(body.mount.lever_b) + moved
             mounts[body.name] = replace(body.mount, q_bs=tuple(q.tolist()), lever_b=tuple(lever.tolist()))
         return mounts
@@ -654,15 +655,11 @@ class _MountProblem:
         ground = rotations.quat_from_rotvec(np.array([0.0, 0.0, heading]))
         for joint, joint_angles in zip(self._chain.joints, angles, strict=True):
             parent, child = numbers[joint.parent], numbers[joint.child]
-            before = ground if parent == GROUND else rotations.quat_multiply(
-                attitudes[parent], rotations.quat_conjugate(np.array(mounts[joint.parent].q_bs))
+            before = ground if parent == GROUND else quat_multiply(
+                attitudes[parent], quat_conjugate(np.array(mounts[joint.parent].q_bs))
             )  # fmt: skip
-            after = rotations.quat_multiply(
-                attitudes[child], rotations.quat_conjugate(np.array(mounts[joint.child].q_bs))
-            )
-            off = rotations.quat_multiply(
-                rotations.quat_conjugate(rotations.quat_multiply(before, joint.turned(joint_angles)[0])), after
-            )
+            after = quat_multiply(attitudes[child], quat_conjugate(np.array(mounts[joint.child].q_bs)))
+            off = quat_multiply(quat_conjugate(quat_multiply(before, joint.turned(joint_angles)[0])), after)
             rows.append(rotations.rotvec_from_quat(off) / self._pose_sd)
         return rows
 

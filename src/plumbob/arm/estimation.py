@@ -28,7 +28,7 @@ from plumbob.data.array import ImuArray
 from plumbob.data.chain import Chain, Joint, Posture
 from plumbob.filters.offline import navigation_frame
 from plumbob.filters.smoother.preprocess import SampleWatch
-from plumbob.rotations import Frame
+from plumbob.rotations import Frame, quat_conjugate, quat_multiply
 
 if TYPE_CHECKING:
     from plumbob.door.reading import Source
@@ -302,11 +302,7 @@ def _posture(chain: Chain, pose: str | Sequence[float]) -> Floats:
         )
     postures = chain.postures(angles[np.newaxis])
     return np.array(
-        [
-            rotations.quat_multiply(postures[body.name].q_nb[0], np.array(body.mount.q_bs))
-            for body in chain.segments
-            if body.unit
-        ]
+        [quat_multiply(postures[body.name].q_nb[0], np.array(body.mount.q_bs)) for body in chain.segments if body.unit]
     )
 
 
@@ -413,10 +409,8 @@ class _Reading:
             if number == GROUND:
                 attitudes[segment.name] = np.tile([1.0, 0.0, 0.0, 0.0], (len(turn), 1))
             else:
-                of_unit = rotations.quat_multiply(common, self._motion.q[number])
-                attitudes[segment.name] = rotations.quat_multiply(
-                    of_unit, rotations.quat_conjugate(np.array(segment.mount.q_bs))
-                )
+                of_unit = quat_multiply(common, self._motion.q[number])
+                attitudes[segment.name] = quat_multiply(of_unit, quat_conjugate(np.array(segment.mount.q_bs)))
         return attitudes
 
     def estimate(self, *, north: rotations.North, source: str, notes: tuple[Note, ...], n_before: int) -> ArmEstimate:
@@ -471,17 +465,17 @@ class _Reading:
         """Covariance of the child's attitude against the parent's at keyframes (K, 3, 3), parent axes, rad²."""
         between = self._block(joint.parent, joint.child)
         cov = self._block(joint.parent, joint.parent) + self._block(joint.child, joint.child)
-        turn = rotations.dcm_from_quat(rotations.quat_conjugate(self._q[joint.parent][self._rows]))
+        turn = rotations.dcm_from_quat(quat_conjugate(self._q[joint.parent][self._rows]))
         return turn @ (cov - between - np.swapaxes(between, 1, 2)) @ np.swapaxes(turn, 1, 2)
 
     def _angle_sd(self, joint: Joint, cov: Floats) -> Floats:
         """Standard deviations of a joint's angles at keyframes (K, degrees of freedom), rad."""
         parent, child = self._q[joint.parent][self._rows], self._q[joint.child][self._rows]
-        relative = rotations.quat_multiply(rotations.quat_conjugate(parent), child)
+        relative = quat_multiply(quat_conjugate(parent), child)
         columns = []
         for axis in np.eye(3):
             ahead, behind = (
-                joint.angles_of(rotations.quat_multiply(rotations.quat_from_rotvec(sign * _SMALL * axis), relative))
+                joint.angles_of(quat_multiply(rotations.quat_from_rotvec(sign * _SMALL * axis), relative))
                 for sign in (1.0, -1.0)
             )
             columns.append(rotations.wrap(ahead - behind) / (2.0 * _SMALL))
@@ -514,7 +508,7 @@ class _Reading:
 
     def _track(self, name: str, north: rotations.North, source: str, n_before: int) -> AttitudeTrack:
         q = self._q[name]
-        turn = rotations.dcm_from_quat(rotations.quat_conjugate(q[self._rows]))
+        turn = rotations.dcm_from_quat(quat_conjugate(q[self._rows]))
         cov = turn @ self._block(name, name) @ np.swapaxes(turn, 1, 2)
         nearest = np.searchsorted(self._rows, np.arange(len(q)), side="right") - 1
         return AttitudeTrack(

@@ -403,8 +403,7 @@ class Stream:
         """The one unit of all that agree."""
         assert array is not None
         if self._monitor is None:
-            module = cast(Any, EXTENSIBLE.find("monitor"))
-            self._monitor = module.Monitor(array.mounts, step=module.nominal_step(array[:1]))
+            self._monitor = cast(Any, EXTENSIBLE.find("monitor")).Monitor.from_array(array[:1])
         return cast(ImuData, self._monitor.take(array).imu)
 
 

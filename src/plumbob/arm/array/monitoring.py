@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.arm.array import channels
-from plumbob.arm.array.channels import directions, nominal_step
 from plumbob.arm.array.tracker import OF_TRIAD, OUT, SCALE, STATE, TRIAD_SIZE, UNIT_SIZE, start_unit, take_rows
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
@@ -174,7 +173,7 @@ class Monitor:
             raise ParameterError(f"step must be a positive number of seconds, but it is {step}.")
         self.settings = settings or MonitoringSettings()
         self._mounts = dict(mounts)
-        self._axes, self._levers = directions(mounts), channels.levers(mounts)
+        self._axes, self._levers = channels.directions(mounts), channels.levers(mounts)
         self._c = self.settings.coefficients(step)
         self._weight = np.ascontiguousarray([step / channels.densities(mounts, triad) ** 2 for triad in TRIADS])
         units = len(self.names)
@@ -183,6 +182,11 @@ class Monitor:
         self._h = np.zeros((4, 3))
         self._room = (np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(units))
         self.reset()
+
+    @classmethod
+    def from_array(cls, array: ImuArray, *, settings: MonitoringSettings | None = None) -> Self:
+        """One that watches the units of these samples, by their mounts and the time between them."""
+        return cls(array.mounts, step=channels.nominal_step(array), settings=settings)
 
     def reset(self) -> None:
         """Forget every sample."""
@@ -251,7 +255,7 @@ def monitor(array: "ImuArray | Source | Sequence[Source]", *, settings: Monitori
     array = opened_array(array)
     has_card = any(mount.noise is not None for mount in array.mounts.values())
     array = channels.with_noise(channels.aligned(array))
-    watch = Monitor(array.mounts, step=nominal_step(array), settings=settings)
+    watch = Monitor.from_array(array, settings=settings)
     parts = [watch.take(part) for part in array.chunks(CHUNK)]
     imu = ImuData.joined([part.imu for part in parts])
     return Monitored(

@@ -325,11 +325,11 @@ def narrowed(p0: Floats, tilt: float) -> Floats:
     return p0
 
 
-def known_along(p0: Floats, axis: Floats, sd: float) -> Floats:
-    """First covariance where the bias along an axis (3,) of the body is known to this, rad/s."""
+def known_along(p0: Floats, bias: Floats, axis: Floats, other: Floats, sd: float) -> tuple[Floats, Floats]:
+    """First covariance and bias (3,) where that along an axis (3,) of the body is another's, known to `sd`, rad/s."""
     p0, place = p0.copy(), slice(model.B, model.B + 3)
     p0[place, place] -= (axis @ p0[place, place] @ axis - sd**2) * np.outer(axis, axis)
-    return p0
+    return p0, bias - axis * float(axis @ (bias - other))
 
 
 def level(
@@ -387,8 +387,7 @@ def _level(
             )
             first = narrowed(p0, tilt_sd)
             if wide == NARROW and not sure and chosen < AGAIN_BIAS:
-                up = dcm_from_quat(start[:1])[0, 2]
-                first, bias = known_along(first, up, UNSHOWN), bias - up * float(up @ bias)
+                first, bias = known_along(first, bias, dcm_from_quat(start[:1])[0, 2], np.zeros(3), UNSHOWN)
             p0[model.TH + 2, model.TH + 2] = math.pi**2  # behind a gap the heading may be any, but for what bridges it
             estimate = sweep(
                 frames, kind, density, lasting, unused, start, bias, p0, noise, first=first,

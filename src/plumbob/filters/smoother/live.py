@@ -27,7 +27,6 @@ from plumbob.core.units import deg
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards.residuals import full_covariance
 from plumbob.filters.smoother import causal, samples
-from plumbob.filters.smoother.causal import taken
 from plumbob.filters.smoother.field import APART, LEAST_TURNING, REST_SHARE, Reference, turning_time
 from plumbob.filters.smoother.inertial import GIVEN, LEAK, WINDOW, Given, level_speed, peaks
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, path
@@ -454,7 +453,7 @@ class Live:
 
     def _take(self, running: Running) -> None:
         """Take another field for the one of the place."""
-        running.field, running.proven = taken(running.other, running.field), True
+        running.field, running.proven = causal.taken(running.other, running.field), True
         self._proven.take(
             Reference(running.field.level, running.field.vertical, 0.0), float(running.other[causal.BEGAN])
         )

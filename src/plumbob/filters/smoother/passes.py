@@ -299,8 +299,7 @@ def _with_field(
             up = dcm_from_quat(q[:1])[0, 2]
             # Only the field shows the part along `up`. A pass that began with what the field showed the one before
             # would count it twice, and what is known of a gyroscope never: a turning field would be followed.
-            began = known_along(first, up, inertial.drift_sd)
-            begin = begin - up * float(up @ (begin - inertial.sweep.bias[0]))
+            began, begin = known_along(first, begin, up, inertial.sweep.bias[0], inertial.drift_sd)
         estimate = sweep(
             frames, kind, density, speed.lasting(frames.step), var, q, begin, p0, noise, first=began,
             covariance=remaining == 1,
