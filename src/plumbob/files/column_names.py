@@ -5,65 +5,40 @@ unit of another quantity than the words say makes a column nothing that is used.
 """
 
 import re
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
 
 from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity, canonical_name, is_name
 
-_WORDS: Final = {
-    "gyr": re.compile(
-        r"g|w|gy|gyr\w*|giro\w*|omega|ω|pqr|ang\w*vel\w*|dreh\w*|hoeksnel\w*|\w+geschw\w*|"
-        r"角速度|陀螺\w*|гиро\w*|각속도|자이로\w*"
-    ),
-    "acc": re.compile(r"a|f|ac|xl|gf|acc\w*|acél\w*|acel\w*|alpha|beschl\w*|versnel\w*|加速度|ускор\w*|가속도"),
-    "mag": re.compile(r"m|b|h|mag\w*|compass|kompass|地?磁\w*|маг\w*|지?자기\w*"),
-}
-_PHRASES: Final = {
-    "gyr": re.compile(
-        r"ang(ular)? (rate|velocity|vel|speed)|(vit|vel)\w* ang(ul|ol)\w*|rot\w* (rate|velocity|speed)|\brates?\b|"
-        r"угловая скорость|\b(itg|l 3 gd?|bmg|fxas)( \d|\b)"
-    ),
-    "acc": re.compile(r"specific force|\bg force|\b(adxl|bma|mma|kx|lis \d dh)( ?\d|\b)"),
-    "mag": re.compile(
-        r"magnetic( field)?|^field$|local flux|"
-        r"\b(akm|ak \d{4}|hmc|qmc|mmc|bmm|ist 83|rm 3100|lis \d mdl)( ?\d|\b)"
-    ),
-}  # phrases, and parts that measure one thing alone by their makers' names
-_WITHOUT_GRAVITY: Final = re.compile(r"\b(linear|lin|free|user|usr)\b")
-_OTHER: Final = re.compile(
-    r"\b(covariance\d*|cov|std|sd|var|bias|offset|setpoint|norm|abs\w*|total|magnitude|(?<!including )gravity|grav|"
-    r"angular acc\w*|temp\w*|status|acc\w* (x|y|z )?(err\w*)|accuracy|error|inc(r\w*|lin\w*)?)\b"
+_TABLES: Final[Mapping[str, Mapping[str, Any]]] = tomllib.loads(
+    Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
 )
+
+
+def _any(alternatives: Sequence[str], *, inside: bool = False) -> re.Pattern[str]:
+    """Any of the alternatives, between ends of words where they stand `inside` a name."""
+    return re.compile(rf"\b({'|'.join(alternatives)})\b" if inside else "|".join(alternatives))
+
+
+_WORDS, _PHRASES, _DIRECTIONS = (
+    {name: _any(words) for name, words in _TABLES[key].items()} for key in ("words", "phrases", "axes")
+)
+_ROLLS: Final = {axis: _any([*_TABLES["axes"][axis], *words]) for axis, words in _TABLES["rolls"].items()}
+_OTHER, _WITHOUT_GRAVITY = (_any(_TABLES["other"][key], inside=True) for key in ("other", "without_gravity"))
+_TIME, _COUNTER, WEEK, TEMPERATURE, _QUATERNION = (
+    _any(_TABLES["kinds"][key]) for key in ("time", "counter", "week", "temperature", "quaternion")
+)
+_SUFFIXES: Final[Mapping[str, str]] = _TABLES["units"]
+_FOREIGN: Final[Mapping[str, str]] = _TABLES["foreign"]
+_SPELLINGS: Final[list[list[str]]] = _TABLES["spellings"]["list"]
 _FRAMES: Final = {*"bnies", "ib", "nb", "body", "sensor", "imu"}  # behind a letter, as in f_ib_b
-_TIME: Final = re.compile(
-    r"t|ts|(utc|hhmmss|hms)\b.*|.*\b([a-z]*times?|timestamps?|stamps?|micros|millis|usec|msec|elapsed|epoch|clock|timems|timeus)\b.*|"
-    r"sec\w*|date.*|gps tow|.*\btow\b.*|.*时间.*|zeit.*|temps|tiempo.*|tempo|tid|czas|время"
-)
-_COUNTER: Final = re.compile(
-    r"n|i|no|nr|id|.*\b(sample|samples|count|counter|index|idx|packet|seq|sequence|row|iteration|frame)\b.*|.*序号.*"
-)
-WEEK: Final = re.compile(r".*\bgps week\b.*|week( no\w*)?")
-TEMPERATURE: Final = re.compile(r"t(emp)? ?c|.*\btemp(erat\w*)?\b.*|.*温度.*")
-_QUATERNION: Final = re.compile(r".*\b(q|quat|quaternion|orientation|attitude|rotation)\b.*|q|quat")
 _SCALAR: Final = {"w", "s", "scalar", "real"}
-_DIRECTIONS: Final = {
-    "x": re.compile(r"long(itudinal)?|fwd|forwards?|front|back|aft|surge|inline|ap"),
-    "y": re.compile(r"lat(eral)?|left|right|port|starboard|sway|sides?|sideways|transversal|ml"),
-    "z": re.compile(r"v|vt|vert(ical)?|up|down|heave"),
-}
-_ROLLS: Final = {
-    "x": re.compile(rf"{_DIRECTIONS['x'].pattern}|roll|beta"),
-    "y": re.compile(rf"{_DIRECTIONS['y'].pattern}|pitch|gamma"),
-    "z": re.compile(rf"{_DIRECTIONS['z'].pattern}|yaw|alpha"),
-}  # of rates also by the angle that they change, Greek ones as W3C's Device Orientation has them
 REVERSED: Final = re.compile(r"(?i)(?<![a-z])(back|aft|right|starboard|down)(?![a-z])")  # against forward, left and up
-_SUFFIXES: Final = {
-    "ms2": "m/s2", "mps2": "m/s2", "mss": "m/s2", "rads": "rad/s", "radps": "rad/s", "degs": "deg/s", "ut": "uT",
-    "nt": "nT", "micros": "us", "millis": "ms", "usec": "us", "msec": "ms", "nanos": "ns", "ms": "ms", "us": "us",
-}  # fmt: skip
 _ALL: Final = (*QUANTITY_BY_TRIAD.values(), Quantity.TIME, Quantity.TEMPERATURE, Quantity.ANGLE)
 
 
@@ -151,40 +126,6 @@ def _is_word(word: re.Pattern[str], token: str, words: Sequence[str]) -> bool:
     return bool(word.fullmatch(token)) and (len(token) > 1 or len(words) == 1 or token == words[-1])
 
 
-_FOREIGN: Final = {  # parts of units in Chinese and Russian
-    "弧度": "rad", "度": "deg", "毫": "m", "微": "u", "米": "m", "秒": "s", "特": "T", "мк": "u", "град": "deg",
-    "рад": "rad", "Тл": "T", "Гс": "gauss", "м": "m", "н": "n", "с": "s",
-}  # fmt: skip
-_SPELLINGS: Final = (
-    (r"[()]", ""),
-    (r"[º˚]|^[?\ufffd](?=C$)", "°"),
-    (r"°(?=/)|\bdeg\.(?=/)", "deg"),
-    (r"(?i)\bgra(d|den|dos|di)\b", "deg"),
-    (r"(?i)\bmicro[- ]?t(esla)?s?$", "uT"),
-    (r"(?i)\bmilli[- ]?(?=g|d|rad|s|t)", "m"),
-    (r"(?i)\bmicro[- ]?(?=s)", "u"),
-    (r"(?i)\bnano[- ]?(?=s)", "n"),
-    (r"(?i)(?:(?<=^[mun])|^)s(ec(ond)?s?)?$", "s"),
-    (r"(?i)^min(ute)?s?$", "min"),
-    (r"(?i)^h(ou)?rs?$", "h"),
-    (r"^(d|days)$", "day"),
-    (r"(?i)^rev(olution)?s?(?=[\s/p])|^(U|tr|umdr\w*|turns?)(?=/)", "rev"),
-    (r"(?i)(\s*per\s*|/\s*)min(ute)?s?$", "/min"),
-    (r"(?i)(\s*per\s*|/\s*)h(r|ours?)?$", "/h"),
-    (r"(?i)^rpm$", "rpm"),
-    (r"^(m?)gals?$", r"\1Gal"),
-    (r"(?i)^m(?=/s)", "m"),
-    (r"(?i)rad(ian)?s?\b", "rad"),
-    (r"(?i)dps$", "deg/s"),
-    (r"(?i)\bd(eg(ree)?s?)?(?=[\s*.·]*(/|per|s\^?[-⁻]))|\bdegrees?$", "deg"),
-    (r"(?i)met(er|re)s?\b", "m"),
-    (r"(?i)(\s*per\s*|/\s*)s(ec(ond)?s?)?(?![a-z])", "/s"),
-    (r"(?i)^m(ps\^?2|ss)$", "m/s2"),
-    (r"(?i)\bg[' ]?s$|^lsb/g$", "g"),
-    (r"[*.· ]*s\^?(-|⁻)[1¹]$", "/s"),
-    (r"[*.· ]*s\^?(-|⁻)[2²]$", "/s2"),
-    (r"/s(\^|\*\*| )?[2²]$|/s squared$", "/s2"),
-)  # how people spell units, and what that comes to, one after the other
 _LETTERS: Final = {"G": "g", "mG": "mg"}  # Gauss for a field, and for an acceleration what it is at rest
 
 

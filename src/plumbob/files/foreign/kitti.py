@@ -10,7 +10,7 @@ By ``oxts/dataformat.txt`` of each drive, and Geiger et al., IJRR 2013:
 Drives called ``_sync`` have 10 Hz (one sample for each image), ``_extract`` 100 Hz.
 """
 
-import os
+import re
 from pathlib import Path
 from typing import Final
 
@@ -25,13 +25,12 @@ from plumbob.core.text import counted
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.columns import StampError, stamps_ns
-from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, inside
+from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, first_bytes, inside
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
 _COLUMNS: Final = 30
 _YPR, _ACC, _GYR = [5, 4, 3], [11, 12, 13], [17, 18, 19]  # places, from 0 (`dataformat.txt`)
-_MOST_FILES: Final = 2_000_000
 _MOST_BYTES: Final = 4096
 
 
@@ -76,29 +75,16 @@ def read(path: Path) -> Recording:
 
 def _table(home: Path) -> tuple[NDArray[np.int64], Floats]:
     """Numbers of the samples, and their values (N, 30)."""
-    names: list[str] = []
-    with os.scandir(inside(home, "data")) as entries:
-        for entry in entries:
-            if entry.name.endswith(".txt") and entry.name[:-4].isascii() and entry.name[:-4].isdigit():
-                names.append(entry.name)
-            if len(names) > _MOST_FILES:
-                raise DecodeError(f"oxts/data holds more than {_MOST_FILES} files, more than a drive has.")
+    names = [file.name for file in inside(home, "data").iterdir() if re.fullmatch(r"[0-9]+\.txt", file.name)]
     if not names:
         raise DecodeError("oxts/data holds no files such as 0000000000.txt; use an intact copy.")
     numbered = sorted((int(name[:-4][:18]), name) for name in names)
     values = np.empty((len(numbered), _COLUMNS))
     for row, (_, name) in enumerate(numbered):
-        file = inside(home, "data", name)
-        if not file.is_file():
-            raise DecodeError(f"oxts/data/{name} is not a regular file.")
-        with file.open("rb") as stream:
-            words = stream.read(_MOST_BYTES).split()
+        words = first_bytes(inside(home, "data", name), _MOST_BYTES).split()
         try:
-            numbers = list(map(float, words))
-        except ValueError:
-            numbers = []
-        if len(numbers) != _COLUMNS:
+            values[row] = np.array(words, dtype=np.float64).reshape(_COLUMNS)
+        except ValueError as error:
             what = f"must hold {_COLUMNS} numbers, but it does not; it has {len(words)} words"
-            raise DecodeError(f"oxts/data/{name} {what}.")
-        values[row] = numbers
+            raise DecodeError(f"oxts/data/{name} {what}.") from error
     return np.array([number for number, _ in numbered], dtype=np.int64), values
