@@ -14,13 +14,14 @@ stamp was set. Stamps are UTC where they lie behind the year 2001; earlier ones 
 
 import re
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
@@ -66,21 +67,15 @@ def accepts(path: Path) -> bool:
 
 
 def _is_ros_mcap(path: Path) -> bool:
-    head = first_bytes(path, 64)
-    profile = len(layout.MAGIC) + layout.RECORD_HEAD.size
-    if not head.startswith(layout.MAGIC + bytes([Opcode.HEADER])):
-        return False
-    if head[profile : profile + 8] in {b"\x04\0\0\0ros1", b"\x04\0\0\0ros2"}:
-        return True
-    size = path.stat().st_size
-    footer = layout.FOOTER_SIZE + len(layout.MAGIC)
-    if b"plumbob" in head or size < footer:
-        return False
-    summary = int.from_bytes(first_bytes(path, 8, size - footer + layout.RECORD_HEAD.size), "little")
-    if not 0 < summary < size:
-        return False
-    records = first_bytes(path, 1 << 20, summary)
-    return any(mark in records for mark in (b"\x03\0\0\0cdr", b"\x04\0\0\0ros1"))
+    with path.open("rb") as file, suppress(*layout.UNREADABLE, OSError):  # as where it is shorter than an end
+        reader = SeekingReader(file, record_size_limit=path.stat().st_size)
+        head = reader.get_header()
+        if head.profile in {"ros1", "ros2"}:
+            return True
+        summary = None if "plumbob" in head.library else reader.get_summary()
+        channels = [] if summary is None else summary.channels.values()
+        return any(channel.message_encoding in {"cdr", "ros1"} for channel in channels)
+    return False
 
 
 def read(path: Path, unit: str | None = None) -> Recording:

@@ -11,21 +11,24 @@ import os
 import re
 import struct
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
 import numpy as np
+from mcap import records
+from mcap.exceptions import EndOfFile
+from mcap.stream_reader import StreamReader, breakup_chunk
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError
+from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.files import MAX_TEXT, require_room
 from plumbob.core.findings import Finding, Note, warning
 from plumbob.core.text import counted
 from plumbob.files.mcap import layout
-from plumbob.files.mcap.scan import BrokenRecordError, FileBytes, RowBlock, Scan, inflate
+from plumbob.files.mcap.scan import BrokenRecordError, inflate
 
 BAG: Final = b"#ROSBAG V"
 SQLITE: Final = b"SQLite format 3\x00"
@@ -104,8 +107,8 @@ class Bag:
 
     def room(self, size: int) -> None:
         """Refuse what the file is about to unpack to, where that is too much for its size."""
+        require_room(self.unpacked + size, self.stored)
         self.unpacked += size
-        require_room(self.unpacked, self.stored)
 
     def cut(self, what: str, at: int) -> None:
         """Note the end of a file in the middle of something."""
@@ -150,11 +153,11 @@ def _open_file(path: Path, bag: Bag) -> None:
             if content.startswith(SQLITE):
                 _sqlite(path, bag, content)
             else:
-                _mcap(FileBytes(path, BytesIO(content)), bag)
+                _mcap(BytesIO(content), len(content), bag)
         elif start.startswith(SQLITE):
             _sqlite(path, bag)
         elif start.startswith(layout.MAGIC):
-            _mcap(FileBytes(path), bag)
+            _mcap(file, path.stat().st_size, bag)
         elif start.startswith(BAG):
             _bag(file, path.stat().st_size, bag)
         else:
@@ -269,27 +272,41 @@ def _text(head: dict[bytes, bytes], name: bytes) -> str:
     return head[name].decode("utf-8", "replace")
 
 
-def _mcap(source: FileBytes, bag: Bag) -> None:
-    """MCAP: what is whole of it, as of a recording of ours."""
-    with source:
-        scan = Scan(source, None)
-        for item in scan.items():
-            if isinstance(item, RowBlock):
-                for number, _, log_ns, data in item.rows:
-                    channel = item.channels[number]
-                    bag.room(len(data))
-                    kind = channel.schema.name if channel.schema else ""
-                    bag.topic(channel.topic, kind, channel.encoding).take(min(log_ns, (1 << 63) - 1), data)
-            elif scan.summary_at is not None and item.offset >= scan.summary_at:
-                continue  # it repeats what is known
-            elif item.offset + item.size >= source.size:
-                bag.cut(item.what, item.offset)
-            else:
-                bag.damage.append(warning("reading.damaged_record", record=item))
-        if scan.orphans:
-            bag.damage.append(warning("reading.orphan_messages", count=scan.orphans))
-        if scan.summary_at is None and not (scan.clean or bag.damage):
-            bag.damage.append(warning("reading.no_end"))
+def _mcap(file: BinaryIO, size: int, bag: Bag) -> None:
+    """MCAP by the format's own library: chunk by chunk, without those that are damaged, up to a cut."""
+    schemas, topics, orphans = dict[int, str](), dict[int, Topic](), 0
+    try:
+        for record in StreamReader(file, emit_chunks=True, record_size_limit=size).records:
+            if isinstance(record, records.DataEnd | records.Footer):
+                break
+            try:
+                of_chunk = _chunk_records(record, bag) if isinstance(record, records.Chunk) else [record]
+            except layout.UNREADABLE as error:
+                why = one_line(error).rstrip(".")
+                bag.damage.append(warning("reading.damaged_chunk", byte=file.tell(), error=why))
+                continue
+            for item in of_chunk:
+                if isinstance(item, records.Schema):
+                    schemas[item.id] = item.name
+                elif isinstance(item, records.Channel):
+                    name = schemas.get(item.schema_id, "")
+                    topics[item.id] = bag.topic(item.topic, name, item.message_encoding)
+                elif isinstance(item, records.Message) and item.channel_id in topics:
+                    topics[item.channel_id].take(min(item.log_time, (1 << 63) - 1), item.data)
+                else:
+                    orphans += isinstance(item, records.Message)
+    except layout.UNREADABLE as error:
+        how = "the file ends within a record" if isinstance(error, EndOfFile) else f"it is damaged ({one_line(error)})"
+        bag.cut(how, file.tell())
+    if orphans:
+        bag.damage.append(warning("reading.orphan_messages", count=orphans))
+
+
+def _chunk_records(chunk: records.Chunk, bag: Bag) -> "list[records.McapRecord]":
+    """Records of a chunk, which unpacks to what it states and has no other CRC."""
+    bag.room(chunk.uncompressed_size)
+    plain = inflate(chunk.data, chunk.compression.encode(), chunk.uncompressed_size)
+    return breakup_chunk(replace(chunk, compression="", data=plain), validate_crc=True)
 
 
 def _sqlite(path: Path, bag: Bag, content: bytes | None = None) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from plumbob.core.errors import DecodeError
-from plumbob.core.text import counted
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.layout import Channel
 from plumbob.files.mcap.scan import Damage, FileBytes, Identity, RowBlock, Scan, identify
@@ -69,8 +68,8 @@ class LogMessage(NamedTuple):
     """A row of a recording."""
 
     channel: Channel  # its channel
-    sequence: int  # which row of its channel, from 0; in files of other programs whatever they wrote
-    t_ns: int  # host's monotonic clock, ns; in files of other programs the log time
+    sequence: int  # which row of its channel, from 0
+    t_ns: int  # host's monotonic clock, ns
     data: bytes  # the message
 
     @property
@@ -83,7 +82,7 @@ class LogMessage(NamedTuple):
 class _Run:
     """What a recorder wrote from one start to its end."""
 
-    recording: str | None  # its name
+    recording: str  # its name
     # which start of the host it was, whose monotonic clock counts from it; empty where that is not known
     boot: str = ""
     base: dict[str, int] = field(default_factory=dict)  # rows per topic that the starts before it wrote
@@ -98,8 +97,8 @@ class Log:
     def __init__(self, parts: Sequence[Identity]) -> None:
         self._parts = tuple(parts)
         self.paths = tuple(part.path for part in self._parts)  # the files
-        # name of the recording; empty where it cannot be determined any more, None in files of other programs
-        self.recording = next((part.recording for part in self._parts if part.recording), self._parts[0].recording)
+        # name of the recording; empty where it cannot be determined any more
+        self.recording = next((part.recording for part in self._parts if part.recording), "")
         # how often a recorder was started to write it
         self.starts = max(1, len({part.recording for part in self._parts if part.recording}))
         self.first_info = self._parts[0].info  # what the first part says about itself
@@ -141,23 +140,13 @@ class Log:
                     if isinstance(item, Damage):
                         self.damage.append(item)
                         continue
-                    of = item.channels
-                    rows = (
-                        [
-                            LogMessage(of[i], sequence, ns - of[i].epoch_offset_ns, data)
-                            for i, sequence, ns, data in item.rows
-                        ]
-                        if self.recording is None
-                        else self._chunk_rows(part.path, item)
-                    )
-                    if rows:
+                    if rows := self._chunk_rows(part.path, item):
                         yield rows
             self._end_part(part, scan)
 
     def _start(self) -> None:
         self.damage: list[Damage] = []  # what is wrong with the files, as far as they have been read
         self.dropped: Counter[str] = Counter()  # rows per topic that the recorder gave up itself, and said so
-        self.unchecked = 0  # chunks, and messages outside chunks, without a CRC; only in files of other programs
         self.clean = True  # whether every part has its end, known once all has been read; a crash leaves none
         self._sequences: dict[str, SequenceGaps] = {}
         self._last_part: int | None = None
@@ -181,18 +170,13 @@ class Log:
         if not goes_on:
             same_boot = part.info is not None and part.info.boot == self._run.boot != ""
             shift_ns = self._run.shift_ns if same_boot else None
-            self._run = _Run(part.recording, "", dict(self.ends), len(self.damage), shift_ns)
+            self._run = _Run(part.recording or "", "", dict(self.ends), len(self.damage), shift_ns)
         if part.info is not None:
             self._last_part, self._run.boot = part.info.part, part.info.boot
             self._settle(part.info.starts)
 
     def _end_part(self, part: Identity, scan: Scan) -> None:
         self.clean &= scan.clean
-        self.unchecked += scan.unchecked
-        if scan.orphans:
-            self.damage.append(
-                Damage(part.path, 0, 0, f"{counted(scan.orphans, 'row')} of channels that are not declared")
-            )
         info = scan.info or part.info
         if info is not None and info.ends is None and scan.clean:  # its last word is damaged, its summary is not
             self._settle({topic: info.starts.get(topic, 0) + count for topic, count in scan.counts.items()})
@@ -260,7 +244,7 @@ class Log:
             return channel
         first = self._channels.get(channel.topic)
         if first is None:
-            first = replace(channel, recording=self.recording or "", epoch_offset_ns=self._origin_ns)
+            first = replace(channel, recording=self.recording, epoch_offset_ns=self._origin_ns)
             self._channels[channel.topic] = first
         return first
 
@@ -281,7 +265,7 @@ class Log:
 
 
 def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:
-    """Open a recording, whole or damaged, or an MCAP file of another program.
+    """Open a recording, whole or damaged; DecodeError where a file is another program's.
 
     `path` is the name that the recorder was given, for all parts; one part; a folder of the parts of one recording; or
     a list of parts.
@@ -290,6 +274,11 @@ def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:
     parts = _identified(files, strict=not isinstance(path, str | PathLike))
     if all(part.info is not None for part in parts):
         parts.sort(key=lambda part: part.info.part if part.info else 0)
+    for part in (part for part in parts if part.recording is None):
+        raise DecodeError(
+            f"{part.path} was written by another program, so what is missing in it cannot be known here: 'mcap doctor' "
+            "judges it, 'mcap recover' mends it, and plumbob.read reads messages of ROS in it."
+        )
     if other := _other_recording(parts):
         raise DecodeError(
             f"{files[0].parent} holds parts of several recordings ({', '.join(file.name for file in files[:6])}): "
@@ -302,8 +291,6 @@ def _other_recording(parts: Sequence[Identity]) -> Identity | None:
     """First part that belongs neither to the recording of those before it nor to one that goes on from it."""
     earlier: list[Identity] = []
     for part in parts:
-        if earlier and (part.recording is None or earlier[-1].recording is None):
-            return part
         if earlier and part.recording not in {"", earlier[-1].recording}:
             # whether one of another name goes on from those before it; one whose beginning is damaged cannot tell
             before, info = earlier[-1].info, part.info

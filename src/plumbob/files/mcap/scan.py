@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Self
+from typing import Any, Final, Self
 
 from mcap import records
 from mcap.exceptions import McapError
@@ -23,9 +23,6 @@ from plumbob.core.files import existing_file, reading
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.layout import PLAIN_BYTES, Channel, PartInfo
 
-FOREIGN_BYTES: Final = 256 << 20  # larger chunks of other programs are not inflated
-FREE_BYTES: Final = 16 << 20
-MAX_RATIO: Final = 16  # a chunk of another may state `FREE_BYTES` and this many times its size
 _KEPT_BYTES: Final = 64 << 20  # schemas and channels that are kept of one file, in bytes
 _KINDS: Final = 4096
 _SUMMARY_BYTES: Final = 1 << 26  # largest summary whose statistics are looked at
@@ -38,9 +35,9 @@ class BrokenRecordError(ValueError):
 
 @dataclass(slots=True)
 class RowBlock:
-    """Rows that stand together in a file and are whole: those of a chunk, or of a stretch of records outside chunks."""
+    """Rows of a chunk that is whole."""
 
-    channels: dict[int, Channel] = field(default_factory=dict)  # that are declared there, or before it
+    channels: dict[int, Channel] = field(default_factory=dict)  # that are declared there
     rows: list[Row] = field(default_factory=list)  # messages, in order
     # the message index: per channel, log time and offset of its messages in turn
     entries: dict[int, list[int]] = field(default_factory=dict)
@@ -57,10 +54,9 @@ class RecordParser:
         self._known: dict[tuple[bytes, bytes], Channel] = {}
         self._kept = 0
 
-    def parse(self, content: bytes, schemas: dict[int, bytes] | None = None) -> RowBlock:
-        """Schemas, channels and messages of whole records; `schemas`, bodies of those known from elsewhere, grow."""
-        stay = schemas is not None
-        block, schemas, at, end = RowBlock(), {} if schemas is None else schemas, 0, len(content)
+    def parse(self, content: bytes) -> RowBlock:
+        """Schemas, channels and messages of whole records."""
+        block, schemas, at, end = RowBlock(), dict[int, bytes](), 0, len(content)
         head, message = layout.RECORD_HEAD.unpack_from, layout.MESSAGE_HEAD.unpack_from
         try:
             while at < end:
@@ -75,10 +71,7 @@ class RecordParser:
                     block.rows.append((channel, sequence, log_time, content[at + 31 : after]))
                     block.entries.setdefault(channel, []).extend((log_time, at))
                 elif opcode == Opcode.SCHEMA:
-                    number, body = _number(content, at), content[at + 9 : after]
-                    if stay and schemas.get(number) != body:
-                        self._keep(len(body))
-                    schemas[number] = body
+                    schemas[_number(content, at)] = content[at + 9 : after]
                 elif opcode == Opcode.CHANNEL:
                     block.channels[_number(content, at)] = self._channel(content[at + 9 : after], schemas)
                 elif opcode == Opcode.STATISTICS:
@@ -89,16 +82,13 @@ class RecordParser:
             raise BrokenRecordError("a record in it is cut off") from error
         return block
 
-    def _keep(self, size: int) -> None:
-        self._kept += size
-        if self._kept > _KEPT_BYTES:
-            raise BrokenRecordError(f"the schemas and channels before it have more than {_KEPT_BYTES >> 20} MiB")
-
     def _channel(self, body: bytes, schemas: dict[int, bytes]) -> Channel:
         schema = schemas.get(int.from_bytes(body[2:4], "little"), b"")
         channel = self._known.get((schema, body))
         if channel is None:
-            self._keep(len(schema) + len(body))
+            self._kept += len(schema) + len(body)
+            if self._kept > _KEPT_BYTES:
+                raise BrokenRecordError(f"the schemas and channels before it have more than {_KEPT_BYTES >> 20} MiB")
             try:
                 channel = Channel.parse(body, schema)
             except layout.UNREADABLE as error:
@@ -147,13 +137,13 @@ _SEARCHES: Final = 32
 
 
 class FileBytes:
-    """Bytes of a file, or of what it unpacks to, by offset; what lies beyond its end is missing from the answer."""
+    """Bytes of a file by offset; what lies beyond its end is missing from the answer."""
 
-    def __init__(self, path: Path, content: BinaryIO | None = None) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
-        file = existing_file(path) if content is None else path
+        file = existing_file(path)
         with reading(path):
-            self._file = content or file.open("rb")
+            self._file = file.open("rb")
         self.size = self._file.seek(0, os.SEEK_END)
         self._left = _SEARCHES * self.size + WINDOW
 
@@ -195,28 +185,24 @@ _STEP: Final = 512
 _OVERLAP: Final = 63  # no landmark is longer than one byte more
 
 
-def next_landmark(
-    source: FileBytes, start: int, is_good: Callable[[int], bool], checked: bool
-) -> tuple[int, int | None]:
+def next_landmark(source: FileBytes, start: int, is_good: Callable[[int], bool]) -> tuple[int, int | None]:
     """Offset, from `start` on, of the next `is_good` record or the end of the data, with that of its summary."""
     for at, opcode in _candidates(source, start, _LANDMARK):
         if opcode != Opcode.FOOTER:
             if is_good(at):
                 return at, None
-        elif (summary := summary_start(source, at, checked)) is not None and summary >= start:
+        elif (summary := summary_start(source, at)) is not None and summary >= start:
             data_end = summary - layout.DATA_END_SIZE
             return data_end if data_end >= start else summary, summary
     return source.size, None
 
 
-def summary_start(source: FileBytes, footer: int, checked: bool) -> int | None:
+def summary_start(source: FileBytes, footer: int) -> int | None:
     """Where the summary begins that a footer speaks of; None if its CRC does not hold."""
     body = source.read(footer + layout.RECORD_HEAD.size, layout.FOOTER_BODY.size)
     start, _, crc = layout.FOOTER_BODY.unpack(body)
     if start > footer or not source.may_search(footer - start):
         return None
-    if crc == 0 and not checked:
-        return start or footer
     end = footer + layout.FOOTER_SIZE - layout.CRC.size
     return (start or footer) if source.crc(start or footer, end) == crc else None
 
@@ -255,20 +241,15 @@ _DATA_END = layout.RECORD_HEAD.pack(Opcode.DATA_END, layout.CRC.size)
 
 
 class Scan:
-    """One pass over a file for the chunks of a recording: empty if its name is not known, None in others' files."""
+    """One pass over a file for the chunks of a recording, whose name is empty where it is not known."""
 
-    def __init__(self, source: FileBytes, recording: str | None) -> None:
+    def __init__(self, source: FileBytes, recording: str) -> None:
         self.clean = False  # whether the file has its end: a summary whose CRC holds
         self.info: PartInfo | None = None  # the last word of the part about itself, so far
-        self.counts: dict[str, int] = {}  # rows per topic by the summary of a file of ours
-        self.unchecked = 0  # chunks and messages that had no CRC
-        self.orphans = 0  # rows whose channel is not known, in files of other programs
+        self.counts: dict[str, int] = {}  # rows per topic by the summary
         self._source = source
         self._recording = recording
-        self._ours = recording is not None
         self._parser = RecordParser()
-        self._channels: dict[int, Channel] = {}
-        self._schemas: dict[int, bytes] = {}
         self._damaged = False
         self.summary_at: int | None = None  # where the summary begins; None until the end of the data has come
         self._crc, self._crc_end = 0, 0
@@ -286,7 +267,7 @@ class Scan:
             try:
                 after = self._record(at)
             except BrokenRecordError as error:
-                after, self.summary_at = next_landmark(source, at + 1, self._is_good, checked=self._ours)
+                after, self.summary_at = next_landmark(source, at + 1, self._is_good)
                 self._damage(at, after - at, str(error), certain=False)
             yield from self._items
             self._items, at = [], after
@@ -311,16 +292,10 @@ class Scan:
             raise BrokenRecordError("a record extends beyond the end of the file")
         if opcode == Opcode.DATA_END:
             self._data_end(at, length)
-        elif opcode == Opcode.FOOTER and not self._ours:  # the other program wrote no end of data
-            return self._summary(at)
-        elif opcode == Opcode.METADATA and self._ours:
+        elif opcode == Opcode.METADATA:
             self._metadata(at, length)
-        elif self._ours and not (opcode == Opcode.HEADER and at == len(layout.MAGIC)):
+        elif not (opcode == Opcode.HEADER and at == len(layout.MAGIC)):
             raise BrokenRecordError("this is not a record that the recorder writes here")
-        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE) and not self._ours:
-            block = self._parser.parse(self._source.read(at, 9 + length), self._schemas)  # outside chunks
-            self.unchecked += len(block.rows)
-            self._foreign_rows(block)
         return after
 
     def _metadata(self, at: int, length: int) -> None:
@@ -345,22 +320,12 @@ class Scan:
         return at == self._source.size or self._source.read(at, 9) == _DATA_END or self._is_good(at)
 
     def _is_good(self, at: int) -> bool:
-        return self.is_chunk(at) or (self._ours and self.info_at(at) is not None)
+        return self.is_chunk(at) or self.info_at(at) is not None
 
     # --- rows ---------------------------------------------------------------------------------------------------
 
-    def _foreign_rows(self, block: RowBlock) -> None:
-        """Rows of other programs' files, whose channels may have been declared earlier."""
-        self._channels.update(block.channels)
-        rows = [row for row in block.rows if row[0] in self._channels]
-        self.orphans += len(block.rows) - len(rows)
-        self._items += [replace(block, channels=self._channels, rows=rows)] if rows else []
-
     def _block(self, at: int) -> int:
         chunk = self.chunk(at)
-        if not self._ours:
-            self._foreign_rows(chunk)
-            return chunk.after
         self._items.append(chunk)
         if not chunk.times_hold:
             self._damage(at + 9, 16, "the times at a chunk's head are wrong; its rows are whole")
@@ -382,13 +347,10 @@ class Scan:
 
     def is_chunk(self, at: int) -> bool:
         """Whether a chunk that is wanted, and whole, stands at an offset."""
-        unchecked = self.unchecked
         try:
             return bool(self.chunk(at).rows)
         except BrokenRecordError:
             return False
-        finally:
-            self.unchecked = unchecked
 
     def chunk(self, at: int) -> RowBlock:
         """Read a chunk and check it; BrokenRecordError where it is not whole, or not of this recording."""
@@ -399,7 +361,7 @@ class Scan:
         after = at + layout.RECORD_HEAD.size + length
         if opcode != Opcode.CHUNK:
             raise BrokenRecordError("this is not a chunk")
-        if size > (PLAIN_BYTES if self._ours else min(FOREIGN_BYTES, FREE_BYTES + MAX_RATIO * length)):
+        if size > PLAIN_BYTES:
             raise BrokenRecordError(f"a chunk claims {size} bytes, more than is plausible")
         if after > self._source.size:
             raise BrokenRecordError("a chunk extends beyond the end of the file")
@@ -409,22 +371,17 @@ class Scan:
         if name_size > 16 or len(rest) < name_size + 8:
             raise BrokenRecordError("a chunk's compression has no name")
         name, (stored,) = rest[:name_size], layout.SIZE.unpack_from(rest, name_size)
-        fits = layout.chunk_length(name_size, stored)
-        if length != fits and (self._ours or length < fits):
+        if length != layout.chunk_length(name_size, stored):
             raise BrokenRecordError("the lengths at a chunk's head contradict each other")
         content = inflate(self._source.read(at + layout.CHUNK_HEAD.size + name_size + 8, stored), name, size)
-        if self._ours or crc:
-            if zlib.crc32(content) != crc:
-                raise BrokenRecordError("the CRC of a chunk does not match")
-        else:
-            self.unchecked += 1
-        block = self._parser.parse(content, None if self._ours else self._schemas)
-        if self._ours:
-            self._belongs(block)
+        if zlib.crc32(content) != crc:
+            raise BrokenRecordError("the CRC of a chunk does not match")
+        block = self._parser.parse(content)
+        self._require_own(block)
         times = [row[2] for row in block.rows]
         return replace(block, offset=at, after=after, times_hold=not times or (first, last) == (min(times), max(times)))
 
-    def _belongs(self, block: RowBlock) -> None:
+    def _require_own(self, block: RowBlock) -> None:
         of = block.channels.values()
         if not block.rows or not block.entries.keys() <= block.channels.keys():
             raise BrokenRecordError("a chunk is not self-contained")
@@ -440,8 +397,6 @@ class Scan:
             raise BrokenRecordError("the end of the data cannot be read")
         (crc,) = layout.CRC.unpack(self._source.read(at + layout.RECORD_HEAD.size, length))
         self.summary_at = at + layout.DATA_END_SIZE
-        if crc == 0 and not self._ours:
-            return
         self._crc = self._source.crc(self._crc_end, at, self._crc)  # of everything before, which only grows
         self._crc_end = at
         if self._crc != crc and not self._damaged:
@@ -450,11 +405,11 @@ class Scan:
     def _summary(self, at: int) -> int:
         """Offset behind the end of the file proper, whose summary begins here."""
         candidates = (place for place, _ in _candidates(self._source, at, _ONLY_FOOTER))
-        footers = (place for place in candidates if summary_start(self._source, place, self._ours) == at)
+        footers = (place for place in candidates if summary_start(self._source, place) == at)
         if (footer := next(footers, None)) is None:
             raise BrokenRecordError("the summary is damaged, or bytes follow the end")
         self.clean = True
-        if self._ours and footer - at <= _SUMMARY_BYTES:
+        if footer - at <= _SUMMARY_BYTES:
             with suppress(BrokenRecordError):  # its CRC holds, but no recorder wrote that
                 summary = self._parser.parse(self._source.read(at, footer - at))
                 self.counts = {channel.topic: summary.counts.get(i, 0) for i, channel in summary.channels.items()}
@@ -489,7 +444,7 @@ def identify(path: Path) -> Identity:
         is_other = sum(a == b for a, b in zip(library, _OWN, strict=False)) < len(_OWN) - 2
         if magic == layout.MAGIC and library and is_complete and is_other:
             return Identity(path, None)
-        at, summary = next_landmark(source, 0, scan.is_chunk, checked=True)
+        at, summary = next_landmark(source, 0, scan.is_chunk)
         recording = None
         if at < source.size and summary is None:  # that of the first whole chunk
             recording = next(iter(scan.chunk(at).channels.values())).recording

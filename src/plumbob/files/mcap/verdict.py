@@ -69,13 +69,12 @@ class Verdict(FactsText):
     """What a recording holds and what it lacks."""
 
     paths: tuple[Path, ...]  # its files
-    recording: str | None  # name of the recording; None in a file of another program
+    recording: str  # name of the recording
     rows: dict[str, int] = field(default_factory=dict)  # whole rows per topic
     lost: dict[str, int] = field(default_factory=dict)  # rows per topic that are missing through damage
     dropped: dict[str, int] = field(default_factory=dict)  # and because the recorder had to give them up
     damage: list[Damage] = field(default_factory=list)  # what is wrong with the files
     clean: bool = True  # whether every part has its end, which a crash does not leave
-    unchecked: int = 0  # chunks and messages without a CRC, which nobody can check
     open: bool = False  # whether a recorder still writes it
     first_ns: int | None = None  # earliest time of a row
     last_ns: int | None = None  # and latest
@@ -89,12 +88,6 @@ class Verdict(FactsText):
         """What the recording holds and lacks, line by line."""
         lines = [f"{self.facts()['files']}: {counted(sum(self.rows.values()), 'row')} in {self.duration:.3f} s"]
         lines += [f"rows         {visible(topic)}: {count}" for topic, count in self.rows.items()]
-        if self.recording is None:
-            lines.append("written by   another program, so nobody knows how many rows there were")
-        if self.unchecked:
-            lines.append(
-                f"unchecked    {self.unchecked} without a CRC (chunks or messages); damage to them cannot be seen"
-            )
         lines += [f"damage       {visible(str(damage))}" for damage in self.damage]
         end = "properly" if self.clean else "NOT properly: a part has no end, or a damaged one, as after a crash"
         lines.append(f"ended        {'not yet: it is being recorded' if self.open else end}")
@@ -139,7 +132,7 @@ class Verdict(FactsText):
     def conclude(self, log: Log) -> None:
         """Take over what a log knows once all of it has been read."""
         self.lost, self.dropped, self.damage = log.lost, dict(log.dropped), list(log.damage)
-        self.clean, self.unchecked = log.clean, log.unchecked
+        self.clean = log.clean
 
     def summary(self) -> dict[str, Any]:
         """The verdict as JSON has it."""
@@ -153,7 +146,6 @@ class Verdict(FactsText):
             "duration_s": self.duration,
             "lost": self.lost,
             "dropped": self.dropped,
-            "unchecked": self.unchecked,
             "damage": [
                 {"file": d.path.name, "offset": d.offset, "bytes": d.size, "what": d.what, "lost": dict(d.lost),
                  "certain": d.certain} for d in self.damage
@@ -201,7 +193,7 @@ def repair(
     Raises
     ------
     ParameterError
-        If `out` exists and is not to be replaced, or the recording is another program's or is still being written.
+        If `out` exists and is not to be replaced, or the recording is still being written.
     DecodeError
         If the recording cannot be opened or `out` cannot be written; then there is no new file.
     """
@@ -209,10 +201,6 @@ def repair(
     require_place(target, overwrite=overwrite)
     log = open_log(path)
     require_other(target, log.paths)
-    if log.recording is None:
-        raise ParameterError(
-            f"{log.paths[0]} was written by another program: what is missing cannot be known here; use 'mcap recover'."
-        )
     for file in filter(is_locked, log.paths):
         raise ParameterError(f"{file} is still being recorded; stop the recorder first.")
     verdict = Verdict(log.paths, log.recording)
