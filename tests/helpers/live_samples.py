@@ -19,6 +19,7 @@ RATE = 200.0
 OFFSET = 1_700_000_000_000_000_000
 FORMAT = beside(__file__, "imu9.toml")
 SESSION = beside(__file__, "session.toml")
+CHAIN = beside(__file__, "chain.toml")
 
 
 @functools.cache

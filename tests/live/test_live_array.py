@@ -1,6 +1,7 @@
 """Every unit of the teaching arm: emulated, recorded, read as an array, equal to what its bytes say."""
 
 import functools
+import json
 from collections import Counter
 from dataclasses import fields, replace
 
@@ -9,11 +10,13 @@ import pytest
 
 import plumbob
 from plumbob import Stream, apply_card, find_format, read_array
+from plumbob.arm import JointTrack, run
 from plumbob.arm.array import Monitor
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, PlumbobError
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import PRESETS, ImuArray, UnitMount
 from plumbob.data.cards import CalibrationCard, TriadCalibration
+from plumbob.data.chain import chain_text
 from plumbob.files.mcap import open_log, repair, verify
 from plumbob.live.recorded import read_recorded
 from plumbob.live.rigs.rig import PLANS, make_rig
@@ -22,7 +25,7 @@ from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import decode, triads_of
 from tests.helpers import beside
 from tests.helpers.commandline import ok, refused
-from tests.helpers.live_samples import through
+from tests.helpers.live_samples import CHAIN, through
 
 UNITS = ("u1", "u2", "u3", "u4", "u5", "u6")
 ALL = beside(__file__, "all_units.toml")
@@ -118,6 +121,45 @@ def test_whole_from_the_emulator_to_a_file(tmp_path):
     assert_same(read_array(native, mounts="arm"), array)
     plumbob.convert(native, tmp_path / "again.mcap")
     assert_same(read_array(tmp_path / "again.mcap", mounts="arm"), array)
+
+
+TEACH = chain_text(PLANS["teach"].scenario.chain)
+UNFIT = [
+    ('pose = "zero"', 'pose = ["10 deg", "0 deg"]', "pose needs 6 finite angles"),
+    ('pose = "zero"', 'poses = "zero"', "poses"),
+    ('pose = "zero"', 'params = { gyro_nois = "1 deg/s/rtHz" }', "gyro_nois"),
+    ('pose = "zero"', 'button = "trigger"', "chain.button"),
+    ('units = "all"', 'unit = "u1"', "needs several units"),
+    ('imu = { frame = "NED" }', "", "needs imu.frame"),
+    ('"teach.toml"', '"other.toml"', "the segment 'link6' has the unit 'u7'"),
+    ('"teach.toml"', '"bad.json"', "bad.json"),
+]
+
+
+def test_joint_angles_of_a_line_are_those_of_its_recording_written_and_sent(tmp_path):
+    raw, mcap, text, sent = (tmp_path / name for name in ("teach.bin", "a.mcap", "a.txt", "a.jsonl"))
+    plumbob.emulate("teach", write=raw, seed=1, duration=6.0, unit="calibrated")
+    (tmp_path / "teach.toml").write_text(TEACH)
+    (tmp_path / "s.toml").write_text(f'{CHAIN}[source]\nkind = "file"\npath = "teach.bin"\n')
+    ran = plumbob.record(tmp_path / "s.toml", out=mcap, text=text, send=[f"json file:{sent}"])
+    live = JointTrack.load(mcap)
+    whole = run(tmp_path / "teach.toml", mcap, frame="NED", pose="zero", causal=True).joints
+    for name in ("t", "angles", "sd", "hand", "hand_sd", "flags"):
+        assert getattr(live, name).tobytes() == getattr(whole, name).tobytes(), name
+    again = plumbob.replay(mcap, check=True)
+    assert again.comparison.equal and again.comparison.compared == len(live) == 600
+    said = [line.split("\t") for line in text.read_text().splitlines()[1:]]
+    rows = np.searchsorted(live.t, [float(line[0]) - 1e-6 for line in said])
+    both = np.stack((live.angles, live.sd), axis=2).reshape(600, 12)[rows]
+    np.testing.assert_allclose([list(map(float, line[1:13])) for line in said], np.degrees(both), atol=5.1e-5)
+    last = json.loads(sent.read_text().splitlines()[-1])
+    assert list(last["joints_deg"].values()) == pytest.approx(np.degrees(live.angles[-1]), abs=1e-9)
+    assert ran.summary()["joints"]["j1"]["sd_deg"] == pytest.approx(np.degrees(live.sd[-1, 0]))
+    # what does not fit is refused before the start
+    files = {"teach.toml": TEACH, "other.toml": TEACH.replace('"u6"', '"u7"'), "bad.json": "{"}
+    for old, new, words in UNFIT:
+        with pytest.raises(PlumbobError, match=words):
+            parse_session(CHAIN.replace(old, new), files.__getitem__, name="teach")
 
 
 def test_an_array_of_the_recording_has_the_rows_of_its_channels(recording):

@@ -1,23 +1,31 @@
 """The feed: its numbers are those of the estimate, whatever came when; a fault in it costs the view alone."""
 
 import functools
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import plumbob
+from plumbob import find_format
+from plumbob.arm import JointTrack, Program
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import to_deg, to_dps
-from plumbob.data.chain import Chain, Joint, Segment
+from plumbob.data.chain import chain_text
+from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.live.runner import run_stream
 from plumbob.live.session import RecordSpec
+from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected, RecordingSink
 from plumbob.live.stream import Stream
+from plumbob.live.transports.transport import Received
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.viewer.charts import euler_deg
 from plumbob.viewer.feed import Feed, FlagWatch
+from plumbob.viewer.playback import Player, load
 from plumbob.viewer.rows import Attitudes, RowLayout, shown_estimator
+from plumbob.viewer.switch import Switch, TaughtJoints
 from tests.helpers import Clock, live_samples, until
 from tests.helpers.outlets import Kept
 
@@ -217,38 +225,35 @@ def test_a_fault_of_the_view_ends_the_view_and_not_the_recording(tmp_path):
     assert [kind for _, kind, _ in outlet.events if kind != "flag"] == ["view"]
 
 
-ARM_TEXT = """
-kind = "plumbob session"
-version = 1
-format = { name = "teach", units = "all" }
-imu = { frame = "NED" }
-"""
+def test_a_chain_is_shown_and_taught_where_a_button_of_the_device_says_so(tmp_path):
+    """The counter of the frames stands in for the button: it is 0 in the first one alone."""
+    plan, chain = PLANS["teach"], PLANS["teach"].scenario.chain
+    data = make_rig(plan, find_format("teach"), seed=1, duration=6.0, unit="calibrated").frames.tobytes()
+    items = [Received(5_000_000_000 + at * 10_000_000 // 130, data[at : at + 390]) for at in range(0, len(data), 390)]
+    text = live_samples.CHAIN + 'button = "counter"\n'
+    stream, outlet = Stream(parse_session(text, lambda _: chain_text(chain), name="teach")), Kept()
+    feed, switch, joints = Feed(stream, outlet), Switch(stream, tmp_path), TaughtJoints()
+    run_stream(stream, live_samples.Handed(items), sinks=[feed, joints], recording=switch, each=feed.tick)
+    assert not feed.failed, feed.failed
+    (facts,) = switch.recordings
+    assert plumbob.replay(facts["path"], check=True).comparison.equal
+    live, program = joints.track(), Program.load(Path(facts["path"]).with_suffix(".csv"))
+    np.testing.assert_allclose(program.angles[-1], JointTrack.load(facts["path"]).angles[-1], atol=np.radians(1.0))
+    played, taken = Kept(), JointTrack.load(facts["path"])
+    Player(load(Path(facts["path"])), played).seek(3.0)
+    np.testing.assert_array_equal(played.column("joint.j2"), to_deg(taken.angles[: len(played.rows("t")), 1]))
+    # shown 0.2 s late, as the skeleton is at the newest of them
+    shown_angles, t = outlet.column("joint.j2"), outlet.rows("t")
+    at = np.searchsorted(live.t, t - 0.2, "right") - 1
+    known = np.isfinite(shown_angles)
+    np.testing.assert_array_equal(shown_angles[known], to_deg(live.angles[at[known], 1]))
+    assert known.sum() > 400
+    points = dict(zip(outlet.hellos[-1].skeleton.points, outlet.fields["points"], strict=True))
+    hand = chain.hand_at(chain.postures(live.angles[-1:]))[0]
+    np.testing.assert_allclose(points["hand"], hand * [1.0, -1.0, -1.0], atol=0.02)  # the page's axes are NED
 
 
-def test_a_chain_gives_the_points_of_its_stick_figure_and_samples_sent_twice_have_no_attitude():
-    from plumbob.live.session_toml import parse_session
-    from plumbob.viewer.overlays import ChainFollower
-
-    session = parse_session(ARM_TEXT, {}.__getitem__, name="teach")
-    names = [one.unit for one in session.units]
-    chain = Chain(
-        "two",
-        (Segment("base"), Segment("lower", unit=names[0]), Segment("upper", unit=names[1])),
-        (
-            Joint("a", "base", "lower", "ball", origin=(0.0, 0.0, 1.0)),
-            Joint("b", "lower", "upper", "ball", origin=(2.0, 0.0, 0.0)),
-        ),
-        hand_b=(1.0, 0.0, 0.0),
-    )
-    follower = ChainFollower(chain, Frame.NED, names)
-    assert follower.skeleton.points == ["base", "lower", "upper", "hand"]
-    east = quat_from_euler_zyx([np.pi / 2.0, 0.0, 0.0])
-    north = quat_from_euler_zyx([0.0, 0.0, 0.0])
-    points = follower.joint_points({"lower": east, "upper": north})
-    np.testing.assert_allclose(points, [[0, 0, 0], [0, 0, -1], [0, 2, -1], [1, 2, -1]], atol=1e-12)
-    assert follower.joint_points({"lower": np.full(4, np.nan), "upper": north})[2:] == [None, None]
-    with pytest.raises(ParameterError, match="has the units"):
-        ChainFollower(chain, Frame.NED, ["other"])
+def test_samples_sent_twice_have_no_attitude():
     from plumbob.viewer.overlays import Overlay
 
     imu = plumbob.simulate("buoy", duration=0.05, seed=1, frame="NED", sensors="ideal", unit="calibrated").imu

@@ -185,30 +185,3 @@ def test_events_come_at_their_time(tmp_path):
     clock.on(0.2)
     shown.tick()
     assert len(outlet.events) == 2
-
-
-def test_a_chain_that_is_played_stands_as_it_did(tmp_path):
-    """The hand of the machine `teach` against its true angles: 1° is 10 mm at the end of an arm of 0.6 m."""
-    from plumbob.arm.angles import JointTrack
-    from plumbob.data.chain import load_chain
-    from plumbob.live.emulated import chain_files
-    from plumbob.rotations import Frame, change_frame
-
-    truth = tmp_path / "t.parquet"
-    plumbob.emulate("teach", write=tmp_path / "t.bin", truth=truth, duration="10s", seed=1, unit="calibrated")
-    plumbob.record(capture=tmp_path / "t.bin", format="teach", unit="all", frame="NED", filter="mekf",
-                   out=tmp_path / "t.mcap")  # fmt: skip
-    table, known, _ = chain_files(truth)
-    chain, angles = load_chain(known), JointTrack.load(table)
-    clock = Clock()
-    outlet = Kept()
-    shown = Player(load(tmp_path / "t.mcap", chain=chain), outlet, chain=chain, clock=clock)
-    shown.pause()
-    for at in (2.0, 5.0, 9.0):
-        shown.seek(at)
-        row = int(np.searchsorted(angles.t, at + 1e-9, side="right")) - 1
-        true = np.array([[angles.angles[row, angles.names.index(name)] for name in chain.angles]])
-        base = change_frame(np.array([1.0, 0.0, 0.0, 0.0]), to=Frame.NED, from_=Frame.NWU)
-        hand = chain.hand_at(chain.postures(true, base))[0]
-        points = dict(zip(outlet.hellos[-1].skeleton.points, outlet.fields["points"], strict=True))
-        assert np.linalg.norm(np.array(points["hand"]) - hand) < 0.01

@@ -117,7 +117,7 @@ def test_a_text_on_a_full_disk_ends_and_says_so_and_events_of_a_stream_are_kept(
         def on_part(self, part):
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("plumbob.viewer.switch.TextSink", Full)
+    monkeypatch.setattr("plumbob.live.sinks.TextSink", Full)
     stream = Stream(live_samples.session(MEKF))
     switch = Switch(stream, tmp_path)
     switch.write_text("t")

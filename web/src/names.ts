@@ -3,7 +3,7 @@ import type { Estimator, Hello } from "./messages";
 import type { Context } from "./panel";
 
 export const NAMES: Readonly<Record<string, string>> = {
-  attitude: "Attitude", error: "Error to the reference", sd: "Claimed standard deviation", bias: "Estimated bias", residual: "Residual",
+  attitude: "Attitude", joint: "Joint angles", joint_sd: "Claimed sd of the joint angles", error: "Error to the reference", sd: "Claimed standard deviation", bias: "Estimated bias", residual: "Residual",
   rate: "Angular rate", force: "Specific force", field: "Magnetic field", temperature: "Temperature", flags: "Flags",
 };
 export const SHORT: Readonly<Record<string, string>> = { ...NAMES, error: "Error", sd: "Claimed sd", bias: "Bias", rate: "Rate", force: "Force", field: "Field" };

@@ -21,6 +21,7 @@ export const ZH: Record<string, string> = {
   // Charts
   "Error to the reference": "与参考之差", "Claimed standard deviation": "自报标准差", "Estimated bias": "零偏估计", Residual: "残差",
   "Angular rate": "角速率", "Specific force": "比力", "Magnetic field": "磁场", Temperature: "温度", Error: "误差", "Claimed sd": "自报标准差",
+  "Joint angles": "关节角", "Claimed sd of the joint angles": "关节角自报标准差", "Joint": "关节", "Angle": "角度",
   Bias: "零偏", Rate: "角速率", Force: "比力", Field: "磁场", Roll: "横滚", Pitch: "俯仰", Yaw: "偏航", Heading: "航向",
   roll: "横滚", pitch: "俯仰", yaw: "偏航", heading: "航向", error: "误差", total: "总误差", inclination: "倾角", temperature: "温度", reference: "参考",
   "|force| − g": "|比力| − g", "force to up": "比力与天向夹角", "field to North": "磁场与北向夹角",

@@ -16,11 +16,12 @@ from plumbob.arm.smoother import Attitudes, UnitAttitudes
 from plumbob.core import check
 from plumbob.core.check import Floats, number
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
+from plumbob.core.files import reading, text_of
 from plumbob.core.params import build
 from plumbob.core.units import Quantity, deg, dps, given, to_deg
 from plumbob.data.array import ImuArray, UnitMount
-from plumbob.data.cards.file import Card, built, kind_of
-from plumbob.data.chain import Chain, Joint, Segment, chain_text, load_chain, parse_chain
+from plumbob.data.cards.file import Card, built
+from plumbob.data.chain import Chain, Joint, Segment, chain_text, parse_chain
 from plumbob.filters.smoother.keyframes import trusted
 from plumbob.filters.smoother.preprocess import SampleWatch, watched
 from plumbob.rotations import quat_conjugate, quat_multiply
@@ -176,20 +177,21 @@ def opened_chain(chain: Chain | ArmCard | str | Path) -> Chain | ArmCard:
         from plumbob.arm.urdf import chain_from_urdf
 
         return chain_from_urdf(chain)
-    return ArmCard.load(chain) if kind_of(chain) == ArmCard.KIND else load_chain(chain)
+    with reading(Path(chain)):
+        return parsed_chain(text_of(chain), Path(chain).stem)
+
+
+def parsed_chain(text: str, name: str) -> Chain | ArmCard:
+    """Chain or card of the text of its file."""
+    return ArmCard.from_text(text, name) if text.lstrip().startswith("{") else parse_chain(text, name=name)
 
 
 def align(
-    chain: Chain | str | Path,
-    array: "ImuArray | Source | Sequence[Source] | Mapping[str, Source]",
-    *,
-    poses: Sequence[Pose] = (),
-    pose_sd: float | str = "1 deg",
-    mount_angle: float = MOUNT_ANGLE,
-    mount_shift: float = MOUNT_SHIFT,
-    params: Mapping[str, Any] | None = None,
+    chain: Chain | str | Path, array: "ImuArray | Source | Sequence[Source] | Mapping[str, Source]", *,
+    poses: Sequence[Pose] = (), pose_sd: float | str = "1 deg", mount_angle: float = MOUNT_ANGLE,
+    mount_shift: float = MOUNT_SHIFT, params: Mapping[str, Any] | None = None,
     note: Callable[[str], None] | None = None,
-) -> ArmCard:
+) -> ArmCard:  # fmt: skip
     """Find from motion where joints lie in the units' axes, how they turn, and how the units sit.
 
     Where the chain says where its joints lie, the units' mounts are found: each starts from what the chain says of it.
@@ -273,6 +275,16 @@ def filter_params(chain: Chain, array: ImuArray, params: Mapping[str, Any] | Non
     return build(Params, defaults | dict(params or {}), of="arm")
 
 
+def require_units(chain: Chain, names: Sequence[str]) -> None:
+    """Refuse units of which one on the chain is missing."""
+    for segment in chain.segments:
+        if segment.unit and segment.unit not in names:
+            raise ParameterError(
+                f"the segment '{segment.name}' has the unit '{segment.unit}', but the recording has "
+                f"{', '.join(names)}. Name the units as the recording does."
+            )
+
+
 def chain_samples(chain: Chain, array: ImuArray, watches: Mapping[str, SampleWatch] | None = None) -> UnitSamples:
     """Samples of the units of a chain, in the order of its segments; what is stuck or beyond its range is missing.
 
@@ -281,13 +293,8 @@ def chain_samples(chain: Chain, array: ImuArray, watches: Mapping[str, SampleWat
     check.kind("array", array, ImuArray)
     if not chain.joints:
         raise ParameterError(f"{chain.name} has no joint, so one unit is all there is; plumbob run estimates one unit.")
+    require_units(chain, array.names)
     names = [segment.unit for segment in chain.segments if segment.unit]
-    for segment in chain.segments:
-        if segment.unit and segment.unit not in array.units:
-            raise ParameterError(
-                f"the segment '{segment.name}' has the unit '{segment.unit}', but the recording has "
-                f"{', '.join(array.names)}. Name the units as the recording does."
-            )
     for name in names:
         lacking = [triad for triad in ("gyr", "acc") if triad not in array.units[name].triads]
         if lacking:
@@ -625,12 +632,9 @@ class _MountProblem:
         return np.concatenate(rows)
 
     def _of_joint(
-        self,
-        link: JointLink,
-        arm: geometry.GeometryFit,
-        axis: geometry.GeometryFit | None,
+        self, link: JointLink, arm: geometry.GeometryFit, axis: geometry.GeometryFit | None,
         mounts: Mapping[str, UnitMount],
-    ) -> list[Floats]:
+    ) -> list[Floats]:  # fmt: skip
         joint, rows = link.joint, []
         expected = joint_axes(joint, mounts.get(joint.parent, UnitMount()), mounts[joint.child])
         for side, name, place in ((0, joint.parent, np.array(joint.place)), (1, joint.child, np.zeros(3))):

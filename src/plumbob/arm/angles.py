@@ -176,11 +176,11 @@ def write_table(
 def read_table(path: str | Path) -> tuple[dict[str, NDArray[Any]], str]:
     """Columns of such a table, and where it says that it comes from; errors as of `JointTrack.load`."""
     file = existing_file(path)
-    kind = file.suffix.lower()
-    if kind not in SUFFIXES:
-        raise ParameterError(f"a table of joint angles ends in {' or '.join(SUFFIXES)}, but it is {path}.")
+    readers = {".csv": _read_csv, ".parquet": _read_parquet, ".mcap": _read_line}
+    if (reader := readers.get(file.suffix.lower())) is None:
+        raise ParameterError(f"a table of joint angles ends in {' or '.join(readers)}, but it is {path}.")
     with reading(file):
-        return (_read_csv if kind == ".csv" else _read_parquet)(file)
+        return reader(file)
 
 
 def _require_names(names: Sequence[str]) -> None:
@@ -218,6 +218,28 @@ def _read_csv(file: Path) -> tuple[dict[str, NDArray[Any]], str]:
     except pa.ArrowInvalid as error:
         raise DecodeError(f"a row is not numbers, one for each of {counted(len(head), 'column')}: {error}") from error
     return _columns(table), ""
+
+
+def _read_line(file: Path) -> tuple[dict[str, NDArray[Any]], str]:
+    """Joint angles that a line has given, of its recording."""
+    from plumbob.files.mcap import open_log
+    from plumbob.live import rows
+
+    log = open_log(file)
+    records = [
+        rows.parsed(rows.JOINTS, rows.shifted(message.data, log.shift_ns))
+        for message in log
+        if message.topic == rows.JOINTS
+    ]
+    if not records:
+        raise DecodeError("it holds no joint angles; a session with [chain] records them.")
+    names, t_ns = records[0]["name"], rows.integers("t_ns", records, np.int64)
+    angles, sd = (rows.table(key, records, len(names)) for key in ("position", "sd"))
+    columns: dict[str, NDArray[Any]] = {TIME: to_s(t_ns - t_ns[0]), "flags": rows.integers("flags", records, np.uint32)}
+    columns |= {f"{name}{end} [rad]": of[:, k] for of, end in ((angles, ""), (sd, _SD)) for k, name in enumerate(names)}
+    for key, end in (("hand", ""), ("hand_sd", _SD)):
+        columns |= {f"{name}{end} [m]": of for name, of in zip(_HAND, rows.table(key, records, 3).T, strict=True)}
+    return columns, file.name
 
 
 def _read_parquet(file: Path) -> tuple[dict[str, NDArray[Any]], str]:

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob import rotations
-from plumbob.arm.alignment import ArmCard, chain_samples, filter_params, opened_chain
+from plumbob.arm.alignment import ArmCard, chain_samples, filter_params, opened_chain, parsed_chain, require_units
 from plumbob.arm.anchor import UNKNOWN, Anchored, anchored, directions_at, drifting
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.filter import Params, UnitSamples
 from plumbob.arm.links import GROUND, JointLink, chain_links, unit_numbers
-from plumbob.arm.smoother import FRAME_SD, LOST, TILT_TIME, Attitudes, ChainStart, UnitAttitudes
+from plumbob.arm.smoother import FRAME_SD, LOST, Attitudes, ChainStart, UnitAttitudes
 from plumbob.core import check, flags
 from plumbob.core.check import Floats, number
 from plumbob.core.errors import ParameterError
 from plumbob.core.findings import Note, as_json, info, warning
-from plumbob.core.params import describe, shown
+from plumbob.core.params import build, describe, shown
 from plumbob.core.series import Series
 from plumbob.core.units import Quantity, deg, given, to_deg
 from plumbob.data import AttitudeTrack
@@ -33,11 +33,13 @@ from plumbob.rotations import Frame, quat_conjugate, quat_multiply
 if TYPE_CHECKING:
     from plumbob.door.reading import Source
 
+__all__ = ["ArmEstimate", "ArmStream", "parsed_chain", "run"]
+
 DOUBT: Final = deg(10.0)  # a sample at which an angle is uncertain by more than this, rad, is said to be not converged
 ODD: Final = 6.0  # a sample is inconsistent where an axis strays by more standard deviations than this;
 STRAYS: Final = 3.0  # a recording where one does so on average
 _SMALL: Final = 1e-4  # turn by which derivatives of angles are taken, rad
-_Z_UP: Final = {Frame.ENU: Frame.ENU, Frame.NWU: Frame.NWU, Frame.NED: Frame.NWU}
+INSIDE: Final = {Frame.ENU: Frame.ENU, Frame.NWU: Frame.NWU, Frame.NED: Frame.NWU}
 """Frame that the filter works in, by the one that was asked for: same North, z up."""
 
 
@@ -198,6 +200,7 @@ class ArmStream:
 
     It is what `run` does, whose arguments these are, causal unless `smooth`: then all comes at the end. Else angles
     come with the keyframe behind them, at most 0.1 s late; the first ones when headings have begun, after seconds.
+    `units` are the names of those that will come, where they are known before.
 
     Examples
     --------
@@ -211,12 +214,16 @@ class ArmStream:
     def __init__(
         self, chain: Chain | ArmCard | str | Path, *, frame: Frame | str | None = None,
         pose: str | Sequence[float] | None = None, pose_sd: float | str = "1 deg",
-        params: Mapping[str, Any] | None = None, smooth: bool = False,
+        params: Mapping[str, Any] | None = None, smooth: bool = False, units: Sequence[str] | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> None:  # fmt: skip
         chain = opened_chain(chain)
         self._card = chain if isinstance(chain, ArmCard) else None
         self.chain = model = check.kind("chain", chain, Chain) if self._card is None else self._card.chain
+        self._links = chain_links(model) if self._card is None else self._card.links()
+        build(Params, dict(params or {}), of="arm")  # refuses what it cannot take, before samples come
+        if units is not None:
+            require_units(model, units)
         self._wanted, self._given = None if frame is None else Frame.parse(frame), params
         self._pose = None if pose is None else _posture(model, pose)
         self._pose_sd = number("pose_sd", given("pose_sd", pose_sd, Quantity.ANGLE), "rad")
@@ -257,9 +264,8 @@ class ArmStream:
     def _begin(self, array: ImuArray) -> None:
         """Take over what the first samples say of units and frame."""
         self._params = filter_params(self.chain, array, self._given)
-        self._links = chain_links(self.chain) if self._card is None else self._card.links()
         self.frame = navigation_frame(next(iter(array.units.values())), self._wanted, where="the recording")
-        self._inside = _Z_UP[self.frame]
+        self._inside = INSIDE[self.frame]
         self._north = float(np.arctan2(self._inside.north[1], self._inside.north[0]))
         self._motion = UnitAttitudes(
             self._links, self._params, north=self._north, pose=self._pose, pose_sd=self._pose_sd, smooth=self._smooth,
@@ -268,8 +274,8 @@ class ArmStream:
 
     def _see(self, samples: UnitSamples, motion: Attitudes, start: ChainStart) -> tuple[Note, ...]:
         """Look for a field, of a stream in its first seconds, and say what a reader should know."""
-        until = np.inf if self._smooth else max(start.ready, float(samples.t[0]) + TILT_TIME)
-        looked = motion.t[motion.rows] <= until
+        assert self._motion is not None
+        looked = motion.t[motion.rows] <= (np.inf if self._smooth else self._motion.settled)
         self._has_field = bool(np.isfinite(directions_at(samples, motion)[looked]).any())
         return _notes(
             self.chain, self._card, start, has_anchor=self._has_field or self._on_base, posed=self._pose is not None,

@@ -200,14 +200,10 @@ class Program(Series):
 
 
 def taught(
-    track: JointTrack | str | Path,
-    limits: "Chain | Limits | Sequence[Limits] | str | Path | None" = None,
-    *,
-    rate: float | str = "100 Hz",
-    smooth: float | str = "0.2 s",
-    still: float | str = "1 deg",
+    track: JointTrack | str | Path, limits: "Chain | Limits | Sequence[Limits] | str | Path | None" = None, *,
+    rate: float | str = "100 Hz", smooth: float | str = "0.2 s", still: float | str = "1 deg",
     dwell: float | str = "0.3 s",
-) -> Program:
+) -> Program:  # fmt: skip
     """Make a program of recorded joint angles: stops are kept, the rest is smoothed and slowed where limits ask for it.
 
     Parameters

@@ -87,13 +87,9 @@ class Replay(Series):
 
 
 def replay(
-    program: Program | JointTrack | str | Path,
-    model: Chain | str | Path,
-    *,
-    hand: str = "",
-    q_nb: Quat = (1.0, 0.0, 0.0, 0.0),
-    pos_n: Vec = (0.0, 0.0, 0.0),
-) -> Replay:
+    program: Program | JointTrack | str | Path, model: Chain | str | Path, *, hand: str = "",
+    q_nb: Quat = (1.0, 0.0, 0.0, 0.0), pos_n: Vec = (0.0, 0.0, 0.0),
+) -> Replay:  # fmt: skip
     """Move a model by a program.
 
     Parameters

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,8 @@ LEVEL: Final = 0.2  # length of the level part of an axis that shows a heading
 LOST: Final = deg(90.0)
 FRAME_SD: Final = deg(0.01)
 SPAN: Final = 300.0  # a recording is smoothed in stretches of this, s, with what
-AGAIN: Final = 0.5  # a start that was not ready is tried again after this, s
 AHEAD: Final = 60.0  # comes so much later, s
+MOST: Final = 10  # keyframes of a stream at a time: what a late start has gathered is caught up with in so large parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,25 +99,26 @@ def keyframe_rows(t: Floats, spacing: float) -> NDArray[np.intp]:
 
 def begin(
     samples: UnitSamples, links: Sequence[JointLink], params: Params, *, north: float, pose: Floats | None = None,
-    pose_sd: float = deg(1.0),
+    pose_sd: float = deg(1.0), search: "HeadingSearch | None" = None,
 ) -> ChainStart:  # fmt: skip
     """First attitudes: tilts of the first forces, headings that make neighbours agree, North where fields show it.
 
     `links`: joints, from the root; `north`: angle of North from the frame's x axis, rad; `pose` (U, 4): attitudes of
     the units in the root's axes at the first sample, where somebody took up a known posture, in the frame itself where
-    the root stands still; `pose_sd`: how exactly it was held, rad.
+    the root stands still; `pose_sd`: how exactly it was held, rad; `search`: one that has looked at the first samples.
     """
-    q = first_tilts(samples)
-    units = len(q)
-    sd = np.full((units, 3), TILT_SD)
-    fields = _Fields(samples, units, params.field_sd)
+    search = search or HeadingSearch(samples, links, params)
+    q, fields = search.q, search.fields
+    sd = np.full((len(q), 3), TILT_SD)
     if pose is None:
-        turns, sd[:, 2], ready, free = _headings(samples, links, params, q, fields, north)
+        search.look(samples)
+        turns, sd[:, 2], free = search.turns(north)
+        ready = search.ready
     else:
         _require_pose(q, pose, links)
         turns, free = _heading_of_pose(q, pose, links), not _heading_fixed(links)
         sd[:, 2], ready = pose_sd, float(samples.t[0])
-        fields.add(q, fields.first)
+        fields.add(q, samples, fields.first(samples))
     if free:
         sd[0, 2] = FRAME_SD  # it is what the frame's heading means
         turns = turns if pose is not None and _grounded(links) else turns + fields.common_turn(turns, north)
@@ -184,42 +185,59 @@ def _heading_of_pose(q: Floats, pose: Floats, links: Sequence[JointLink]) -> Flo
     return np.asarray(2.0 * np.arctan2(off[:, 3], off[:, 0]))
 
 
-def _headings(
-    samples: UnitSamples, links: Sequence[JointLink], params: Params, q: Floats, fields: "_Fields", north: float
-) -> tuple[Floats, Floats, float, bool]:
-    """Turns about the vertical (U,) that make neighbours agree, and how well they do (U,), rad.
+class HeadingSearch:
+    """Looks for turns about the vertical that make neighbours agree, from keyframe to keyframe as samples come.
 
-    And since when, and whether the whole may still be turned.
+    `q` (U, 4): tilts of the first forces; `ready`: how far it has looked, s, and no further once headings are known.
     """
-    sums, weights = np.zeros(len(links), dtype=complex), np.zeros(len(links))
-    looking = ChainFilter(links, len(q), params, q, np.full((len(q), 3), TILT_SD))
-    path = np.zeros((*samples.gyr.shape[:2], 4))
-    rows = keyframe_rows(samples.t, params.keyframe)
-    ready = float(samples.t[0])
-    for first, last in pairwise(rows):
-        looking.look(samples, int(first) + 1, int(last) + 1, path)
-        _agree(looking, sums, weights, samples.t[last] - samples.t[first])
-        fields.add(looking.q, int(last))
-        ready = float(samples.t[last])
-        lasted = ready - samples.t[0]
-        if lasted >= params.start and _spread(weights, links, fields).max(initial=0.0) < SETTLED:
-            break
-        if lasted >= LONGEST_START:
-            break
-    spread = _spread(weights, links, fields)
-    turns, sd, free = np.zeros(len(q)), np.full(len(q), SETTLED), True
-    for k, link in enumerate(links):
-        by_joint = 1.0 / math.sqrt(max(weights[k], 1e-12))
-        if link.parent == GROUND:
-            settled = by_joint < SETTLED
-            turns[link.child] = np.angle(sums[k]) if settled else fields.turn(link.child, north)
-            free &= not settled
-        elif by_joint <= fields.sd(link.parent, link.child):
-            turns[link.child] = turns[link.parent] + np.angle(sums[k])
-        else:
-            turns[link.child] = turns[link.parent] + fields.turn(link.child, north) - fields.turn(link.parent, north)
-        sd[link.child] = max(min(float(spread[k]), LOST), SETTLED)
-    return turns, sd, ready, free
+
+    def __init__(self, samples: UnitSamples, links: Sequence[JointLink], params: Params) -> None:
+        self.q = first_tilts(samples)
+        self.fields = _Fields(len(self.q), params.field_sd)
+        self.ready = float(samples.t[0])
+        self._links, self._row, self._settled = links, 0, False
+        self._sums, self._weights = np.zeros(len(links), dtype=complex), np.zeros(len(links))
+        self._filter = ChainFilter(links, len(self.q), params, self.q, np.full((len(self.q), 3), TILT_SD))
+
+    def look(self, samples: UnitSamples) -> None:
+        """Look at all samples since the first one, of which it has seen some before."""
+        params, path = self._filter.params, np.zeros((*samples.gyr.shape[:2], 4))
+        rows = keyframe_rows(samples.t, params.keyframe)
+        for first, last in pairwise(rows[rows >= self._row].tolist()):
+            if self._settled:
+                return
+            self._filter.look(samples, first + 1, last + 1, path)
+            _agree(self._filter, self._sums, self._weights, samples.t[last] - samples.t[first])
+            self.fields.add(self._filter.q, samples, last)
+            self._row, self.ready = last, float(samples.t[last])
+            lasted = self.ready - samples.t[0]
+            is_known = lasted >= params.start and self._spread().max(initial=0.0) < SETTLED
+            self._settled = is_known or lasted >= LONGEST_START
+
+    def _spread(self) -> Floats:
+        """Standard deviation of each child's heading against its parent's, rad."""
+        by_joint = 1.0 / np.sqrt(np.maximum(self._weights, 1e-12))
+        by_field = [self.fields.sd(link.parent, link.child) for link in self._links]
+        return np.minimum(by_joint, by_field)
+
+    def turns(self, north: float) -> tuple[Floats, Floats, bool]:
+        """Turns (U,) that make neighbours agree, how well they do (U,), rad, and whether the whole may be turned."""
+        spread, fields = self._spread(), self.fields
+        turns, sd, free = np.zeros(len(self.q)), np.full(len(self.q), SETTLED), True
+        for k, link in enumerate(self._links):
+            by_joint = 1.0 / math.sqrt(max(self._weights[k], 1e-12))
+            if link.parent == GROUND:
+                settled = by_joint < SETTLED
+                turns[link.child] = np.angle(self._sums[k]) if settled else fields.turn(link.child, north)
+                free &= not settled
+            elif by_joint <= fields.sd(link.parent, link.child):
+                turns[link.child] = turns[link.parent] + np.angle(self._sums[k])
+            else:
+                turns[link.child] = (
+                    turns[link.parent] + fields.turn(link.child, north) - fields.turn(link.parent, north)
+                )
+            sd[link.child] = max(min(float(spread[k]), LOST), SETTLED)
+        return turns, sd, free
 
 
 def _agree(looking: ChainFilter, sums: NDArray[np.complex128], weights: Floats, span: float) -> None:
@@ -241,30 +259,23 @@ def _agree(looking: ChainFilter, sums: NDArray[np.complex128], weights: Floats, 
             weights[k] += max(abs(product) - var, 0.0) / var
 
 
-def _spread(weights: Floats, links: Sequence[JointLink], fields: "_Fields") -> Floats:
-    """Standard deviation of each child's heading against its parent's, rad."""
-    by_joint = 1.0 / np.sqrt(np.maximum(weights, 1e-12))
-    by_field = [fields.sd(link.parent, link.child) for link in links]
-    return np.minimum(by_joint, by_field)
-
-
 class _Fields:
     """Horizontal fields of the units since the start, in their first frames."""
 
-    def __init__(self, samples: UnitSamples, units: int, sd: float) -> None:
-        self._mag, self._sum, self._sd = samples.mag, np.zeros(units, dtype=complex), sd
+    def __init__(self, units: int, sd: float) -> None:
+        self._sum, self._sd = np.zeros(units, dtype=complex), sd
 
-    def add(self, q: Floats, row: int) -> None:
+    def add(self, q: Floats, samples: UnitSamples, row: int) -> None:
         """Add those of a sample."""
-        if self._mag is None:
+        if samples.mag is None:
             return
-        level = quat_rotate(q, np.nan_to_num(self._mag[:, row]))
+        level = quat_rotate(q, np.nan_to_num(samples.mag[:, row]))
         self._sum += level[:, 0] + 1j * level[:, 1]
 
-    @property
-    def first(self) -> int:
+    @staticmethod
+    def first(samples: UnitSamples) -> int:
         """First sample with a field of any unit."""
-        return 0 if self._mag is None else int(np.isfinite(self._mag[:, :, 0]).any(axis=0).argmax())
+        return 0 if samples.mag is None else int(np.isfinite(samples.mag[:, :, 0]).any(axis=0).argmax())
 
     def common_turn(self, turns: Floats, north: float) -> float:
         """Turn of the whole, rad, that brings all fields together to North, behind a turn of each unit."""
@@ -435,19 +446,21 @@ class UnitAttitudes:
         self.start: ChainStart | None = None
         self._rate_at: float | None = None  # when a gyroscope has said something last, s
         self._last: tuple[Attitudes, UnitSamples] | None = None  # the last keyframe of all that was given
+        self._pending: list[tuple[Attitudes, UnitSamples]] = []
+        self.settled = -np.inf  # what is known of headings and fields at the start, all come to know at once then, s
         self._renew()
 
     def _renew(self) -> None:
         self._samples: UnitSamples | None = None  # from the last keyframe on
         self._filter: ChainFilter | None = None
-        self._try_at = -np.inf
+        self._search: HeadingSearch | None = None
 
     def take(self, samples: UnitSamples, *, end: bool) -> tuple[Attitudes, UnitSamples, int] | None:
         """Attitudes that these samples complete, with their samples; None where that is nothing.
 
         The first ones may be the last of the call before, so many as the number says. With `end`, nothing else comes.
         """
-        self._total, parts = self._total + len(samples), []
+        self._total, parts, self._pending = self._total + len(samples), self._pending, []
         for k, (first, last) in enumerate(self.stretches(samples)):
             if k:
                 parts += self._go(end=True)
@@ -457,7 +470,8 @@ class UnitAttitudes:
                 self._samples = new if self._samples is None else samples_joined([self._samples, new])
                 parts += self._go(end=False)
         parts += self._go(end=True) if end else []
-        if not parts:
+        if not parts or (not end and parts[-1][0].t[-1] < self.settled):
+            self._pending = parts
             return None
         before = [] if self._last is None else [self._last]
         motion, taken = joined([m for m, _ in before + parts]), samples_joined([s for _, s in before + parts])
@@ -489,10 +503,13 @@ class UnitAttitudes:
             if start is None:
                 return []
             begun = np.zeros(int(self.start is not None and start.free), dtype=np.intp)
-            self.start, self._filter = self.start or start, start.filter(self._links, self._params)
+            if self.start is None:
+                self.start, self.settled = start, max(start.ready, float(samples.t[0]) + TILT_TIME)
+            self._filter = start.filter(self._links, self._params)
             self._frame, self._q = self._filter.now(), start.q
         elif len(rows) < 2:
             return []
+        rows = rows if end else rows[: MOST + 1]
         motion, self._frame = estimated(
             samples, self._filter, rows, self._frame, self._q, smooth=self._smooth, progress=self._count
         )
@@ -508,14 +525,13 @@ class UnitAttitudes:
     def _begin(self, samples: UnitSamples, rows: NDArray[np.intp], *, end: bool) -> ChainStart | None:
         """How the chain begins, where that is known: it was before the last keyframe that was looked at."""
         pose = self._pose if self.start is None else None
+        how: dict[str, Any] = {"north": self._north, "pose": pose, "pose_sd": self._pose_sd}
         least = samples.t[0] + max(TILT_TIME, self._params.start if pose is None else 0.0)
-        for row in [] if self._smooth else rows[1:].tolist():
-            if samples.t[row] > max(least, self._try_at):
-                part = samples.rows(0, row + 1)
-                start = begin(part, self._links, self._params, north=self._north, pose=pose, pose_sd=self._pose_sd)
-                if start.ready < samples.t[row]:
-                    return start
-                self._try_at = float(samples.t[row]) + AGAIN
-        if not end:
-            return None
-        return begin(samples, self._links, self._params, north=self._north, pose=pose, pose_sd=self._pose_sd)
+        later = rows[1:][samples.t[rows[1:]] > least]
+        if later.size and not self._smooth:
+            part = samples.rows(0, int(later[-1]) + 1)
+            self._search = self._search or HeadingSearch(part, self._links, self._params)
+            start = begin(part, self._links, self._params, search=self._search, **how)
+            if start.ready < samples.t[later[-1]]:
+                return start
+        return begin(samples, self._links, self._params, search=self._search, **how) if end else None

@@ -51,14 +51,9 @@ def read_urdf(path: str | Path) -> str:
 
 
 def chain_from_urdf(
-    path: str | Path,
-    *,
-    units: Mapping[str, str] | None = None,
-    mounts: Mapping[str, UnitMount] | None = None,
-    hand: str = "",
-    hand_b: Vec = (0.0, 0.0, 0.0),
-    merge: bool = False,
-) -> Chain:
+    path: str | Path, *, units: Mapping[str, str] | None = None, mounts: Mapping[str, UnitMount] | None = None,
+    hand: str = "", hand_b: Vec = (0.0, 0.0, 0.0), merge: bool = False,
+) -> Chain:  # fmt: skip
     """Chain of a URDF file, with its root fixed to the ground.
 
     Parameters

@@ -22,7 +22,6 @@ RATE_FILTERS = ("scalar", "two_state", "moving_average")
 
 ARRAY_FILTERS: Final = ("teaching_arm",)  # that take all units of an array: the whole scheme of that paper
 ARRAY_SCHEMES: Final = (*ARRAY_FILTERS, "monitor")  # what makes one of several units on one body, as they come
-
 SMOOTHER = "smoother"  # what estimates where no filter is named: a whole recording, or a stream
 CAUSAL_LAG = "0 s"
 """Its lag on a stream where none is given, and for what a live system would have known: nothing later is used."""
@@ -66,6 +65,7 @@ _TABLE: Final = {name: f"plumbob.filters.{name}" for name in BUILT_IN} | {
     SMOOTHER: "plumbob.filters.smoother.model",
     "teaching_arm": "plumbob.arm.array.paper",
     "monitor": "plumbob.arm.array.monitoring",
+    "chain": "plumbob.arm.estimation",
 }
 EXTENSIBLE: Final = ExtensibleTable[FilterModule]("filter", "filter", lambda: _TABLE, _module)
 """All filters; `plumbob.register` adds to them."""

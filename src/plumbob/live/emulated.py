@@ -36,39 +36,18 @@ _END: Final = 3.0  # time that the process of a rig has to end, s
 
 
 def emulate(
-    what: str | Path,
-    *,
-    scenario: str | None = None,
-    set: Mapping[str, Any] | None = None,
-    sensors: str | None = None,
-    reference: str | None = None,
-    unit: str = "random",
-    noise: Cards | None = None,
-    temp_c: float | str | Signal | None = None,
-    warm_up: WarmingUp | None = None,
-    high_pass: float | str | None = None,
-    mount_error: float | str = 0.0,
-    frame: Frame | str | None = None,
-    options: Mapping[str, str] | None = None,
-    seed: int = 0,
-    clock_error: float | str = 0.0,
-    rate: float | str | None = None,
-    duration: float | str | None = None,
-    truth: str | Path | None = None,
-    calibration: CalibrationCard | str | Path | None = None,
-    flash_log: str | Path | None = None,
-    link: str | Path | None = None,
-    tcp: str | None = None,
-    udp: str | None = None,
-    write: str | Path | BinaryIO | None = None,
-    speed: float | str | None = None,
-    faults: Mapping[str, float | str] | None = None,
-    fault_log: str | Path | None = None,
-    overwrite: bool = False,
-    stop: Stopping | None = None,
-    opened: Callable[[str], object] | None = None,
+    what: str | Path, *, scenario: str | None = None, set: Mapping[str, Any] | None = None, sensors: str | None = None,
+    reference: str | None = None, unit: str = "random", noise: Cards | None = None,
+    temp_c: float | str | Signal | None = None, warm_up: WarmingUp | None = None, high_pass: float | str | None = None,
+    mount_error: float | str = 0.0, frame: Frame | str | None = None, options: Mapping[str, str] | None = None,
+    seed: int = 0, clock_error: float | str = 0.0, rate: float | str | None = None, duration: float | str | None = None,
+    truth: str | Path | None = None, calibration: CalibrationCard | str | Path | None = None,
+    flash_log: str | Path | None = None, link: str | Path | None = None, tcp: str | None = None, udp: str | None = None,
+    write: str | Path | BinaryIO | None = None, speed: float | str | None = None,
+    faults: Mapping[str, float | str] | None = None, fault_log: str | Path | None = None, overwrite: bool = False,
+    stop: Stopping | None = None, opened: Callable[[str], object] | None = None,
     note: Callable[[str], object] | None = None,
-) -> Served:
+) -> Served:  # fmt: skip
     """Send what a rig would send, from the moment that somebody listens, until it has said everything.
 
     Parameters
@@ -179,12 +158,9 @@ def noise_cards(words: Sequence[str]) -> Path | dict[str, Path] | None:
 
 
 def outputs(
-    what: str | Path,
-    truth: str | Path | None,
-    write: str | Path | BinaryIO | None,
-    fault_log: str | Path | None,
+    what: str | Path, truth: str | Path | None, write: str | Path | BinaryIO | None, fault_log: str | Path | None,
     flash_log: str | Path | None = None,
-) -> Iterator[Path]:
+) -> Iterator[Path]:  # fmt: skip
     """Files that `emulate` would write, with those beside them."""
     yield from (Path(path) for path in (write, fault_log, flash_log) if isinstance(path, str | Path))
     if truth is None:
@@ -231,14 +207,9 @@ def _is_rig(what: str | Path, form: Format) -> bool:
 
 
 def _plan(
-    what: str | Path,
-    options: Mapping[str, str] | None,
-    scenario: str | None,
-    parameters: Mapping[str, Any] | None,
-    sensors: str | None,
-    frame: Frame | str | None,
-    rate: float | None,
-) -> tuple[Format, RigPlan]:
+    what: str | Path, options: Mapping[str, str] | None, scenario: str | None, parameters: Mapping[str, Any] | None,
+    sensors: str | None, frame: Frame | str | None, rate: float | None,
+) -> tuple[Format, RigPlan]:  # fmt: skip
     form = find_format(what).bind(options or {})
     if _is_rig(what, form):
         plan = PLANS[form.name]
@@ -286,14 +257,9 @@ def _moved(plan: RigPlan, scenario: str | None, parameters: Mapping[str, Any] | 
 
 @contextmanager
 def _port(
-    link: str | Path | None,
-    tcp: str | None,
-    udp: str | None,
-    write: str | Path | BinaryIO | None,
-    stop: Stopping,
-    *,
+    link: str | Path | None, tcp: str | None, udp: str | None, write: str | Path | BinaryIO | None, stop: Stopping, *,
     overwrite: bool,
-) -> Iterator[Port]:
+) -> Iterator[Port]:  # fmt: skip
     with ExitStack() as stack:
         port: Port
         if isinstance(write, str | Path):

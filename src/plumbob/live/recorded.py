@@ -56,6 +56,7 @@ def read_recorded(
     if unit is not None and not source:
         chosen = of_unit(session, unit)
         session = chosen if unit == ALL else replace(chosen, units=())
+    session = replace(session, chain=None)  # `JointTrack.load` reads what was estimated of it
     replayed = replay(log, session=session if estimated else replace(session, stage=None, rates=None, scheme=""))
     first, stream, collected = replayed.stream, replayed.stream, replayed.found
     if source:
@@ -223,17 +224,10 @@ def _track(records: Sequence[Mapping[str, Any]], meta: Any) -> AttitudeTrack:
 
 
 def convert(
-    recording: Recording | str | Path,
-    path: str | Path,
-    *,
-    layout: str | None = None,
-    what: str = "all",
-    unit: str | None = None,
-    profile: str | Path | None = None,
-    calibration: CalibrationCard | str | Path | None = None,
-    overwrite: bool = False,
-    note: Callable[[str], object] | None = None,
-) -> Recording:
+    recording: Recording | str | Path, path: str | Path, *, layout: str | None = None, what: str = "all",
+    unit: str | None = None, profile: str | Path | None = None, calibration: CalibrationCard | str | Path | None = None,
+    overwrite: bool = False, note: Callable[[str], object] | None = None,
+) -> Recording:  # fmt: skip
     """Write a recording, or a file of any format, in the format that the new file's suffix or `layout` names.
 
     ``.tum`` holds the attitude as ``t x y z qx qy qz qw`` with positions of zero, for evo; ``.sto`` for OpenSim, in a

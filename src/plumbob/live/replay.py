@@ -23,7 +23,7 @@ from plumbob.live import rows
 from plumbob.live.runner import Note, Ran, Watch, run_stream
 from plumbob.live.session import Session
 from plumbob.live.session_toml import load_session, of_unit, recorded_session
-from plumbob.live.sinks import Collected, Sink, Tracks
+from plumbob.live.sinks import Collected, Sink, Tracks, estimate_rows
 from plumbob.live.sources import ReplaySource
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.rotations import Frame
@@ -87,26 +87,13 @@ def open_recording(path: str | Path) -> tuple[Log, Session]:
 
 
 def replay(
-    recording: "str | Path | Log",
-    *,
-    session: Session | str | Path | None = None,
-    filter: str | None = None,
-    lag: float | str | None = None,
-    params: Mapping[str, Any] | None = None,
-    frame: Frame | str | None = None,
-    calibration: CalibrationCard | str | Path | None = None,
-    noise: NoiseCard | str | Path | None = None,
-    init: str | None = None,
-    unit: str | None = None,
-    speed: float | None = None,
-    check: bool = False,
-    covariance: bool = False,
-    keep: Literal["all", "track", "nothing"] = "all",
-    send: Sequence[str] = (),
-    sinks: Sequence[Sink] = (),
-    note: Note | None = None,
-    opened: Callable[[Session], object] | None = None,
-) -> Replayed:
+    recording: "str | Path | Log", *, session: Session | str | Path | None = None, filter: str | None = None,
+    lag: float | str | None = None, params: Mapping[str, Any] | None = None, frame: Frame | str | None = None,
+    calibration: CalibrationCard | str | Path | None = None, noise: NoiseCard | str | Path | None = None,
+    init: str | None = None, unit: str | None = None, speed: float | None = None, check: bool = False,
+    covariance: bool = False, keep: Literal["all", "track", "nothing"] = "all", send: Sequence[str] = (),
+    sinks: Sequence[Sink] = (), note: Note | None = None, opened: Callable[[Session], object] | None = None,
+) -> Replayed:  # fmt: skip
     """Send the bytes of a recording through the same stream again, or through another.
 
     Parameters
@@ -182,6 +169,7 @@ def _sending(session: Session, log: Log, send: Sequence[str], note: Note | None)
 def _checks(log: Log, session: Session) -> "list[Check]":
     """Checks of all sources that give attitudes; DecodeError where the recording holds none."""
     checks = [Check(log, name) for name, each in session.sources.items() if each.has_attitude]
+    checks += [Check(log, "", rows.JOINTS)] * (session.chain is not None)
     if all(check.is_over for check in checks):
         raise DecodeError(
             "the recording holds no attitudes to compare with: no filter ran, or no frame could be decoded."
@@ -222,13 +210,9 @@ def _changed(session: Session, unit: str | None, calibration: CalibrationCard | 
 
 
 def _estimated(
-    session: Session,
-    filter: str | None,
-    params: Mapping[str, Any] | None,
-    named_frame: Frame | str | None,
-    noise: NoiseCard | str | Path | None,
-    init: str | None,
-) -> Session:
+    session: Session, filter: str | None, params: Mapping[str, Any] | None, named_frame: Frame | str | None,
+    noise: NoiseCard | str | Path | None, init: str | None,
+) -> Session:  # fmt: skip
     """Session with another filter, where one is named."""
     if filter is None:
         if not (params or noise or init):
@@ -277,14 +261,14 @@ class ReplayComparison:
 
 
 class Check(Sink):
-    """Sink that compares attitudes of a source, as they come, with those that a recording holds, bit for bit.
+    """Sink that compares estimates of a kind of a source, as they come, with those that a recording holds, bit for bit.
 
     Both are read in their order, and of each no more than a chunk is held. Where two rows differ in time, the earlier
     one is left over.
     """
 
-    def __init__(self, log: Log, source: str = "") -> None:
-        self.source, again, topic = source, log.again(), rows.named_topic(rows.ATTITUDE, source)
+    def __init__(self, log: Log, source: str = "", kind: str = rows.ATTITUDE) -> None:
+        self.source, self._kind, again, topic = source, kind, log.again(), rows.named_topic(kind, source)
         self._live = (rows.shifted(message.data, again.shift_ns) for message in again if message.topic == topic)
         self._next = next(self._live, None)
         self._compared = self._different = self._only_live = self._only_replayed = 0
@@ -296,9 +280,8 @@ class Check(Sink):
 
     def on_part(self, part: ItemResult) -> None:
         """Compare its attitudes with the next ones of the recording."""
-        if part.track is not None:
-            for row in rows.attitude_rows(part.track_ns.tolist(), part.track):
-                self._take(row)
+        for row in estimate_rows(self._kind, part):
+            self._take(row)
 
     def close(self) -> None:
         """Count what the recording holds beyond the last attitude."""
@@ -326,4 +309,4 @@ class Check(Sink):
         """By how much the recording's next row is later than another; it is after its end, too."""
         if self._next is None:
             return 1
-        return 0 if self._next == row else rows.attitude_ns(self._next) - rows.attitude_ns(row)
+        return 0 if self._next == row else rows.row_ns(self._kind, self._next) - rows.row_ns(self._kind, row)

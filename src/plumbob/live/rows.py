@@ -2,8 +2,8 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain, repeat
 from types import NoneType
 from typing import Any, Final, TypeVar
 
@@ -15,11 +15,13 @@ from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.event import Event
 from plumbob.core.flags import names
 from plumbob.core.resources import packaged
+from plumbob.core.units import to_deg
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.files.mcap import Recorder, Schema
 
 IMU: Final = "imu"
 ATTITUDE: Final = "attitude"
+JOINTS: Final = "joints"
 EVENTS: Final = "events"
 RECORDER: Final = "recorder"
 RAW: Final = "raw"
@@ -44,9 +46,18 @@ def unit_of_topic(topic: str) -> str | None:
     return unit if kind == IMU else None
 
 
-def line_of(t: float, roll: float, pitch: float, yaw: float, word: int) -> str:
-    """Line of the text for an attitude: s, degrees, and the names of its flags."""
-    return f"{t:.6f}\t{roll:.4f}\t{pitch:.4f}\t{yaw:.4f}\t{'+'.join(names(word))}"
+def line_of(t: float, degrees: Iterable[float], word: int) -> str:
+    """Line of the text for angles: s, degrees, and the names of the flags."""
+    return f"{t:.6f}\t{chr(9).join(f'{value:.4f}' for value in degrees)}\t{'+'.join(names(word))}"
+
+
+def joint_lines(joints: Any, places: list[int] | slice = slice(None), *, head: bool) -> Iterator[str]:
+    """Lines of joint angles as text, each angle with its standard deviation; with their names, if `head`."""
+    if head:
+        yield "\t".join(("t [s]", *(f"{name}{end} [deg]" for name in joints.names for end in ("", "_sd")), "flags\n"))
+    degrees = to_deg(np.stack((joints.angles[places], joints.sd[places]), axis=2)).reshape(-1, 2 * len(joints.names))
+    for t, row, word in zip(joints.t[places].tolist(), degrees.tolist(), joints.flags[places].tolist(), strict=True):
+        yield line_of(t, row, word) + "\n"
 
 
 def declare(recorder: Recorder, topic: str) -> int:
@@ -85,11 +96,11 @@ def parsed(topic: str, row: bytes) -> dict[str, Any]:
     return {key: content[key] for key in keys}
 
 
-def attitude_ns(row: bytes) -> int:
-    """Time of an attitude's row, ns; DecodeError where it has none."""
-    t_ns = parsed(ATTITUDE, row)["t_ns"]
+def row_ns(topic: str, row: bytes) -> int:
+    """Time of a row of a topic, ns; DecodeError where it has none."""
+    t_ns = parsed(topic, row)["t_ns"]
     if type(t_ns) is not int:
-        raise DecodeError(f"a row of '{ATTITUDE}' has no whole number of nanoseconds as its time; {_ADVICE}")
+        raise DecodeError(f"a row of '{topic}' has no whole number of nanoseconds as its time; {_ADVICE}")
     return t_ns
 
 
@@ -150,6 +161,15 @@ def attitude_rows(t_ns: list[int], track: AttitudeTrack) -> Iterator[bytes]:
     words = [0] * len(track) if track.flags is None else track.flags.tolist()
     for t, q, b, word in zip(t_ns, q_nb, bias, words, strict=True):
         yield f'{{"t_ns":{t},"q_nb":{q},"bias_b":{b},"flags":{word}}}'.encode()
+
+
+def joint_rows(t_ns: list[int], joints: Any) -> Iterator[bytes]:
+    """One row for each sample of a `plumbob.arm.JointTrack`."""
+    keys, named = _SCHEMAS[JOINTS]["properties"], repeat(json.dumps(joints.names, ensure_ascii=False), len(joints))
+    columns = [_lists(getattr(joints, name), len(joints)) for name in ("angles", "sd", "hand", "hand_sd")]
+    for row in zip(t_ns, named, *columns, joints.flags.tolist(), strict=True):
+        fields = (f'"{key}":{value}' for key, value in zip(keys, row, strict=True))
+        yield b"{%b}" % ",".join(fields).encode()
 
 
 def transform_row(utc_ns: int, parent: str, child: str, q: Sequence[float]) -> bytes:

@@ -50,17 +50,10 @@ class Keeper(Protocol):
 
 
 def run_stream(
-    stream: Stream,
-    source: Source,
-    *,
-    sinks: Sequence[Sink] = (),
-    recording: Keeper | None = None,
-    duration: float | None = None,
-    until_lost: bool = False,
-    stop: Stopping | None = None,
-    each: Callable[[], None] | None = None,
-    clock: Callable[[], int] = time.monotonic_ns,
-) -> None:
+    stream: Stream, source: Source, *, sinks: Sequence[Sink] = (), recording: Keeper | None = None,
+    duration: float | None = None, until_lost: bool = False, stop: Stopping | None = None,
+    each: Callable[[], None] | None = None, clock: Callable[[], int] = time.monotonic_ns,
+) -> None:  # fmt: skip
     """Run until the source is finished, the time is over or `stop` is set; then end recording, sinks and source.
 
     Bytes are handed to the recording before anything else is done with them. A sink that the system refuses, as on a
@@ -182,19 +175,16 @@ class Watch(Sink):
     source = None
 
     def __init__(
-        self,
-        stream: Stream,
-        note: Note | None = None,
-        *,
-        events: bool = True,
+        self, stream: Stream, note: Note | None = None, *, events: bool = True,
         progress: "Callable[[Watch], None] | None" = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.stream = stream
         self.beside = {name: Watch(other, note, events=False) for name, other in stream.beside.items()}
         self._note, self._events, self._progress = note or _nowhere, events, progress or _nowhere
         self.samples = 0
         self.last: ItemResult | None = None
         self.track: AttitudeTrack | None = None
+        self.motion: Any = None  # newest of a chain, a `plumbob.arm.ArmEstimate`
         self.beyond: tuple[Finding, ...] = ()
         self._doubted = False
 
@@ -209,6 +199,9 @@ class Watch(Sink):
             self.last = part
             if card is not None:
                 self._say_once(float(part.imu.t[0]), temperature_beyond(card, part.imu))
+        self.motion = part.motion or self.motion
+        for remark in () if part.motion is None else part.motion.notes:
+            self._note(str(remark))
         if track is not None:
             self.track = track
             if filter_ is not None and float(track.t[-1]) >= SETTLED:
@@ -348,6 +341,11 @@ def live_attitude(track: AttitudeTrack | None) -> str:
     return f"roll {roll:.2f}°, pitch {pitch:.2f}°, yaw {yaw:.2f}°"
 
 
+def live_joints(motion: Any) -> dict[str, dict[str, float]]:
+    """Last joint angles of a chain, and how exactly they are known, by name."""
+    return {name: {"deg": to_deg(angle), "sd_deg": to_deg(sd)} for name, angle, sd in motion.at_end()}
+
+
 def run_report(watch: Watch) -> dict[str, Any]:
     """What a run gave, for JSON."""
     stream, last = watch.stream, watch.last
@@ -369,6 +367,7 @@ def run_report(watch: Watch) -> dict[str, Any]:
         "declination_deg": None if track is None or stream.filter is None else declination_deg(stream.filter, track),
         "samples": watch.samples,
         "last": live_attitude(track),
+        **({} if watch.motion is None else {"joints": live_joints(watch.motion)}),
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **stream.report(),
         **({"units": [spec.unit for spec in session.units]} if session.units else {}),
@@ -406,6 +405,9 @@ def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
     if report["north"]:
         zero = counted_from(report["north"], report["declination_deg"])
         lines += [f"frame        {report['frame']}, heading from {zero}", f"at the end   {last}"]
+    if joints := report.get("joints"):
+        said = (f"{name} {of['deg']:.2f}° ± {of['sd_deg']:.2f}°" for name, of in joints.items())
+        lines.append(f"joints       {', '.join(said)}")
     for name, other in report.get("sources", {}).items():
         clock = f"its clock {other['clock_ppm']:+.1f} ppm, {other['clock_ahead_ms']:+.2f} ms at the end"
         lines += [f"source       {name}, {clock}", *(f"  {line}" for line in report_lines(other, other["last"]))]

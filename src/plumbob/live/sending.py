@@ -1,23 +1,26 @@
 """Send an attitude to other programs: of a file, `plumbob.send`; live, a sink beside the recording."""
 
+import json
 import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from functools import partial
 from typing import Any, Final, Protocol
 
 import numpy as np
 
-from plumbob.core.errors import LineError, ParameterError
+from plumbob.core.errors import LineError
 from plumbob.core.event import Event
-from plumbob.core.flags import GAP, GYR_HELD, TIME_FAULT
+from plumbob.core.flags import GAP, GYR_HELD, TIME_FAULT, names
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns
+from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack
 from plumbob.live.runner import Note
-from plumbob.live.session import SendSpec, Session, parse_send
+from plumbob.live.session import SendSpec, Session, parse_send, require_sent, sends_joints
 from plumbob.live.sinks import Sink, epoch_offset_ns
 from plumbob.live.stream import ItemResult
 from plumbob.live.transports.outgoing import FileTarget, Sender, Target, TcpServer, parse_target, refused
@@ -153,16 +156,11 @@ class SendSink(Sink):
     """
 
     def __init__(
-        self,
-        spec: SendSpec,
-        *,
-        declination: float | None,
-        offset_ns: int,
-        note: Note | None = None,
-        keep: Callable[[Event], object] | None = None,
-        direct: bool = False,
-    ) -> None:
+        self, spec: SendSpec, *, declination: float | None, offset_ns: int, note: Note | None = None,
+        keep: Callable[[Event], object] | None = None, direct: bool = False, joints: bool = False,
+    ) -> None:  # fmt: skip
         self._spec, self._declination, self._offset_ns = spec, declination, offset_ns
+        self._joints = joints
         self.source = spec.of
         self._note, self._keep = note or (lambda line: None), keep
         target = parse_target(spec.to)
@@ -198,6 +196,9 @@ class SendSink(Sink):
     def on_part(self, part: ItemResult) -> None:
         """Send what is due."""
         self._tell()
+        if self._joints:
+            self._send_joints(part)
+            return
         track = part.track
         if track is None or not len(track):
             return
@@ -209,8 +210,7 @@ class SendSink(Sink):
         first = len(joined) - len(track)
         words = np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags
         rows, more = self._due.rows(part.track_ns.tolist(), words.tolist())
-        granted = rows[len(rows) - self._granted(len(rows)) :] if rows else []
-        self.withheld += len(rows) - len(granted)
+        granted = self._granted(rows)
         t0_ns = int(part.track_ns[0]) - int(to_ns(track.t[:1])[0]) + self._offset_ns
         for a in attitudes(
             joined, [row + first for row in granted], t0_ns=t0_ns, utc=True, body=asked_body(self._spec),
@@ -220,16 +220,33 @@ class SendSink(Sink):
                 self._sender.put(data)
         self._before.append(track.end)
 
-    def _granted(self, wanted: int) -> int:
-        """How many of these may go now: a stream that comes in a burst after a stall is not sent in one."""
+    def _send_joints(self, part: ItemResult) -> None:
+        """Send joint angles that are due, each with its standard deviation."""
+        if part.motion is None:
+            return
+        joints = part.motion.joints
+        for row in self._granted(self._due.rows(part.motion_ns.tolist(), joints.flags.tolist())[0]):
+            values = {
+                "t_s": float(joints.t[row]),
+                "utc": datetime.fromtimestamp((int(part.motion_ns[row]) + self._offset_ns) / 1e9, UTC).isoformat(),
+                "joints_deg": dict(zip(joints.names, to_deg(joints.angles[row]).tolist(), strict=True)),
+                "sigma_deg": dict(zip(joints.names, to_deg(joints.sd[row]).tolist(), strict=True)),
+                "hand_m": joints.hand[row].tolist(),
+                "flags": list(names(int(joints.flags[row]))),
+            }
+            self._sender.put((json.dumps(values, separators=(",", ":")) + "\n").encode())
+
+    def _granted(self, rows: list[int]) -> list[int]:
+        """Which of these may go now: a stream that comes in a burst after a stall is not sent in one."""
         if not self._paced or self._spec.rate is None:
-            return wanted
+            return rows
         now = time.monotonic()
         self._allowance = min(self._most, self._allowance + (now - self._looked) * self._spec.rate)
         self._looked = now
-        granted = min(wanted, int(self._allowance))
+        granted = min(len(rows), int(self._allowance))
         self._allowance -= granted
-        return granted
+        self.withheld += len(rows) - granted
+        return rows[len(rows) - granted :]
 
     def on_event(self, event: Event) -> None:
         """Nothing is sent of it."""
@@ -258,13 +275,12 @@ class SendSink(Sink):
 
 def with_sent(session: Session, send: Sequence[str]) -> Session:
     """Session that sends there, too."""
-    if send and not session.has_attitude:
-        raise ParameterError("--send sends an attitude, but nothing estimates one. Name a filter with --filter.")
     chosen = replace(session, send=(*session.send, *map(parse_send, send)))
     declination = session.meta.declination
     best = North.MAGNETIC if declination is None else North.TRUE  # what a heading may count from, at best
     for spec in chosen.send:
         parse_target(spec.to, overwrite=True).require()
+        require_sent(chosen, spec)
         if spec.kind == "nmea":
             from plumbob.protocols.attitude.lines import sentences_for
 
@@ -273,16 +289,14 @@ def with_sent(session: Session, send: Sequence[str]) -> Session:
 
 
 def send_sinks(
-    session: Session,
-    *,
-    note: Note | None = None,
-    keep: Callable[[Event], object] | None = None,
+    session: Session, *, note: Note | None = None, keep: Callable[[Event], object] | None = None,
     replayed_ns: int | None = None,
-) -> list[SendSink]:
+) -> list[SendSink]:  # fmt: skip
     """Sinks of what a session sends: while its line runs, or again, with UTC less the clock of its recording, ns."""
     offset_ns = epoch_offset_ns() if replayed_ns is None else replayed_ns
     how: dict[str, Any] = {"declination": session.meta.declination, "offset_ns": offset_ns, "note": note, "keep": keep}
-    return [SendSink(spec, **how, direct=replayed_ns is not None) for spec in session.send]
+    how |= {"direct": replayed_ns is not None}
+    return [SendSink(spec, **how, joints=sends_joints(session, spec)) for spec in session.send]
 
 
 def asked_body(spec: SendSpec) -> BodyAxes | None:

@@ -2,17 +2,20 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, Any, Final
 
 from plumbob.calibration.gyr.drift import CompensatedRates
 from plumbob.core import schema
 from plumbob.core.errors import FrameError, ParameterError, unknown_name
+from plumbob.core.files import reading
 from plumbob.core.findings import Finding
 from plumbob.core.units import Quantity, given
 from plumbob.data import ImuMeta
 from plumbob.data.array import UnitMount
 from plumbob.data.cards import CalibrationCard
 from plumbob.filters.channel import RateFilter
+from plumbob.filters.known import EXTENSIBLE
 from plumbob.filters.offline import Stage
 from plumbob.live.transports.outgoing import FileTarget, parse_target
 from plumbob.protocols.attitude import BodyAxes
@@ -120,6 +123,40 @@ class RateSpec:
         )
 
 
+def needed_frame(what: str, frame: Frame | None) -> Frame:
+    """The navigation frame of what estimates; FrameError where none is named."""
+    if frame is None:
+        raise FrameError(f"{what} needs imu.frame, because there is no default; known: {', '.join(Frame)}.")
+    return frame
+
+
+@dataclass(frozen=True, slots=True)
+class ChainSpec:
+    """A chain whose segments carry the units; joint angles are estimated as they come, as of `plumbob.arm.run`."""
+
+    file: str
+    text: str  # of that file: a chain, or the card that 'plumbob arm align' makes of it
+    pose: str | tuple[float, ...] | None = None  # angles at the first sample, rad, or ``"zero"``
+    pose_sd: float | None = None  # how exactly they were held, rad
+    params: Mapping[str, Any] = field(default_factory=dict)
+    button: str = ""  # field of the frames that starts a recording from a page, and stops it, where it leaves 0
+
+    def made(self, frame: Frame | None, units: Sequence[str]) -> Any:
+        """A `plumbob.arm.ArmStream`; ParameterError where the chain does not fit the units."""
+        if not units:
+            raise ParameterError('[chain] needs several units that are all decoded; give units = "all" in [format].')
+        arm: Any = EXTENSIBLE.find("chain")
+        how: dict[str, Any] = {
+            "frame": needed_frame("[chain]", frame),
+            "pose": self.pose,
+            "params": self.params,
+            "units": units,
+        }
+        how |= {"pose_sd": self.pose_sd} if self.pose_sd else {}
+        with reading(Path(self.file)):
+            return arm.ArmStream(arm.parsed_chain(self.text, Path(self.file).stem), **how)
+
+
 @dataclass(frozen=True, slots=True)
 class UnitSpec:
     """One of several units of the same frames."""
@@ -170,6 +207,8 @@ class Session:
         All units that are decoded, calibrated and recorded, where these are several; `unit` is one of them.
     scheme : str
         How these are one array, of `plumbob.filters.known.ARRAY_SCHEMES`; empty where they are not.
+    chain : ChainSpec or None
+        The chain that carries them; None where they are on none.
     send : tuple of SendSpec
         To whom the attitude is sent while the line runs; a replay sends only where that is asked for.
     beside : tuple of Session
@@ -193,6 +232,7 @@ class Session:
     texts: Mapping[str, str] = field(default_factory=dict)
     units: tuple[UnitSpec, ...] = ()
     scheme: str = ""
+    chain: ChainSpec | None = None
     send: tuple[SendSpec, ...] = ()
     beside: "tuple[Session, ...]" = ()
 
@@ -206,16 +246,16 @@ class Session:
         """Whether it gives attitudes: of a filter, else those that the device says."""
         return self.stage is not None or self.reference is not None
 
+    @property
+    def made_chain(self) -> Any:
+        """The `plumbob.arm.ArmStream` of its chain; None where it has none."""
+        return None if self.chain is None else self.chain.made(self.frame, [unit.unit for unit in self.units])
+
 
 def send_spec(
-    kind: str,
-    to: str,
-    *,
-    rate: float | str | None = None,
-    sentences: str | Sequence[str] = (),
-    body: BodyAxes | str | None = None,
-    of: str = "",
-) -> SendSpec:
+    kind: str, to: str, *, rate: float | str | None = None, sentences: str | Sequence[str] = (),
+    body: BodyAxes | str | None = None, of: str = "",
+) -> SendSpec:  # fmt: skip
     """What to send, checked."""
     if kind not in SENT_AS:
         raise unknown_name("form of an attitude", kind, SENT_AS)
@@ -231,6 +271,18 @@ def send_spec(
         raise ParameterError("ros2 is written as an MCAP file; name file:PATH.mcap as its target.")
     axes = None if body is None else str(BodyAxes.parse(body))
     return SendSpec(kind, to, given("rate", rate, Quantity.FREQUENCY, positive=True), names, axes, of)
+
+
+def sends_joints(session: Session, spec: SendSpec) -> bool:
+    """Whether it sends the joint angles of the session's chain instead of an attitude."""
+    return session.chain is not None and spec.kind == "json" and not spec.of
+
+
+def require_sent(session: Session, spec: SendSpec) -> None:
+    """Refuse to send what nothing estimates."""
+    if not (session.sources[spec.of].has_attitude or sends_joints(session, spec)):
+        text = f"{spec.kind} sends an attitude, but nothing estimates one. Name a filter with --filter, or [estimate]"
+        raise ParameterError(f"{text}; json sends joint angles." if session.chain else f"{text}.")
 
 
 def parse_send(text: str) -> SendSpec:

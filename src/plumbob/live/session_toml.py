@@ -11,7 +11,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from plumbob.core import check, schema, units
-from plumbob.core.errors import DecodeError, FrameError, ParameterError, UnitError, unknown_name
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError, ParameterError, UnitError, unknown_name
 from plumbob.core.files import reading, text_of
 from plumbob.core.params import describe
 from plumbob.core.resources import guide
@@ -41,6 +42,7 @@ KIND: Final = "plumbob session"
 VERSION: Final = 1
 SESSION: Final = "session.toml"  # under this name a recording keeps the session itself
 IIO: Final = "iio.json"  # under this name it keeps what the kernel said of a device, so that a replay needs none
+POSE: Final = "chain_pose.toml"  # and for the angles at which a chain began that was followed before
 PLACE: Final = "earth_field.json"  # the same for the field at the session's place: neither model nor date is needed
 ALL: Final = "all"  # word for all units of a frame
 
@@ -112,9 +114,21 @@ def recorded_session(texts: Mapping[str, str], name: str) -> parts.Session:
             raise DecodeError(f"the recording does not hold {wanted}; it was not made by 'plumbob record'.")
         return texts[wanted]
 
-    return parse_session(
+    session = parse_session(
         fetch(SESSION), fetch, name=name, describe=lambda _: fetch(IIO), locate=lambda *_: fetch(PLACE), date=""
     )
+    if POSE not in texts or session.chain is None:
+        return session
+    pose = schema.document(texts[POSE], GUIDE, schema.form(_POSED, _POSED))
+    return replace(session, chain=replace(session.chain, **pose), texts={**session.texts, POSE: texts[POSE]})
+
+
+def posed(session: parts.Session, angles: Floats, sd: float) -> parts.Session:
+    """Session whose chain begins at these angles, rad, as one that goes on; a recording of it holds them."""
+    assert session.chain is not None
+    values = ", ".join(f'"{angle!r} rad"' for angle in angles.tolist())
+    texts = {**session.texts, POSE: f'pose = [{values}]\npose_sd = "{sd!r} rad"\n'}
+    return replace(session, chain=replace(session.chain, pose=tuple(angles.tolist()), pose_sd=sd), texts=texts)
 
 
 def _field_at(place: str, date: str) -> str:
@@ -122,14 +136,9 @@ def _field_at(place: str, date: str) -> str:
 
 
 def parse_session(
-    text: str,
-    fetch: Fetch,
-    *,
-    name: str,
-    describe: Describe = described,
-    locate: Locate = _field_at,
+    text: str, fetch: Fetch, *, name: str, describe: Describe = described, locate: Locate = _field_at,
     date: str | None = None,
-) -> parts.Session:
+) -> parts.Session:  # fmt: skip
     """Session from TOML text, as `load_session`; `fetch` gives the text of each file that it names.
 
     `describe` gives what the kernel says of an IIO device, `locate` the field at a place; asked only where they are
@@ -153,8 +162,7 @@ def parse_session(
     for spec in session.send:
         if spec.of not in session.sources:
             raise unknown_name("source", spec.of, names, of="send.of")
-        if not session.sources[spec.of].has_attitude:
-            raise ParameterError("[[send]] sends an attitude, but nothing estimates one. Add [estimate].")
+        parts.require_sent(session, spec)
     return session
 
 
@@ -207,6 +215,7 @@ def _session(tables: Mapping[str, Any], name: str, around: _Around) -> parts.Ses
     if units:
         meta, card = next((spec.meta, spec.card) for spec in units if spec.unit == unit)
     scheme = _scheme(tables, units)
+    chain = None if "chain" not in tables else _chain(tables["chain"], frame, units, form.message(message), keep)
     stage = _stage(tables, scheme, frame, keep)
     return parts.Session(
         name=name,
@@ -227,6 +236,7 @@ def _session(tables: Mapping[str, Any], name: str, around: _Around) -> parts.Ses
         texts=texts,
         units=units,
         scheme=scheme,
+        chain=chain,
     )
 
 
@@ -247,6 +257,16 @@ def _scheme(tables: Mapping[str, Any], units: Sequence[parts.UnitSpec]) -> str:
     if clash := next((name for name in beside if name in tables), ""):
         raise ParameterError(f"[{clash}] does not go with array.scheme = '{scheme}'; leave it out.")
     return scheme
+
+
+def _chain(
+    section: Mapping[str, Any], frame: Frame | None, units: Sequence[parts.UnitSpec], message: Message, keep: Fetch
+) -> parts.ChainSpec:
+    spec = parts.ChainSpec(text=keep(section["file"]), **section)
+    if spec.button and spec.button not in (names := [f.name for f in message.fields]):
+        raise unknown_name("field", spec.button, names, of="chain.button")
+    spec.made(frame, [unit.unit for unit in units])  # refuses what does not fit, before the start
+    return spec
 
 
 def _require_device(card: CalibrationCard | None, device: str, where: str) -> None:
@@ -419,8 +439,7 @@ def _stage(tables: Mapping[str, Any], scheme: str, frame: Frame | None, keep: Fe
     section: Mapping[str, Any] | None = {"filter": scheme} if scheme in ARRAY_FILTERS else tables.get("estimate")
     if section is None:
         return None
-    if frame is None:
-        raise FrameError(f"[estimate] needs imu.frame, because there is no default; known: {', '.join(Frame)}.")
+    frame = parts.needed_frame("[estimate]", frame)
     noise = NoiseCard.from_text(keep(section["noise"]), section["noise"]) if "noise" in section else None
     stage = Stage(section.get("filter", SMOOTHER), section.get("params", {}), noise=noise, init=section.get("init"))
     if stage.init == TRUTH_WORD and "reference" not in tables:
@@ -430,29 +449,14 @@ def _stage(tables: Mapping[str, Any], scheme: str, frame: Frame | None, keep: Fe
 
 
 def capture_session(
-    file: Path | None = None,
-    *,
-    port: str | None = None,
-    capture: str | Path | None = None,
-    iio: str | int | None = None,
-    baud: int = 115200,
-    rate: float | str | None = None,
-    time: str | None = None,
-    format: str | Path | None = None,
-    profile: str | Path | None = None,
-    unit: str | None = None,
-    device: str | None = None,
-    frame: Frame | str | None = None,
-    north: North | str | None = None,
-    place: str | None = None,
-    date: str | None = None,
-    filter: str | None = None,
-    lag: float | str | None = None,
-    params: Mapping[str, Any] | None = None,
-    calibration: CalibrationCard | str | Path | None = None,
-    noise: NoiseCard | str | Path | None = None,
-    init: str | None = None,
-) -> parts.Session:
+    file: Path | None = None, *, port: str | None = None, capture: str | Path | None = None,
+    iio: str | int | None = None, baud: int = 115200, rate: float | str | None = None, time: str | None = None,
+    format: str | Path | None = None, profile: str | Path | None = None, unit: str | None = None,
+    device: str | None = None, frame: Frame | str | None = None, north: North | str | None = None,
+    place: str | None = None, date: str | None = None, filter: str | None = None, lag: float | str | None = None,
+    params: Mapping[str, Any] | None = None, calibration: CalibrationCard | str | Path | None = None,
+    noise: NoiseCard | str | Path | None = None, init: str | None = None,
+) -> parts.Session:  # fmt: skip
     """Session of a file, or of a few words, as the options of the command line are.
 
     Parameters
@@ -533,14 +537,9 @@ def capture_session(
 
 
 def _source_table(
-    port: str | None,
-    capture: str | Path | None,
-    iio: str | int | None,
-    *,
-    baud: int,
-    rate: float | str | None,
+    port: str | None, capture: str | Path | None, iio: str | int | None, *, baud: int, rate: float | str | None,
     time: str | None,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     if iio is not None:
         return {"kind": "iio", "device": int(iio) if str(iio).isdecimal() else iio}
     paced = {"rate": f"{rate!r} Hz" if isinstance(rate, int | float) else rate} if rate else {}
@@ -596,6 +595,10 @@ def _axes(words: str) -> str:
     return words
 
 
+_POSE: Final = schema.either(list, schema.listed(schema.quantity(Quantity.ANGLE), of="angles"), schema.one_of("zero"))
+_PARAMS: Final = schema.mapping(parts.parameter)
+_POSED: Final = {"pose": _POSE, "pose_sd": schema.size(Quantity.ANGLE)}
+_CHAIN: Final = {**_POSED, "params": _PARAMS, **dict.fromkeys(("file", "button"), schema.text)}
 _WORDS: Final = dict.fromkeys(("name", "file", "message"), schema.text)
 _UNIT_NAME: Final = schema.either(int, schema.converted(str, schema.whole(1)), schema.text)
 _FORMAT: Final = {**_WORDS, "unit": _UNIT_NAME, "units": schema.one_of(ALL), "options": schema.mapping(schema.text)}
@@ -680,9 +683,7 @@ _OF_SOURCE: Final[dict[str, Parse]] = {
     "format": schema.form(_FORMAT),
     "imu": schema.form(_IMU),
     "calibration": schema.form({"card": schema.text}, ("card",)),
-    "estimate": schema.form(
-        {"params": schema.mapping(parts.parameter), **dict.fromkeys(("filter", "noise", "init"), schema.text)}
-    ),
+    "estimate": schema.form({"params": _PARAMS, **dict.fromkeys(("filter", "noise", "init"), schema.text)}),
     "reference": schema.table(parts.ReferenceSpec, frame=schema.converted(Frame.parse)),
 }
 """What the bytes of a source mean, beside them or in the session's own tables."""
@@ -703,6 +704,7 @@ SESSION_FORM: Final = schema.form(
         "unit": schema.tables(UNIT),
         "rates": schema.table(parts.RateSpec),
         "array": schema.form({"scheme": schema.one_of(*ARRAY_SCHEMES)}, ("scheme",)),
+        "chain": schema.form(_CHAIN, ("file",)),
         "record": schema.table(parts.RecordSpec),
         "output": schema.table(parts.OutputSpec),
         "send": schema.tables(parts.SEND_TABLE),

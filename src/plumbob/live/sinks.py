@@ -144,13 +144,16 @@ def track_lines(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, 
     angles = to_deg(euler_zyx_from_quat(track.q_nb[rows]))
     words = (np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags)[rows]
     for t, (yaw, pitch, roll), word in zip(track.t[rows].tolist(), angles.tolist(), words.tolist(), strict=True):
-        yield line_of(t, roll, pitch, yaw, word) + "\n"
+        yield line_of(t, (roll, pitch, yaw), word) + "\n"
 
 
 class TextSink(Sink):
-    """Writes a new text file with a line for an attitude every so many s, as the hosts of the papers kept theirs."""
+    """Writes a new text file with a line for an attitude every so many s, as the hosts of the papers kept theirs.
 
-    def __init__(self, path: str | Path, every: float) -> None:
+    With `joints`, the line has the joint angles of a chain.
+    """
+
+    def __init__(self, path: str | Path, every: float, *, joints: bool = False) -> None:
         self._path = Path(path)
         if self._path.exists():
             raise ParameterError(
@@ -158,14 +161,14 @@ class TextSink(Sink):
             )
         require_writable(self._path)
         self._file: TextIO | None = None
-        self._schedule = Schedule(round(every * 1e9))
+        self._schedule, self._joints = Schedule(round(every * 1e9)), joints
 
     def __str__(self) -> str:
         return str(self._path)
 
     def on_part(self, part: ItemResult) -> None:
         """Write what is due, and hand it to the system at once."""
-        track = part.track
+        track = part.track if not self._joints else None if part.motion is None else part.motion.joints
         if track is None:
             return
         due = [i for i, t_ns in enumerate(to_ns(track.t).tolist()) if self._schedule.due(t_ns)]
@@ -174,7 +177,7 @@ class TextSink(Sink):
         first = self._file is None
         if self._file is None:
             self._file = self._path.open("x", encoding="utf-8")
-        self._file.writelines(track_lines(track, due, head=first))
+        self._file.writelines((rows.joint_lines if self._joints else track_lines)(track, due, head=first))
         self._file.flush()
 
     def close(self) -> None:
@@ -184,11 +187,25 @@ class TextSink(Sink):
 
 
 def text_sinks(session: Session) -> list[TextSink]:
-    """The text that a session asks for, as a list; ParameterError where nothing estimates what it would hold."""
-    path = session.output.text
-    if path and not session.has_attitude:
+    """The text that a session asks for, as a list."""
+    return [text_sink(session, session.output.text)] if session.output.text else []
+
+
+def text_sink(session: Session, path: str | Path) -> TextSink:
+    """A text of what a session estimates; ParameterError where it estimates nothing."""
+    if not (session.has_attitude or session.chain):
         raise ParameterError("a text file gets attitudes, but nothing estimates them; give --filter, or [estimate].")
-    return [TextSink(path, session.output.every)] if path else []
+    return TextSink(path, session.output.every, joints=session.chain is not None)
+
+
+ESTIMATES: Final = (rows.ATTITUDE, rows.JOINTS)  # kinds of rows that a line estimates
+
+
+def estimate_rows(kind: str, part: ItemResult) -> Iterator[bytes]:
+    """Rows of a kind that a part gives; none where it gives none."""
+    if kind == rows.JOINTS:
+        return iter(()) if part.motion is None else rows.joint_rows(part.motion_ns.tolist(), part.motion.joints)
+    return iter(()) if part.track is None else rows.attitude_rows(part.track_ns.tolist(), part.track)
 
 
 _EVERY: Final = 0.09  # time after which a chunk is closed, s: with the write itself, a crash costs at most 100 ms
@@ -253,6 +270,7 @@ class RecordingSink:
             units = [unit.unit for unit in each.units] or [source] * bool(sensed)
             topics = [rows.named_topic(rows.IMU, unit) for unit in units]
             topics += [rows.named_topic(rows.ATTITUDE, source)] * each.has_attitude
+            topics += [rows.named_topic(rows.JOINTS, source)] * (each.chain is not None)
             for topic in [rows.named_topic(rows.EVENTS, source), *(topics if spec.samples else [])]:
                 self._channels[topic] = rows.declare(self.recorder, topic)
 
@@ -283,10 +301,10 @@ class RecordingSink:
             if (channel := self._channels.get(rows.named_topic(rows.IMU, unit))) is not None:
                 for row in rows.imu_rows(part.t_ns.tolist(), imu):
                     self.recorder.write(channel, now_ns, row)
-        channel = self._channels.get(rows.named_topic(rows.ATTITUDE, part.source))
-        if channel is not None and part.track is not None:
-            for row in rows.attitude_rows(part.track_ns.tolist(), part.track):
-                self.recorder.write(channel, now_ns, row)
+        for kind in ESTIMATES:
+            if (channel := self._channels.get(rows.named_topic(kind, part.source))) is not None:
+                for row in estimate_rows(kind, part):
+                    self.recorder.write(channel, now_ns, row)
 
     @property
     def facts(self) -> dict[str, Any]:

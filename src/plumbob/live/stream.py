@@ -29,7 +29,7 @@ from plumbob.filters.offline import calibrated, make_follower, start_at
 from plumbob.filters.smoother import FixedLag
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.live.lines import decoder_of
-from plumbob.live.session import Session, UnitSpec, reference_names
+from plumbob.live.session import Session, UnitSpec, needed_frame, reference_names
 from plumbob.live.timing.counter import CountedTime
 from plumbob.live.timing.spec import Counter, TimeSpec
 from plumbob.live.timing.timebase import TimeBase
@@ -44,6 +44,7 @@ BACK: Final = "reopened"  # event after which time starts anew behind a gap
 STARTED_AGAIN: Final = "restarted"
 """Event after which everything starts anew: the recorder itself was away, and nobody knows what came meanwhile."""
 _MINUTE_NS: Final = 60_000_000_000
+_KEYFRAME: Final = 0.1  # time of the samples that a chain takes at once, s
 _NORM: Final = 1e-3  # by which the norm of a quaternion may differ from 1
 _APART_NS: Final = 1_000_000  # least step between samples of two starts; less only where a line ran ahead of the host
 
@@ -75,6 +76,8 @@ class ItemResult:
     units: Mapping[str, UnitPart] = field(default_factory=dict)
     reference: AttitudeTrack | None = None
     source: str = ""  # which of several sources gave it; empty for the first
+    motion: Any = None  # a `plumbob.arm.ArmEstimate` of samples up to here, where the session has a chain
+    motion_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # times of its samples
 
     @property
     def array(self) -> ImuArray | None:
@@ -170,6 +173,8 @@ class Stream:
         self._units = {spec.unit: _UnitReader(spec) for spec in _specs(self.session)}
         self._repeats = Repeats()
         self.filter = _estimator(self.session)
+        self.chain = self.session.made_chain
+        self._unfollowed: list[ImuArray] = []  # samples that the chain has not had
         self._started = False
 
     def taking(self, item: Received | Event | None) -> "list[Stream]":
@@ -201,20 +206,40 @@ class Stream:
     def _with_rest(self, part: ItemResult | None) -> ItemResult | None:
         """What is pending where no sample of this start will come any more: attitudes that were waiting for some."""
         rest = self.filter.finish() if isinstance(self.filter, FixedLag) else None
-        if rest is None or self._newest is None:
+        if self._newest is None or (rest is None and self.chain is None):
             return part
         if part is None:
             newest, no_time = self._newest, np.zeros(0, dtype=np.int64)
             frames = _only(newest.frames, np.zeros(newest.t_ns.size, dtype=bool))
             part = self._part(frames, no_time, no_time.astype(np.uint32))
+        if self.chain is not None:
+            part = self._follow(part, end=True)
         tracks = [track for track in (part.track, rest) if track is not None]
+        if rest is None:
+            return part
         track = AttitudeTrack.joined(tracks, sum(map(len, tracks)))
-        return replace(part, track=track, track_ns=self._track_ns(track))
+        return replace(part, track=track, track_ns=self._track_ns(track.t))
 
-    def _track_ns(self, track: AttitudeTrack) -> NDArray[np.int64]:
+    def _track_ns(self, t: Floats) -> NDArray[np.int64]:
         assert self._t0 is not None
-        track_ns: NDArray[np.int64] = to_ns(track.t) + self._t0
+        track_ns: NDArray[np.int64] = to_ns(t) + self._t0
         return track_ns
+
+    def _follow(self, part: ItemResult, *, end: bool = False) -> ItemResult:
+        """The same with joint angles that its samples complete; the chain takes those of a keyframe at a time."""
+        if self.chain is None or part.array is None:
+            return part
+        waiting = self._unfollowed = [*self._unfollowed, part.array]
+        if not end and waiting[-1].t[-1] - waiting[0].t[0] < _KEYFRAME:
+            return part
+        self._unfollowed = []
+        units = {name: ImuData.joined([array.units[name] for array in waiting]) for name in waiting[0].units}
+        try:
+            motion = self.chain.take(ImuArray(units, waiting[0].mounts), end=end)
+        except PlumbobError as error:  # the pose is not the one that was held
+            self.chain, self.failure = None, error
+            return part
+        return part if motion is None else replace(part, motion=motion, motion_ns=self._track_ns(motion.joints.t))
 
     def lead(self, t_ns: NDArray[np.int64]) -> Floats:
         """By how much stamps (N,), ns, are later than the host's own time, ns: of a device clock, which drifts.
@@ -300,7 +325,7 @@ class Stream:
             self._start(part)
         track, track_ns = self._estimate(part)
         self._newest = replace(part, track=track, track_ns=track_ns)
-        return self._newest
+        return self._follow(self._newest)
 
     def _without_repeats(self, frames: Frames | None) -> Frames | None:
         """Frames that were not sent before; None where there are none."""
@@ -323,7 +348,7 @@ class Stream:
             return part.reference, t_ns
         if isinstance(self.filter, FixedLag):
             ready = self.filter.take(imu)
-            return ready, t_ns[:0] if ready is None else self._track_ns(ready)
+            return ready, t_ns[:0] if ready is None else self._track_ns(ready.t)
         if self.filter is None:
             return None, t_ns[:0]
         try:
@@ -453,9 +478,7 @@ def _specs(session: Session) -> list[UnitSpec]:
 def _estimator(session: Session) -> Filter | FixedLag | None:
     if session.stage is None:
         return None
-    if session.frame is None:
-        raise ParameterError("a session that estimates needs a frame.")
-    return make_follower(session.stage, session.frame, session.meta)
+    return make_follower(session.stage, needed_frame("[estimate]", session.frame), session.meta)
 
 
 def _only(frames: Frames, rows: NDArray[np.bool_]) -> Frames:

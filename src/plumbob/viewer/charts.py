@@ -150,13 +150,9 @@ def tick(state: Mapping[str, Any], rows: Rows, epoch: int) -> bytes:
 
 
 def binary(
-    kind: int,
-    state: Mapping[str, Any] | None,
-    t: Floats,
-    flags: NDArray[np.uint32],
-    values: NDArray[np.float32],
+    kind: int, state: Mapping[str, Any] | None, t: Floats, flags: NDArray[np.uint32], values: NDArray[np.float32],
     epoch: int,
-) -> bytes:
+) -> bytes:  # fmt: skip
     """Binary message as `plumbob.viewer.messages` lays it out; values are (M, N)."""
     text = b"" if state is None else as_json(state).encode()
     text += b" " * (-len(text) % _ALIGNED)

@@ -396,7 +396,7 @@ class Derived:
             return
         angles = values[np.ix_(due, columns)].tolist()
         lines = [
-            line_of(at, roll, pitch, math.remainder(yaw, 360.0), word)
+            line_of(at, (roll, pitch, math.remainder(yaw, 360.0)), word)
             for at, (roll, pitch, yaw), word in zip(t[due].tolist(), angles, words[due].tolist(), strict=True)
             if math.isfinite(roll)
         ]

@@ -15,7 +15,6 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, one_line
 from plumbob.core.event import Event
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.chain import Chain
 from plumbob.filters import Start
 from plumbob.live.lines import LineFormat, blank_frames
 from plumbob.live.runner import LONG
@@ -127,19 +126,10 @@ class Feed(Sink):
     source = None
 
     def __init__(
-        self,
-        stream: Stream,
-        outlet: Outlet,
-        *,
-        also: Sequence[str] = (),
-        chain: Chain | None = None,
-        truth: AttitudeTrack | None = None,
-        control: bool = False,
-        recording: bool = False,
-        beside: Callable[[], Mapping[str, Any]] | None = None,
-        note: Callable[[str], object] | None = None,
-        clock: Callable[[], int] = time.monotonic_ns,
-    ) -> None:
+        self, stream: Stream, outlet: Outlet, *, also: Sequence[str] = (), truth: AttitudeTrack | None = None,
+        control: bool = False, recording: bool = False, beside: Callable[[], Mapping[str, Any]] | None = None,
+        note: Callable[[str], object] | None = None, clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:  # fmt: skip
         self.failed = ""  # why the view has ended; empty while it goes on
         self._stream, self._outlet, self._note, self._clock = stream, outlet, note, clock
         self._control, self._recording = control, recording
@@ -160,7 +150,7 @@ class Feed(Sink):
         }
         self._preparing: dict[str, threading.Thread] = {}
         self._started = False
-        self._follower = None if chain is None else self._following(chain)
+        self._figure = None if stream.chain is None else drawn.JointFigure(stream.chain, stream.session.frame)
         self._own = None if session.stage is None else self._own_shown()
         self._layout = self._laid_out({})
         self._samples = 0
@@ -272,6 +262,8 @@ class Feed(Sink):
 
     def _take(self, part: ItemResult) -> None:
         self._held.add(part)
+        if self._figure is not None and part.motion is not None:
+            self._figure.take(part.motion)
         self._samples += part.t_ns.size
         if part.t_ns.size and self._stretched:
             self._known["arrived_ns"] = self._clock()
@@ -317,7 +309,8 @@ class Feed(Sink):
         for t, text in self._flags.changes(imu.t, words):
             self._outlet.event(t, "flag", text)
         self._remember(ready, attitudes, reference)
-        values = layout.values(imu, len(imu), attitudes, reference)
+        joints = None if self._figure is None else self._figure.values(imu.t)
+        values = layout.values(imu, len(imu), attitudes, reference, joints)
         return {"t": imu.t, "flags": words, "values": values, "sensed": rows.sensed_rows(ready.sensed)}
 
     def _remember(
@@ -325,9 +318,8 @@ class Feed(Sink):
     ) -> None:
         """The newest of what has no rows."""
         last, now = ready.parts[-1], self._known
-        if self._follower is not None:
-            self._follower.take(drawn.joined_units([part.units for part in ready.parts]))
-            now["points"] = self._follower.points
+        if self._figure is not None:
+            now["points"] = self._figure.points
         fields = {name: values[-1:] for name, values in last.frames.columns.items()}
         now["raw"] = [numbers(column)[0] for column in rows.raw_fields(self._message, fields).values()]
         now["attitudes"] |= rows.attitudes_now(self._layout, attitudes, reference)
@@ -376,14 +368,6 @@ class Feed(Sink):
         assert filter_ is not None
         return rows.shown_estimator(stage.name, stage.filter, drawn.described(filter_), primary=True)
 
-    def _following(self, chain: Chain) -> drawn.ChainFollower:
-        session = self._stream.session
-        if self._frame is None:
-            raise ParameterError("a chain needs a navigation frame; give --frame.")
-        if not session.units:
-            raise ParameterError("a chain needs a line of several units that are all decoded; give --unit all.")
-        return drawn.ChainFollower(chain, self._frame, [unit.unit for unit in session.units])
-
     def _lay_out(self) -> None:
         """Take over other estimators."""
         self._layout = self._laid_out({})
@@ -398,7 +382,8 @@ class Feed(Sink):
             shown[0] = shown[0]._replace(estimator=replace(shown[0].estimator, primary=True))
         if attitudes:
             shown = rows.headed_estimators(shown, attitudes, north)
-        return rows.RowLayout(self._triads, self._temperature, tuple(shown), self._reference_told())
+        joints = () if self._figure is None else self._figure.names
+        return rows.RowLayout(self._triads, self._temperature, tuple(shown), self._reference_told(), joints)
 
     def _reference_told(self) -> str | None:
         if self._truth is not None:
@@ -419,7 +404,7 @@ class Feed(Sink):
             north=None if self._north is None else str(self._north),
             rate=session.meta.rate_nominal,
             raw=self._raw_columns,
-            skeleton=None if self._follower is None else self._follower.skeleton,
+            skeleton=None if self._figure is None else self._figure.skeleton,
             guides=[name for name, triad in GUIDES.items() if triad in self._triads],
             control=self._control,
             recording=self._recording,
@@ -432,7 +417,7 @@ class Feed(Sink):
 def probed(session: Session) -> ItemResult | None:
     """Part of made-up frames of a session, which shows what its samples have; None where none can be made."""
     message = session.form.message(session.message)
-    other = Stream(replace(session, stage=None, rates=None, scheme=""))
+    other = Stream(replace(session, stage=None, rates=None, scheme="", chain=None))
     if isinstance(session.form, LineFormat):
         return other.through({message.name: blank_frames(message)})
     physical = [field.name for field in message.fields if field.physical][:1]

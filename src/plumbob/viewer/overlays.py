@@ -1,34 +1,36 @@
 """Further estimators beside the session's own, on the same samples; and a chain's posture from its units."""
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 
+from plumbob.arm import ArmEstimate, ArmStream, JointTrack
+from plumbob.arm.estimation import INSIDE
 from plumbob.calibration.predicted import NAMES, REGIONS
-from plumbob.core import __version__, flags
+from plumbob.core import __version__
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, unknown_name
 from plumbob.core.time import to_ns
+from plumbob.core.units import to_deg
 from plumbob.data import ImuData, ImuMeta
-from plumbob.data.chain import Chain, Posture
 from plumbob.filters import Filter, Start, estimator_names
 from plumbob.filters.known import EXTENSIBLE
 from plumbob.filters.offline import Stage, make_follower
 from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.live.sinks import Sink, joined_tracks
-from plumbob.live.stream import ItemResult, Stream, UnitPart
+from plumbob.live.stream import ItemResult, Stream
 from plumbob.reporting.arm import stick_points
-from plumbob.rotations import Frame, North, change_frame, quat_conjugate, quat_multiply, quat_rotate
+from plumbob.rotations import Frame, North, change_frame, frame_rotation, quat_rotate
 from plumbob.viewer.messages import Estimator, Skeleton
 from plumbob.viewer.rows import Attitudes, RowLayout, ShownEstimator, rows_at, shown_estimator
 
 MOST: Final = 8  # Overlays at the same time
 _PARTS: Final = 64  # of another source that are looked at for its attitude
-_OF_UNITS: Final = "mekf"  # What estimates each unit of a chain
-_ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT)
+_MOTIONS: Final = 16  # parts of joint angles that are looked at
+_JOINTS_LATE: Final = 0.2  # s; two keyframes
 
 
 def addable(triads: Sequence[str]) -> list[str]:
@@ -133,70 +135,44 @@ class SourceOverlay(Sink):
         return Attitudes(change_frame(q_nb, to=frame, from_=track.frame), frame, track.north)
 
 
-class ChainFollower:
-    """Follows a chain, whose joints all have places, by an estimator on each of its units."""
+class JointFigure:
+    """Joint angles of a chain and its stick figure, as a `plumbob.arm.ArmStream` has them.
 
-    def __init__(self, chain: Chain, frame: Frame, units: Sequence[str]) -> None:
-        if not chain.known:
-            raise ParameterError(f"the chain {chain.name} does not say where its joints lie; use a card of arm align.")
-        carried = {segment.unit: segment for segment in chain.segments if segment.unit}
-        if not carried.keys() & set(units):
-            raise ParameterError(
-                f"the chain {chain.name} has the units {', '.join(carried)}, but the line has {', '.join(units)}."
-            )
-        self._chain, self._frame = chain, frame
-        self._segments = {unit: segment for unit, segment in carried.items() if unit in units}
-        self._filters = {unit: Filter(_OF_UNITS, frame=frame) for unit in self._segments}
-        self._now: dict[str, Floats] = {}
-        identity = np.array([[1.0, 0.0, 0.0, 0.0]])
-        points, lines = stick_points(chain, chain.postures(np.zeros((1, len(chain.angles))), identity[0]))
+    Angles come behind the samples by up to two keyframes, and are shown so late.
+    """
+
+    def __init__(self, follower: ArmStream, frame: Frame | None) -> None:
+        chain, frame = follower.chain, frame or Frame.ENU
+        self._chain = chain
+        self._base = INSIDE[frame] if chain.base_fixed else Frame.ENU
+        self._frame, self.names = frame, chain.angles
+        points, lines = stick_points(chain, chain.postures(np.zeros((1, len(chain.angles))), np.eye(1, 4)))
         names = list(points)
         self.skeleton = Skeleton(points=names, lines=[[names.index(a), names.index(b)] for a, b in lines])
+        self._motions: deque[ArmEstimate] = deque(maxlen=_MOTIONS)
+        self.points: list[list[float]] | None = None  # of the stick figure, m, navigation axes
 
-    def take(self, units: Mapping[str, ImuData]) -> None:
-        """Follow the next samples of each unit, calibrated."""
-        self._now = {name: q_nb[-1] for name, q_nb in self.along(units).items()}
+    def take(self, motion: ArmEstimate) -> None:
+        """Take what the stream has given next."""
+        self._motions.append(motion)
+        self.points = self.stick(motion)[-1].tolist()
 
-    def along(self, units: Mapping[str, ImuData]) -> dict[str, Floats]:
-        """Attitudes (N, 4) of the segments at the next samples of each unit; NaN where it is silent."""
-        attitudes = {}
-        for unit, segment in self._segments.items():
-            imu = units[unit]
-            q_ns = self._filters[unit].process(imu, look=False).q_nb
-            silent = (imu.flags & _ABSENT) == _ABSENT
-            q_nb = quat_multiply(q_ns, quat_conjugate(np.array(segment.mount.q_bs)))
-            attitudes[segment.name] = np.where(silent[:, np.newaxis], np.nan, q_nb)
-        return attitudes
+    def stick(self, motion: ArmEstimate) -> Floats:
+        """Where the points of the stick figure are at each sample (N, P, 3), m, navigation axes."""
+        points = stick_points(self._chain, motion.postures())[0].values()
+        places = [np.broadcast_to(point, (len(motion.joints), 3)) for point in points]
+        return np.asarray(quat_rotate(frame_rotation(self._frame, self._base), np.stack(places, axis=1)))
 
-    @property
-    def points(self) -> list[list[float] | None]:
-        """Where the points of the stick figure are, m, navigation axes; None behind a unit that is missing."""
-        return self.joint_points(self._now)
-
-    def joint_points(self, attitudes: Mapping[str, Floats]) -> list[list[float] | None]:
-        """The same of attitudes (4,) of the segments that have a unit."""
-        stick = stick_points(self._chain, self._postures(attitudes))[0]
-        return [point[0].tolist() if np.isfinite(point).all() else None for point in map(np.atleast_2d, stick.values())]
-
-    def _postures(self, attitudes: Mapping[str, Floats]) -> dict[str, Posture]:
-        """Where each segment is; one without a unit stands as it is drawn on its parent, the root upright."""
-        postures, units = dict[str, Posture](), {segment.name: segment.unit for segment in self._chain.segments}
-
-        def attitude(segment: str, drawn: Floats) -> Floats:
-            q_nb = attitudes.get(segment, np.full(4, np.nan)) if units[segment] else drawn
-            return q_nb[np.newaxis]
-
-        root = self._chain.segments[0].name
-        upright = change_frame(np.array([1.0, 0.0, 0.0, 0.0]), to=self._frame, from_=Frame.NWU)  # and x to North
-        postures[root] = Posture(attitude(root, upright), np.zeros((1, 3)))
-        for joint in self._chain.joints:
-            parent = postures[joint.parent]
-            at = parent.pos_n + quat_rotate(parent.q_nb, np.array(joint.place))
-            drawn = quat_multiply(parent.q_nb[0], np.array(joint.q_pc))
-            postures[joint.child] = Posture(attitude(joint.child, drawn), at)
-        return postures
+    def values(self, t: Floats) -> Floats:
+        """Angles and standard deviations (N, 2K), degrees, at so late times (N,), s; NaN before the first."""
+        if not self._motions:
+            return np.full((t.size, 2 * len(self.names)), np.nan)
+        return joint_values([motion.joints for motion in self._motions], t - _JOINTS_LATE)
 
 
-def joined_units(parts: Sequence[Mapping[str, UnitPart]]) -> dict[str, ImuData]:
-    """Calibrated samples of each unit, of parts that follow each other."""
-    return {name: ImuData.joined([part[name].imu for part in parts]) for name in parts[0]} if parts else {}
+def joint_values(tracks: Sequence[JointTrack], t: Floats) -> Floats:
+    """Angles and standard deviations (N, 2K), degrees, as they are known at times (N,), s; NaN before the first."""
+    stamps = np.concatenate([track.t for track in tracks])
+    angles = np.concatenate([np.hstack((track.angles, track.sd)) for track in tracks if track.sd is not None])
+    at = np.searchsorted(stamps, t, "right") - 1
+    return to_deg(np.where(at[:, np.newaxis] < 0, np.nan, angles[at]))

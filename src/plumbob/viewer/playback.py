@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.arm import ArmCard, ArmEstimate, ArmStream
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.event import Event
@@ -30,7 +31,7 @@ from plumbob.rotations import Frame
 from plumbob.viewer import rows
 from plumbob.viewer.commands import Outlet
 from plumbob.viewer.messages import Batch, Hello, Link, Playback, numbers
-from plumbob.viewer.overlays import ChainFollower, described, frame_faults, greeting, require_addable
+from plumbob.viewer.overlays import JointFigure, described, frame_faults, greeting, joint_values, require_addable
 
 BEFORE: Final = 60.0  # Time before a place that is shown with it, s
 SPEEDS: Final = 0.1, 100.0
@@ -65,6 +66,8 @@ class Loaded:
     estimates: list[Estimate]  # the primary one first
     reference: AttitudeTrack | None = None
     array: ImuArray | None = None  # all units, where it has several
+    follower: ArmStream | None = None  # of its chain, where it is on one
+    motion: ArmEstimate | None = None  # what that gave
     raw: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (N,), fields of the frames, in counts
     message: Message | None = None  # what they are
     events: Sequence[tuple[float, Event]] = ()  # events at their time, s
@@ -82,18 +85,10 @@ class Loaded:
 
 
 def load(
-    path: Path,
-    filter: str | None = None,
-    *,
-    also: Sequence[str] = (),
-    chain: Chain | None = None,
-    unit: str | None = None,
-    profile: str | Path | None = None,
-    calibration: Any = None,
-    frame: Frame | str | None = None,
-    note: Note | None = None,
-    **options: Any,
-) -> Loaded:
+    path: Path, filter: str | None = None, *, also: Sequence[str] = (),
+    chain: Chain | ArmCard | str | Path | None = None, unit: str | None = None, profile: str | Path | None = None,
+    calibration: Any = None, frame: Frame | str | None = None, note: Note | None = None, **options: Any,
+) -> Loaded:  # fmt: skip
     """Read and estimate a recording that `plumbob.read` reads.
 
     With a `filter` or any of `options` (those of `plumbob.estimate`) the estimate that the recording carries does not
@@ -116,7 +111,11 @@ def load(
     for name in also:
         estimates.append(estimated(name, primary=False))
     _require_unlike([est.shown.name for est in estimates])
-    return replace(loaded, estimates=estimates)
+    loaded = replace(loaded, estimates=estimates)
+    follower = loaded.follower if chain is None else ArmStream(chain, frame=frame or loaded.frame)
+    if follower is None or loaded.array is None:
+        return loaded
+    return replace(loaded, follower=follower, motion=follower.take(loaded.array, end=True))
 
 
 def _estimated(
@@ -186,7 +185,7 @@ def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, fram
     if frame is not None:
         nav_frame = Frame.parse(frame)
         session = replace(session, frame=nav_frame, meta=replace(session.meta, frame=nav_frame))
-    replayed = replay(log, session=session, calibration=calibration, covariance=True)
+    replayed = replay(log, session=replace(session, chain=None), calibration=calibration, covariance=True)
     imu, sensed = replayed.imu, replayed.found.imu(calibrated=False)
     collected, t0_ns = replayed.found, replayed.stream.t0_ns or 0
     if not collected.parts:
@@ -211,6 +210,7 @@ def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, fram
         estimates=estimates,
         reference=collected.said(),
         array=collected.array(calibrated=True),
+        follower=session.made_chain,
         raw=_recorded_raw(replayed, message),
         message=message,
         events=[((event.t_ns - t0_ns) / 1e9, event) for event in collected.events],
@@ -232,14 +232,8 @@ class Player:
     """Plays a recording into an outlet; `clock` is monotonic, ns."""
 
     def __init__(
-        self,
-        loaded: Loaded,
-        outlet: Outlet,
-        *,
-        chain: Chain | None = None,
-        control: bool = False,
-        clock: Callable[[], int] = time.monotonic_ns,
-    ) -> None:
+        self, loaded: Loaded, outlet: Outlet, *, control: bool = False, clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:  # fmt: skip
         self._loaded, self._outlet, self._clock, self._control = loaded, outlet, clock, control
         self.playing, self.speed = True, 1.0
         self._t = loaded.t
@@ -249,7 +243,8 @@ class Player:
         self._event = 0
         self._told_ns = clock()
         self._still_ns = 0
-        self._chain = None if chain is None else _Postures(chain, loaded)
+        self._figure = None if loaded.follower is None else JointFigure(loaded.follower, loaded.frame)
+        self._stick = None if loaded.motion is None or self._figure is None else self._figure.stick(loaded.motion)
         self._lay_out()
         self._outlet.hello(self.hello())
 
@@ -351,9 +346,10 @@ class Player:
         sensed = np.full((count, 10), np.nan)
         if count and loaded.sensed is not None:
             sensed = rows.sensed_rows(loaded.sensed[span])
-        values = (
-            self._layout.values(imu, count, attitudes, reference) if count else np.zeros((0, len(self._layout.columns)))
-        )
+        joints = None if loaded.motion is None else joint_values([loaded.motion.joints], self._t[span])
+        values = np.zeros((0, len(self._layout.columns)))
+        if count:
+            values = self._layout.values(imu, count, attitudes, reference, joints)
         arrays = {"t": self._t[span], "flags": self._words[span], "values": values, "sensed": sensed}
         return Batch(arrays, self._fields(at))
 
@@ -371,7 +367,7 @@ class Player:
             "attitudes": rows.attitudes_now(self._layout, attitudes, reference),
             "gravity_b": None if imu is None else rows.newest(imu.usable("acc")),
             "field_b": None if imu is None else rows.newest(imu.usable("mag")),
-            "points": None if self._chain is None else self._chain.points(at.start),
+            "points": None if self._stick is None else self._stick[at.start].tolist(),
             "link": asdict(link),
             "recording": None,
             "text": None,
@@ -392,7 +388,8 @@ class Player:
         triads = () if loaded.imu is None else loaded.imu.triads
         warm = loaded.imu is not None and loaded.imu.temp_c is not None
         title = None if reference is None else reference.source or "reference"
-        self._layout = rows.RowLayout(triads, warm, tuple(shown), title)
+        joints = () if loaded.motion is None else loaded.motion.joints.names
+        self._layout = rows.RowLayout(triads, warm, tuple(shown), title, joints)
         self._words = np.zeros(loaded.t.size, dtype=np.uint32) if loaded.imu is None else loaded.imu.flags
         if self._held and self._held[0].flags is not None:
             self._words = self._words | self._held[0].flags
@@ -413,7 +410,7 @@ class Player:
             north=str(self._held[0].north) if self._held else None,
             rate=self._rate,
             raw=[] if loaded.message is None else rows.raw_columns(loaded.message, loaded.raw),
-            skeleton=None if self._chain is None else self._chain.skeleton,
+            skeleton=None if self._figure is None else self._figure.skeleton,
             guides=(),
             control=self._control,
             recording=False,
@@ -428,18 +425,3 @@ def _at_samples(est: Estimate, t: Floats) -> rows.Attitudes:
     if len(est.track) == len(t) and np.array_equal(est.track.t, t):
         return rows.Attitudes.from_track(est.track, None, est.declination)
     return rows.Attitudes.from_track(est.track, rows.rows_at(to_ns(t), to_ns(est.track.t)), est.declination)
-
-
-class _Postures:
-    """A chain at every sample of a recording."""
-
-    def __init__(self, chain: Chain, loaded: Loaded) -> None:
-        if loaded.array is None or loaded.frame is None:
-            raise ParameterError("a chain needs a recording of several units, and a navigation frame.")
-        self._follower = ChainFollower(chain, loaded.frame, loaded.array.names)
-        self._attitudes = self._follower.along(loaded.array.units)
-        self.skeleton = self._follower.skeleton
-
-    def points(self, row: int) -> list[list[float] | None]:
-        """Points of the stick figure at a sample."""
-        return self._follower.joint_points({name: q[row] for name, q in self._attitudes.items()})

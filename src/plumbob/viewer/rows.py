@@ -119,11 +119,15 @@ class RowLayout:
     temperature: bool  # whether it has one
     shown: Sequence[ShownEstimator]  # estimators, the primary one first, without the reference
     reference: str | None = None  # what the reference is; None where there is none
+    joints: Sequence[str] = ()  # names of a chain's angles
     columns: list[Column] = field(init=False)
 
     def __post_init__(self) -> None:
         """Name the columns."""
-        object.__setattr__(self, "columns", [*self._of_sensors(), *self._of_estimators()])
+        columns = [*self._of_sensors(), *self._of_estimators()]
+        for chart, end, digits in (("joint", "", 2), ("joint_sd", ".sd", 2)):
+            columns += [_column(f"joint.{name}{end}", chart, name, "°", digits, "joints") for name in self.joints]
+        object.__setattr__(self, "columns", columns)
 
     @property
     def estimators(self) -> list[Estimator]:
@@ -161,9 +165,10 @@ class RowLayout:
             yield from (_column(f"{REFERENCE}.{angle}", "attitude", angle, "°", 2, REFERENCE) for angle in _ANGLES)
 
     def values(
-        self, imu: ImuData | None, count: int, attitudes: Mapping[str, Attitudes], reference: Attitudes | None
-    ) -> Floats:
-        """Values (N, M) of the columns, in their units, of calibrated samples and the attitudes at them."""
+        self, imu: ImuData | None, count: int, attitudes: Mapping[str, Attitudes], reference: Attitudes | None,
+        joints: Floats | None = None,
+    ) -> Floats:  # fmt: skip
+        """Values (N, M) of the columns, in their units, of calibrated samples, and attitudes and joints at them."""
         blocks = [] if imu is None else list(self._sensed(imu))
         true = None
         if self.reference is not None:
@@ -173,6 +178,8 @@ class RowLayout:
             blocks += self._estimated(shown, attitudes[shown.name], imu, true)
         if true is not None:
             blocks.append(euler_deg(true))
+        if joints is not None:
+            blocks.append(joints)
         return np.concatenate(blocks, axis=1) if blocks else _nothing(count, 0)
 
     def _sensed(self, imu: ImuData) -> Iterator[Floats]:

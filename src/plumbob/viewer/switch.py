@@ -1,18 +1,26 @@
 """A recording that starts and stops while the line runs, marks in it, and a text beside it."""
 
 import re
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob.core.errors import ParameterError
+import numpy as np
+
+from plumbob.arm import JointTrack, export, taught
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, PlumbobError
 from plumbob.core.event import Event
+from plumbob.core.text import counted
 from plumbob.files.mcap.layout import SUFFIX, dated, existing_parts
 from plumbob.live.runner import hand_on
 from plumbob.live.session import RecordSpec
-from plumbob.live.sinks import RecordingSink, TextSink, epoch_offset_ns
+from plumbob.live.session_toml import posed
+from plumbob.live.sinks import RecordingSink, Sink, TextSink, epoch_offset_ns, text_sink
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.live.transports.outgoing import require_writable
 from plumbob.live.transports.transport import Received
@@ -31,18 +39,18 @@ class Switch:
     """
 
     def __init__(
-        self,
-        stream: Stream,
-        folder: Path,
-        sink: RecordingSink | None = None,
+        self, stream: Stream, folder: Path, sink: RecordingSink | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._stream, self._folder, self._clock = stream, folder, clock
         self._sink, self._second = sink, None if sink is None else stream
         self._since = time.time()
         self._behind: Event | None = None
         self._events: list[Event] = []
         self._text: TextSink | None = None
+        self._joints, self._pressed = TaughtJoints(), False
+        self._teaching: list[threading.Thread] = []
+        self._pose: tuple[Floats, float] | None = None  # newest joint angles, and how exactly they are known, rad
         self.recordings: list[dict[str, Any]] = []  # facts of each that has ended
         self.failures: list[Event] = []  # of sinks beside it
         self.text: str | None = None  # text file that is written
@@ -60,8 +68,11 @@ class Switch:
             raise ParameterError(f"{self._sink.recorder.path.name} is being recorded; stop it first.")
         session = replace(self._stream.session, record=None)
         path = self._free(name, SUFFIX)
+        if self._pose is not None:
+            session = posed(session, *self._pose)
         sink = RecordingSink(session, RecordSpec(str(path)))
         sink.start()
+        self._joints = TaughtJoints()
         self._sink, self._second, self._since = sink, Stream(session), time.time()
         self._say("recording", f"{path.name} is being recorded")
         return str(path)
@@ -81,6 +92,7 @@ class Switch:
         if not text:
             raise ParameterError("a mark needs text.")
         event = Event(self._clock(), MARK, text)
+        self._joints.marks.append(event)
         self._events.append(event)
         if self._sink is not None:
             self._sink.on_item(event)
@@ -90,11 +102,10 @@ class Switch:
         """Start a text file, and say where."""
         if self.text is not None:
             raise ParameterError(f"{Path(self.text).name} is being written; stop it first.")
-        session = self._stream.session
-        if self._stream.filter is None and (session.stage is not None or not session.has_attitude):
-            raise ParameterError("a text file gets attitudes, but nothing estimates them; give --filter.")
-        path = self._free(name, ".txt")
-        self._text, self.text = TextSink(path, session.output.every), str(path)
+        session, path = self._stream.session, self._free(name, ".txt")
+        if self._stream.filter is None:
+            session = replace(session, stage=None)  # it has failed
+        self._text, self.text = text_sink(session, path), str(path)
         self._say("text", f"{path.name} is being written")
         return str(path)
 
@@ -118,18 +129,35 @@ class Switch:
             return
         self._sink.on_item(item)
         if self._second is not None and self._second is not self._stream:
-            hand_on(self._second, item, item.t_ns, (), self._sink)
+            hand_on(self._second, item, item.t_ns, [self._joints], self._sink)
 
     def on_part(self, part: ItemResult, now_ns: int) -> None:
         """Keep what the line made of it."""
         if self._sink is not None and self._second is self._stream:
             self._sink.on_part(part, now_ns)
+            self._joints.on_part(part)
+        if part.motion is not None and not part.source:
+            joints = part.motion.joints
+            self._pose = joints.angles[-1], float(np.max(joints.sd[-1]))
+        chain = self._stream.session.chain
+        if chain is not None and chain.button and not part.source:
+            self._press(part.frames.columns[chain.button].astype(bool).tolist())
         if self._text is not None and not part.source:
             try:
                 self._text.on_part(part)
             except OSError as error:
                 self._events.append(Event(now_ns, "failed", f"{self.text} cannot be written any more: {error}."))
                 self._text = self.text = None
+
+    def _press(self, down: Sequence[bool]) -> None:
+        """Start or stop a recording each time that a button of the device is pressed."""
+        for before, now in pairwise([self._pressed, *down]):
+            if now and not before:
+                try:
+                    _ = self.record() if self._sink is None else self.stop()
+                except PlumbobError as error:
+                    self._say("failed", str(error))
+        self._pressed = down[-1] if down else self._pressed
 
     def tick(self, now_ns: int) -> list[Event]:
         """Send off what is due, and return what has happened."""
@@ -148,6 +176,8 @@ class Switch:
             self._text = self.text = None
         if self._sink is not None:
             self._end(self._clock())
+        for thread in self._teaching:
+            thread.join()
         events, self._events = self._events, []
         return events
 
@@ -155,12 +185,30 @@ class Switch:
         sink, second = self._sink, self._second
         assert sink is not None
         if second is not None and second is not self._stream:
-            hand_on(second, None, now_ns, (), sink)
+            hand_on(second, None, now_ns, [self._joints], sink)
         self._events += sink.close()
         self._sink = self._second = None
         facts = {**sink.facts, "failed": bool(sink.failures)}
         self.recordings.append(facts)
+        if self._joints.tracks and second is not None:
+            program = Path(facts["path"]).with_suffix(".csv")
+            self._teaching.append(threading.Thread(target=self._teach, args=(self._joints, second, program)))
+            self._teaching[-1].start()  # a long recording takes seconds, which the line must not wait for
         return facts
+
+    def _teach(self, joints: "TaughtJoints", stream: Stream, path: Path) -> None:
+        """Write the program of a recording of a chain beside it."""
+        try:
+            program = taught(joints.track(), stream.chain and stream.chain.chain)
+            export(program, path)
+        except (PlumbobError, OSError) as error:
+            self._say("failed", f"{path.name}: {error}")
+            return
+        at = [(event.t_ns - (stream.t0_ns or 0)) / 1e9 for event in joints.marks]
+        marks = [f"{event.text} at {t:.2f} s" for event, t in zip(
+            joints.marks, np.interp(at, np.asarray(program.recorded), program.t), strict=True)]  # fmt: skip
+        stops = counted(len(program.stops), "stop")
+        self._say("program", "; ".join([f"{path.name}: {program.t[-1]:.2f} s, {stops}", *marks]))
 
     def _free(self, name: str, suffix: str) -> Path:
         """Path of a new file: the name and the time, and a number where that exists."""
@@ -176,6 +224,24 @@ class Switch:
 
     def _say(self, kind: str, text: str) -> None:
         self._events.append(Event(self._clock(), kind, text))
+
+
+class TaughtJoints(Sink):
+    """Keeps joint angles of a recording, and its marks."""
+
+    def __init__(self) -> None:
+        self.tracks: list[JointTrack] = []
+        self.marks: list[Event] = []
+
+    def on_part(self, part: ItemResult) -> None:
+        """Keep its joint angles."""
+        if part.motion is not None:
+            self.tracks.append(part.motion.joints)
+
+    def track(self) -> JointTrack:
+        """Angles of the whole."""
+        t, angles = (np.concatenate([getattr(track, name) for track in self.tracks]) for name in ("t", "angles"))
+        return JointTrack(t, self.tracks[0].names, angles)
 
 
 def lossy(recordings: Sequence[dict[str, Any]]) -> bool:

@@ -20,13 +20,13 @@ from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
 from plumbob.data.cards import CalibrationCard
-from plumbob.data.chain import Chain, load_chain
+from plumbob.data.chain import Chain, chain_text
 from plumbob.door.reading import read
 from plumbob.live.record import announce
 from plumbob.live.runner import Note, Ran, Watch, run_stream, silence_words
 from plumbob.live.sending import send_sinks, with_sent
-from plumbob.live.session import Session
-from plumbob.live.session_toml import ALL, SESSION, capture_session, of_unit, parse_session
+from plumbob.live.session import ChainSpec, Session
+from plumbob.live.session_toml import ALL, SESSION, capture_session, parse_session
 from plumbob.live.sinks import RecordingSink, Sink, named_at, text_sinks
 from plumbob.live.sources import open_sources
 from plumbob.live.stream import Stream
@@ -93,27 +93,13 @@ def has_display() -> bool:
 
 
 def view(
-    what: "Session | str | Path | None" = None,
-    *,
-    host: str = "127.0.0.1",
-    http_port: int = HTTP_PORT,
-    control: bool = False,
-    clients: int | None = None,
-    allow_origin: Sequence[str] = (),
-    folder: str | Path = ".",
-    also: Sequence[str] = (),
-    chain: Chain | str | Path | None = None,
-    emulate: str | None = None,
-    terminal: bool = False,
-    lang: str = "en",
-    open_browser: bool = False,
-    duration: float | str | None = None,
-    send: Sequence[str] = (),
-    stop: Stopping | None = None,
-    note: Note | None = None,
-    opened: Callable[[str], object] | None = None,
-    **line: Any,
-) -> Viewed:
+    what: "Session | str | Path | None" = None, *, host: str = "127.0.0.1", http_port: int = HTTP_PORT,
+    control: bool = False, clients: int | None = None, allow_origin: Sequence[str] = (), folder: str | Path = ".",
+    also: Sequence[str] = (), chain: Chain | str | Path | None = None, emulate: str | None = None,
+    terminal: bool = False, lang: str = "en", open_browser: bool = False, duration: float | str | None = None,
+    send: Sequence[str] = (), stop: Stopping | None = None, note: Note | None = None,
+    opened: Callable[[str], object] | None = None, **line: Any,
+) -> Viewed:  # fmt: skip
     """Show a line as it runs, or play a recording, on a page that this machine serves.
 
     Parameters
@@ -208,17 +194,9 @@ def view(
 
 
 def _fill_terminal(
-    what: "Session | str | Path | None",
-    *,
-    lang: str,
-    folder: Path,
-    duration: float | None,
-    stop: Stopping | None,
-    also: Sequence[str],
-    chain: Chain | str | Path | None,
-    emulate: str | None,
-    line: Mapping[str, Any],
-) -> Viewed:
+    what: "Session | str | Path | None", *, lang: str, folder: Path, duration: float | None, stop: Stopping | None,
+    also: Sequence[str], chain: Chain | str | Path | None, emulate: str | None, line: Mapping[str, Any],
+) -> Viewed:  # fmt: skip
     """Show it as text that fills a terminal, which standard output must be; arguments as of `view`."""
     from plumbob.viewer.terminal import EitherStop, Terminal, keys_at_once, painted
 
@@ -260,15 +238,9 @@ class Shows:
     """Something that can be shown: a line or a recording, with `options` by which it is estimated."""
 
     def __init__(
-        self,
-        session: Session | None = None,
-        path: Path | None = None,
-        *,
-        options: Mapping[str, Any] | None = None,
-        also: Sequence[str] = (),
-        chain: Chain | None = None,
-        truth: AttitudeTrack | None = None,
-    ) -> None:
+        self, session: Session | None = None, path: Path | None = None, *, options: Mapping[str, Any] | None = None,
+        also: Sequence[str] = (), chain: Chain | str | Path | None = None, truth: AttitudeTrack | None = None,
+    ) -> None:  # fmt: skip
         self._session, self._path, self._options = session, path, dict(options or {})
         self._also, self._chain, self._truth = also, chain, truth
 
@@ -300,7 +272,7 @@ class Shows:
         announce(session, how.note)
         switch = Switch(stream, how.folder, None if session.record is None else RecordingSink(session, session.record))
         feed = Feed(
-            stream, outlet, also=self._also, chain=self._chain, truth=self._truth, control=how.control, recording=True,
+            stream, outlet, also=self._also, truth=self._truth, control=how.control, recording=True,
             beside=lambda: {"recording": switch.recording, "text": switch.text}, note=how.note,
         )  # fmt: skip
 
@@ -334,7 +306,7 @@ class Shows:
 
     def _play(self, path: Path, outlet: Outlet, how: "_Presentation") -> Viewed:
         loaded = load(path, also=self._also, chain=self._chain, note=how.note, **self._options)
-        player = Player(loaded, outlet, chain=self._chain, control=how.control)
+        player = Player(loaded, outlet, control=how.control)
         desk = CommandHandler(outlet, "for a line, and this is a recording that is played", {
             "play": lambda command: player.play(),
             "pause": lambda command: player.pause(),
@@ -360,40 +332,48 @@ def _number(command: Command) -> float:
 
 @contextmanager
 def opened_up(
-    what: "Session | str | Path | None",
-    *,
-    emulate: str | None,
-    chain: Chain | str | Path | None,
-    also: Sequence[str],
-    note: Note,
-    line: Mapping[str, Any],
-) -> Iterator[Shows]:
+    what: "Session | str | Path | None", *, emulate: str | None, chain: Chain | str | Path | None, also: Sequence[str],
+    note: Note, line: Mapping[str, Any],
+) -> Iterator[Shows]:  # fmt: skip
     """What is to be shown, and a rig that runs meanwhile, where one is emulated."""
-    loaded = chain if chain is None or isinstance(chain, Chain) else load_chain(check.path("chain", chain))
     if emulate is not None:
         if what is not None or line.get("port"):
             raise ParameterError("an emulated rig is the line; leave the session, the recording or the port out.")
         with emulated(emulate, note, line) as (session, truth, its_chain):
-            yield Shows(session, also=also, chain=loaded or its_chain, truth=truth)
+            yield Shows(_with_chain(session, chain or its_chain, "" if chain else "zero"), also=also, truth=truth)
         return
     if isinstance(what, Session):
         if any(value is not None for value in line.values()):
             raise ParameterError("a Session says everything about its stream; leave the other options out.")
-        yield Shows(_with_units(what, loaded), also=also, chain=loaded)
+        yield Shows(_with_chain(what, chain), also=also)
         return
     from plumbob.files import is_recording
 
     path = None if what is None else check.path("what", what)
     if path is not None and is_recording(path):
-        yield Shows(path=path, options=_of_recording(line), also=also, chain=loaded)
+        yield Shows(path=path, options=_of_recording(line), also=also, chain=chain)
         return
-    session = capture_session(**_of_line(path, line))
-    yield Shows(_with_units(session, loaded), also=also, chain=loaded)
+    words = _of_line(path, line)
+    if chain is not None and "file" not in words:
+        words = {"unit": ALL, **words}
+    yield Shows(_with_chain(capture_session(**words), chain), also=also)
 
 
-def _with_units(session: Session, chain: Chain | None) -> Session:
-    """Session that decodes all units where a chain carries them."""
-    return session if chain is None or session.units else of_unit(session, ALL)
+def _with_chain(session: Session, chain: Chain | str | Path | None, pose: str = "") -> Session:
+    """Session whose units a chain carries, which a recording of it then holds."""
+    if chain is None:
+        return session
+    if session.chain is not None:
+        raise ParameterError("the session has a [chain] already; leave --chain out.")
+    if isinstance(chain, Chain):
+        name, text = "chain.toml", chain_text(chain)
+    else:
+        name, text = str(chain), text_of(check.path("chain", chain))
+    table = f"\n[chain]\nfile = {json.dumps(name)}\n" + f'pose = "{pose}"\n' * bool(pose)
+    texts = {**session.texts, name: text, SESSION: session.texts[SESSION] + table}
+    session = replace(session, chain=ChainSpec(name, text, pose or None), texts=texts)
+    assert session.made_chain is not None  # refuses what does not fit
+    return session
 
 
 def _of_line(path: Path | None, line: Mapping[str, Any]) -> dict[str, Any]:
@@ -450,7 +430,7 @@ _BLIND: Final = "integrate"  # What estimates a rig that has a gyroscope alone
 @contextmanager
 def emulated(
     rig: str, note: Note, line: Mapping[str, Any]
-) -> Iterator[tuple[Session, AttitudeTrack | None, Chain | None]]:
+) -> Iterator[tuple[Session, AttitudeTrack | None, Path | None]]:
     """Session of a rig that runs meanwhile, the truth of its first unit, and its chain, where it is on one."""
     from plumbob.live.emulated import chain_files, running_rig, unit_file
     from plumbob.live.rigs.rig import PLANS, Chained
@@ -477,8 +457,8 @@ def emulated(
             session = capture_session(port=port, format=rig, **{**defaults, **options})
             if several:
                 session = _calibrated(session, {unit.prefix: unit_file(truth, unit.prefix) for unit in plan.units})
-            chain = load_chain(chain_files(truth)[1]) if isinstance(plan.scenario, Chained) else None
-            yield replace(session, name=rig), recording.track, chain
+            its_chain = chain_files(truth)[1] if isinstance(plan.scenario, Chained) else None
+            yield replace(session, name=rig), recording.track, its_chain
 
 
 def _calibrated(session: Session, units: Mapping[str, Path]) -> Session:

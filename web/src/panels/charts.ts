@@ -14,8 +14,8 @@ import { placeOf } from "../store";
 import { ANGLE_NAMES, NAMES, primaryOf, REFERENCE, SHORT } from "../names";
 
 export const WINDOWS = [5, 10, 20, 30, 60, 120, 180, 300, 600];
-const ORDER = ["attitude", "error", "rate", "force", "field", "flags", "residual", "sd", "bias", "temperature"];
-const QUIET = new Set(["sd", "bias", "temperature"]);
+const ORDER = ["attitude", "joint", "error", "rate", "force", "field", "flags", "residual", "sd", "bias", "temperature"];
+const QUIET = new Set(["sd", "joint_sd", "bias", "temperature"]);
 const EVERY = 48;
 const BUDGET = 6;
 const PLOT = 84;

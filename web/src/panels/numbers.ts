@@ -41,14 +41,17 @@ export const attitude: Own = (shell) => {
   const head = h("tr");
   const others = h("div", { class: "scroll", attributes: { tabindex: "0", role: "group" }, aria: "Attitude by estimator" }, h("table", { class: "grid" }, h("thead", {}, head), table));
   const none = h("p", { class: "none", say: "Nothing estimates an attitude here." });
+  const joints = h("tbody");
+  const chain = h("table", { class: "grid", aria: "Joint angles" }, h("thead", {}, h("tr", {}, ...["Joint", "Angle", "Claimed sd"].map((title) => h("th", { say: title, attributes: { scope: "col" } })))), joints);
   const tared = h("p", { class: "tared", say: "Angles count from the tare; charts do not." });
   tared.hidden = true;
-  const element = h("div", { class: "attitude" }, big, tared, others, none);
+  const element = h("div", { class: "attitude" }, chain, big, tared, others, none);
   let hello: Hello | null = null;
   let cells: { name: HTMLElement; value: HTMLElement; sd: HTMLElement }[] = [];
   let heads: HTMLElement[] = [];
   const yaw = h("small", { class: "live" });
   let rows = new Map<string, HTMLElement[]>();
+  let angles: [number, HTMLElement][] = [];
 
   function build(shell: Shell, now: Hello): void {
     hello = now;
@@ -80,7 +83,15 @@ export const attitude: Own = (shell) => {
     const empty = !now.estimators.some((one) => one.name !== REFERENCE);
     big.hidden = empty;
     others.hidden = rows.size < 2 && !erring;
-    none.hidden = !empty;
+    angles = [];
+    joints.replaceChildren();
+    for (const { key, label } of now.columns.filter(({ chart }) => chart === "joint")) {
+      const made = [key, `${key}.sd`].map((name) => [now.columns.findIndex((one) => one.key === name), h("td", { class: "live" })] as [number, HTMLElement]);
+      angles.push(...made);
+      joints.append(h("tr", {}, h("th", { text: label, attributes: { scope: "row" } }), ...made.map(([, cell]) => cell)));
+    }
+    chain.hidden = angles.length === 0;
+    none.hidden = !empty || !chain.hidden;
   }
 
   function write(state: State): void {
@@ -88,6 +99,7 @@ export const attitude: Own = (shell) => {
     const primary = primaryOf(hello);
     const main = primary ? state.attitudes[primary.name] : undefined;
     tared.hidden = !state.tared;
+    for (const [i, cell] of angles) put(cell, `${hello.columns[i]!.key.endsWith(".sd") ? "± " : ""}${fixed(state.values[i], 2)}°`);
     ANGLES.forEach((angle, i) => {
       const digits = digitsOf(hello!, primary?.name ?? "", angle);
       const turned = angle === "yaw" && main ? compass(hello!, state.tared, main.yaw) : null;
@@ -162,7 +174,7 @@ export const channels: Own = (shell) => {
     physical = [];
     raw = [];
     const lines: HTMLElement[] = [];
-    const shown = now.columns.map((column, i) => ({ column, i })).filter(({ column }) => column.chart !== "attitude" && column.chart !== "error");
+    const shown = now.columns.map((column, i) => ({ column, i })).filter(({ column }) => !["attitude", "error", "joint", "joint_sd"].includes(column.chart));
     for (const [first, places] of grouped(shown.map(({ column }) => column), (column) => `${column.chart} ${column.source} ${column.unit}`)) {
       const title = h("h3", { say: SHORT[first.chart] ?? first.chart });
       const own = now.estimators.some((one) => one.name === first.source);

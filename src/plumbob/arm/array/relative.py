@@ -243,13 +243,10 @@ def _robust(values: Floats) -> float:
 
 
 def combine(
-    array: "ImuArray | Source | Sequence[Source]",
-    *,
-    weights: str = "noise",
-    excluded: Monitored | Mapping[str, ArrayLike] | None = None,
-    correct: bool | ArrayInfo = False,
+    array: "ImuArray | Source | Sequence[Source]", *, weights: str = "noise",
+    excluded: Monitored | Mapping[str, ArrayLike] | None = None, correct: bool | ArrayInfo = False,
     causal: bool = False,
-) -> Combined:
+) -> Combined:  # fmt: skip
     """Combine all units of an array to one.
 
     Every sensor axis that has a value takes part, in every row: an axis at the end of its range, a unit that is dead, a

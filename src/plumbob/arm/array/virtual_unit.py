@@ -166,16 +166,10 @@ class ArrayEstimated(FactsText):
 
 
 def estimate(
-    array: ImuArray,
-    filter: str | None = None,
-    *,
-    causal: bool = False,
-    lag: float | str | None = None,
-    params: Mapping[str, Any] | None = None,
-    frame: Frame | str | None = None,
-    init: str | None = None,
+    array: ImuArray, filter: str | None = None, *, causal: bool = False, lag: float | str | None = None,
+    params: Mapping[str, Any] | None = None, frame: Frame | str | None = None, init: str | None = None,
     settings: MonitoringSettings | None = None,
-) -> ArrayEstimated:
+) -> ArrayEstimated:  # fmt: skip
     """Estimate the attitude of the body of an array from all units that agree.
 
     Parameters

@@ -158,15 +158,9 @@ def bare_session(file: Path | None, start: Any, device: str | None, raw: str | N
 
 
 def guided_capture(
-    session: Session,
-    kind: str,
-    triads: tuple[str, ...],
-    *,
-    device: str | None,
-    base: "CalibrationCard | None",
-    stop: Stop,
-    note: Callable[[str], object],
-) -> tuple[Capture, dict[str, Any]]:
+    session: Session, kind: str, triads: tuple[str, ...], *, device: str | None, base: "CalibrationCard | None",
+    stop: Stop, note: Callable[[str], object],
+) -> tuple[Capture, dict[str, Any]]:  # fmt: skip
     """Capture from a line, until the guide or somebody says stop, and what the guide says of it."""
     parts = [field.triad.rpartition(".") for field in session.form.message(session.message).fields if field.triad]
     present = {triad for unit, _, triad in parts if unit == session.unit}

@@ -284,14 +284,9 @@ class Firmware(FactsText):
 
 
 def run_firmware(
-    imu: ImuData,
-    *,
-    calibration: CalibrationCard | None = None,
-    processor: Processor | None = None,
-    take: str = "mean",
-    params: Mapping[str, Any] | None = None,
-    log: FlashLog | None = None,
-) -> Firmware:
+    imu: ImuData, *, calibration: CalibrationCard | None = None, processor: Processor | None = None, take: str = "mean",
+    params: Mapping[str, Any] | None = None, log: FlashLog | None = None,
+) -> Firmware:  # fmt: skip
     """Run the program over what the chips have in their registers, in body axes of NED; a read gets the newest value.
 
     Best at 1 kHz, the most that the MPU-6000 gives. `take`: "mean" or "newest" of the three or four samples since the

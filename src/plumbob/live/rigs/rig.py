@@ -181,11 +181,9 @@ _JUST_BELOW = 1.0 - 1e-9  # a value at the end of its range stays there whatever
 
 
 def columns_for(
-    message: Message,
-    units: Mapping[str, simulated.Simulation],
-    device_ns: NDArray[np.int64],
+    message: Message, units: Mapping[str, simulated.Simulation], device_ns: NDArray[np.int64],
     counter: NDArray[np.int64],
-) -> dict[str, Column]:
+) -> dict[str, Column]:  # fmt: skip
     """Columns for `plumbob.protocols.encode.encode`, of simulations by prefix.
 
     `device_ns` (N,): the device's own clock at each frame, ns; `counter` (N,): its number.
@@ -279,21 +277,11 @@ class Rig:
 
 
 def make_rig(
-    plan: RigPlan,
-    form: Format,
-    *,
-    seed: int,
-    duration: float | None = None,
-    unit: str = "random",
-    clock_error: float = 0.0,
-    faults: Mapping[str, float] | None = None,
-    calibration: CalibrationCard | None = None,
-    noise: Cards | None = None,
-    temp_c: float | str | Signal | None = None,
-    warm_up: WarmingUp | None = None,
-    high_pass: float | None = None,
-    mount_error: float = 0.0,
-) -> Rig:
+    plan: RigPlan, form: Format, *, seed: int, duration: float | None = None, unit: str = "random",
+    clock_error: float = 0.0, faults: Mapping[str, float] | None = None, calibration: CalibrationCard | None = None,
+    noise: Cards | None = None, temp_c: float | str | Signal | None = None, warm_up: WarmingUp | None = None,
+    high_pass: float | None = None, mount_error: float = 0.0,
+) -> Rig:  # fmt: skip
     """Build a rig of a plan, which sends the first message of a format; arguments as of `plumbob.emulate`.
 
     `clock_error` 4e-5 is 40 µs a second fast; `faults` are shares by kind of `plumbob.live.rigs.faults.KINDS`.

@@ -37,19 +37,9 @@ _MEMORY: Final = 1.0 / 16.0
 
 @kernel
 def stamp_frames(
-    n: Ints,
-    r: Floats,
-    histogram: Ints,
-    host_ns: Ints,
-    place: Ints,
-    count: Ints,
-    frame: Ints,
-    t_ns: Ints,
-    step: Ints,
-    words: NDArray[np.uint32],
-    lost: Ints,
-    kinds: NDArray[np.uint8],
-) -> None:
+    n: Ints, r: Floats, histogram: Ints, host_ns: Ints, place: Ints, count: Ints, frame: Ints, t_ns: Ints, step: Ints,
+    words: NDArray[np.uint32], lost: Ints, kinds: NDArray[np.uint8],
+) -> None:  # fmt: skip
     """Stamp frames in order; the last five arrays take what comes out."""
     for k in range(host_ns.size):
         kind = stamp_frame(n, r, histogram, host_ns[k], place[k], count[k], frame[k])
@@ -276,13 +266,9 @@ class TimeBase:
         configure(self._whole, self._real, spec)
 
     def stamp(
-        self,
-        t_ns: NDArray[np.int64],
-        place: NDArray[np.int64],
-        *,
-        clock: ArrayLike | None = None,
+        self, t_ns: NDArray[np.int64], place: NDArray[np.int64], *, clock: ArrayLike | None = None,
         frames: ArrayLike | None = None,
-    ) -> Stamps:
+    ) -> Stamps:  # fmt: skip
         """Stamp the next frames, of which `clock` and `frames` say what the device clock and the frame counter count.
 
         `t_ns` (N,): host time, ns, of the read that brought each frame's first byte; `place` (N,): its offset in the

@@ -224,20 +224,11 @@ class IioSource(Replug):
     """
 
     def __init__(
-        self,
-        device: str | int,
-        *,
-        channels: Sequence[str] | None = None,
-        rate: float | None = None,
-        trigger: str | None = None,
-        length: int = 4096,
-        watermark: int = 1,
-        stall_periods: float = 20.0,
-        layout: IioLayout | None = None,
-        sys_root: str | Path = SYS,
-        dev_root: str | Path = DEV,
+        self, device: str | int, *, channels: Sequence[str] | None = None, rate: float | None = None,
+        trigger: str | None = None, length: int = 4096, watermark: int = 1, stall_periods: float = 20.0,
+        layout: IioLayout | None = None, sys_root: str | Path = SYS, dev_root: str | Path = DEV,
         **patience: Unpack[Patience],
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(f"iio {device}", silence=1.0, **patience)
         if not 1 <= watermark <= length or not stall_periods > 0.0 or (rate is not None and not rate > 0.0):
             raise ParameterError(
@@ -371,15 +362,9 @@ class IioPollSource(Polled):
     """
 
     def __init__(
-        self,
-        device: str | int,
-        rate: float,
-        *,
-        channels: Sequence[str] | None = None,
-        layout: IioLayout | None = None,
-        sys_root: str | Path = SYS,
-        **pace: Unpack[Pace],
-    ) -> None:
+        self, device: str | int, rate: float, *, channels: Sequence[str] | None = None, layout: IioLayout | None = None,
+        sys_root: str | Path = SYS, **pace: Unpack[Pace],
+    ) -> None:  # fmt: skip
         super().__init__(f"iio {device}", rate, **pace)
         self._device, self._channels = device, None if channels is None else tuple(channels)
         self._sys_root = Path(sys_root)

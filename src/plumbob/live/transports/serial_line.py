@@ -142,20 +142,10 @@ class SerialSource(Replug):
     """
 
     def __init__(
-        self,
-        port: str,
-        baud: int,
-        *,
-        bytesize: int = 8,
-        parity: str = "N",
-        stopbits: float = 1,
-        rtscts: bool = False,
-        xonxoff: bool = False,
-        exclusive: bool = True,
-        ports: ListPorts = list_ports,
-        gather: float = GATHER,
+        self, port: str, baud: int, *, bytesize: int = 8, parity: str = "N", stopbits: float = 1, rtscts: bool = False,
+        xonxoff: bool = False, exclusive: bool = True, ports: ListPorts = list_ports, gather: float = GATHER,
         **patience: Unpack[Patience],
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(port, gather=gather, **patience)
         if baud <= 0 or bytesize not in {5, 6, 7, 8} or parity not in _PARITIES or stopbits not in {1, 1.5, 2}:
             raise ParameterError(

@@ -32,14 +32,9 @@ class UdpSource(Replug):
     """
 
     def __init__(
-        self,
-        port: int,
-        *,
-        host: str = LOOPBACK,
-        buffer: int = 1 << 22,
-        gather: float = GATHER,
+        self, port: int, *, host: str = LOOPBACK, buffer: int = 1 << 22, gather: float = GATHER,
         **patience: Unpack[Patience],
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(_name("udp", host, port, lowest=0), gather=gather, **patience)
         self._host, self._asked, self._buffer = host, port, buffer
         self._port = port
@@ -126,15 +121,9 @@ class TcpSource(Replug):
     """
 
     def __init__(
-        self,
-        host: str,
-        port: int,
-        *,
-        silence: float | None = None,
-        connect_timeout: float = 5.0,
-        gather: float = GATHER,
-        **patience: Unpack[Patience],
-    ) -> None:
+        self, host: str, port: int, *, silence: float | None = None, connect_timeout: float = 5.0,
+        gather: float = GATHER, **patience: Unpack[Patience],
+    ) -> None:  # fmt: skip
         name = _name("tcp", host, port, lowest=1)
         super().__init__(name, silence=silence, breaks_on_silence=True, gather=gather, **patience)
         self._host, self._port = host, port

@@ -55,19 +55,9 @@ class SpiSource(Polled):
     """
 
     def __init__(
-        self,
-        bus: int,
-        device: int,
-        exchange: Sequence[bytes],
-        rate: float,
-        *,
-        mode: int,
-        hz: int,
-        skip: int = 0,
-        start: Sequence[bytes | float] = (),
-        open_bus: Callable[[], SpiBus] | None = None,
-        **pace: Unpack[Pace],
-    ) -> None:
+        self, bus: int, device: int, exchange: Sequence[bytes], rate: float, *, mode: int, hz: int, skip: int = 0,
+        start: Sequence[bytes | float] = (), open_bus: Callable[[], SpiBus] | None = None, **pace: Unpack[Pace],
+    ) -> None:  # fmt: skip
         super().__init__(f"spi {bus}.{device}", rate, **pace)
         if mode not in {0, 1, 2, 3} or hz <= 0:
             raise ParameterError(f"SPI has modes 0 to 3 and a clock above 0 Hz, but got mode={mode}, hz={hz}.")

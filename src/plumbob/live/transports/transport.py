@@ -112,12 +112,9 @@ class Opened(ABC):
     """A `Source` that is made, opened and read, as a context or without."""
 
     def __init__(
-        self,
-        name: str,
-        back_off: BackOff | None = None,
-        clock: Callable[[], int] = time.monotonic_ns,
+        self, name: str, back_off: BackOff | None = None, clock: Callable[[], int] = time.monotonic_ns,
         sleep: Callable[[float], None] = time.sleep,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._name = name
         self._back_off = back_off or BackOff()
         self._clock, self._sleep = clock, sleep
@@ -203,15 +200,9 @@ class Replug(Opened):
     """
 
     def __init__(
-        self,
-        name: str,
-        *,
-        wait: bool = False,
-        gather: float = 0.0,
-        silence: float | None = None,
-        breaks_on_silence: bool = False,
-        **pace: Unpack[Pace],
-    ) -> None:
+        self, name: str, *, wait: bool = False, gather: float = 0.0, silence: float | None = None,
+        breaks_on_silence: bool = False, **pace: Unpack[Pace],
+    ) -> None:  # fmt: skip
         if not 0.0 <= gather <= 1.0:
             raise ParameterError(f"gather must be from 0 to 1 s, but is {gather}.")
         if silence is not None and not silence > 0.0:
