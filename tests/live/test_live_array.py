@@ -126,7 +126,6 @@ def test_whole_from_the_emulator_to_a_file(tmp_path):
 TEACH = chain_text(PLANS["teach"].scenario.chain)
 UNFIT = [
     ('pose = "zero"', 'pose = ["10 deg", "0 deg"]', "pose needs 6 finite angles"),
-    ('pose = "zero"', 'poses = "zero"', "poses"),
     ('pose = "zero"', 'params = { gyro_nois = "1 deg/s/rtHz" }', "gyro_nois"),
     ('pose = "zero"', 'button = "trigger"', "chain.button"),
     ('units = "all"', 'unit = "u1"', "needs several units"),
@@ -152,10 +151,10 @@ def test_joint_angles_of_a_line_are_those_of_its_recording_written_and_sent(tmp_
     rows = np.searchsorted(live.t, [float(line[0]) - 1e-6 for line in said])
     both = np.stack((live.angles, live.sd), axis=2).reshape(600, 12)[rows]
     np.testing.assert_allclose([list(map(float, line[1:13])) for line in said], np.degrees(both), atol=5.1e-5)
-    last = json.loads(sent.read_text().splitlines()[-1])
-    assert list(last["joints_deg"].values()) == pytest.approx(np.degrees(live.angles[-1]), abs=1e-9)
+    assert list(json.loads(sent.read_text().splitlines()[-1])["joints_deg"].values()) == pytest.approx(
+        np.degrees(live.angles[-1]), abs=1e-9
+    )
     assert ran.summary()["joints"]["j1"]["sd_deg"] == pytest.approx(np.degrees(live.sd[-1, 0]))
-    # what does not fit is refused before the start
     files = {"teach.toml": TEACH, "other.toml": TEACH.replace('"u6"', '"u7"'), "bad.json": "{"}
     for old, new, words in UNFIT:
         with pytest.raises(PlumbobError, match=words):

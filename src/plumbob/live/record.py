@@ -68,20 +68,11 @@ class RecordedStream(Ran):
 
 
 def record(
-    session: "Session | str | Path | None" = None,
-    *,
-    out: str | Path | None = None,
-    next_part: bool = False,
-    text: str | Path | None = None,
-    duration: float | str | None = None,
-    send: Sequence[str] = (),
-    sinks: Sequence[Sink] = (),
-    stop: Stopping | None = None,
-    opened: Callable[[], object] | None = None,
-    note: Note | None = None,
-    progress: Callable[[Watch], None] | None = None,
-    **line: Any,
-) -> RecordedStream:
+    session: "Session | str | Path | None" = None, *, out: str | Path | None = None, next_part: bool = False,
+    text: str | Path | None = None, duration: float | str | None = None, send: Sequence[str] = (),
+    sinks: Sequence[Sink] = (), stop: Stopping | None = None, opened: Callable[[], object] | None = None,
+    note: Note | None = None, progress: Callable[[Watch], None] | None = None, **line: Any,
+) -> RecordedStream:  # fmt: skip
     """Read a live stream, estimate its attitude as it comes, and record both.
 
     Parameters

@@ -34,6 +34,7 @@ EVERY_NS: Final = 16_000_000  # Least time between two batches, ns
 _STILL_NS: Final = 500_000_000  # After this time a batch without samples says how the line does
 _REPORT_NS: Final = 1_000_000_000
 _RATE_NS: Final = 3_000_000_000  # Over which the rate is counted, ns
+_SLOWEST: Final = 1.0  # Least time without a field that counts as its absence, s: no magnetometer is slower than 1 Hz
 _FALLEN: Final = 2.0  # A flag has fallen that no sample had for so long, s
 _TOLD: Final = sum(flags.MEANING) & ~(
     flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSENT | flags.ACC_GATED | flags.MAG_GATED | flags.AT_REST
@@ -102,6 +103,13 @@ class FlagWatch:
 
     def __init__(self) -> None:
         self._seen: dict[int, float] = {}
+        self._field_at = -np.inf
+
+    def shown(self, t: Floats, words: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Flags of the next samples; a field is not absent where its sensor is slower than the others."""
+        field_at = np.maximum.accumulate(np.where(words & flags.MAG_ABSENT, self._field_at, t))
+        self._field_at = float(field_at[-1])
+        return np.where(t - field_at < _SLOWEST, words & ~np.uint32(flags.MAG_ABSENT), words)
 
     def changes(self, t: Floats, words: NDArray[np.uint32]) -> Iterator[tuple[float, str]]:
         """What has changed with the next samples: time, and a sentence."""
@@ -306,6 +314,7 @@ class Feed(Sink):
         words = imu.flags if ready.attitudes is None or ready.attitudes.flags is None else (
             imu.flags | ready.attitudes.flags
         )  # fmt: skip
+        words = self._flags.shown(imu.t, words)
         for t, text in self._flags.changes(imu.t, words):
             self._outlet.event(t, "flag", text)
         self._remember(ready, attitudes, reference)
