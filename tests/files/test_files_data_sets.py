@@ -69,9 +69,11 @@ def test_damaged_sequences_are_refused(tmp_path):
     sensor.unlink()
     assert any("no sensor.yaml" in str(note) for note in read(folder).notes)
     whole = table.read_text()
-    for text in (whole + "1,2,3\n", whole + f"{START},a,0,0,0,0,0\n", IMU_HEAD, whole + f"{10**30},0,0,0,0,0,0\n"):
-        table.write_text(text)
-        refused(read, folder, match="row")
+    for row in ("1,2,3", f"{START},a,0,0,0,0,0", f"{10**30},0,0,0,0,0,0"):
+        table.write_text(f"{whole}{row}\n")
+        assert any(note.code == "reading.lines_left_out" for note in read(folder).notes)
+    table.write_text(IMU_HEAD)
+    refused(read, folder, match="row")
     (tmp_path / "elsewhere.csv").write_text(whole)
     for target, match in (("/dev/zero", "MH_02 is a folder"), (tmp_path / "elsewhere.csv", "leads out of the folder")):
         table.unlink()

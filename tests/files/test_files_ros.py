@@ -418,7 +418,6 @@ REFUSED = {
     "endless metadata": (endless_metadata, f"needs a metadata.yaml of at most {MAX_TEXT} bytes"),
     "a link for a part": (part_elsewhere, "is not there"),
     "terabytes of zstd": (chunk("zstd", lambda: b"\x28\xb5\x2f\xfd", 1 << 40), "unpack to 1099511627776"),
-    "terabytes": (chunk("", lambda: b"\x28\xb5\x2f\xfd", 1 << 40), "unpack to 1099511627776"),
     "more than stated, zstd": (
         chunk("zstd", lambda: UNSIZED.compress(bytes(80 << 20)), 1000),
         "does not inflate to the 1000 bytes",

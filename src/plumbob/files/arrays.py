@@ -12,7 +12,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -20,10 +20,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.errors import DecodeError, PlumbobError, excerpt, one_line
+from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import require_room
 from plumbob.core.series import needed
 from plumbob.core.text import first_words
+from plumbob.files.arrow import intact
 from plumbob.files.foreign.logged import first_bytes
 from plumbob.files.foreign.parts import Parts
 
@@ -125,7 +126,7 @@ class _Mat5(Arrays):
         variables: dict[str, _Variable] = {}
         place, count = _HEADER_BYTES, 0
         while place < len(raw):
-            with _damage_at(place):
+            with _intact_variable(place):
                 kind, content, _ = self._part(raw, place)
                 packed = kind == _COMPRESSED
                 variable = self._variable(place, content if packed else raw[place : place + 8 + len(content)], packed)
@@ -145,7 +146,7 @@ class _Mat5(Arrays):
             else:
                 self.others[name] = leaf.kind
         if PROFILE in self._leaves and self._leaves[PROFILE].kind == "char":
-            with _damage_at(self._leaves[PROFILE].place):
+            with _intact_variable(self._leaves[PROFILE].place):
                 kind, text, _ = self._content(self._leaves[PROFILE])
                 wide = "utf-16-le" if order == "<" else "utf-16-be"
                 self.profile = str(text, "utf-8" if kind in _OF_8_BITS else wide, "replace")
@@ -160,7 +161,7 @@ class _Mat5(Arrays):
             return {}
         require_room(variable.size, self._size)
         fields: dict[str, _Variable] = {}
-        with _damage_at(variable.place):
+        with _intact_variable(variable.place):
             content, _ = _unpacked(variable.element, variable.packed, variable.size + 1)
             _, width, at = self._part(content, variable.start)
             (longest,) = struct.unpack(f"{self._order}i", width)
@@ -204,7 +205,7 @@ class _Mat5(Arrays):
 
     def _numbers(self, variable: _Variable) -> NDArray[Any]:
         """Numbers of a variable, in its shape."""
-        with _damage_at(variable.place):
+        with _intact_variable(variable.place):
             kind, numbers, values = self._content(variable)
             dtype = np.dtype(self._order + _DTYPES.get(kind, "f8"))
             if kind not in _DTYPES or len(numbers) != values * dtype.itemsize:
@@ -244,25 +245,16 @@ def _unpacked(element: memoryview, packed: bool, most: int) -> tuple[memoryview,
     return memoryview(inflate.decompress(element, most)), inflate.eof
 
 
-@contextmanager
-def _damage_at(place: int) -> Iterator[None]:
-    try:
-        yield
-    except (ValueError, struct.error, zlib.error) as error:
-        raise DecodeError(f"the variable at byte {place} is cut or damaged: {error}. Use an intact copy.") from error
+def _intact_variable(place: int) -> AbstractContextManager[None]:
+    return intact(f"the variable at byte {place}", (ValueError, struct.error, zlib.error))
 
 
 @contextmanager
 def opened_hdf5(file: Path) -> Iterator[tuple[Any, Any]]:
     """The module h5py and an open file; everything that goes wrong inside is an error of this package."""
     h5py = needed("h5py", "HDF5 files", "plumbob[hdf5]")
-    try:
-        with h5py.File(file, "r") as hdf5:
-            yield h5py, hdf5
-    except PlumbobError:
-        raise
-    except Exception as error:  # h5py raises many types for damaged input
-        raise DecodeError(f"it is cut or damaged ({one_line(error)[:160]}); use an intact copy.") from error
+    with intact(), h5py.File(file, "r") as hdf5:
+        yield h5py, hdf5
 
 
 def _require_whole_chunks(h5py: Any, key: str, dataset: Any, size: int) -> None:
@@ -387,10 +379,8 @@ class _Npz(Arrays):
             shape, dtype = _npy_head(name, raw)
             if int(np.prod(shape, dtype=object)) * dtype.itemsize > len(raw):
                 raise DecodeError(f"{name} claims {shape} values in {len(raw)} bytes, which cannot be.")
-            try:
+            with intact(name, (ValueError, EOFError)):
                 arrays[name] = np.lib.format.read_array(io.BytesIO(raw), allow_pickle=False)
-            except (ValueError, EOFError) as error:
-                raise DecodeError(f"{name} is cut or damaged: {error}") from error
         return {name: arrays[path][part] for name, (path, part) in places.items()}
 
 

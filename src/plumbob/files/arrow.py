@@ -1,4 +1,4 @@
-"""Arrow and Parquet: columns to and from NumPy, how large pages unpack, and tables of numbers over time.
+"""Arrow and Parquet: columns to and from NumPy, how large pages unpack, and tables of numbers over time; packed texts.
 
 Columns go by their buffers, as Arrow's own conversions import pandas wherever it is installed. `unpacked_bytes` goes by
 the headers in front of a file's pages: Arrow believes a page's own size, whatever the table of contents says of its
@@ -12,7 +12,7 @@ import lzma
 import math
 import zipfile
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final
 
@@ -26,6 +26,18 @@ from plumbob.core.text import first_words
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+
+@contextmanager
+def intact(what: str = "it", errors: type[Exception] | tuple[type[Exception], ...] = Exception) -> Iterator[None]:
+    """Say of what cannot be read that it is damaged, whatever errors a library has for that."""
+    try:
+        yield
+    except PlumbobError:
+        raise
+    except errors as error:
+        why = one_line(error)[:160].rstrip(".")
+        raise DecodeError(f"{what} is cut or damaged ({why}); use an intact copy.") from error
 
 
 def column_numbers(column: "pa.ChunkedArray[Any]") -> NDArray[Any]:
@@ -185,15 +197,11 @@ def text_pieces(path: Path, most: int | None = None) -> Iterator[bytes]:
         file.seek(0)
         packing = next((how for mark, how in _PACKINGS.items() if start.startswith(mark)), "")
         kind = next((kind for mark, kind in _TABLES.items() if start.startswith(mark)), "")
-        try:
+        with intact():
             if kind:
                 yield _table_text(path, kind, most)
             elif packing:
                 yield from _unpacked(path, file, packing, most)
-        except PlumbobError:
-            raise
-        except Exception as error:  # zlib, lzma, zipfile and Arrow have errors of their own
-            raise DecodeError(f"it is cut or damaged ({one_line(error)[:160]}); use an intact copy.") from error
         size = 0
         while not (packing or kind) and (most is None or size < most) and (piece := file.read(most or _AT_ONCE)):
             yield piece

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, ParameterError, excerpt, one_line
+from plumbob.core.errors import DecodeError, ParameterError, excerpt
 from plumbob.core.files import existing_file, reading
 from plumbob.core.findings import Finding, warning
-from plumbob.files.arrow import text_bytes
+from plumbob.files.arrow import intact, text_bytes
 from plumbob.files.profile import GUIDE, TextLayout
 from plumbob.files.sniff import READ, decoded
 from plumbob.files.text_table import Body, Head, Reading, decode, split_row, text_blocks
@@ -183,12 +183,8 @@ def open_raw(file: Path, kind: str, columns: int | None) -> Binary:
 
 def open_npy(file: Path, columns: int | None) -> Binary:
     """Open an array of one or two dimensions; DecodeError if it is not such an array, or is cut."""
-    try:
+    with intact("it is not a .npy file of numbers, or it"):
         array = np.load(file, mmap_mode="r", allow_pickle=False)
-    except OSError:
-        raise
-    except Exception as error:  # NumPy has a dozen types for foreign, cut and pickled files, and for damaged headers
-        raise DecodeError(f"it is not a .npy file of numbers, or it is cut short ({one_line(error)[:120]}).") from error
     if not isinstance(array, np.memmap) or array.dtype.kind not in "fiu" or array.ndim not in {1, 2}:
         raise DecodeError(
             "it must hold one array of real numbers, (N,) or (N, k), but it holds "

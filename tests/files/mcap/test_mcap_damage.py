@@ -207,9 +207,8 @@ def test_a_bomb_is_not_inflated(tmp_path, compression, claimed):
     buffer = io.BytesIO()
     writer = Writer(buffer)
     writer.start(library="plumbob recording 1")
-    raw = buffer.getvalue()
     chunk = layout.encode(records.Chunk(compression, stored, 0, 0, uncompressed_crc=1, uncompressed_size=claimed))
-    log, got, peak = read_within(put(tmp_path / "a.mcap", raw + chunk))
+    log, got, peak = read_within(put(tmp_path / "a.mcap", buffer.getvalue() + chunk))
     assert got == []
     assert log.damage
     assert peak < 16 << 20

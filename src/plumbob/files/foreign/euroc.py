@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ShapeError, excerpt
-from plumbob.core.files import replacing_folder, text_of
+from plumbob.core.files import existing_file, replacing_folder, text_of
 from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns
@@ -36,7 +36,9 @@ from plumbob.data import ImuData, ImuMeta
 from plumbob.data.array import UnitMount
 from plumbob.data.recording import Recording
 from plumbob.files.column_names import taken_apart
-from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, first_bytes, inside, text_rows
+from plumbob.files.foreign.logged import MOST, LoggedAttitude, SensorLog, first_bytes, inside, vectors
+from plumbob.files.foreign.parts import Sheet
+from plumbob.files.profile import TextLayout
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.quaternions import quat_conjugate, quat_from_dcm, quat_multiply
 
@@ -44,6 +46,7 @@ _TRUTHS: Final = {
     "state_groundtruth_estimate0": "EuRoC ground truth: batch estimate from laser tracker or Vicon and this IMU",
     "mocap0": "TUM VI motion capture: poses of the IMU",
 }
+_LAYOUT: Final = TextLayout(",", comment="#", missing=("NaN", "nan"), names=False)
 _PLACES: Final = {"gyr": ([0, 1, 2], "rad/s"), "acc": ([3, 4, 5], "m/s2")}
 
 
@@ -66,8 +69,8 @@ def read(path: Path) -> Recording:
     table, name = path if home is None else inside(home, "imu0", "data.csv"), path.stem
     if home is not None or name == "data":  # that of the folder about mav0
         name = ["imu0", *(part for part in table.resolve().parts[:-1] if part not in ("mav0", "imu0", "data"))][-1]
-    t_ns, values = text_rows(table, 6, delimiter=",", comments="#")
     notes: list[Note] = [info("source.euroc")]
+    t_ns, values = _rows(table, 6, notes)
     q_b_imu, rate = _sensor(table.with_name("sensor.yaml"), "imu0", notes)
     meta = ImuMeta(device="ASL imu0", rate_nominal=rate, frame=Frame.ENU, north=North.FREE)
     log = SensorLog(notes, meta, epoch_ns=0)
@@ -75,7 +78,7 @@ def read(path: Path) -> Recording:
         log.add(sensor, t_ns, values[:, columns], unit)
     for kind, source in _TRUTHS.items():
         if home is not None and (home / kind / "data.csv").exists():
-            t_ns, poses = text_rows(inside(home, kind, "data.csv"), 7, delimiter=",", comments="#")
+            t_ns, poses = _rows(inside(home, kind, "data.csv"), 7, notes)
             q_b_s, _ = _sensor(home / kind / "sensor.yaml", kind, notes)
             q_nb = quat_multiply(quat_multiply(poses[:, 3:], quat_conjugate(q_b_s)), q_b_imu)
             note = (
@@ -84,6 +87,16 @@ def read(path: Path) -> Recording:
             )
             log.attitudes.append(LoggedAttitude(t_ns, q_nb, source, Frame.ENU, North.FREE, note, "reference"))
     return log.recording(name, none="" if home is None else f"reference: none at its times ({' or '.join(_TRUTHS)})")
+
+
+def _rows(file: Path, count: int, notes: list[Note]) -> tuple[NDArray[np.int64], Floats]:
+    """Stamps (N,), ns, and the numbers behind them (N, `count`)."""
+    refs = range(1, count + 2)
+    table = Sheet(file.name, existing_file(file, MOST).read_bytes(), _LAYOUT, ()).table(refs, exact=1)
+    if table is None:
+        raise DecodeError(f"{file.name} holds no rows; use an intact copy.")
+    notes += table.notes
+    return int(table.zero) + np.rint(table.columns[1]).astype(np.int64), vectors(table.columns, *refs[1:])
 
 
 def _places(table: Path) -> dict[str, tuple[list[int], str]]:

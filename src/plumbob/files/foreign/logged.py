@@ -16,7 +16,6 @@ An attitude that a log holds has stamps of its own. It is brought to the rows of
 between its two neighbours, where these are not farther apart than a gap; elsewhere it is NaN, 'not known'.
 """
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -30,7 +29,6 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeError, one_line
-from plumbob.core.files import existing_file
 from plumbob.core.findings import Finding, Note, info, warning
 from plumbob.core.text import counted, first_words
 from plumbob.core.time import GAP_FACTOR, LONGEST, interpolated, is_gap, longest_bridged
@@ -391,21 +389,3 @@ def inside(folder: Path, *parts: str) -> Path:
     if not path.resolve().is_relative_to(folder.resolve()):
         raise DecodeError(f"{'/'.join(parts)} leads out of the folder; copy the data set with its files.")
     return path
-
-
-def text_rows(
-    path: Path, columns: int, *, stamps: str = "i8", blanks: str = "", **how: Any
-) -> tuple[NDArray[Any], Floats]:
-    """Stamps (N,) of a type and the columns of numbers behind them (N, columns); `how` as of `numpy.loadtxt`."""
-    file = existing_file(path, MOST)
-    layout = np.dtype([("t", stamps), ("values", "f8", (columns,))])
-    try:
-        with file.open(encoding="utf-8-sig") as text, warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # no rows, which is said below
-            lines = (line.replace(blanks, " ") for line in text) if blanks else text
-            rows = np.loadtxt(lines, dtype=layout, usecols=range(1 + columns), ndmin=1, **how)
-    except (ValueError, UnicodeDecodeError, OverflowError) as error:
-        raise DecodeError(f"{path.name} holds a row that is not {1 + columns} numbers: {one_line(error)}.") from error
-    if not rows.size:
-        raise DecodeError(f"{path.name} holds no rows; use an intact copy.")
-    return rows["t"], rows["values"]

@@ -8,20 +8,23 @@ quantity, as `IMUDataReader` calls its tables, in SI.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeError, excerpt
 from plumbob.core.files import replacing
 from plumbob.core.findings import Note
 from plumbob.core.text import first_words, visible
 from plumbob.data import AttitudeTrack, ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign.logged import RELATIVE_NOTE, SensorLog, chosen, first_bytes, seconds_to_ns, text_rows
+from plumbob.files.foreign.logged import RELATIVE_NOTE, SensorLog, chosen, first_bytes, seconds_to_ns, vectors
+from plumbob.files.profile import TextLayout
 from plumbob.files.stamps import time_line
+from plumbob.files.text_table import read_table
 from plumbob.rotations import Frame, North, change_frame
 
 _HEAD: Final = 1 << 16
@@ -46,33 +49,37 @@ def read(path: Path, unit: str | None = None) -> Recording:
             f"its DataType is {excerpt(kind)}: coordinates or forces, and neither orientations nor an IMU. Name the "
             "table of DataType Quaternion."
         )
-    names = rest.lstrip().split("\n", 1)[0].split()
+    line = rest.lstrip().split("\n", 1)[0]
+    names = line.split()
     sensors = names[1:]
     if not sensors or names[0].lower() != "time":
         raise DecodeError(f"its row of names must be time and sensors, but it is {excerpt(' '.join(names))}.")
     if unit is None and len(sensors) > 1:
         raise ParameterError(f"it holds {len(sensors)} sensors: {first_words(sensors, 20)}. Name one with --unit.")
     taken = chosen(sensors, unit)
-    lines = head.count("\n") + rest[: rest.index(names[0])].count("\n")
-    time, values = text_rows(path, width * len(sensors), stamps="f8", blanks=",", skiprows=lines + 1)
-    values = values[:, width * sensors.index(taken) :][:, :width]
+    cells = ("", *[f"[{width}]"] * len(sensors))
+    layout = TextLayout("\t" if "\t" in line else " ", marker="endheader", cells=cells)
+    first = 2 + width * sensors.index(taken)
+    table = read_table(path, layout, [1, *range(first, first + width)])
+    time, values = table.columns[1], vectors(table.columns, *range(first, first + width))
     if width == len("xyz"):
-        return _measured(path, taken, time, values)
-    line, frame, north = time_line(seconds_to_ns("time", time)), facts.get("frame", ""), facts.get("north", "")
+        return _measured(path, taken, time, values, table.notes)
+    clock, frame, north = time_line(seconds_to_ns("time", time)), facts.get("frame", ""), facts.get("north", "")
     said = frame in [*Frame] and north in [*North]
     track = AttitudeTrack(
-        t=line.t_ns / 1e9,
+        t=clock.t_ns / 1e9,
         q_nb=values,
         frame=Frame(frame) if said else Frame.ENU,
         north=North(north) if said else North.FREE,
         source=facts.get("source", "a table of OpenSim"),
     )
-    notes: list[Note] = ["OpenSim: w, x, y, z, from axes of the sensor to those of its world", *line.notes]
+    notes: list[Note] = ["OpenSim: w, x, y, z, from axes of the sensor to those of its world"]
+    notes += [*table.notes, *clock.notes]
     notes += [] if said else ["the world's z axis is taken for up, and its heading counts from anywhere"]
     return Recording(track=track, name=taken, notes=tuple(notes))
 
 
-def _measured(path: Path, sensor: str, time: Any, values: Any) -> Recording:
+def _measured(path: Path, sensor: str, time: Floats, values: Floats, left_out: Sequence[Note]) -> Recording:
     """Samples of a table of vectors, whose name says the quantity."""
     what = next((what for words, what in _QUANTITIES.items() if re.search(words, path.stem.lower())), None)
     if what is None:
@@ -80,7 +87,7 @@ def _measured(path: Path, sensor: str, time: Any, values: Any) -> Recording:
             "its vectors may be of any kind; let its name end in _angular_velocity, _linear_accelerations or "
             "_magnetic_heading, as OpenSim calls them."
         )
-    notes: list[Note] = [f"OpenSim: {what[0]} by its name, in SI", *[RELATIVE_NOTE] * (what[0] == "mag")]
+    notes: list[Note] = [f"OpenSim: {what[0]} by its name, in SI", *[RELATIVE_NOTE] * (what[0] == "mag"), *left_out]
     log = SensorLog(notes, ImuMeta(device=sensor, unit_check=False))
     log.add(what[0], seconds_to_ns("time", time), values, what[1])
     return log.recording(sensor)

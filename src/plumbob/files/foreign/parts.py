@@ -8,15 +8,14 @@ import csv
 import os
 import struct
 import zipfile
-import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from plumbob.core.errors import DecodeError, PlumbobError, excerpt, one_line
+from plumbob.core.errors import DecodeError, PlumbobError, excerpt
 from plumbob.core.files import existing_file, require_room
+from plumbob.files.arrow import intact
 from plumbob.files.foreign.logged import HEAD_BYTES, first_bytes
 from plumbob.files.profile import ColumnRef, TextLayout
 from plumbob.files.text_table import TextTable, decode, find_head, is_idle, read_table, split_row
@@ -70,7 +69,7 @@ class Parts:
     def _bytes(self, name: str, most: int) -> bytes:
         if not self._zipped:
             return first_bytes(self._file(name), most)
-        with _damage(), zipfile.ZipFile(self.path) as archive, archive.open(self._members[name]) as member:
+        with intact("the archive"), zipfile.ZipFile(self.path) as archive, archive.open(self._members[name]) as member:
             return member.read(most)
 
 
@@ -79,22 +78,10 @@ def zipfile_like(path: Path) -> bool:
     return first_bytes(path, 4) in (b"PK\x03\x04", _END)
 
 
-@contextmanager
-def _damage() -> Iterator[None]:
-    try:
-        yield
-    except PlumbobError:
-        raise
-    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
-        raise DecodeError(
-            f"the archive is cut or damaged ({one_line(error)[:120]}); export it again, or use an intact copy."
-        ) from error
-
-
 def _archive_members(path: Path) -> dict[str, zipfile.ZipInfo]:
     """Members of an archive that are files, after its list was judged by its size."""
     _require_short_list(path)
-    with _damage(), zipfile.ZipFile(path) as archive:
+    with intact("the archive"), zipfile.ZipFile(path) as archive:
         infos = [info for info in archive.infolist() if not info.is_dir()]
     infos = [  # without what macOS adds
         info

@@ -27,6 +27,7 @@ from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.files import MAX_TEXT, require_room
 from plumbob.core.findings import Finding, Note, warning
 from plumbob.core.text import counted
+from plumbob.files.arrow import intact
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.scan import BrokenRecordError, inflate
 
@@ -38,23 +39,17 @@ _DATA, _BAG_HEADER, _CHUNK, _CONNECTION = 2, 3, 5, 7
 _HEAD: Final = 1 << 20  # bytes that a record's own header may have
 
 
-class MessageLayout(NamedTuple):
-    """What follows the header of a message: whether a second frame is named there, and how many float64 come."""
-
-    child: bool
-    numbers: int
-
-
-LAYOUTS: Final = {
-    "sensor_msgs/Imu": MessageLayout(False, 37),  # quaternion xyzw, 9; angular velocity 3, 9; linear acceleration 3, 9
-    "sensor_msgs/MagneticField": MessageLayout(False, 12),  # field 3, covariance 9
-    "sensor_msgs/Temperature": MessageLayout(False, 2),  # temperature, variance
-    "geometry_msgs/PoseStamped": MessageLayout(False, 7),  # position 3, quaternion xyzw
-    "geometry_msgs/PoseWithCovarianceStamped": MessageLayout(False, 43),  # position 3, quaternion xyzw, covariance 36
-    "geometry_msgs/QuaternionStamped": MessageLayout(False, 4),  # xyzw
-    "geometry_msgs/TransformStamped": MessageLayout(True, 7),  # translation 3, quaternion xyzw
-    "nav_msgs/Odometry": MessageLayout(True, 85),  # position 3, quaternion xyzw, 36; twist 6, 36
-}  # by type: its layout behind std_msgs/Header, the same in ROS 1 and ROS 2 (github.com/ros2/common_interfaces)
+NUMBERS: Final = {
+    "sensor_msgs/Imu": 37,  # quaternion xyzw, 9; angular velocity 3, 9; linear acceleration 3, 9
+    "sensor_msgs/MagneticField": 12,  # field 3, covariance 9
+    "sensor_msgs/Temperature": 2,  # temperature, variance
+    "geometry_msgs/PoseStamped": 7,  # position 3, quaternion xyzw
+    "geometry_msgs/PoseWithCovarianceStamped": 43,  # position 3, quaternion xyzw, covariance 36
+    "geometry_msgs/QuaternionStamped": 4,  # xyzw
+    "geometry_msgs/TransformStamped": 7,  # translation 3, quaternion xyzw
+    "nav_msgs/Odometry": 85,  # position 3, quaternion xyzw, 36; twist 6, 36
+}  # float64 by type behind std_msgs/Header, the same in ROS 1 and ROS 2 (github.com/ros2/common_interfaces)
+_CHILDREN: Final = ("geometry_msgs/TransformStamped", "nav_msgs/Odometry")  # name a second frame before them
 
 
 @dataclass(slots=True, eq=False)
@@ -67,7 +62,7 @@ class Topic:
     encoding: str  # ``cdr`` or ``ros1``
     count: int = 0  # messages, read or not
     logged: list[int] = field(default_factory=list)  # when the recorder took each, ns
-    messages: list[bytes] = field(default_factory=list)  # those of a type in `LAYOUTS`
+    messages: list[bytes] = field(default_factory=list)  # those of a type in `NUMBERS`
 
     def __str__(self) -> str:
         return f"{self.name} ({self.kind}, {self.count})"
@@ -75,7 +70,7 @@ class Topic:
     def take(self, log_ns: int, data: bytes) -> None:
         """Count a message, and keep it where its type is known."""
         self.count += 1
-        if self.kind in LAYOUTS:
+        if self.kind in NUMBERS:
             self.logged.append(log_ns)
             self.messages.append(data)
 
@@ -169,13 +164,11 @@ def _zstd(stream: BinaryIO, what: str, bag: Bag) -> bytes:
     import zstandard
 
     pieces = []
-    try:
-        with zstandard.ZstdDecompressor().stream_reader(stream, read_across_frames=True) as reader:
-            while piece := reader.read(1 << 20):
-                bag.room(len(piece))
-                pieces.append(piece)
-    except zstandard.ZstdError as error:
-        raise DecodeError(f"{what} that is compressed with zstd is damaged: {error}.") from error
+    unpacker = zstandard.ZstdDecompressor().stream_reader(stream, read_across_frames=True)
+    with intact(f"{what} that is compressed with zstd"), unpacker as reader:
+        while piece := reader.read(1 << 20):
+            bag.room(len(piece))
+            pieces.append(piece)
     return b"".join(pieces)
 
 
@@ -318,15 +311,12 @@ def _sqlite(path: Path, bag: Bag, content: bytes | None = None) -> None:
     source = f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1" if content is None else ":memory:"
     if path.with_name(f"{path.name}-wal").exists():
         bag.damage.append(warning("reading.bag_open", file=path.name))
-    try:
-        with closing(sqlite3.connect(source, uri=content is None)) as tables:
-            if content is not None:
-                tables.deserialize(content)
-            tables.execute("PRAGMA trusted_schema = OFF")
-            tables.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(_HEAD, 64 << 20))
-            _query_messages(tables.execute, bag)
-    except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:  # a damaged name is not UTF-8
-        raise DecodeError(f"its SQLite tables are damaged, or not those of rosbag2: {error}.") from error
+    with intact("its SQLite database"), closing(sqlite3.connect(source, uri=content is None)) as tables:
+        if content is not None:
+            tables.deserialize(content)
+        tables.execute("PRAGMA trusted_schema = OFF")
+        tables.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(_HEAD, 64 << 20))
+        _query_messages(tables.execute, bag)
 
 
 def _query_messages(ask: Callable[..., Iterator[tuple[Any, ...]]], bag: Bag) -> None:
@@ -339,7 +329,7 @@ def _query_messages(ask: Callable[..., Iterator[tuple[Any, ...]]], bag: Bag) -> 
             raise DecodeError("its table 'topics' holds something that is not a name; it is damaged.")
         topics[number] = bag.topic(name, kind, encoding)
     for number, topic in topics.items():
-        if topic.kind not in LAYOUTS:
+        if topic.kind not in NUMBERS:
             topic.count += next(iter(ask("SELECT count(*) FROM messages WHERE topic_id = ?", (number,))))[0]
             continue
         rows = ask("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY timestamp, id", (number,))
@@ -358,8 +348,7 @@ def table(topic: Topic) -> MessageTable:
         stamps.append(stamp)
         frames[frame] = None
         tails.append(tail)
-    width = LAYOUTS[topic.kind].numbers
-    numbers = np.frombuffer(b"".join(tails), dtype="<f8").reshape(-1, width).astype(np.float64)
+    numbers = np.frombuffer(b"".join(tails), dtype="<f8").reshape(-1, NUMBERS[topic.kind]).astype(np.float64)
     t_ns, notes = stamps, list[Note]()
     if stamps.count(0) >= max(2, len(stamps)):
         t_ns = topic.logged
@@ -378,21 +367,21 @@ def _parsed(topic: Topic, message: bytes) -> tuple[int, str, bytes]:
         if message[:2] not in {b"\x00\x00", b"\x00\x01"}:
             raise DecodeError(f"{topic.name}: a message is not in plain CDR, but begins with {message[:2]!r}.")
         order, message, start = "<" if message[1] else ">", message[4:], 0  # ROS 1 has a counter before the stamp
-    kind = LAYOUTS[topic.kind]
+    count = NUMBERS[topic.kind]
     try:
         seconds, rest = struct.unpack_from(f"{order}{'i' if cdr else 'I'}I", message, start)
         frame, at = _name(message, start + 8, order, cdr)
-        if kind.child:
+        if topic.kind in _CHILDREN:
             _, at = _name(message, at, order, cdr)
     except (struct.error, UnicodeDecodeError) as error:
         raise DecodeError(f"{topic.name}: a header has no valid frame; {_ADVICE}") from error
     if cdr:
         at += -at % 8
-    tail = message[at : at + 8 * kind.numbers]
-    if len(tail) != 8 * kind.numbers or len(message) - at - len(tail) > (7 if cdr else 0):
+    tail = message[at : at + 8 * count]
+    if len(tail) != 8 * count or len(message) - at - len(tail) > (7 if cdr else 0):
         raise DecodeError(
             f"{topic.name}: a message has {counted(len(message), 'byte')}, but one of {topic.kind} with this "
-            f"header has {at + 8 * kind.numbers}; {_ADVICE}"
+            f"header has {at + 8 * count}; {_ADVICE}"
         )
     if rest >= 10**9:
         raise DecodeError(f"{topic.name}: a stamp has {rest} ns beyond its second; {_ADVICE}")

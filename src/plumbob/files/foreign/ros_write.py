@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.core.errors import ClockError, MissingExtraError
+from plumbob.core.errors import ClockError
 from plumbob.core.files import replacing, replacing_folder
+from plumbob.core.series import needed
 from plumbob.core.time import to_ns
 from plumbob.core.units import from_si
 from plumbob.data import AttitudeTrack, ImuData
@@ -104,13 +105,8 @@ def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> Non
 
 def _store(name: str) -> Any:
     """Types of messages of a version of ROS."""
-    try:
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise MissingExtraError(
-            'ROS bags are written by rosbags; install it with: pip install "plumbob[ros]".'
-        ) from error
-    return get_typestore(Stores[name])
+    types = needed("rosbags.typesys", "ROS bags", "plumbob[ros]")
+    return types.get_typestore(types.Stores[name])
 
 
 def _send(rows: Iterable[_Row], add: Callable[..., Any], write: Callable[..., Any]) -> None:

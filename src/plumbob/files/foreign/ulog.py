@@ -31,10 +31,11 @@ from numpy.typing import NDArray
 
 from plumbob.core import units
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, excerpt, one_line
+from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.findings import Note, info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
+from plumbob.files.arrow import intact
 from plumbob.files.foreign.logged import SensorLog, Table, choose, first_bytes, micro, of_vehicle, vectors
 from plumbob.rotations import Frame, North
 
@@ -92,18 +93,14 @@ def _topics(file: Path) -> _Topics:
     from pyulog import ULog
     from pyulog.exceptions import ULogIncompatibleFlagException
 
-    with contextlib.redirect_stdout(io.StringIO()), file.open("rb") as start, _Log(io.FileIO(file)) as log:
+    with intact(), contextlib.redirect_stdout(io.StringIO()), file.open("rb") as start, _Log(io.FileIO(file)) as log:
         try:
             head = ULog(start, parse_header_only=True)
             for name in _WANTED:
                 _require_short(head.message_formats, name)
             content = ULog(log, [*_WANTED])
-        except DecodeError:
-            raise
         except ULogIncompatibleFlagException as error:
             raise DecodeError("it has unknown incompatible flags; convert it with a newer PX4 tool.") from error
-        except Exception as error:  # a dozen types, by what is damaged
-            raise DecodeError(f"it is damaged, or of a newer kind: {one_line(error)}; copy the log again.") from error
     tables: dict[tuple[str, int], Table] = {}
     for topic in content.data_list:
         if len(topic.data.get("timestamp", ())):

@@ -13,10 +13,12 @@ updateInfoList). Its matrices run down their columns, as those of MTData2 do, an
 settings say so.
 """
 
+import tomllib
 from array import array
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -35,41 +37,23 @@ _MASTER: Final = 0xFF
 _LONG: Final = 0xFF
 _PART: Final = 1 << 20
 _QUATERNION, _MATRIX, _EULER = 0x2010, 0x2020, 0x2030
-_COUNTER, _TIME, _UTC, _STATUS = 0x1020, 0x1060, 0x1010, 0xE020
+_COUNTER, _UTC = 0x1020, 0x1010
 _FRAMES: Final = {0x0: "ENU", 0x4: "NED", 0x8: "NWU"}
 
 
 class _BlockKind(NamedTuple):
-    """What a block is called, the columns that MT Manager makes of it in its export, and types that it always has."""
+    """What a block is called, its columns in an export, and types that it always has."""
 
-    name: str
     columns: Sequence[str]
+    name: str = "block"
     types: Sequence[str] = ()
 
 
-_UTC_COLUMNS: Final = [f"UTC_{part}" for part in ("Nano", "Year", "Month", "Day", "Hour", "Minute", "Second", "Valid")]
-_KINDS: Final = {  # blocks that are read, by identity without its lowest digit
-    0x0810: _BlockKind("block", ["Temperature"]),
-    _UTC: _BlockKind("block", _UTC_COLUMNS, [">u4", ">u2", *["u1"] * 6]),
-    _COUNTER: _BlockKind("block", ["PacketCounter"], [">u2"]),
-    _TIME: _BlockKind("block", ["SampleTimeFine"], [">u4"]),
-    _QUATERNION: _BlockKind("quaternion", [f"Quat_q{k}" for k in range(4)]),
-    _MATRIX: _BlockKind("matrix", [f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3)]),
-    _EULER: _BlockKind("Euler angles", ["Roll", "Pitch", "Yaw"]),
-    0x4010: _BlockKind("velocity increments", ["VelInc_X", "VelInc_Y", "VelInc_Z"]),
-    0x4020: _BlockKind("acceleration", ["Acc_X", "Acc_Y", "Acc_Z"]),
-    0x4040: _BlockKind("AccelerationHR", ["Acc_X", "Acc_Y", "Acc_Z"]),
-    0x8020: _BlockKind("rate of turn", ["Gyr_X", "Gyr_Y", "Gyr_Z"]),
-    0x8030: _BlockKind("orientation increments", [f"OriInc_q{k}" for k in range(4)]),
-    0x8040: _BlockKind("RateOfTurnHR", ["Gyr_X", "Gyr_Y", "Gyr_Z"]),
-    0xC020: _BlockKind("block", ["Mag_X", "Mag_Y", "Mag_Z"]),
-    _STATUS: _BlockKind("block", ["StatusWord"], [">u4"]),
+_TABLES: Final = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+_KINDS: Final = {int(identity, 16): _BlockKind(**kind) for identity, kind in _TABLES["blocks"].items()}
+_NAMES: Final = {int(identity, 16): name for identity, name in _TABLES["others"].items()} | {
+    identity: kind.name for identity, kind in _KINDS.items()
 }
-_NAMES: Final = {
-    0x1070: "SampleTimeCoarse", 0x3010: "pressure", 0x4030: "FreeAcceleration", 0x5020: "altitude",
-    0x5040: "latitude and longitude", 0x7010: "GNSS solution", 0x7020: "GNSS satellites", 0xA010: "raw counts",
-    0xC810: "Awinda snapshots", 0xC820: "full snapshots", 0xD010: "velocity",
-} | {identity: kind.name for identity, kind in _KINDS.items()}  # fmt: skip
 _CHOICES: Final = ((0x8020, 0x8040, 0x8030), (0x4020, 0x4040, 0x4010), (_QUATERNION, _MATRIX, _EULER))
 _NUMBERS: Final[tuple[Any, ...]] = (">f4", ">i4", [("part", ">u4"), ("whole", ">i2")], ">f8")  # by precision
 _Block = tuple[int, int, int]  # identity, place in the data, and size
