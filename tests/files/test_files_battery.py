@@ -121,8 +121,9 @@ KNOWN_KINDS = {
     "a.gpx": (b'<?xml version="1.0"?>\n<gpx version="1.1">', "a track of positions"),
     "a.log": (b"(1718000000.000000) can0 174#0D00FDFFFAFF0000\n", "a log of a CAN bus.*cantools"),
     "a.fit": (b"\x0e\x10\x43\x08" + bytes(4) + b".FIT" + bytes(9), "a FIT file"),
+    "a.cwa": (b"MD\xfc\x03\x00\xb0y\x07" * 9, "a recording of Axivity"),
     "b.csv": (b"Type,Local Number,Message,Field 1,Value 1,Units 1\nData,0,x,y,1,s\n" * 9, "a table of FitCSVTool"),
-    "a.txt": (b"#RAWIMUSXA,COM1,0,81.5,FINE,1,1.0,0,3f,1;00,11,1,1.0,0,1,-3,4,5,6,7*2c\n" * 9, "a log of NovAtel"),
+    "a.txt": (b"%RAWIMUSA,1537,361705.645;1537,361705.6448,0,303,415,-5,-230,-181,-51*c01b\n" * 9, "a log of NovAtel"),
     "a.bin": (b"\xaaD\x12\x1c" + bytes(60), "a binary log of NovAtel"),
 }  # fmt: skip
 

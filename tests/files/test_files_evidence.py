@@ -153,6 +153,11 @@ LOGS = {  # name of the file, its text, what a user answers
         "rotationRate*", "gravity*", "acceleration*") + "\n" + rows(STAMPS, T, *GYR.T, *(-1.1 * G).T, *(0.1 * G).T),
         {"gyr.unit": "rad/s", "acc.sign": "gravity"}),
     "axes alone": ("a.csv", "Time,X,Y,Z,X,Y,Z\n" + rows(T, *SIX), UP | {"gyr.unit": "deg/s"}),
+    "names in the forms in which they are printed": (
+        "a.txt", ' # Data format: "%int(ChipTimeUS),' + names("%float(RawGyro*)", "%float(RawAccel*)") + '"\n'
+        + rows(1e6 * T, *GYR.T, *G.T), UP | {"gyr.unit": "rad/s"}),
+    "a hyphen between date and clock": ("a.csv", "When," + names("a* (g)", "g* (dps)") + "\n" + rows(
+        [f"2024-05-01-{clock}" for clock in CLOCK], *SIX[3:], *SIX[:3]), UP),
     "digits of a clock": ("a.csv", "UTC," + names("a* (g)", "g* (dps)") + "\n" + rows(
         [clock.replace(":", "") for clock in CLOCK], *SIX[3:], *SIX[:3]), UP),
     "a line cut at the end, and some that are broken": (
@@ -403,6 +408,7 @@ def test_what_nothing_speaks_for_stays_a_question_and_nothing_is_written(tmp_pat
         ("Time (s)," + names("Linear Acceleration * (m/s^2)") + "\n" + rows(T, *GYR.T), {}, "without gravity"),
         ("t_s," + names("dAngle_*", "dVel_*") + "\n" + rows(T, *SIX), {}, "divide them by its step"),
         ("".join(f"{k},A{axis},0.1,0.2,0.{k % 9}\n" for k in range(99) for axis in "XYZ"), {}, "an axis: AX, AY, AZ"),
+        (rows(*np.tile(G[:99, :1], 128).T), {}, "a row is a series of one quantity"),
         ("t," + names("speed_*") + "\n" + rows(T, *ACC.T), {}, "no three columns look like"),
         (LOGS["a unit in each cell"][1].replace(" g,", " mg,", 1000), UP, "is in g, but the column is in mg"),
     ],
@@ -468,10 +474,17 @@ def test_sentences_with_a_checksum(tmp_path):
 
 def test_angles_alone_are_a_track(tmp_path):
     angles = np.degrees(rot.euler_zyx_from_quat(Q))
-    text = "".join(f"#YPR={yaw:.3f},{pitch:.3f},{roll:.3f}\n" for yaw, pitch, roll in angles)
-    recording = drafted(tmp_path, "a.txt", text, {"time.rate": "100 Hz", "reference.frame": "ENU"})
-    assert recording.imu is None
-    assert np.abs(np.sum(recording.track.q_nb * Q, axis=1)) == pytest.approx(1.0, abs=1e-8)
+    texts = {
+        "a.txt": "".join(f"#YPR={yaw:.3f},{pitch:.3f},{roll:.3f}\n" for yaw, pitch, roll in angles),
+        "b.csv": "Nr,Roll | Phi (degrees), Pitch | Theta (degrees), Yaw | Psi (degrees)\n"
+        + rows(map(str, range(T.size)), *angles.T[::-1]),
+        "c.csv": "Nr,W,X,Y,Z\n" + rows(map(str, range(T.size)), *Q.T, form="{:.2f}"),  # norms of 0.99 to 1.01
+    }
+    for name, text in texts.items():
+        recording = drafted(tmp_path, name, text, {"time.rate": "100 Hz", "reference.frame": "ENU"})
+        assert recording.imu is None
+        q = rot.quat_normalize(recording.track.q_nb) if name == "c.csv" else recording.track.q_nb
+        assert np.abs(np.sum(q * Q, axis=1)) == pytest.approx(1.0, abs=1e-4 if name == "c.csv" else 1e-8)
 
 
 def test_columns_without_names_are_not_dealt_out_where_more_could_be_meant(tmp_path):
@@ -491,9 +504,10 @@ def test_columns_that_were_not_asked_are_answered_and_light_a_button_and_warmth_
     answers |= {"gyr.columns": [3, 4, 5], "gyr.unit": "rad/s", "acc.sign": "gravity"}
     imu = drafted(tmp_path, "a.csv", text, answers).imu
     assert (imu.t, imu.acc) == (pytest.approx(T, abs=1e-6), pytest.approx(ACC, abs=1e-2))
-    (tmp_path / "a.csv").write_text(rows(T, *G.T, T % 8, 0 * T, 0 * T + 25.9))
-    questions = dict(plumbob.profile(tmp_path / "a.csv", accept=True, answers=UP).questions)
-    assert "gyr.columns" in questions and not any("mag" in key for key in questions)
+    for button, warmth in ((0 * T, 0 * T + 25.9), (1.0 * (T == 3.0), 25.9 + 0.1 * (np.arange(T.size) % 2))):
+        (tmp_path / "a.csv").write_text(rows(T, *G.T, T % 8, button, warmth))
+        draft = plumbob.profile(tmp_path / "a.csv", accept=True, answers=UP)
+        assert "acc.columns" in dict(draft.questions) and "mag" not in draft.text
     (tmp_path / "acc.txt").write_text(rows(*np.reshape(ACC, (-1, 12)).T))  # windows of one axis
     refused(plumbob.profile, tmp_path / "acc.txt", accept=True, match=r"--set acc.columns=1,2,3", name="acc.txt")
     assert answer("acc.columns=1,2,3") == ("acc.columns", [1, 2, 3])

@@ -8,7 +8,7 @@ from plumbob.data import ImuData
 from plumbob.data.imu import units_unchecked
 from plumbob.data.recording import Recording, unsaved
 from plumbob.door.reading import read
-from plumbob.files.formats import kind_of
+from plumbob.files.formats import kind_of, resolved_profile
 from plumbob.files.profile import Profile
 from plumbob.files.text import text_profile
 from plumbob.quality.diagnosis import Declared, Diagnosis, Examination
@@ -69,4 +69,4 @@ def _profile(file: Path, profile: Profile | str | Path | None) -> Profile | None
     """What the columns of a text table were taken for; None of other formats."""
     if kind_of(file, described=profile is not None).name != "text":
         return None
-    return text_profile(file, profile)[0]
+    return text_profile(file, resolved_profile(file, profile))[0]

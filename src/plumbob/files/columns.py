@@ -47,7 +47,7 @@ _ZONES: Final = {  # h ahead of UTC; American ones by RFC 822; CST, IST and BST 
 }  # fmt: skip
 _ZONE: Final = rf"(?P<zone>{'|'.join(_ZONES)}|(?:UTC|GMT)?[+-]\d\d?(?::?\d\d)?)(?:\[[\w/]+\])?"
 _STAMP: Final = re.compile(
-    rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:T| +))?{_CLOCK} *(?:{_ZONE}|(?-i:[A-Z]{{3,4}}))?", re.IGNORECASE
+    rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:[T_-]| +))?{_CLOCK} *(?:{_ZONE}|(?-i:[A-Z]{{3,4}}))?", re.IGNORECASE
 )
 _BASIC: Final = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-](\d\d)(\d\d)(\d\d)(?!\d)")
 _WORDED: Final = re.compile(

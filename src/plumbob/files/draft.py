@@ -32,7 +32,7 @@ from plumbob.files import evidence
 from plumbob.files.arrow import text_bytes
 from plumbob.files.column_names import WEEK, ColumnName, canonical, named_sensor, taken_apart
 from plumbob.files.columns import FORM, has_zone
-from plumbob.files.evidence import ColumnEvidence, Guess, field_unit, gravity_unit, single_line
+from plumbob.files.evidence import RELATIVE, TURNED, ColumnEvidence, Guess, field_unit, gravity_unit, single_line
 from plumbob.files.known_logs import KNOWN, refuse_known
 from plumbob.files.profile import AS_MOUNTED, EPOCHS, GUIDE, JSON, Profile, TextLayout, parse_profile
 from plumbob.files.sniff import FEWEST, Sample, read_sample, rises
@@ -518,12 +518,17 @@ class _DraftWriter:
         by = "by their names" if named else "by their size or turning; [] if they are none"
         turns = name == "gyr" and data.turns[1] is not None and data.turns[1].tells
         sure = named or turns or data.is_sure_by_size()
+        sure = sure and (named or name != "mag" or min(map(data.spread, data.triads.values())) > TURNED)
         self._set("columns", data.refs(columns), f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
         if name == "acc" and data.plus:
             self._set("plus", data.refs(data.plus), "gravity, which these lack", ask=True, sure=True)
         zero = data.middle(columns)
         by_size = {"acc": gravity_unit, "mag": field_unit}.get(name)
-        guess = by_size(data.size(columns, zero)) if by_size else data.rate_unit(columns, zero)
+        size = data.size(columns, zero)
+        guess = by_size(size) if by_size else data.rate_unit(columns, zero)
+        if by_size and guess.counts == "" and not data.are_whole(columns):
+            is_relative = name == "mag" and RELATIVE[0] < size < RELATIVE[1]
+            guess = Guess("relative" if is_relative else "", guess.why.removesuffix(": counts?"))
         if scale := self._stated_scale(name):
             unit, key, number = scale
             sure = self._scales_fit()

@@ -38,6 +38,10 @@ _HUNDRED_NS: Final = ((1.2591e17, 1.5747e17), (6.3082e17, 6.6239e17))
 """Steps of 100 ns since 1601 (FILETIME) and since the year 1 (.NET), from 2000 to 2100."""
 _USUAL_RATES: Final = (4.0, 9000.0)  # sampling rates of inertial sensors in use, Hz
 _UNIT_NORM: Final = 0.02
+TURNED: Final = 0.01  # spread of directions that turn by ± 8° about an axis: what turns gravity turns a field, too
+_RARELY: Final = 0.02  # how often an axis of a sensor changes, in parts of the one that changes most, at least
+_SERIES: Final = 60  # columns without names above which a row is a series of one quantity
+RELATIVE: Final = (0.67, 2.5)  # |mag| of units in which the field at the place of calibration is 1, beyond gauss
 ANGLES: Final = ("yaw", "pitch", "roll")
 _REST: Final = {"m/s2": G0, "g": 1.0, "mg": 1000.0}  # |acc| at rest, by unit
 _EARTH: Final = {"uT": (22, 67), "mgauss": (220, 670), "gauss": (0.22, 0.67), "nT": (22e3, 67e3), "T": (22e-6, 67e-6)}
@@ -60,6 +64,11 @@ class ColumnEvidence:
 
     def __init__(self, name: str, sample: Sample, *, stream: str, answers: Mapping[str, Any]) -> None:
         self.names = sample.for_cells(sample.names)
+        if len(self.names) > _SERIES and not any(self.names) and not rises(sample.numbers(0)):
+            raise DecodeError(
+                f"its rows have {len(self.names)} numbers and no names, so a row is a series of one quantity. Write a "
+                "row for each sample and a column for each axis, below names."
+            )
         units = sample.for_cells(sample.units)
         levels = zip(*(name.split("/")[:-1] for name in self.names), strict=False)  # groups that hold all arrays
         groups = (level[0] for level in takewhile(lambda level: len({*level}) == 1, levels))
@@ -89,7 +98,12 @@ class ColumnEvidence:
         self.time = self._time_columns()
         self.quaternion = self._quaternion_columns()
         bases = [re.sub("elevation", "pitch", re.sub("heading|azimuth", "yaw", part.base)) for part in self.parts]
-        angles = {name: i for i, name in enumerate(bases) if name in ANGLES and not self.quaternion}
+        angles = {
+            name: i
+            for i, (base, part) in enumerate(zip(bases, self.parts, strict=True))
+            for name in ([] if self.quaternion or part.sensor == "other" else ANGLES)
+            if base == name or (name in base.split() and part.unit_as(Quantity.ANGLE))
+        }
         self.angles = tuple(angles[name] for name in ANGLES) if len(angles) == len(ANGLES) else ()
         self.plus: tuple[int, ...] = ()  # columns that are added to the accelerometer's
         self._fours: tuple[int, ...] = ()  # unit quaternions without names, whose order nothing says
@@ -216,11 +230,15 @@ class ColumnEvidence:
         return any(is_stamp(self.sample.cells(i)[0]) or self._is_time_of_day(i) for i in last)
 
     def _quaternion_columns(self) -> tuple[int, ...]:
-        """Columns w, x, y, z of unit quaternions."""
+        """Columns w, x, y, z of unit quaternions: as answered, by words of their names, or by these letters alone."""
+        if refs := self.answers.get("reference.columns", ()):
+            return tuple(self._place("reference.columns", ref) for ref in refs) if len(refs) == len("wxyz") else ()
         sets: dict[str, dict[str, int]] = {}
         for i, part in enumerate(self.parts):
             if part.quaternion:
                 sets.setdefault(part.base, {}).setdefault(part.axis, i)
+            elif (letter := self.names[i].strip().lower()) in {*"wxyz"}:
+                sets.setdefault("", {}).setdefault(letter, i)
         for axes in sets.values():
             for order in ("wxyz", "0123"):
                 columns = tuple(axes[letter] for letter in order if letter in axes)
@@ -342,6 +360,7 @@ class ColumnEvidence:
         if not any(f"{name}.columns" in self.answers for name in TRIADS):
             self._require_one_unit(varying)
         threes = [tuple(free[i : i + 3]) for i in range(0, len(free) - 2, 3)]
+        threes = [three for three in threes if self._change_alike(three)]
         triads: dict[str, tuple[int, ...]] = {}
         for three in filter(self._steady, threes):
             size = self.size(three)
@@ -371,6 +390,17 @@ class ColumnEvidence:
         """Whether a vector keeps its length, as gravity and a field do, and rates do not."""
         low, middle, high = np.quantile(self._norms(columns), (0.25, 0.5, 0.75))
         return bool(high - low < 0.25 * middle)
+
+    def spread(self, columns: Sequence[int]) -> float:
+        """How far directions are spread, from 0 to 1."""
+        vectors = self.vectors(columns)
+        sizes = np.linalg.norm(vectors, axis=1, keepdims=True)
+        return 1.0 - float(np.linalg.norm(np.nanmean(vectors / np.where(sizes > 0.0, sizes, np.nan), axis=0)))
+
+    def _change_alike(self, columns: Sequence[int]) -> bool:
+        """Whether the axes that change do so about as often, as those of one sensor; light and a button do not."""
+        changes = np.mean(np.diff(self.vectors(columns), axis=0) != 0.0, axis=0)
+        return not 0.0 < float(changes.min()) < _RARELY * float(changes.max())
 
     def _norms(self, columns: Sequence[int], zero: float = 0.0) -> Floats:
         """Sizes of a vector where it is measured: neither missing nor exactly zero; NaN for none."""

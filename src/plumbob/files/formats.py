@@ -55,16 +55,21 @@ def _named(name: str | Callable[..., Any]) -> Callable[..., Any]:
 
 def read_table(path: Path, profile: "Profile | str | Path | None") -> Recording:
     """Read a text table; a log that is known by its names needs no profile."""
-    from plumbob.files.profile import profiles_beside
     from plumbob.files.text import read_text
 
-    if profile is None and not profiles_beside(path):
-        from plumbob.files.draft import known_profile
-        from plumbob.files.known_logs import refuse_known
+    return read_text(path, resolved_profile(path, profile))
 
-        refuse_known(path)
-        profile = known_profile(path)
-    return read_text(path, profile)
+
+def resolved_profile(path: Path, profile: "Profile | str | Path | None") -> "Profile | str | Path | None":
+    """Profile that is given; that of a log which is known by its names, where none lies beside it."""
+    from plumbob.files.draft import known_profile
+    from plumbob.files.known_logs import refuse_known
+    from plumbob.files.profile import profiles_beside
+
+    if profile is not None or profiles_beside(path):
+        return profile
+    refuse_known(path)
+    return known_profile(path)
 
 
 def refuse_stream(path: Path) -> Recording:

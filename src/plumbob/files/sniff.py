@@ -566,7 +566,7 @@ def _known_names(names: Iterable[str]) -> int:
 
 def _names(cells: Sequence[str], table: _SniffedTable) -> tuple[str, ...]:
     """Names of columns in a row before a table, moved by one where the columns that rise as time does say so."""
-    names, width = tuple(cell.strip() for cell in cells), len(table.rows[0])
+    names, width = tuple(_PRINTED.sub(r"\1", cell.strip()) for cell in cells), len(table.rows[0])
     short = width - len(names)
     words = [name for name in names if re.search(r"[^\W\d]", name) and not _is_number(name)]
     may_miss = table.separator != " " or _is_number(table.rows[0][0])  # blanks may also part dates from clock times
@@ -584,6 +584,9 @@ def _names(cells: Sequence[str], table: _SniffedTable) -> tuple[str, ...]:
     return {0: names, 1: ("", *names), -1: names[1:], None: ()}[moved]
 
 
+_PRINTED: Final = re.compile(
+    r'.*%\w+\((\w+)\)"?'
+)  # a name in its form, as 3-Space sensors have it: ``%float(RawGyroX)``
 _TITLE: Final = re.compile(r"\W*(headers?|names?|columns?|fields?|channels?)\W*", re.IGNORECASE)
 
 

@@ -61,6 +61,7 @@ from plumbob.rotations import (
 )
 
 _FIRST_LINE_BYTES = 4096
+_ROUNDED = 0.01  # how far the norm of a quaternion of two decimals is off 1 at most
 _UPTIME = float(1 << 22)  # 48 days, s: multiples are left out of a clock that began at an unknown instant
 
 
@@ -256,6 +257,9 @@ def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | Non
     """Attitude, unknown where a quaternion among others is not a rotation."""
     q_nb, score, notes = reference_attitudes(source, table, turn), _optional(table, source.score), list[Note]()
     turn = turn if source.of == "case" else None
+    norms = np.linalg.norm(q_nb, axis=1)
+    rounded = (np.abs(norms - 1.0) > NORM) & (np.abs(norms - 1.0) < _ROUNDED)
+    q_nb[rounded] /= norms[rounded, np.newaxis]
     wrong = np.abs(np.linalg.norm(q_nb, axis=1) - 1.0) > NORM
     if 0 < (lost := int(wrong.sum())) < len(wrong) / 2:
         q_nb[wrong] = np.nan
