@@ -13,7 +13,16 @@ from plumbob.core.units import from_si
 from plumbob.quality.arrangement import ARRANGEMENTS, Samples, fit
 from plumbob.quality.derotated import fit_force
 from plumbob.quality.diagnosis import Diagnosis, unit_odds, unusable
-from plumbob.rotations import dcm_from_quat, quat_chained, quat_from_euler_zyx, signed_axes
+from plumbob.rotations import (
+    dcm_from_quat,
+    quat_chained,
+    quat_conjugate,
+    quat_from_euler_zyx,
+    quat_multiply,
+    quat_rotate,
+    rotvec_from_quat,
+    signed_axes,
+)
 from tests.helpers import beside
 from tests.helpers.commandline import call, ok
 
@@ -267,6 +276,26 @@ def test_strides_that_push_harder_than_gravity_do_not_mislead() -> None:
         apart = {name: pushed[name] @ signed_axes(axes).T for name, axes in (("acc", "y z x"), ("mag", "y x -z"))}
         told = answers(diagnosed(pushed | apart))  # no two are alike, and the odds of both are overwhelming
         assert told["acc axes"] == (answer, True) and told["mag axes"] == ("sure", True)
+
+
+@pytest.mark.parametrize("seed", [10, 14, 23])
+def test_steps_in_step_with_the_turning_do_not_turn_the_axes_of_one_sensor_alone(seed: int) -> None:
+    """A shank: pushes come at multiples of the stride; the magnetometer confirms the rates beyond doubt."""
+    rng, t = np.random.default_rng(seed), np.arange(2400) / 120.0
+    stride, a = 2.0 * np.pi * (0.9 + 0.1 * rng.random()) * t, rng.normal(size=(3, 3))
+    yaw = 0.15 * np.sin(stride + a[0, 0]) + 0.1 * np.sin(0.3 * t + a[1, 0])
+    pitch, roll = 0.6 * np.sin(stride) + 0.2 * np.sin(2.0 * stride + a[0, 1]), 0.1 * np.sin(stride + a[0, 2])
+    q = quat_from_euler_zyx(np.stack([yaw, pitch, roll + 0.3 * np.sin(0.2 * t)], axis=1))
+    gyr = 120.0 * rotvec_from_quat(quat_multiply(quat_conjugate(q), np.roll(q, -1, axis=0)))
+    gyr[-1] = 0.0
+    pushes = [
+        rng.normal(size=3) * 6.0 / k * np.cos(k * stride + rng.random() * 6.28)[:, np.newaxis]
+        * (1.0 + 0.2 * rng.normal(size=1)) for k in (1, 2, 3)
+    ]  # fmt: skip
+    acc = quat_rotate(quat_conjugate(q), [0.0, 0.0, G] + sum(pushes)) + 0.3 * rng.normal(size=gyr.shape)
+    mag = quat_rotate(quat_conjugate(q), [5.0, 20.0, -43.0]) + 0.3 * rng.normal(size=gyr.shape)
+    said = answers(diagnosed({"t": t, "gyr": gyr + 0.005 * rng.normal(size=gyr.shape), "acc": acc, "mag": mag}))
+    assert said["acc axes"] == ("unknown", False) and said["gyr axes"] == ("sure", False)
 
 
 def test_pauses_of_the_gyroscope_do_not_count() -> None:

@@ -199,7 +199,7 @@ class _Sensor:
                 self.answer = Trust.SURE if self.margin >= CERTAIN else Trust.LIKELY
             elif pushed and not fitted.torn:
                 self.answer = Trust.LIKELY  # most of it is pushes, as in the pocket of who walks
-            if not fitted.torn and fitted.explained >= _MOST:
+            if not fitted.torn and fitted.explained >= _MOST and self.has_scale:
                 self.declared_odds = tuple(float(log[_USUAL]) for log in (fitted.log_odds, *fitted.halves))
             tied = ARRANGEMENTS[fitted.log_odds > -CERTAIN]
             if explains and len(tied) <= 8:
@@ -212,6 +212,11 @@ class _Sensor:
     @property
     def known(self) -> bool:
         return self.answer is not Trust.UNKNOWN
+
+    @property
+    def has_scale(self) -> bool:
+        """Whether it turns by the rates, at a scale, and not by what a bias and an offset explain."""
+        return self.found is not None and self.found.scale_sd < _VAGUE * self.found.scale
 
 
 @dataclass(frozen=True)
@@ -363,12 +368,15 @@ class Examination:
             self.sensors["acc"] = force = _Sensor("acc", fit_force(self.t, trials, acc, scales, signs))
             size = norms(acc)
             if force.known and np.nanmedian(np.abs(size - np.nanmedian(size))) > _PUSHED * np.nanmedian(size):
-                force.answer = Trust.LIKELY if force.usual or force.margin >= CERTAIN else Trust.UNKNOWN
-        for sensor in self.sensors.values():  # axes and unit not as declared are two faults: that takes sure odds
-            if sensor.answer is Trust.LIKELY and not sensor.usual and sensor.found is not None:
-                off, sd = math.log(sensor.found.scale), sensor.found.scale_sd / sensor.found.scale
-                if sensor.margin < CERTAIN and abs(off) > _GAIN + 3.0 * sd:
-                    sensor.answer = Trust.UNKNOWN
+                force.answer = Trust.LIKELY
+        sure = {name for name, sensor in self.sensors.items() if sensor.usual and sensor.answer is Trust.SURE}
+        for name, sensor in self.sensors.items():  # axes are as declared unless a thousand to one is against them,
+            least = 2.0 * CERTAIN if sure - {name} else CERTAIN  # and a million where another sensor's surely are
+            clear = sensor.margin >= least and (sensor.answer is Trust.SURE or sensor.has_scale)
+            if sensor.known and not sensor.usual and not clear:
+                sensor.answer = Trust.UNKNOWN
+            if max(sensor.declared_odds[:1], default=0.0) > -least:
+                sensor.declared_odds = ()
 
     def _scales(self, gyr: Floats, acc: Floats) -> tuple[float, ...]:
         """Scales that the rates may have: of units with which a body turns as bodies do, and one by regression."""
@@ -390,35 +398,27 @@ class Examination:
         for name, sensor in self.sensors.items():
             if not sensor.known:
                 odds = sensor.declared_odds
-                wrong = bool(odds) and odds[0] < -CERTAIN and max(odds) < -_HINT
+                wrong = bool(odds) and max(odds) < -_HINT
                 finding = info("doctor.axes_wrong") if wrong else info("doctor.axes_open")
                 self._find(name, "axes", Trust.UNKNOWN, finding, 0.0, sensor.would_tell, lines=[] if wrong else None)
         if not trusted:
             return
         answer = Trust.LIKELY if any(sensor.answer is Trust.LIKELY for sensor in trusted.values()) else Trust.SURE
-        of_two = len({sensor.mirrored for sensor in trusted.values()}) > 1
-        turns = {name: sensor.axes for name, sensor in trusted.items()}
-        apart = len(trusted) == 2 and not (turns["acc"] == turns["mag"]).all()
+        turns = [sensor.axes for sensor in trusted.values()]
         log_odds = min(sensor.margin for sensor in trusted.values())
-        if of_two or (apart and log_odds < CERTAIN and not any(sensor.usual for sensor in trusted.values())):
-            finding = info("doctor.contradiction_of_two") if of_two else info("doctor.contradiction_of_three")
-            for name, sensor in trusted.items():
-                self._find(name, "axes", Trust.UNKNOWN, finding)
-                sensor.answer = sensor.answer if of_two else Trust.UNKNOWN
+        if len({sensor.mirrored for sensor in trusted.values()}) > 1:
+            for name in trusted:
+                self._find(name, "axes", Trust.UNKNOWN, info("doctor.contradiction_of_two"))
             return
-        reference = np.eye(3)
-        if len(trusted) == 2 and (turns["acc"] == turns["mag"]).all():
-            reference = turns["acc"]
-        elif any(sensor.mirrored for sensor in trusted.values()):
-            reference = turns["acc"] if "acc" in turns else turns["mag"]
+        mirrored, alike = bool(np.linalg.det(turns[-1]) < 0.0), bool((turns[0] == turns[-1]).all())
+        reference = turns[-1] if mirrored or (alike and len(turns) == 2) else np.eye(3)
         if (reference == np.eye(3)).all():
             self._find("gyr", "axes", answer, info("doctor.gyr_axes_right", by=tuple(trusted)), log_odds)
         else:
             code = "doctor.gyr_mirrored" if np.linalg.det(reference) < 0.0 else "doctor.gyr_turned"
             finding = info(code, axes=axes_letters(reference), by=tuple(trusted))
             why = info("doctor.both_agree") if len(trusted) == 2 else info("doctor.handedness")
-            lines = self.declared.axes("gyr", reference)
-            self._find("gyr", "axes", answer, finding, log_odds, why, lines=lines)
+            self._find("gyr", "axes", answer, finding, log_odds, why, lines=self.declared.axes("gyr", reference))
         for sensor in trusted.values():
             self._own_axes(sensor, sensor.axes @ reference.T, alone=len(trusted) == 1)
         self._sign(trusted, reference)
@@ -489,7 +489,7 @@ class Examination:
     def _turning(self) -> tuple[float, float, Trust, tuple[Finding, ...]]:
         """By both vector sensors; where they differ, by half of the difference the answer is uncertain."""
         trusted = self._trusted()
-        fits = {s.name: s.found for s in trusted if s.found is not None and s.found.scale_sd < _VAGUE * s.found.scale}
+        fits = {s.name: s.found for s in trusted if s.found is not None and s.has_scale}
         if not fits:
             why = next((it.would_tell for it in self.sensors.values()), info("doctor.nothing_turns"))
             return 0.0, 0.0, Trust.UNKNOWN, (why,)
