@@ -81,7 +81,7 @@ SETS = {
     "RUN": "READ evaluation kernels",
     "FITS": "scipy scipy.fft scipy.interpolate scipy.optimize scipy.special",
     "VIEW": "live.timing.timebase calibration data.cards.calibration files.mcap filters mcap numpy protocols "
-    "live.stream zstandard",
+    "live.stream lz4 zstandard",
 }
 SENSORS = "--frame NED --sensors mpu6000+hmc5983 --unit"
 LINES = beside(__file__, "imports.txt")

@@ -55,7 +55,6 @@ from plumbob.door.reading import opened_array
 from plumbob.files import read, write
 from plumbob.filters import filter_names, load, takes_noise
 from plumbob.filters.offline import CHUNK, Stage, bias_beyond, run_stage, with_noise
-from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.fleet.experiments.scenario import measure_scenario
 from plumbob.live import sources
 from plumbob.live.emulated import running_rig
@@ -75,7 +74,6 @@ from plumbob.viewer import playback
 from plumbob.viewer.switch import Switch
 from tests.helpers import Clock, beside, commandline
 from tests.helpers.commandline import ok, refused
-from tests.helpers.hand_motion import by_hand
 from tests.helpers.live_samples import FORMAT, SESSION, Handed, motion, reads, record, session, stream, through
 from tests.helpers.motion import noisy
 from tests.helpers.outlets import Kept
@@ -439,7 +437,7 @@ LAG = {"lag": "0.6 s"}
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
     """Little of the past is smoothed with each part, so that its border moves through these few seconds."""
-    for where in ("live", "samples", "smoothing"):  # live first: what is imported later would keep it
+    for where in ("live", "samples"):  # live first: what is imported later would keep it
         monkeypatch.setattr(f"plumbob.filters.smoother.{where}.MARGIN", 2.0)
 
 
@@ -502,24 +500,6 @@ def test_without_a_lag_attitudes_come_with_their_samples_and_are_replayed_to_the
     assert replay(tmp_path / "a.mcap", session=chosen, check=True).comparison.equal
     batch = run_stage(live.imu(calibrated=True), chosen.stage, frame=chosen.frame)
     np.testing.assert_array_equal(live.track().q_nb, batch.q_nb)
-
-
-@pytest.mark.parametrize("lag", [0.3, 1.0, 100.0])
-def test_it_does_not_matter_how_the_stream_is_cut_nor_where_it_has_gaps(lag):
-    h = by_hand(8.0, seed=2)
-    imu = h.rows((h.t < 3.0) | (h.t > 4.5)).imu()
-    whole = Smoother(frame="ENU", params={"lag": lag}).process(imu)
-    for size in (1, 7, 100, 5000):
-        lagging, parts = FixedLag(frame="ENU", params={"lag": lag}), []
-        for part in imu.chunks(size):
-            ready = lagging.take(part)
-            parts += [] if ready is None else [ready]
-            waits = part.t[-1] - imu.t[min(sum(map(len, parts)), len(imu) - 1)]
-            assert waits <= max(lag, 0.0) + 1e-9  # no attitude waits for longer than it must
-        parts.append(lagging.finish())
-        for name in ("t", "q_nb", "cov_b", "flags"):
-            np.testing.assert_array_equal(np.concatenate([getattr(p, name) for p in parts]), getattr(whole, name))
-        assert lagging.finish() is None
 
 
 def track(bias_dps):

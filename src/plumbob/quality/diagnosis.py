@@ -181,6 +181,7 @@ class _Sensor:
     margin: float = field(init=False)  # logarithm of the odds of these axes against the next
     usual: bool = field(init=False)
     mirrored: bool = field(init=False)
+    has_scale: bool = field(init=False)  # it turns by the rates at a scale, and not by what bias and offset explain
     # logarithm of the odds of the declared axes against the best, by all and by either half; empty where open
     declared_odds: tuple[float, ...] = ()
     fits_declared: bool = field(init=False)  # it turns as the rates do in the declared axes; others may fit as well
@@ -191,6 +192,7 @@ class _Sensor:
         best, self.margin = (_USUAL, 0.0) if fitted is None else (fitted.best, fitted.margin)
         self.axes = np.asarray(ARRANGEMENTS[best])
         self.usual, self.mirrored = bool((self.axes == np.eye(3)).all()), bool(np.linalg.det(self.axes) < 0.0)
+        self.has_scale = fitted is not None and fitted.scale_sd < _VAGUE * fitted.scale
         turns: list[str] = []
         if fitted is not None:
             explains = fitted.explained >= _EXPLAINED
@@ -212,11 +214,6 @@ class _Sensor:
     @property
     def known(self) -> bool:
         return self.answer is not Trust.UNKNOWN
-
-    @property
-    def has_scale(self) -> bool:
-        """Whether it turns by the rates, at a scale, and not by what a bias and an offset explain."""
-        return self.found is not None and self.found.scale_sd < _VAGUE * self.found.scale
 
 
 @dataclass(frozen=True)

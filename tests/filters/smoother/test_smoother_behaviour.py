@@ -212,8 +212,10 @@ def test_without_rates_for_long_the_rest_is_still_estimated(where, lag, monkeypa
     gyr, lost = h.gyr.copy(), np.zeros(h.t.size, dtype=bool)
     gyr[where], lost[where] = np.nan, True
     track, _ = smoothed(h.imu(gyr=gyr), lag=lag)
-    assert np.isfinite(track.q_nb).all() and (track.flags[lost] & flags.NOT_CONVERGED).all()
-    assert (track.flags[lost] & flags.GYR_HELD).all()
+    # a stream does not know that a hole is long, and bridges its first half second
+    known = lost if lag == "off" else np.convolve(lost, np.ones(51))[: lost.size] > 50.5
+    assert np.isfinite(track.q_nb).all() and (track.flags[known] & flags.NOT_CONVERGED).all()
+    assert (track.flags[known] & flags.GYR_HELD).all()
     # beside a hole a stretch is short: what is estimated from a second of samples is doubtful, and may say so
     far = ~np.convolve(lost, np.ones(801), mode="same").astype(bool)
     assert (rms_deg(errors(track, h)[far]) < 5 * FINE).all()

@@ -20,7 +20,7 @@ from plumbob.filters.smoother import FixedLag, Smoother, inertial, live
 from plumbob.filters.smoother import causal as onward
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_REPEATS, Params
-from plumbob.rotations import quat_angle, quat_conjugate, quat_rotate
+from plumbob.rotations import dcm_from_quat, quat_angle, quat_conjugate, quat_rotate
 from tests.helpers import slow_as_python
 from tests.helpers.hand_motion import by_hand, error_n, rms_deg
 from tests.helpers.motion import heading_sd, tilt_between
@@ -281,12 +281,13 @@ def test_a_gyroscope_that_is_silent_at_rest_leaves_the_attitude_as_it_is():
     assert within < before + deg(1.0) ** 2
 
 
-def test_a_bias_that_a_rest_has_shown_is_not_forgotten_when_no_look_sees_it_any_more(monkeypatch):
+@pytest.mark.parametrize("lag", [0.0, 5.0])
+def test_a_bias_that_a_rest_has_shown_is_not_forgotten_when_no_look_sees_it_any_more(monkeypatch, lag):
     """In a window of 20 s without rest or field the bias may be any; its walk in 60 s allows 0.05 °/s."""
     monkeypatch.setattr(live, "MARGIN", 20.0)
     h = by_hand(80.0, 50.0, rest=((0.0, 10.0),), seed=2)
     bias = deg(np.array([0.8, -0.5, 0.6]))
-    track, _ = followed(h.imu(gyr=h.gyr + bias, mag=None))
+    track, _ = followed(h.imu(gyr=h.gyr + bias, mag=None), lag=lag)
     assert np.degrees(np.abs(track.bias_b[h.t > 40.0] - bias)).max() < 0.006 * math.sqrt(60.0)
 
 
@@ -328,7 +329,8 @@ def test_a_recording_shorter_than_the_first_look_claims_nothing_and_one_rate_is_
 
 @pytest.mark.parametrize("calibrated", [True, False], ids=["calibrated", "uncalibrated"])
 @pytest.mark.parametrize("mag", [True, False], ids=["field", "no field"])
-def test_a_stream_in_parts_is_the_recording_to_the_bit(monkeypatch, mag, calibrated):
+@pytest.mark.parametrize("lag", [0.0, 2.5])
+def test_a_stream_in_parts_is_the_recording_to_the_bit(monkeypatch, lag, mag, calibrated):
     """In parts of any size, with gaps, holes and missing values, and with looks that a thread takes meanwhile."""
     monkeypatch.setattr(live, "SHORT", 1.0)
     monkeypatch.setattr(live, "MARGIN", 8.0)
@@ -336,24 +338,47 @@ def test_a_stream_in_parts_is_the_recording_to_the_bit(monkeypatch, mag, calibra
     lost = (np.random.default_rng(1).random(h.t.size) < 0.02) | ((h.t > 20.0) & (h.t < 20.4))
     h = h._replace(gyr=np.where(lost[:, np.newaxis], np.nan, h.gyr)).rows((h.t < 12.0) | (h.t > 13.0))
     imu = h.imu() if calibrated else replace(h.imu(), meta=ImuMeta())
-    params = {"lag": 0.0, "mag": mag, "latency": 0.003}
+    params = {"lag": lag, "mag": mag, "latency": 0.003}
     same_in_parts(imu, Smoother(frame="NED", params=params).process(imu), FixedLag(frame="NED", params=params))
 
 
 def same_in_parts(imu, whole, stream):
     ends = np.cumsum(np.random.default_rng(0).choice([1, 1, 1, 2, 7, 50, 400], imu.t.size))
     ends = [0, *ends[ends < imu.t.size], imu.t.size]
-    parts = [stream.take(imu[begin:end]) for begin, end in itertools.pairwise(ends)]
+    parts = []
+    for begin, end in itertools.pairwise(ends):
+        parts += filter(None, [stream.take(imu[begin:end])])
+        due = imu.t[min(sum(map(len, parts)), len(imu) - 1)]
+        assert imu.t[end - 1] - due <= stream.params.lag + 1e-9  # no attitude waits for longer than it must
+    parts += filter(None, [stream.finish()])
     assert stream.finish() is None
     for name in ("t", "q_nb", "bias_b", "cov_b", "flags", "mag_weight"):
         np.testing.assert_array_equal(np.concatenate([getattr(p, name) for p in parts]), getattr(whole, name))
 
 
-def test_doubts_and_what_ends_them_do_not_depend_on_the_parts():
+@pytest.mark.parametrize("lag", [0.0, 3.0])
+def test_doubts_and_what_ends_them_do_not_depend_on_the_parts(lag):
     """A field that changes at rest and is taken in motion; a bias that jumps at rest."""
     h = by_hand(25.0, rest=((0.0, 15.0),), seed=3)
     for imu in (h.imu(mag=wrong_at_first(h, 8.0)), lying(25.0, lambda t: np.where(t < 12.0, 0.0, dps(5.0)))):
-        same_in_parts(imu, followed(imu)[0], FixedLag(frame="ENU", params={"lag": 0.0}))
+        same_in_parts(imu, followed(imu, lag=lag)[0], FixedLag(frame="ENU", params={"lag": lag}))
+
+
+@pytest.mark.parametrize("mag", [True, False], ids=["field", "no field"])
+def test_what_comes_within_the_lag_counts_and_in_the_claim_too(mag):
+    """Over looks at the past and a gap: the error of the tilt and its variance fall, and 95 % lie inside 95 %."""
+    h = by_hand(60.0, rest=((0.0, 3.0),), seed=4)
+    keep = (h.t < 30.0) | (h.t > 31.0)
+    h = h.rows(keep)
+    error, variance = [], []
+    for lag in (0.0, 1.0, 5.0, 20.0):
+        track, _ = followed(h.imu() if mag else h.imu(mag=None), lag=lag)
+        e, up = error_n(track.q_nb, h.q), dcm_from_quat(track.q_nb)
+        cov = up @ track.cov_b @ np.swapaxes(up, 1, 2)
+        error.append(rms_deg(e)[:2].max())
+        variance.append(np.median(cov[:, 0, 0]))
+        assert np.mean(np.abs(e[:, :2]) < 1.96 * np.sqrt(np.diagonal(cov, axis1=1, axis2=2)[:, :2])) > 0.9
+    assert (np.diff(error) < 0.0).all() and (np.diff(variance) < 0.0).all()
 
 
 def test_a_free_heading_is_as_uncertain_as_what_nothing_shows_of_the_gyroscope():

@@ -14,7 +14,20 @@ from plumbob.filters.smoother import Params, sweeps
 from plumbob.filters.smoother.inertial import kinds
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, ModelVariances, V, start_covariance
-from plumbob.filters.smoother.sweeps import AGAIN, FADE, HEADING, INVERSE, KIND, LASTING, LIFT, MOVING, RESTING, TIME
+from plumbob.filters.smoother.sweeps import (
+    AGAIN,
+    FADE,
+    FORGOTTEN,
+    HEADING,
+    INVERSE,
+    KIND,
+    LASTING,
+    LIFT,
+    MOVING,
+    RESTING,
+    SEVERED,
+    TIME,
+)
 from tests.helpers import in_the_other_mode
 from tests.helpers.hand_motion import by_hand
 from tests.helpers.jacobians import by_differences
@@ -151,19 +164,30 @@ def test_covariances_go_through_the_same_transition(seed, kind):
 # --- backward against Rauch, Tung and Striebel --------------------------------------------------------------
 
 H = np.zeros((sweeps.MEASURED, SIZE))
-"""What each scalar at a keyframe measures, in the order in which it is used: velocity, heading, rates."""
+"""What each scalar at a keyframe measures, in the order in which it is used: tilt, velocity, rates, heading."""
+H[sweeps.TILT, TH] = H[sweeps.TILT + 1, TH + 1] = 1.0
 H[sweeps.EAST, V] = H[sweeps.EAST + 1, V + 1] = 1.0
 H[HEADING, TH + 2] = H[HEADING, BEND] = 1.0
 for i in range(3):
     H[sweeps.RATE + i, B + i] = 1.0
-ORDER = (sweeps.EAST, sweeps.EAST + 1, sweeps.RATE, sweeps.RATE + 1, sweeps.RATE + 2, HEADING)
+ORDER = (
+    sweeps.TILT,
+    sweeps.TILT + 1,
+    sweeps.EAST,
+    sweeps.EAST + 1,
+    sweeps.RATE,
+    sweeps.RATE + 1,
+    sweeps.RATE + 2,
+    HEADING,
+)
 
 
 def textbook(rng, n=40):
     """A linear system of the smoother's form with numbers of order 1, filtered and smoothed by dense algebra.
 
-    Moving, resting and new starts by turns; every third heading is missing. What `backward` takes, and what it must
-    give: smoothed error (n + 1, 21) with its covariance, [Rauch1965].
+    Moving, resting, new starts, forgotten velocities and steps behind which all is another by turns; every third
+    heading is missing, and every second tilt. What `backward` takes, and what it must give: smoothed error (n + 1, 21)
+    with its covariance, [Rauch1965].
     """
     step, gain, term = (
         np.zeros((n, sweeps.STEP)),
@@ -171,23 +195,27 @@ def textbook(rng, n=40):
         np.zeros((n, sweeps.MEASURED, sweeps.TERMS)),
     )
     kind = rng.choice([MOVING, MOVING, MOVING, RESTING, AGAIN], n)
+    kind[n - 5], forgets = SEVERED, rng.random(n) < 0.2
     step[:, sweeps.TURN : LIFT] = rng.normal(0.0, 0.2, (n, LIFT))
     step[:, LIFT], step[:, FADE], step[:, KIND] = rng.normal(0.0, 0.5, n), rng.uniform(0.7, 0.99, n), kind
-    step[:, LASTING] = rng.uniform(0.7, 1.0, n)
+    step[:, LASTING], step[:, FORGOTTEN] = rng.uniform(0.7, 1.0, n), forgets
     start, p = spd(rng), spd(rng)
     start[:, 3:6] = start[3:6] = start[:, 8:] = start[8:] = 0.0  # only attitude and velocity start again
     before, after, moved, shifts = [], [p], [], []
     for k in range(n):
-        f = transition(step[k])
+        f = np.zeros((SIZE, SIZE)) if kind[k] == SEVERED else transition(step[k])
         noise = np.diag(np.r_[rng.uniform(0.01, 0.1, 9), np.zeros(12)])
-        p = f @ p @ f.T + noise + (start if kind[k] == AGAIN else 0.0)
+        p = f @ p @ f.T + noise + (start if kind[k] == AGAIN else spd(rng) if kind[k] == SEVERED else 0.0)
+        p[V : V + 2, V : V + 2] += 4.0 * np.eye(2) * forgets[k]
         before.append(p)
         shift = np.zeros(SIZE)
         for m in ORDER:
             if (
-                (m == HEADING and k % 3 == 0)
-                or (m >= sweeps.RATE and kind[k] != RESTING)
-                or (m < 2 and kind[k] == AGAIN)
+                kind[k] == SEVERED
+                or (m == HEADING and k % 3 == 0)
+                or (m >= sweeps.TILT and k % 2 == 0)
+                or (sweeps.RATE <= m < sweeps.TILT and kind[k] != RESTING)
+                or (m < 2 and (kind[k] == AGAIN or forgets[k]))
             ):
                 continue
             s = H[m] @ p @ H[m] + rng.uniform(0.5, 2.0)
@@ -231,7 +259,7 @@ def test_what_goes_back_stays_symmetric_and_positive(seed):
     for k in range(len(step) - 1, -1, -1):
         sweeps.back_to_the_last(lam, big, y, gain[k], term[k], step[k])
         size = np.abs(big).max()
-        assert np.abs(big - big.T).max() <= 1e-14 * size and np.linalg.eigvalsh(big).min() > -1e-13 * size
+        assert np.abs(big - big.T).max() <= 1e-14 * size and np.linalg.eigvalsh(big).min() >= -1e-13 * size
     assert size > 0.1
     assert np.abs(lam).max() > 0.0
 
@@ -334,9 +362,10 @@ def test_the_smoothed_covariance_is_one_and_no_larger_than_the_filtered(recorded
 def test_a_sweep_in_blocks_is_that_in_one(recorded, block, monkeypatch):
     """To the bit: the way forward is gone again from what it was at the start of each block."""
     assert recorded.n < sweeps.BLOCK
-    *whole, last = astuple(swept(recorded, 0.01))
+    *whole, last, way = astuple(swept(recorded, 0.01))
     monkeypatch.setattr(sweeps, "BLOCK", block)
-    *parts, end = astuple(swept(recorded, 0.01))
+    *parts, end, none = astuple(swept(recorded, 0.01))
+    assert (len(way), none) == (6, None)
     assert all(np.array_equal(*pair, equal_nan=True) for pair in zip((*whole, *last), (*parts, *end), strict=True))
 
 

@@ -28,24 +28,29 @@ from plumbob.filters.smoother.inertial import (
     WINDOW,
 )
 from plumbob.filters.smoother.keyframes import Bools, turned_by
-from plumbob.filters.smoother.model import SIZE, TH, B, ModelVariances, Params, V
+from plumbob.filters.smoother.model import KEPT, SIZE, TH, B, ModelVariances, Params, V
 from plumbob.filters.smoother.samples import GATED
 from plumbob.filters.smoother.stationary import CLEAR, HOLDS, JUMPED, STOOD, UNTIL, means, stands, take_bias
 from plumbob.filters.smoother.sweeps import (
     COUNT,
-    EAST,
     FADE,
     FIELD,
     FORCE,
+    FORGOTTEN,
     HUBER,
+    INVERSE,
+    KIND,
     MEANS,
     MEASURED,
     MOVING,
     RAW,
     RESTING,
+    SEVERED,
     STEP,
     TERMS,
+    TILT,
     TIME,
+    Way,
     correct,
     corrected_by,
     corrected_rate,
@@ -136,8 +141,11 @@ def lasting(learned: Floats, dt: float) -> float:
 
 
 @kernel
-def doubt(cov: Floats, all2: float, tilt2: float, heading2: float) -> None:
-    """Count what is in doubt, rad², in a covariance (3, 3): the attitude, its tilt, its heading."""
+def with_doubts(p: Floats, all2: float, tilt2: float, heading2: float, cov: Floats) -> None:
+    """Covariance of the attitude (3, 3) with what is in doubt counted, rad²: all of it, its tilt, its heading."""
+    for i in range(3):
+        for j in range(3):
+            cov[i, j] = p[TH + i, TH + j]
     cov[0, 0] += all2 + tilt2
     cov[1, 1] += all2 + tilt2
     cov[2, 2] += all2 + heading2
@@ -197,24 +205,26 @@ def onward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], gap: Bools, quiet: Bools,
     around: Floats, missed: Floats, pushed: Floats, untold: Bools, noise: ModelVariances, field: LocalField,
     rest_band: float, rest_time: float, least_speed: float, proven: bool, attitude: Floats, now: Floats, p: Floats,
-    learned: Floats, against: Floats, other: Floats, standing: Floats, q: Floats, x: Floats, cov: Floats,
-    word: NDArray[np.uint32], weight: Floats,
+    learned: Floats, against: Floats, other: Floats, standing: Floats, q: Floats, x: Floats, way_cov: Floats,
+    gain: Floats, term: Floats, step: Floats, cov: Floats, word: NDArray[np.uint32], weight: Floats,
 ) -> None:  # fmt: skip
-    """Filter on over some keyframes: attitude, state and covariance of the attitude at each, and what each step was.
+    """Filter on over some keyframes: the `Way`, covariance of the attitude at each with doubts, and what each step was.
 
     `attitude`, `now`, `p` and `learned` are those before the first step, and are left as those after the last;
     `against` is the time for which the unit turned in other fields than that of the place, `other` such a field, and
     `stationary` what contradicts the gyroscope.
     """
-    column, gain, term = np.zeros(SIZE), np.zeros((MEASURED, SIZE)), np.zeros((MEASURED, TERMS))
-    f, mean, vectors, rate = np.zeros(STEP), np.zeros(MEANS), np.empty(9), np.empty(3)
-    keep(0, attitude, now, p, q, x, cov)
+    column, mean, vectors, rate = np.zeros(SIZE), np.zeros(MEANS), np.empty(9), np.empty(3)
+    keep(0, attitude, now, p, q, x, way_cov)
     for k in range(first.size - 1):
+        f = step[k]
+        for i in range(MEASURED):
+            term[k, i, INVERSE] = 0.0
         kind = MOVING if gap[k] else step_kind(quiet[k], around[k], now, rest_band)
         spread2 = integrate(first[k], first[k + 1], t, gyr, acc, mag, kind, attitude, now, f, mean)
         dt = f[TIME]
         f[FADE] = math.exp(-dt / noise.bend_time)
-        weight[k] = 0.0
+        weight[k], f[FORGOTTEN] = 0.0, 1.0 if gap[k] or untold[k] else 0.0
         predict(p, now, f, mean, spread2, missed[k], pushed[k], lasting(learned, dt), noise)
         for i in range(3):
             p[B + i, B + i] += noise.walk * dt
@@ -223,10 +233,10 @@ def onward(
             forget_velocity(p, now)
             fx, fy, fz = acc[first[k + 1], 0], acc[first[k + 1], 1], acc[first[k + 1], 2]
             east, north, up = rotate(attitude[0], attitude[1], attitude[2], attitude[3], fx, fy, fz)
-            tilt_update(p, now, gain, term, column, east, north, up)
+            tilt_update(p, now, gain[k], term[k], column, east, north, up)
         else:
             weight[k] = measure(
-                p, now, gain, term, column, mean, dt, kind, learned, least_speed, untold[k], noise, field
+                p, now, gain[k], term[k], column, mean, dt, kind, learned, least_speed, untold[k], noise, field
             )  # fmt: skip
         rate[0], rate[1], rate[2] = corrected_rate(now, mean[RAW] / dt, mean[RAW + 1] / dt, mean[RAW + 2] / dt)
         turning = math.sqrt(rate[0] ** 2 + rate[1] ** 2 + rate[2] ** 2) if kind == MOVING else 0.0
@@ -242,18 +252,19 @@ def onward(
         if doubt2 > CLEAR * CLEAR and quiet[k]:
             take_bias(standing, end, attitude, now, p, rest_band, rest_time)
             learned[:] = 0.0
+            f[KIND] = SEVERED
         if not proven and contradicted(other, mean, dt, turning, field, weight[k], gap[k]):
             turn_heading_by(other[DOUBT], attitude, now, p, learned)
             p[TH + 2, TH + 2] += TAKEN_SD**2
             field = taken(other, field)
             other[TAKEN], other[BEGAN], other[SEEN], other[DOUBT] = 1.0, end - other[SEEN], 0.0, 0.0
-            proven = True
+            proven, f[KIND] = True, SEVERED
         tilt2 = unlikely_tilt(learned)
         if tilt2 > LOST * LOST:
             begin_anew(standing, end, attitude, now, p, learned)
-            tilt2 = 0.0
-        keep(k + 1, attitude, now, p, q, x, cov)
-        doubt(cov[k + 1], doubt2, tilt2, other[DOUBT] ** 2)
+            tilt2, f[KIND] = 0.0, SEVERED
+        keep(k + 1, attitude, now, p, q, x, way_cov)
+        with_doubts(p, doubt2, tilt2, other[DOUBT] ** 2, cov[k + 1])
         word[k] = (flags.AT_REST if kind == RESTING else 0) | (flags.INCONSISTENT if end < standing[UNTIL] else 0)
 
 
@@ -290,8 +301,8 @@ def tilt_update(
     level = math.hypot(east, north)
     turn = math.atan2(level, up) / max(level, 1e-9)
     var = WIDE * WIDE + (math.hypot(level, up) / G0 - 1.0) ** 2
-    update_one(p, now, gain[EAST], term[EAST], column, TH, turn * north - now[TH], var)
-    update_one(p, now, gain[EAST], term[EAST], column, TH + 1, -turn * east - now[TH + 1], var)
+    update_one(p, now, gain[TILT], term[TILT], column, TH, turn * north - now[TH], var)
+    update_one(p, now, gain[TILT + 1], term[TILT + 1], column, TH + 1, -turn * east - now[TH + 1], var)
 
 
 @kernel
@@ -421,10 +432,13 @@ def between_keyframes(
 
 
 class Room(NamedTuple):
-    """What is known at some keyframes, and of the steps between: see `onward`."""
+    """What `onward` writes of some steps.
 
-    q: Floats
-    x: Floats
+    Their way, the covariance of the attitude with doubts (K + 1, 3, 3), rad², flags (K,), and how far the field of each
+    was believed (K,).
+    """
+
+    way: Way
     cov: Floats
     word: NDArray[np.uint32]
     weight: Floats
@@ -432,5 +446,6 @@ class Room(NamedTuple):
     @classmethod
     def empty(cls, n: int) -> "Room":
         """For n steps."""
-        q, x, cov = np.empty((n + 1, 4)), np.empty((n + 1, SIZE)), np.empty((n + 1, 3, 3))
-        return cls(q, x, cov, np.empty(n, dtype=np.uint32), np.empty(n))
+        q, x, cov = np.empty((n + 1, 4)), np.empty((n + 1, SIZE)), np.empty((n + 1, KEPT, SIZE))
+        way = Way(q, x, cov, np.empty((n, MEASURED, SIZE)), np.empty((n, MEASURED, TERMS)), np.empty((n, STEP)))
+        return cls(way, np.empty((n + 1, 3, 3)), np.empty(n, dtype=np.uint32), np.empty(n))

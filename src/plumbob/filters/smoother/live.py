@@ -29,19 +29,20 @@ from plumbob.data.cards.residuals import full_covariance
 from plumbob.filters.smoother import causal, samples
 from plumbob.filters.smoother.field import APART, LEAST_TURNING, REST_SHARE, Reference, turning_time
 from plumbob.filters.smoother.inertial import GIVEN, LEAK, WINDOW, Given, level_speed, peaks
-from plumbob.filters.smoother.keyframes import Bools, Keyframes, path
-from plumbob.filters.smoother.model import FREE_HEADING, TH, B, M, ModelVariances, Params
+from plumbob.filters.smoother.keyframes import Keyframes, between, path
+from plumbob.filters.smoother.model import FREE_HEADING, KEPT, SIZE, B, M, ModelVariances, Params
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
 from plumbob.filters.smoother.preprocess import Arriving
 from plumbob.filters.smoother.samples import MARGIN
 from plumbob.filters.smoother.stationary import HOLDS, JUMPED, UNTIL, fresh
-from plumbob.filters.smoother.sweeps import Last, heading_from
-from plumbob.rotations import quat_from_rotvec, quat_multiply
+from plumbob.filters.smoother.sweeps import Last, Way, heading_from
+from plumbob.rotations import Frame, dcm_from_quat, quat_from_rotvec, quat_multiply
+from plumbob.rotations.frames import turn_heading
 
 SOONEST: Final = 0.25  # the past is smoothed for the first time after this, s, then each time later by
 GROWS: Final = 1.5
 EVERY: Final = 20.0
-"""up to this, s."""
+"""up to this, s, or half of it with a lag, which has the time."""
 LEAST_PAUSE: Final = 4.0  # and at once, but not sooner than this, s, nor than
 RECENT: Final = 0.1  # this share of the past: at most ten seconds are smoothed for each that passes,
 AGAINST: Final = 2.0
@@ -57,6 +58,12 @@ SHORT: Final = 5.0
 """unless the past is shorter than this, s."""
 BEHIND: Final = 1.5 * BLOCK
 """Behind a jump of the bias the first look comes after this, s: no steps that are followed at once reach so far."""
+
+SHARE: Final = 0.25  # with a lag so much of it is done at a time,
+LEAST_PART: Final = 0.5
+"""but not less than this, s;"""
+FARTHEST: Final = 0.5
+"""what comes later than this share of what a look sees changes nothing."""
 
 SURELY: Final = 3.0  # fields that have not been believed for so long, s, may say that the bias has jumped;
 LATELY: Final = 15.0
@@ -83,6 +90,32 @@ class Running:
     proven: bool  # whether the unit has turned in that one
     standing: Floats  # (24,), what contradicts the gyroscope: see `stationary`
     unknown: int  # flag of a field that no turning in it has shown up to the look
+    turned: float  # by how much headings were turned since the look, rad, to go on from those before it
+    rooms: list[causal.Room]  # the steps since the look, where there is a lag
+
+    def back(self, n: int) -> tuple[Floats, Floats, Floats, NDArray[np.uint32], Floats]:
+        """What is known now of the last n steps, or as many as there are since the look and in it.
+
+        Attitude (K + 1, 4), first states (K + 1, 8) and covariance of the attitude (K + 1, 3, 3) at their keyframes,
+        flags and weight (K,).
+        """
+        lam, big, way = np.zeros(SIZE), np.zeros((SIZE, SIZE)), Way.joined([room.way for room in self.rooms])
+        count, look = len(way.step), self.smoothed.sweep.way
+        since = slice(max(count - n, 0), None)
+        q, x, cov = way.part(since.start, count).back(lam, big)
+        doubts = np.concatenate([self.rooms[0].cov[:1], *(room.cov[1:] for room in self.rooms)]) - way.cov[:, :3, :3]
+        cov = cov[:, :3, :3] + doubts[since]
+        word, weight = (np.concatenate(rows)[since] for rows in list(zip(*self.rooms, strict=True))[2:])
+        if n <= count or look is None:
+            return q, x, cov, word, weight
+        before = slice(max(len(look.step) - (n - count), 0), len(look.step))
+        causal.turn_heading_by(-self.turned, np.zeros(4), lam, big, np.zeros(causal.LEARNED))
+        q_l, x_l, cov_l = look.part(before.start, before.stop).back(lam, big)
+        turn = dcm_from_quat(quat_from_rotvec([0.0, 0.0, self.turned]))
+        q, x = np.concatenate((turn_heading(q_l, -self.turned, Frame.ENU)[:-1], q)), np.concatenate((x_l[:-1], x))
+        cov = np.concatenate(((turn @ cov_l[:, :3, :3] @ turn.T)[:-1], cov))
+        rest = np.where(self.smoothed.resting[before], np.uint32(flags.AT_REST), np.uint32(0))
+        return q, x, cov, np.append(rest, word), np.append(self.smoothed.weight[before], weight)
 
 
 @dataclass(slots=True)
@@ -159,30 +192,16 @@ class Look(NamedTuple):
 
 
 class Live:
-    """Follows a stream: samples in, and what nothing but they and those before them say of each.
+    """Follows a stream: samples in, and what nothing but they, those before them, and those of the lag say of each.
+
+    With a lag what is known then is taken back over the samples that are due, `SHARE` of the lag at a time.
 
     A look at a long past takes a while. It is handed over `LATE` after it began, by the time of the samples, whatever
     the computer does meanwhile: the same samples give the same bits.
 
-    Parameters
-    ----------
-    p : Params
-        Parameters.
-    meta : ImuMeta
-        Of the samples.
-    mag : bool
-        Use the magnetometer.
-    background : bool
-        Look at the past in a thread of its own, so that the stream does not wait for it.
-    start : Given, optional
-        The first attitude.
-
-    Attributes
-    ----------
-    gaps : list of float
-        Ends of the gaps so far, s.
-    rated : bool
-        Whether two samples had a rate.
+    `p`: parameters; `meta`: of the samples; `mag`: use the magnetometer; `background`: look at the past in a thread of
+    its own, so that the stream does not wait for it; `start`: the first attitude; `gaps`: ends of those so far, s;
+    `rated`: whether two samples had a rate; `has_field`: whether any had a field.
     """
 
     def __init__(
@@ -204,9 +223,16 @@ class Live:
         )
         self._jumped, self._any_bias = -math.inf, False  # since when the bias is another one
         self._believed = math.inf  # when a field was last believed
-        self._base, self._out, self._rate, self._bias_sd = 0, self._last, np.zeros((1, 3)), np.zeros(1)
+        self._lag = min(p.lag or 0.0, FARTHEST * MARGIN)
+        self._part = max(SHARE * self._lag, min(self._lag, LEAST_PART))  # samples that are taken back at a time, s
+        # Samples that are not handed out: the first of them, and of those that are not done; what is known of each
+        self._base, self._done = 0, 0
+        self._out, self._rate, self._bias_sd = self._last.rows(slice(0, 0)), np.zeros((0, 3)), np.zeros(0)
+        # and of all rows that wait, also of those that are left out: times, flags, and which are not
+        self._t, self._word, self._mask = np.zeros(0), np.zeros(0, dtype=np.uint32), np.zeros(0, dtype=bool)
         self._biases = deque[tuple[float, Floats, Floats]]()  # when, bias and its covariance, by what came before
         self.gaps: list[float] = []
+        self.has_field, self._mag = False, mag
 
     @property
     def smoothed(self) -> Smoothed | None:
@@ -229,35 +255,43 @@ class Live:
         word = running.word | running.unknown | int(said[0])
         return Between(q, running.last.state.copy(), watched, word, key, self.p.keyframe, arriving.longest)
 
-    def close(self) -> None:
-        """End the thread."""
-        if self._thread is not None:
-            self._thread.shutdown()
-
-    def take(self, data: ImuData) -> samples.SampleEstimates:
-        """What is known of each of the next samples."""
+    def take(self, data: ImuData) -> samples.Piece | None:
+        """What is known of the next samples that are due; None where none are."""
         arriving = self._arriving
-        self._base = arriving.samples
+        begin = arriving.samples
+        self.has_field |= self._mag and data.mag is not None and bool(np.isfinite(data.mag[:, 0]).any())
         mask = arriving.take(data)
-        n = arriving.samples - self._base
-        self._out = self._last.rows(np.zeros(n, dtype=np.int64))
-        self._rate, self._bias_sd = np.zeros((n, 3)), np.zeros(n)
+        n = arriving.samples - begin
+        self._t, self._mask = np.append(self._t, data.t), np.append(self._mask, mask)
+        self._word = np.append(self._word, np.asarray(data.flags) | arriving.word)
+        self._out = self._out.followed_by(self._last.rows(np.zeros(n, dtype=np.int64)))
+        self._rate = np.concatenate((self._rate, np.zeros((n, 3))))
+        self._bias_sd = np.concatenate((self._bias_sd, np.zeros(n)))
         if n:
-            if not self._base:
+            if not begin:
                 self._due = arriving.time(0) + SOONEST
             if self._running is None:
                 self._before_any_look(n)
             self._follow()
-            self._widen()
+        piece = self._due_rows(self._done if self._lag else arriving.samples)
+        if n:
             arriving.before(arriving.from_(arriving.time(self._step) - MARGIN - 2.0 * LATE))
-        return self._everywhere(data, mask)
+        return piece
+
+    def finish(self) -> samples.Piece | None:
+        """What is known of the samples that are left, and the end of the thread."""
+        if self._lag and self._done < self._arriving.samples:
+            self._take_back(self._step, math.inf)
+        if self._thread is not None:
+            self._thread.shutdown()
+        return self._due_rows(self._arriving.samples)
 
     def _before_any_look(self, n: int) -> None:
         """What is known of samples until the past is looked at: the gyroscope goes on from a given attitude.
 
         Without one force and field say where up and north are; what a given heading has besides comes with its drift.
         """
-        arriving, out = self._arriving, self._out
+        arriving, out = self._arriving, self._out.rows(slice(len(self._out.q) - n, None))
         t, gyr, acc, mag = arriving.all_rows()
         q, var = np.empty((t.size, 4)), np.tile([GIVEN**2, FREE_HEADING**2], (t.size, 1))
         path(t, gyr, q)
@@ -272,15 +306,26 @@ class Live:
         out.q[:] = q[-n:]
         out.cov[:] = samples.widened(out.q, tilt2[:, np.newaxis, np.newaxis] * np.eye(3), heading2 - tilt2)
 
-    def _everywhere(self, data: ImuData, mask: Bools) -> samples.SampleEstimates:
-        """The same at all samples: in a hole of the gyroscope the attitude stays, and may be any."""
-        both = self._last.followed_by(self._out)
-        part = both.rows(np.cumsum(mask))
+    def _due_rows(self, done: int) -> samples.Piece | None:
+        """Rows up to a sample, those in holes of the gyroscope too: there the attitude stays, and may be any."""
+        count = done - self._base
+        place = np.cumsum(self._mask)
+        end = int(np.searchsorted(place, count, side="right"))
+        if not end:
+            return None
+        t, word, mask = self._t[:end], self._word[:end], self._mask[:end]
+        both = self._last.followed_by(self._widened(count))
+        part = both.rows(place[:end].astype(np.intp))
         part.cov[~mask] += samples.ANYTHING
-        word = part.flags | np.asarray(data.flags) | self._arriving.word
+        word = part.flags | word
         lost = (word & ~np.uint32(flags.AT_REST)) | np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED)
-        self._last = both.rows(slice(len(both.q) - 1, None))
-        return part._replace(flags=np.where(mask, word, lost).astype(np.uint32))
+        part = part._replace(flags=np.where(mask, word, lost).astype(np.uint32))
+        rest = slice(count, None)
+        self._last, self._out, self._base = both.rows(slice(count, None)), self._out.rows(rest), done
+        self._rate, self._bias_sd = self._rate[rest], self._bias_sd[rest]
+        self._t, self._word, self._mask = self._t[end:], self._word[end:], self._mask[end:]
+        free = (part.flags & np.uint32(flags.HEADING_FREE)) != 0
+        return samples.Piece(t, part, len(free) if free.all() else int(np.argmin(free)), self.rated)
 
     def _follow(self) -> None:
         """Go over the steps that are complete, and to the last sample."""
@@ -289,10 +334,12 @@ class Live:
             k = self._step
             if self._looked(k, arriving.time(k)):
                 self._write_keyframe(k)
+            while (back := self._due_back()) is not None and back <= k:
+                self._take_back(k, self._part)
             if k == arriving.steps:
                 break
             until = min(self._due, self._check, math.inf if self._look is None else self._look.due)
-            end = min(max(arriving.from_(until - 1e-9), k + 1), arriving.steps)
+            end = min(max(arriving.from_(until - 1e-9), k + 1), arriving.steps if back is None else back)
             holes = np.flatnonzero(arriving.gaps(slice(k, end)))
             end = k + int(holes[0]) + 1 if holes.size else end
             if self._running is not None:
@@ -302,6 +349,37 @@ class Live:
                 self._behind_gap(end)
         if self._running is not None:
             self._beyond(self._running, k)
+
+    def _due_back(self) -> int | None:
+        """Step at which the next samples are due; None where what may still come counts for them."""
+        arriving = self._arriving
+        if not self._lag or self._done == arriving.samples:
+            return None
+        t, _ = arriving.rows(slice(self._done, arriving.samples))
+        until = float(t[0]) + self._lag
+        return self._keyframe_before(until) if t[-1] > until else None
+
+    def _keyframe_before(self, time: float) -> int:
+        """The last one that is not later, of those that are held."""
+        return self._arriving.from_(np.nextafter(time, math.inf)) - 1
+
+    def _take_back(self, k: int, part: float) -> None:
+        """Take what is known at a keyframe back over the samples of the next so many s that are not done."""
+        arriving, running, begin = self._arriving, self._running, self._done
+        t, _ = arriving.rows(slice(begin, arriving.samples))
+        self._done = end = begin + max(int(np.searchsorted(t, t[0] + part)), 1)
+        if running is None or not running.rooms or (n := k - self._keyframe_before(float(t[0]))) < 1:
+            return
+        q_k, x_k, cov, word, weight = running.back(n)
+        frames = arriving.frames(slice(k - weight.size, k))
+        step = np.concatenate(([0], np.repeat(np.arange(weight.size), np.diff(frames.first))))
+        x = np.zeros((step.size, SIZE))
+        x[:, :KEPT], x[:, M:] = x_k[step], running.last.state[M:]
+        moving = ((word & np.uint32(flags.AT_REST)) == 0) & ~frames.gap
+        q, first = between(frames, moving, q_k, _corrected(x, frames.gyr)), int(frames.rows[0])
+        rows = slice(max(begin - first, 0), max(end - first, 0))
+        step = step[rows]
+        self._put(first + rows.start, q[rows], x[rows], cov[1:][step], frames.gyr[rows], word[step], weight[step])
 
     def _looked(self, k: int, now: float) -> bool:
         """Look at the past where it is time; whether the filter has another state since."""
@@ -318,7 +396,7 @@ class Live:
                 place, unseen = slice(B, B + 3), running.smoothed.bias_sd**2 * np.eye(3)
                 self._biases.append((now, running.last.state[place].copy(), running.last.cov[place, place] + unseen))
         if self._look is None and (now >= self._due - 1e-9 or against):
-            self._pause = min(self._pause * GROWS, EVERY)
+            self._pause = min(self._pause * GROWS, EVERY if not self._lag else 0.5 * EVERY)
             self._due = now + self._pause
             self._look = self._begun(k, now)
             if self._look is not None and self._look.due <= now:
@@ -390,6 +468,7 @@ class Live:
         speed2 = square[-1]
         peaks(frames.step, LEAK, square)
         learned = np.array([speed2, force2, *velocity, square[-1]])
+        by = 0.0
         if smoothed.reference is None and look.anchor is not None:
             place, attitude = look.anchor
             by = heading_from(smoothed.sweep.q[max(place - (look.step - frames.gap.size), 0)], attitude)
@@ -401,8 +480,8 @@ class Live:
             standing[UNTIL : JUMPED + 1] = self._running.standing[UNTIL : JUMPED + 1]
         if self._running is not None and not self._proven.settled:
             other[causal.DOUBT] = self._running.other[causal.DOUBT]
-        cov = last.cov[TH : TH + 3, TH : TH + 3].copy()
-        causal.doubt(cov, 0.0, causal.unlikely_tilt(learned), other[causal.DOUBT] ** 2)
+        cov = np.empty((3, 3))
+        causal.with_doubts(last.cov, 0.0, causal.unlikely_tilt(learned), other[causal.DOUBT] ** 2, cov)
         sought = bool(np.isfinite(frames.mag[:, 0]).any())
         turned = smoothed.reference is not None and self._proven.turning > LEAST_TURNING
         return Running(
@@ -410,6 +489,7 @@ class Live:
             ModelVariances.from_params(p, bend),
             float(frames.time[-1]), flags.AT_REST if smoothed.resting[-1] else 0, float(smoothed.weight[-1]),
             np.zeros(1), other, self._proven.settled, standing, flags.FIELD_UNKNOWN if sought and not turned else 0,
+            by, [],
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
@@ -425,13 +505,16 @@ class Live:
         """Follow some steps."""
         steps = slice(k, end)
         frames, room = self._arriving.frames(steps), causal.Room.empty(end - k)
+        room.cov[0] = running.cov
         causal.onward(
             frames.t, frames.gyr, frames.acc, frames.mag - running.iron, frames.first, frames.gap,
             *self._arriving.quiet(steps), frames.missed, frames.pushed, frames.untold, running.noise,
             running.field, self.p.rest_band, self.p.rest_time, self.p.speed, running.proven, *running.last,
-            running.learned, running.against, running.other, running.standing, room.q, room.x,
-            room.cov, room.word, room.weight,
+            running.learned, running.against, running.other, running.standing, *room.way, room.cov,
+            room.word, room.weight,
         )  # fmt: skip
+        if self._lag:
+            running.rooms.append(room)
         if running.other[causal.TAKEN]:
             self._take(running)
         if running.standing[JUMPED] > self._jumped:
@@ -461,17 +544,16 @@ class Live:
 
     def _on(self, running: Running, k: int, end: int) -> None:
         """Follow some steps, and write what is known of their samples."""
-        cov, word, weight = running.cov, running.word, running.weight
+        word, weight = running.word, running.weight
         frames, room = self._steps(running, k, end)
-        room.cov[0] = cov
         early, n = frames.step < self.p.keyframe - 1e-6, frames.t.size
         q = np.empty((n, 4))
-        causal.between_keyframes(frames.t, frames.gyr, frames.first, early, frames.gap, room.q, room.x, q)
+        causal.between_keyframes(frames.t, frames.gyr, frames.first, early, frames.gap, room.way.q, room.way.x, q)
         place = np.searchsorted(frames.first, np.arange(1, n), side="right") - 1
         place[frames.first[1:][early] - 1] -= 1
         words, weights = np.concatenate(([np.uint32(word)], room.word)), np.concatenate(([weight], room.weight))
         first = self._arriving.first(k) + 1
-        self._put(first, q[1:], room.x[place], room.cov[place], frames.gyr[1:], words[place], weights[place])
+        self._put(first, q[1:], room.way.x[place], room.cov[place], frames.gyr[1:], words[place], weights[place])
 
     def _write_keyframe(self, k: int) -> None:
         """What is known at a keyframe whose state a look has changed."""
@@ -513,8 +595,7 @@ class Live:
         q, x, cov, gyr = (of[skip:] for of in (q, x, cov, gyr))
         word, weight = word[skip:], weight[skip:]
         rows = slice(first + skip - self._base, first + skip - self._base + len(q))
-        smoothed, bias, matrix = self._running.smoothed, x[:, B : B + 3], x[:, M:].reshape(-1, 3, 3)
-        rate = gyr - bias - np.einsum("nij,nj->ni", matrix, gyr)
+        smoothed, bias, rate = self._running.smoothed, x[:, B : B + 3], _corrected(x, gyr)
         cov_b = samples.body_cov(q, cov, smoothed, rate, self.p, self._left)
         word = word | self._flags(smoothed, weight, cov) | np.uint32(self._running.unknown)
         self._rate[rows], self._bias_sd[rows] = rate, smoothed.bias_sd
@@ -523,15 +604,18 @@ class Live:
         weight = weight if smoothed.reference is not None else np.full(len(q), np.nan)
         self._out.put(rows, samples.SampleEstimates(q, bias, cov_b, word, weight))
 
-    def _widen(self) -> None:
-        """Count in a heading without a field what nothing shows of the gyroscope."""
-        t, _ = self._arriving.rows(slice(self._base, self._arriving.samples))
-        part = self._out
+    def _widened(self, count: int) -> samples.SampleEstimates:
+        """The next samples, with what nothing shows of the gyroscope counted in a heading without a field."""
+        t, _ = self._arriving.rows(slice(self._base, self._base + count))
+        part = self._out.rows(slice(0, count))
+        if not count:
+            return part
         gap = self.gaps[0] if self.gaps else math.inf
-        variance = self._drift.variance(t, part.q, self._rate, self._bias_sd, gap)
+        variance = self._drift.variance(t, part.q, self._rate[:count], self._bias_sd[:count], gap)
         free = (part.flags & np.uint32(flags.HEADING_FREE)) != 0
-        if free.any():
-            self._out = part._replace(cov=samples.widened(part.q, part.cov, np.where(free, variance, 0.0)))
+        return (
+            part._replace(cov=samples.widened(part.q, part.cov, np.where(free, variance, 0.0))) if free.any() else part
+        )
 
     @staticmethod
     def _flags(smoothed: Smoothed, weight: Floats, cov: Floats) -> NDArray[np.uint32]:
@@ -544,3 +628,9 @@ class Live:
             word |= np.where(weight < samples.GATED, flags.MAG_GATED, 0)
             lost |= cov[:, 2, 2] + smoothed.heading_var > UNCERTAIN_HEADING**2
         return (word | np.where(lost, flags.NOT_CONVERGED, 0)).astype(np.uint32)
+
+
+def _corrected(x: Floats, gyr: Floats) -> Floats:
+    """Rates, rad/s, (N, 3), without bias, scale and misalignment of the states (N, 21)."""
+    rate: Floats = gyr - x[:, B : B + 3] - np.einsum("nij,nj->ni", x[:, M:].reshape(-1, 3, 3), gyr)
+    return rate

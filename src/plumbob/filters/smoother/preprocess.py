@@ -328,10 +328,7 @@ class Rolling:
 class Arriving:
     """A stream's samples without holes, and the steps that they complete; rows are counted from the first ever.
 
-    Attributes
-    ----------
-    word : ndarray (N,)
-        Flags of the sensors that are stuck, at each of the last samples.
+    `word` (N,): flags of the sensors that are stuck, at each of the last samples.
     """
 
     def __init__(self, p: Params, *, mag: bool) -> None:

@@ -28,8 +28,7 @@ LONG: Final = 1200.0  # a longer recording, s, is smoothed in stretches
 CORE: Final = 600.0
 """of this, s,"""
 MARGIN: Final = 120.0
-"""with so much before and behind each, s. With a lag this is how much of the past is smoothed with each part."""
-LEAST_CORE: Final = 0.5  # with a lag a part is half of it long, but not shorter than this, s
+"""with so much before and behind each, s. On a stream this is how much of the past a look smooths."""
 
 
 class SampleEstimates(NamedTuple):
@@ -79,26 +78,13 @@ class Stretch:
         """The core among the smoothed ones."""
         return slice(self.core.start - self.span.start, self.core.stop - self.span.start)
 
-    def moved(self, by: int) -> "Stretch":
-        """The same samples where so many more come before them."""
-        span, core = (slice(rows.start + by, rows.stop + by) for rows in (self.span, self.core))
-        return Stretch(span, core)
 
-
-def stretches(t: Floats, lag: float | None, begin: int = 0) -> Iterator[Stretch]:
-    """Stretches of a recording whose cores cover it, each sample once.
-
-    `t` (N,): time, s; `lag`: no sample may know what comes more than this after it, s; None: each may know all;
-    `begin`: the sample that the first core begins with.
-    """
-    if lag is None:
-        core, past, ahead = (CORE, MARGIN, MARGIN) if t[-1] - t[0] > LONG else (math.inf, 0.0, 0.0)
-    else:
-        core = max(0.5 * lag, min(lag, LEAST_CORE))
-        past, ahead = MARGIN, lag - core
+def stretches(t: Floats) -> Iterator[Stretch]:
+    """Stretches of a recording, at times (N,), s, whose cores cover it, each sample once."""
+    core, around, begin = (CORE, MARGIN, 0) if t[-1] - t[0] > LONG else (math.inf, 0.0, 0)
     while begin < t.size:
         end = max(int(np.searchsorted(t, t[begin] + core)), begin + 1)
-        low, high = np.searchsorted(t, t[begin] - past), np.searchsorted(t, t[end - 1] + ahead, side="right")
+        low, high = np.searchsorted(t, t[begin] - around), np.searchsorted(t, t[end - 1] + around, side="right")
         low = min(int(low), max(begin - 1, 0))  # a sample behind a gap is not alone
         yield Stretch(slice(low, max(int(high), end)), slice(begin, end))
         begin = end

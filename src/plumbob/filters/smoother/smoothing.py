@@ -1,6 +1,6 @@
 """The smoother as a user meets it: parameters, a recording or a stream in, a track out."""
 
-import math
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.findings import Finding
@@ -26,7 +25,7 @@ from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
 from plumbob.filters.smoother.per_sample import CurrentEstimate, Single
 from plumbob.filters.smoother.preprocess import watched
 from plumbob.filters.smoother.remarks import remarks_before, remarks_so_far, stretch_remarks
-from plumbob.filters.smoother.samples import MARGIN, Piece, Stretch
+from plumbob.filters.smoother.samples import Piece, Stretch
 from plumbob.filters.start import Start, as_start
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.frames import turn_heading
@@ -131,11 +130,11 @@ class Smoother(AttitudeEstimator):
         """
         self._begin(data)
         lag, tracks = self.params.lag, _Tracks(self, data.meta)
-        if lag == 0.0:
+        if lag is not None:
             pieces = self._live(data)
         else:  # stretches that overlap, each smoothed by itself; a list of them: the times of all are not kept
-            along = Along(self, data.meta, remarks_before(data) if lag is None else [])
-            pieces = (along.piece(data[stretch.span], stretch) for stretch in list(samples.stretches(data.t, lag)))
+            along = Along(self, data.meta, remarks_before(data))
+            pieces = (along.piece(data[stretch.span], stretch) for stretch in list(samples.stretches(data.t)))
         for piece in pieces:
             if progress:
                 progress(len(piece.t))
@@ -158,20 +157,20 @@ class Smoother(AttitudeEstimator):
             self.common = self.common._replace(declination=meta.declination)
 
     def _live(self, data: ImuData) -> Iterator[Piece]:
-        """Parts one after the other, nothing of which knows what comes later."""
+        """Parts one after the other, nothing of which knows what comes later than the lag."""
         from plumbob.filters.smoother.live import Live
 
         live = Live(self.params, data.meta, mag=self.common.mag, start=self._given)
         remarks = dict[Finding, None]()
-        t, word, has_mag, remaining = list[Floats](), list[NDArray[np.uint32]](), False, len(data)
-        for part in data.chunks(AT_ONCE):
-            piece = _live_piece(live, part)
+        t, word, remaining = list[Floats](), list[NDArray[np.uint32]](), len(data)
+        for rows in itertools.chain(data.chunks(AT_ONCE), [None]):
+            if (piece := live.finish() if rows is None else live.take(rows)) is None:
+                continue
             t.append(piece.t)
             word.append(piece.part.flags)
-            has_mag |= self.common.mag and part.mag is not None and bool(np.isfinite(part.mag[:, 0]).any())
-            remaining -= len(part)
+            remaining -= len(piece.t)
             if t[-1][-1] - t[0][0] > samples.CORE or not remaining:
-                lines = remarks_so_far(np.array(live.gaps), np.concatenate(t), np.concatenate(word), mag=has_mag)
+                lines = remarks_so_far(np.array(live.gaps), np.concatenate(t), np.concatenate(word), mag=live.has_field)
                 remarks |= dict.fromkeys(lines)
                 t, word, self.remarks = [], [], tuple(remarks)
             self.learned = self.learned if live.smoothed is None else live.smoothed.learned
@@ -190,13 +189,6 @@ def _prior(meta: ImuMeta, start: Given | None) -> Known:
 
 
 AT_ONCE: Final = 4096  # samples that are followed at a time; the result does not depend on it
-
-
-def _live_piece(live: "Live", data: ImuData) -> Piece:
-    """The next samples of a stream that is followed without a lag."""
-    part = live.take(data)
-    free = (part.flags & np.uint32(flags.HEADING_FREE)) != 0
-    return Piece(np.asarray(data.t), part, len(free) if free.all() else int(np.argmin(free)), live.rated)
 
 
 class Along:
@@ -247,13 +239,7 @@ class Along:
 
 
 class _Tracks:
-    """Pieces one after the other as tracks in the frame that was asked for.
-
-    Attributes
-    ----------
-    rated : bool
-        Whether any piece had rates.
-    """
+    """Pieces one after the other as tracks in the frame that was asked for; `rated`: whether any had rates."""
 
     def __init__(self, smoother: Smoother, meta: ImuMeta) -> None:
         self._smoother = smoother
@@ -326,12 +312,7 @@ class FixedLag(Smoother):
         self._restart()
 
     def _restart(self) -> None:
-        self._held: list[ImuData] = []  # the samples that are still needed;
-        self._first = self._next = 0  # rows of the stream: of the first of them, and of the first without an attitude
-        self._due = -math.inf  # time behind which nothing counts for that one
-        self._tracks: _Tracks | None = None
-        self._along: Along | None = None
-        self._follower: Live | None = None
+        self._running: tuple[Live, _Tracks] | None = None
         self._single: Single | None = None
         self._repeats = Repeats()
 
@@ -352,27 +333,18 @@ class FixedLag(Smoother):
         return self._take(data if self._card is None else self._card.correct(data, live=True))
 
     def _take(self, data: ImuData) -> AttitudeTrack | None:
-        tracks = self._tracks or self._started(data)
+        if self._running is None:
+            from plumbob.filters.smoother.live import Live
+
+            self._begin(data)
+            live = Live(self.params, data.meta, mag=self.common.mag, background=True, start=self._given)
+            self._running = live, _Tracks(self, data.meta)
         fresh = self._repeats.fresh(np.column_stack((data.t, *(getattr(data, name) for name in data.triads))))
         if not fresh.any():
             return None
-        data = data if fresh.all() else data.picked(fresh)
-        if self._follower is not None:
-            return tracks.track(_live_piece(self._follower, data))
-        self._held.append(data)
-        return self._ready(ended=False) if data.t[-1] > self._due else None
-
-    def _started(self, data: ImuData) -> "_Tracks":
-        """What the first samples of a stream begin."""
-        self._begin(data)
-        self._tracks = _Tracks(self, data.meta)
-        if self._lag == 0.0:
-            from plumbob.filters.smoother.live import Live
-
-            self._follower = Live(self.params, data.meta, mag=self.common.mag, background=True, start=self._given)
-        else:
-            self._along = Along(self, data.meta)
-        return self._tracks
+        live, tracks = self._running
+        piece = live.take(data if fresh.all() else data.picked(fresh))
+        return None if piece is None else tracks.track(piece)
 
     def update(self, sample: ImuSample) -> int:
         """Take the next sample and return its flags; `q_nb` is then the attitude at its time.
@@ -406,19 +378,15 @@ class FixedLag(Smoother):
 
     def _between(self) -> "tuple[Between, Floats] | None":
         """What a next sample goes on from, and the turns to the frame that was asked for."""
-        assert self._tracks is not None
-        assert self._follower is not None
-        basis = self._follower.between()
-        return None if basis is None else (basis, self._tracks.turns())
+        assert self._running is not None
+        live, tracks = self._running
+        return None if (basis := live.between()) is None else (basis, tracks.turns())
 
     def _at_first(self) -> CurrentEstimate:
         """What is known before the first sample."""
-        q, cov = (
-            (np.array([1.0, 0.0, 0.0, 0.0]), samples.ANYTHING)
-            if self._init is None
-            else (self._init.q_nb, GIVEN**2 * np.eye(3))
-        )
-        return CurrentEstimate(q, np.zeros(3), cov)
+        if self._init is None:
+            return CurrentEstimate(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), samples.ANYTHING)
+        return CurrentEstimate(self._init.q_nb, np.zeros(3), GIVEN**2 * np.eye(3))
 
     @property
     def q_nb(self) -> Floats:
@@ -441,26 +409,6 @@ class FixedLag(Smoother):
 
     def finish(self) -> AttitudeTrack | None:
         """Say that the stream has ended, and return the attitudes that are left; None where there are none."""
-        track = self._ready(ended=True) if self._held else None
-        if self._follower is not None:
-            self._follower.close()
+        running = self._running
         self._restart()
-        return track
-
-    def _ready(self, *, ended: bool) -> AttitudeTrack | None:
-        """Attitudes of all stretches for which nothing that comes counts any more."""
-        assert self._along is not None
-        assert self._tracks is not None
-        data, tracks, self._due = ImuData.joined(self._held), list[AttitudeTrack](), -math.inf
-        t, first = data.t, self._first
-        for stretch in samples.stretches(t, self._lag, self._next - first):
-            self._due = float(t[stretch.core.start]) + self._lag
-            if not (ended or t[-1] > self._due):
-                break
-            tracks.append(self._tracks.track(self._along.piece(data[stretch.span], stretch.moved(first))))
-            self._next, self._due = first + stretch.core.stop, -math.inf
-        place = self._next - first
-        past = int(np.searchsorted(t, t[min(place, len(t) - 1)] - MARGIN))
-        keep = max(min(past, place - 1), 0)
-        self._held, self._first = [data[keep:]], first + keep
-        return AttitudeTrack.joined(tracks, sum(map(len, tracks))) if tracks else None
+        return None if running is None or (piece := running[0].finish()) is None else running[1].track(piece)

@@ -9,8 +9,9 @@ Sums are written out because a product of small matrices is slower than its arit
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +23,13 @@ from plumbob.filters.smoother.keyframes import Keyframes, turned_by
 from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, ModelVariances, V
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rows
 
-BLOCK: Final = 2400  # steps of which all is kept at a time, 3 kB each: a recording of a day would need a gigabyte
-MEASURED: Final = 6  # scalar measurements at a keyframe, at most: level velocity (2), heading, rates at rest (3)
+BLOCK: Final = 2400  # steps of which all is kept at a time, 4 kB each: a recording of a day would need a gigabyte
+MEASURED: Final = 8  # scalar measurements at a keyframe, at most: level velocity (2), heading, rates at rest (3),
 EAST: Final = 0
 HEADING: Final = 2
 RATE: Final = 3
+TILT: Final = 6
+"""and the tilt (2), before all others."""
 RESIDUAL: Final = 0
 INVERSE: Final = 1  # one over the variance of an innovation; zero where nothing was measured
 TERMS: Final = 2
@@ -38,11 +41,14 @@ FADE: Final = 37  # by how much the deflection of the field fades
 KIND: Final = 38
 TIME: Final = 39  # length of the step, s
 LASTING: Final = 40  # share of the level velocity that lasts over it
-STEP: Final = 41
+FORGOTTEN: Final = 41  # whether that may be any at its end
+STEP: Final = 42
 
 MOVING: Final = 0
 RESTING: Final = 1
 AGAIN: Final = 2
+SEVERED: Final = 3
+"""Something else was decided at the end of the step: nothing passes backward."""
 
 FORCE: Final = 0  # means over a step in navigation axes: specific force, 3
 FIELD: Final = 3  # and field, 3, of so many samples
@@ -436,18 +442,26 @@ def back_over_velocity(lam: Floats, big: Floats, f: Floats) -> None:
 
 
 @kernel
+def forget(lam: Floats, big: Floats, first: int, end: int) -> None:
+    """What later measurements say of some states does not pass backward."""
+    for i in range(first, end):
+        lam[i] = 0.0
+        for j in range(SIZE):
+            big[i, j], big[j, i] = 0.0, 0.0
+
+
+@kernel
 def back_over(lam: Floats, big: Floats, f: Floats) -> None:
-    """From behind a step to before it; where the attitude started again, nothing of it and the velocity passes."""
+    """From behind a step to before it; where the attitude started again nothing of it passes."""
     lam[BEND] *= f[FADE]
     for j in range(SIZE):
         big[BEND, j] *= f[FADE]
     for j in range(SIZE):
         big[j, BEND] *= f[FADE]
+    if f[FORGOTTEN] > 0.0 or f[KIND] == AGAIN:
+        forget(lam, big, V, V + 2)
     if f[KIND] == AGAIN:
-        for i in (TH, TH + 1, TH + 2, V, V + 1):
-            lam[i] = 0.0
-            for j in range(SIZE):
-                big[i, j], big[j, i] = 0.0, 0.0
+        forget(lam, big, TH, TH + 3)
         return
     if f[KIND] == MOVING:
         back_over_attitude(lam, big, f)
@@ -506,6 +520,9 @@ def backward(
 @kernel
 def back_to_the_last(lam: Floats, big: Floats, y: Floats, gain: Floats, term: Floats, f: Floats) -> None:
     """From behind the measurements of a keyframe to behind those of the one before, last first."""
+    if f[KIND] == SEVERED:
+        forget(lam, big, 0, SIZE)
+        return
     if term[HEADING, INVERSE] > 0.0:
         back_through(lam, big, y, gain[HEADING], term[HEADING], TH + 2, BEND)
     for i in (2, 1, 0):
@@ -514,6 +531,9 @@ def back_to_the_last(lam: Floats, big: Floats, y: Floats, gain: Floats, term: Fl
     for i in (1, 0):
         if term[EAST + i, INVERSE] > 0.0:
             back_through(lam, big, y, gain[EAST + i], term[EAST + i], V + i, -1)
+    for i in (1, 0):
+        if term[TILT + i, INVERSE] > 0.0:
+            back_through(lam, big, y, gain[TILT + i], term[TILT + i], TH + i, -1)
     back_over(lam, big, f)
 
 
@@ -525,6 +545,39 @@ class Last(NamedTuple):
     cov: Floats
 
 
+class Way(NamedTuple):
+    """The way forward over some steps, as the way back needs it; 4 kB a step.
+
+    Of each keyframe: attitude (K + 1, 4), state (K + 1, 21) and covariance of the first with all (K + 1, 8, 21); of
+    each step: gain (K, 8, 21) and term (K, 8, 2) of each measurement, and what the step does to errors (K, 42).
+    """
+
+    q: Floats
+    x: Floats
+    cov: Floats
+    gain: Floats
+    term: Floats
+    step: Floats
+
+    @classmethod
+    def joined(cls, ways: Sequence[Self]) -> Self:
+        """Steps one after the other."""
+        columns = [list(column) for column in zip(*ways, strict=True)]
+        keyframes = (np.concatenate([column[0][:1], *(rows[1:] for rows in column)]) for column in columns[:3])
+        return cls(*keyframes, *(np.concatenate(column) for column in columns[3:]))
+
+    def part(self, begin: int, end: int) -> Self:
+        """Some of the steps, in the same memory."""
+        return type(self)(*(rows[begin : end + 1] for rows in self[:3]), *(rows[begin:end] for rows in self[3:]))
+
+    def back(self, lam: Floats, big: Floats) -> tuple[Floats, Floats, Floats]:
+        """What `backward` finds: attitude (K + 1, 4), first states (K + 1, 8) and covariance (K + 1, 6, 6)."""
+        n = len(self.q)
+        q_s, x_s, cov_s = np.empty((n, 4)), np.empty((n, KEPT)), np.empty((n, 6, 6))
+        backward(*self, lam, big, q_s, x_s, cov_s)
+        return q_s, x_s, cov_s
+
+
 @dataclass(frozen=True, slots=True)
 class Sweep:
     """What a pass forward and backward found."""
@@ -533,13 +586,13 @@ class Sweep:
     x: Floats  # (K + 1, 8), smoothed error (zero), bias, level velocity
     cov: Floats  # (K + 1, 6, 6), covariance of attitude (navigation axes) and bias; empty where it was not asked for
     matrix: Floats  # (9,), scale and misalignment of the gyroscope
-    acc_bias: Floats  # (3,), bias of the accelerometer
     unit_cov: Floats  # (12, 12), covariance of the last bias of the gyroscope and `matrix`
     # force, field: (K, 3), mean specific force and field of each step in smoothed navigation axes, m/s² and µT
     force: Floats
     field: Floats
     moved: tuple[float, float]  # sums of r²/s and of log s, of level velocities foretold with variances s
     last: Last  # what the pass forward knew at the last keyframe, from where another one can go on
+    way: Way | None  # the way forward; None where that is longer than `BLOCK`
 
     @property
     def bias(self) -> Floats:
@@ -564,20 +617,18 @@ def sweep(
     `covariance`: smooth the covariance too, which takes as long as all the rest.
     """
     n = kind.size
-    q, mean = np.empty((n + 1, 4)), np.empty((n, MEANS))
-    q_s, x_s, cov_s = np.empty((n + 1, 4)), np.empty((n + 1, KEPT)), np.empty((n + 1 if covariance else 0, 6, 6))
-    most = min(n, BLOCK)  # the way back needs of a block: states, covariances, gains, measurements, and the steps
+    q, mean, most = np.empty((n + 1, 4)), np.empty((n, MEANS)), min(n, BLOCK)
     x, cov, gain = np.empty((most + 1, SIZE)), np.empty((most + 1, KEPT, SIZE)), np.empty((most, MEASURED, SIZE))
     term, step = np.empty((most, MEASURED, TERMS)), np.empty((most, STEP))
+    q_s, x_s, cov_s = np.empty((n + 1, 4)), np.empty((n + 1, KEPT)), np.empty((n + 1 if covariance else 0, 6, 6))
 
-    def ahead(begin: int, attitude: Floats, now: Floats, p: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        steps, points = slice(begin, begin + BLOCK), slice(begin, begin + BLOCK + 1)
-        count = min(BLOCK, n - begin)
-        block = x[: count + 1], cov[: count + 1], gain[:count], term[:count], step[:count]
+    def ahead(begin: int, attitude: Floats, now: Floats, p: Floats) -> Way:
+        steps, points, count = slice(begin, begin + BLOCK), slice(begin, begin + BLOCK + 1), min(BLOCK, n - begin)
+        block = Way(q[points], x[: count + 1], cov[: count + 1], gain[:count], term[:count], step[:count])
         forward(
             frames.t, frames.gyr, frames.acc, frames.mag, frames.first[points], kind[steps], frames.missed[steps],
             frames.pushed[steps], density[steps], lasting[steps], heading_var[steps], q_start[points], p0, noise,
-            attitude, now, p, q[points], *block, mean[steps],
+            attitude, now, p, *block, mean[steps],
         )  # fmt: skip
         return block
 
@@ -587,14 +638,14 @@ def sweep(
     for begin in begins:
         starts.append((attitude.copy(), now.copy(), p.copy()))
         block = ahead(begin, attitude, now, p)
-        foretold[begin : begin + BLOCK] = block[3][:, EAST : EAST + 2, [RESIDUAL, INVERSE]]
+        foretold[begin : begin + BLOCK] = block.term[:, EAST : EAST + 2, [RESIDUAL, INVERSE]]
     last = Last(attitude.copy(), now.copy(), 0.5 * (p + p.T))
     lam, big = np.zeros(SIZE), np.zeros((SIZE, SIZE))
     for begin, start in zip(reversed(begins), reversed(starts), strict=True):
         if begin != begins[-1]:
             block = ahead(begin, *start)
         points = slice(begin, begin + BLOCK + 1)
-        backward(q[points], *block, lam, big, q_s[points], x_s[points], cov_s[points])
+        backward(*block, lam, big, q_s[points], x_s[points], cov_s[points])
     from plumbob.rotations import quat_conjugate, quat_multiply, quat_rotate
 
     change = quat_multiply(q_s[1:], quat_conjugate(q[1:]))
@@ -606,4 +657,5 @@ def sweep(
     unit = [*range(B, B + 3), *range(M, M + 9)]
     unit_cov = p[np.ix_(unit, unit)]
     unit_cov = 0.5 * (unit_cov + unit_cov.T)
-    return Sweep(q_s, x_s, cov_s, now[M:], now[A : A + 3], unit_cov, force, field, moved, last)
+    way = block if n <= BLOCK else None
+    return Sweep(q_s, x_s, cov_s, now[M:], unit_cov, force, field, moved, last, way)
