@@ -36,7 +36,7 @@ WIDEST: Final = 0.2
 USUAL_SHARE: Final = 0.8
 LEAST_NOISE: Final = 0.2
 """White noise of the field is this share of its median deviation; never less than that of `mag_noise`."""
-UNTOLD: Final = 2.0  # with a lag it is that of `mag_noise`, without any so many times that
+UNTOLD: Final = 2.0  # of a stream it is so many times that
 LEAST_BEND: Final = deg(1.0)
 APART: Final = 3.0  # two fields are two if they are so many `mag_spread` apart;
 RIVAL: Final = 0.35
@@ -198,8 +198,7 @@ def white_noise(p: Params, reference: Reference) -> float:
     """White noise of the field, µT/√Hz, by how far the fields of the recording are off."""
     if p.lag is None:
         return p.mag_noise * min(max(USUAL_SHARE * reference.median / p.mag_noise, LEAST_NOISE), 1.0)
-    # A lag sees a few seconds of a disturbance, which do not show how large it is; without one nothing later shows it.
-    return p.mag_noise * (1.0 if p.lag > 0.0 else UNTOLD)
+    return p.mag_noise * UNTOLD  # nothing later shows how large a disturbance is, or no more than the lag of it
 
 
 def direction_scatter(frames: Keyframes, p: Params, reference: Reference, field: Floats, weight: Floats) -> float:
