@@ -91,13 +91,12 @@ class Running:
     standing: Floats  # (24,), what contradicts the gyroscope: see `stationary`
     unknown: int  # flag of a field that no turning in it has shown up to the look
     turned: float  # by how much headings were turned since the look, rad, to go on from those before it
-    rooms: list[causal.Room]  # the steps since the look, where there is a lag
+    rooms: list[causal.Room]  # the steps since the look, from none on; where there is a lag
 
     def back(self, n: int) -> tuple[Floats, Floats, Floats, NDArray[np.uint32], Floats]:
         """What is known now of the last n steps, or as many as there are since the look and in it.
 
-        Attitude (K + 1, 4), first states (K + 1, 8) and covariance of the attitude (K + 1, 3, 3) at their keyframes,
-        flags and weight (K,).
+        Attitude (K + 1, 4), first states (K + 1, 8), covariance of the attitude (K + 1, 3, 3), flags and weight (K,).
         """
         lam, big, way = np.zeros(SIZE), np.zeros((SIZE, SIZE)), Way.joined([room.way for room in self.rooms])
         count, look = len(way.step), self.smoothed.sweep.way
@@ -368,7 +367,7 @@ class Live:
         arriving, running, begin = self._arriving, self._running, self._done
         t, _ = arriving.rows(slice(begin, arriving.samples))
         self._done = end = begin + max(int(np.searchsorted(t, t[0] + part)), 1)
-        if running is None or not running.rooms or (n := k - self._keyframe_before(float(t[0]))) < 1:
+        if running is None or (n := k - self._keyframe_before(float(t[0]))) < 1:
             return
         q_k, x_k, cov, word, weight = running.back(n)
         frames = arriving.frames(slice(k - weight.size, k))
@@ -484,12 +483,14 @@ class Live:
         causal.with_doubts(last.cov, 0.0, causal.unlikely_tilt(learned), other[causal.DOUBT] ** 2, cov)
         sought = bool(np.isfinite(frames.mag[:, 0]).any())
         turned = smoothed.reference is not None and self._proven.turning > LEAST_TURNING
+        room = causal.Room.empty(0)
+        room.way.q[0], room.way.x[0], room.way.cov[0], room.cov[0] = last.attitude, last.state, last.cov[:KEPT], cov
         return Running(
             last, cov, learned, smoothed, causal.LocalField.from_reference(smoothed.reference, p), iron,
             ModelVariances.from_params(p, bend),
             float(frames.time[-1]), flags.AT_REST if smoothed.resting[-1] else 0, float(smoothed.weight[-1]),
             np.zeros(1), other, self._proven.settled, standing, flags.FIELD_UNKNOWN if sought and not turned else 0,
-            by, [],
+            by, [room],
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
