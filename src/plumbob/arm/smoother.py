@@ -212,7 +212,7 @@ class HeadingSearch:
             self._row, self.ready = last, float(samples.t[last])
             lasted = self.ready - samples.t[0]
             is_known = lasted >= params.start and self._spread().max(initial=0.0) < SETTLED
-            self._settled = is_known or lasted >= LONGEST_START
+            self._settled = bool(is_known or lasted >= LONGEST_START)
 
     def _spread(self) -> Floats:
         """Standard deviation of each child's heading against its parent's, rad."""
