@@ -43,6 +43,7 @@ def test_the_gate_can_be_off():
     ({"params": {"mag": "yes"}}, ParameterError, "mag"),
     ({"params": {"declination": "3"}}, ParameterError, "declination.*needs a unit.*rad, deg"),
     ({"name": "mahoney"}, ParameterError, r"there is no filter 'mahoney'; known: .*mahony"),
+    ({"name": "chain"}, ParameterError, "there is no filter 'chain'; known: "),
     ({"frame": None}, FrameError, "None is not a navigation frame; known: ENU, NED, NWU"),
     ({"init": [[1, 0, 0, 0]]}, ShapeError, "init must be one finite quaternion"),
     ({"init": [1.0, 0.0, float("nan"), 0.0]}, ShapeError, "init must be one finite quaternion"),

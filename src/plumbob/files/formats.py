@@ -62,12 +62,13 @@ def read_table(path: Path, profile: "Profile | str | Path | None") -> Recording:
 
 def resolved_profile(path: Path, profile: "Profile | str | Path | None") -> "Profile | str | Path | None":
     """Profile that is given; that of a log which is known by its names, where none lies beside it."""
-    from plumbob.files.draft import known_profile
-    from plumbob.files.known_logs import refuse_known
     from plumbob.files.profile import profiles_beside
 
     if profile is not None or profiles_beside(path):
         return profile
+    from plumbob.files.draft import known_profile
+    from plumbob.files.known_logs import refuse_known
+
     refuse_known(path)
     return known_profile(path)
 

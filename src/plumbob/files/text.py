@@ -258,9 +258,9 @@ def _track(source: ReferenceSource, table: TextTable, t: Floats, turn: str | Non
     q_nb, score, notes = reference_attitudes(source, table, turn), _optional(table, source.score), list[Note]()
     turn = turn if source.of == "case" else None
     norms = np.linalg.norm(q_nb, axis=1)
-    rounded = (np.abs(norms - 1.0) > NORM) & (np.abs(norms - 1.0) < _ROUNDED)
+    off = np.abs(norms - 1.0)
+    rounded, wrong = (off > NORM) & (off < _ROUNDED), off >= _ROUNDED
     q_nb[rounded] /= norms[rounded, np.newaxis]
-    wrong = np.abs(np.linalg.norm(q_nb, axis=1) - 1.0) > NORM
     if 0 < (lost := int(wrong.sum())) < len(wrong) / 2:
         q_nb[wrong] = np.nan
         notes.append(warning("reading.no_rotations", lost=lost, count=len(wrong)))

@@ -22,6 +22,7 @@ RATE_FILTERS = ("scalar", "two_state", "moving_average")
 
 ARRAY_FILTERS: Final = ("teaching_arm",)  # that take all units of an array: the whole scheme of that paper
 ARRAY_SCHEMES: Final = (*ARRAY_FILTERS, "monitor")  # what makes one of several units on one body, as they come
+_OF_UNITS: Final = (*ARRAY_SCHEMES, "chain")  # what takes several units, and is no filter of one
 SMOOTHER = "smoother"  # what estimates where no filter is named: a whole recording, or a stream
 CAUSAL_LAG = "0 s"
 """Its lag on a stream where none is given, and for what a live system would have known: nothing later is used."""
@@ -91,7 +92,7 @@ def load(name: str) -> FilterModule:
             f"'{name}' filters rates and gives no attitude: plumbob.filter_rates, or 'plumbob run --filter {name}', "
             "gives samples, which a filter of attitudes may then take."
         )
-    module = EXTENSIBLE.find(name) if isinstance(name, str) else None
+    module = EXTENSIBLE.find(name) if isinstance(name, str) and name not in _OF_UNITS else None
     if module is None:
         raise unknown_name("filter", name, estimator_names())
     return module

@@ -214,9 +214,9 @@ class Stream:
             part = self._part(frames, no_time, no_time.astype(np.uint32))
         if self.chain is not None:
             part = self._follow(part, end=True)
-        tracks = [track for track in (part.track, rest) if track is not None]
         if rest is None:
             return part
+        tracks = [track for track in (part.track, rest) if track is not None]
         track = AttitudeTrack.joined(tracks, sum(map(len, tracks)))
         return replace(part, track=track, track_ns=self._track_ns(track.t))
 

@@ -1,4 +1,4 @@
-"""Without a lag: the past is smoothed now and then, and a filter goes on from where that ends, on the same models.
+"""A stream: the past is smoothed now and then, and a filter goes on from where that ends, on the same models.
 
 What a few samples cannot tell (the first tilt, a bias that no rest shows, which of two fields belongs to the place) is
 decided by all of the past together, each time again, and so no rule has to be right at once. In between nothing is
@@ -6,7 +6,7 @@ decided: the filter takes rest, speed and the weight of each field from what cam
 after a start and some seconds behind a gap, then ever more seldom, and at once when the tilt is in doubt or the fields
 of a turning unit contradict the one of the place. That one is proven by the time in which the unit turned in it:
 another must be seen for longer; one in which the unit merely lay is proven by nothing. What cannot be decided is
-doubted: the covariance grows by the angle in question.
+doubted: the covariance grows by the angle in question. With a lag the filter's steps are also taken back into the look.
 """
 
 import math

@@ -308,7 +308,6 @@ class FixedLag(Smoother):
                 "on a stream the smoother cannot wait for the end, but lag is off. Give the lag by which attitudes may "
                 f"come later than their samples, as 5s, or leave it out: it is then {CAUSAL_LAG}."
             )
-        self._lag = self.params.lag
         self._restart()
 
     def _restart(self) -> None:
@@ -364,9 +363,9 @@ class FixedLag(Smoother):
     @property
     def _updater(self) -> Single:
         if self._single is None:
-            if self._lag != 0.0:
+            if lag := self.params.lag:
                 raise ParameterError(
-                    f"update gives the attitude at once, but lag is {self._lag:g} s. Leave lag out, or use take(data)."
+                    f"update gives the attitude at once, but lag is {lag:g} s. Leave lag out, or use take(data)."
                 )
             self._single = Single(self._take_now, self._between, self._meta, self.common.mag, self._at_first())
         return self._single
