@@ -78,7 +78,7 @@ def _info(path: Path) -> Sequence[object]:
 
 
 def _parquet(folder: Path) -> Target:
-    from plumbob.files import parquet
+    from plumbob.files.columns import COLUMNS, to_columns
 
     whole = _recording()
     parts = {"a": whole, "b": replace(whole, track=None), "c": replace(whole, imu=None)}
@@ -91,7 +91,7 @@ def _parquet(folder: Path) -> Target:
         import pyarrow.parquet as pq
 
         part = parts[rng.choice("abc")]
-        columns = {name: values.copy() for name, values in parquet.to_columns(part).items()}
+        columns = {name: values.copy() for name, values in to_columns(part).items()}
         content: Any = header.file_header(part, list(columns))
         if rng.random() < 0.5:
             with_damage = mutated_text(rng, json.dumps(content).encode(), [b"1e400"])
@@ -105,7 +105,7 @@ def _parquet(folder: Path) -> Target:
                 values[rng.randrange(values.size)] = rng.randrange(256)
         content = content if isinstance(content, dict) else {"imu": content}
         table = pa.table(columns)
-        known = {name: {b"unit": files.columns.COLUMNS[name].unit.encode()} for name in columns}
+        known = {name: {b"unit": COLUMNS[name].unit.encode()} for name in columns}
         schema = pa.schema([table.field(name).with_metadata(known[name]).with_nullable(False) for name in columns])
         try:
             crc = zlib.crc32(b"".join((header.dump(content), *(columns[name].tobytes() for name in sorted(columns)))))

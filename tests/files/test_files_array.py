@@ -83,13 +83,8 @@ def test_one_unit_by_name_or_number(tmp_path):
         assert found.array is None
         assert found.imu.gyr.tobytes() == array.units["left.arm"].gyr.tobytes()
         assert "unit left.arm of u1, 左, left.arm" in map(str, found.notes)
-    refused(
-        plumbob.read,
-        path,
-        unit="u9",
-        match=r"no unit 'u9'; there are u1 \(1\), 左 \(2\), left.arm \(3\)",
-        error=ParameterError,
-    )
+    listed = r"no unit 'u9'; there are u1 \(1\), 左 \(2\), left.arm \(3\)"
+    refused(plumbob.read, path, unit="u9", match=listed, error=ParameterError)
     advice = "holds the units u1, 左, left.arm. Name one with --unit.* NEW.parquet --unit u1"
     refused(plumbob.estimate, path, frame="NED", match=advice, error=ParameterError)
     bare = plumbob.write(tmp_path / "one.parquet", array.units["u1"])

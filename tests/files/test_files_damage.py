@@ -13,6 +13,7 @@ import scipy.io
 
 from plumbob.core.errors import PlumbobError
 from plumbob.files import formats, read
+from plumbob.files.arrow import intact
 from plumbob.files.draft import known_profile
 from tests.helpers import file_kinds as kinds
 from tests.helpers import log_samples as logs
@@ -154,6 +155,12 @@ def copies(raw):
         for place in rng.integers(0, len(raw), rng.integers(1, 8) if number % 2 else 1):
             damaged[place] = rng.integers(0, 256)
         yield bytes(damaged[: rng.integers(0, len(raw))] if number % 5 == 0 else damaged)
+
+
+def test_an_error_of_the_disk_is_not_called_damage():
+    """What the system says keeps its number; /proc/self/mem has no first byte that can be read."""
+    with pytest.raises(OSError, match="Errno 5"), intact(), Path("/proc/self/mem").open("rb", 0) as disk:
+        disk.read(1)
 
 
 @pytest.mark.parametrize("name", KINDS)

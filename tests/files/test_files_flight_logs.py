@@ -223,7 +223,7 @@ def test_the_first_of_several_units_is_taken_and_the_others_are_listed(tmp_path)
         other = read(path, unit=unit)
         np.testing.assert_allclose(other.imu.gyr, recording.imu.gyr + 1.0, atol=1e-6)
         assert quat_angle(other.track.q_nb, recording.track.q_nb).max() < 1e-9
-    match = r"no unit 'IMU.2' in the log; there are IMU.0 \(1\), IMU.1 \(2\)"
+    match = r"no unit 'IMU.2'; there are IMU.0 \(1\), IMU.1 \(2\)"
     refused(read, path, unit="IMU.2", match=match, error=ParameterError)
 
 

@@ -152,8 +152,6 @@ class TestSeveral:
         for unit in ("/right", "right", "2"):
             found = plumbob.read(path, unit=unit)
             assert np.array_equal(found.imu.gyr, b["gyr"]) and found.imu.meta.t0_ns == made.T0 + 1
-        with pytest.raises(ParameterError, match=r"no unit 'up' .*there are /left"):
-            plumbob.read(path, unit="up")
 
     def test_data_and_data_raw_are_one(self, tmp_path):
         """imu_tools: data is data_raw with an orientation."""

@@ -1,6 +1,6 @@
 """Several units on one time line: an array on one body, or one unit on each segment of a chain."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Self
 
@@ -48,6 +48,18 @@ class UnitMount:
     def dcm(self) -> Floats:
         """Matrix C_bs (3, 3)."""
         return dcm_from_quat(np.array(self.q_bs))
+
+
+def named_unit(names: Sequence[str], asked: str) -> str:
+    """One of the names, by itself, by its letters and digits alone, or by its number from 1; ParameterError else."""
+    letters = {name: "".join(filter(str.isalnum, name.casefold())) for name in (*names, asked)}
+    alike = [name for name in names if letters[name] == letters[asked]]
+    if asked in names or alike:
+        return asked if asked in names else alike[0]
+    if asked.isdecimal() and 1 <= int(asked) <= len(names):
+        return names[int(asked) - 1]
+    units = ", ".join(f"{name} ({number})" for number, name in enumerate(names[:20], 1))
+    raise ParameterError(f"there is no unit '{asked}'; there are {units}.")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,21 +116,6 @@ class ImuArray(Series):
     def names(self) -> tuple[str, ...]:
         """Names of the units."""
         return tuple(self.units)
-
-    def named(self, asked: str) -> str:
-        """Name of one of the units, by its name or its number from 1.
-
-        Raises
-        ------
-        ParameterError
-            If there is no such unit.
-        """
-        if asked in self.units:
-            return asked
-        if asked.isdecimal() and 1 <= int(asked) <= len(self.units):
-            return self.names[int(asked) - 1]
-        units = ", ".join(f"{name} ({number})" for number, name in enumerate(self.units, 1))
-        raise ParameterError(f"there is no unit '{asked}'; there are {units}.")
 
     @property
     def t(self) -> Floats:

@@ -19,7 +19,7 @@ from plumbob.core.text import FactsText
 from plumbob.core.time import quantile
 from plumbob.core.units import QUANTITY_BY_TRIAD
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
-from plumbob.data.array import ImuArray
+from plumbob.data.array import ImuArray, named_unit
 from plumbob.data.imu import TRIAD_FLAGS
 from plumbob.data.plausibility import ALL_AXES, NOT_KNOWN, STUCK_SAMPLES, doubts, statistics, stuck_runs
 
@@ -171,7 +171,7 @@ class Recording(FactsText):
                 f"{self.name or 'the recording'} holds the units {names}. Name one with --unit, or write it to a file "
                 f"of its own: plumbob convert FILE NEW.parquet --unit {quote(first)}."
             )
-        name = self.array.named(unit)
+        name = named_unit(self.array.names, unit)
         imu = self.array.units[name]
         notes = (*lasting(self.notes), info("source.unit", unit=name, units=names), *findings(imu))
         return replace(self, imu=imu, track=None, array=None, notes=notes)

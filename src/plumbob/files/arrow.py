@@ -7,6 +7,7 @@ PageHeader; thrift-compact-protocol.md). `write_table` names columns with their 
 """
 
 import csv
+import errno
 import io
 import lzma
 import math
@@ -27,15 +28,22 @@ from plumbob.core.text import first_words
 if TYPE_CHECKING:
     import pyarrow as pa
 
+_OF_CONTENT: Final = (None, errno.EINVAL, errno.EOVERFLOW)  # a place that no file has is one that its content names
+
 
 @contextmanager
 def intact(what: str = "it", errors: type[Exception] | tuple[type[Exception], ...] = Exception) -> Iterator[None]:
-    """Say of what cannot be read that it is damaged, whatever errors a library has for that."""
+    """Say of what cannot be read that it is damaged, whatever errors a library has for that.
+
+    An error of the disk is not damage: the system gives it a number, which libraries' own have not.
+    """
     try:
         yield
     except PlumbobError:
         raise
     except errors as error:
+        if isinstance(error, OSError) and error.errno not in _OF_CONTENT:
+            raise
         why = one_line(error)[:160].rstrip(".")
         raise DecodeError(f"{what} is cut or damaged ({why}); use an intact copy.") from error
 

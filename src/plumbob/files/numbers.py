@@ -64,12 +64,13 @@ class Text:
 
     def _parsed(self, block: str, line: int, columns: int) -> Floats:
         """Numbers of a block that begins with a line; DecodeError where one cannot be read."""
-        reading = Reading(self.layout, columns, {place + 1: place for place in range(columns)}, None, {})
+        refs = tuple(range(1, columns + 1))
+        reading = Reading(self.layout, columns, {ref: ref - 1 for ref in refs}, None, {}, (refs,))
         if not reading.add_fast(block):
             reading.add_slow((number, row) for number, row in enumerate(block.split("\n"), line) if row.strip())
         for _, error in reading.left_out.values():
             raise DecodeError(f"{error} {_ADVICE}") from error
-        return np.stack([np.array(reading.numbers[ref]) for ref in reading.places], axis=1)
+        return reading.tables[0].columns()[refs]
 
     def _of_one_line(self) -> Floats:
         text = "".join(self.body().again())

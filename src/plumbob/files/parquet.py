@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, one_line
+from plumbob.core.errors import DecodeError
 from plumbob.core.files import existing_file, read_in_parts, reading, replacing, require_room
 from plumbob.core.findings import lasting
 from plumbob.core.time import is_gap, to_ns, to_s
@@ -28,7 +28,7 @@ from plumbob.data.array import ImuArray
 from plumbob.data.recording import Recording
 from plumbob.files import columns as layout
 from plumbob.files import header
-from plumbob.files.arrow import arrow_column, column_numbers, unpacked_bytes
+from plumbob.files.arrow import arrow_column, column_numbers, intact, unpacked_bytes
 from plumbob.files.columns import GROUPS, TIME, Columns
 from plumbob.files.decoded import KEY as PROFILE
 from plumbob.files.decoded import read_described
@@ -383,15 +383,10 @@ def _open(file: Path, **how: Any) -> "Iterator[pq.ParquetFile]":
         raise DecodeError(
             f"its table of contents has {stated} bytes, but {allowed} are allowed; write it with fewer row groups."
         )
-    try:
-        limits: Any = {"thrift_string_size_limit": _CONTENTS_BYTES, "thrift_container_size_limit": _THRIFT_ITEMS}
-        with pq.ParquetFile(file, **limits, **how) as parquet:
-            yield parquet
-    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # of all of Arrow's, two are Python's own
-        raise DecodeError(
-            f"it is not a Parquet file, or it is cut or damaged ({one_line(error)[:160].rstrip('.')}); use an intact "
-            "copy."
-        ) from error
+    limits: Any = {"thrift_string_size_limit": _CONTENTS_BYTES, "thrift_container_size_limit": _THRIFT_ITEMS}
+    errors = pa.ArrowException, OSError, UnicodeDecodeError  # of all of Arrow's, two are Python's own
+    with intact("it is not a Parquet file, or it", errors), pq.ParquetFile(file, **limits, **how) as parquet:
+        yield parquet
 
 
 def _batches(file: Path, names: Sequence[str], start: int = 0) -> Iterator[tuple[int, Columns]]:

@@ -228,6 +228,11 @@ class Profile:
         return None if self.axes_applied or axes.split() == AS_MOUNTED.split() else axes
 
     @property
+    def vectors(self) -> tuple[tuple[ColumnRef, ...], ...]:
+        """Columns of each triad that has all."""
+        return tuple(group.columns for group in self.triads.values() if NO_COLUMN not in group.columns)
+
+    @property
     def used(self) -> tuple[ColumnRef, ...]:
         """Every column that it uses, time included."""
         single = self.time.used if self.flags is None else (*self.time.used, self.flags)

@@ -89,7 +89,7 @@ def _read_one(file: Path, declared: Profile, note: Note) -> Recording:
         # no name: the columns of a large file are in memory only while they are needed
         return table_recording(
             declared,
-            read_table(file, declared.layout, declared.used, declared.time.exact, declared.texts),
+            read_table(file, declared.layout, declared.used, declared.time.exact, declared.texts, declared.vectors),
             file.stem,
             note,
         )
@@ -108,10 +108,10 @@ def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -
 
 def _without_end(profile: Profile, table: TextTable) -> TextTable:
     """The same table without rows at its end in which nothing stands, as where longer columns stand beside."""
-    if table.texts or not profile.time.columns or not all(np.isnan(values[-1]) for values in table.columns.values()):
+    if table.texts or not profile.time.columns or not all(np.isnan(v[-1]).all() for v in table.columns.values()):
         return table
-    filled = [np.flatnonzero(~np.isnan(values)) for values in table.columns.values()]
-    rows = 1 + max((int(some[-1]) for some in filled if some.size), default=table.rows - 1)
+    filled = [np.argwhere(~np.isnan(values)) for values in table.columns.values()]
+    rows = 1 + max((int(some[-1, 0]) for some in filled if some.size), default=table.rows - 1)
     columns = {ref: values[:rows] for ref, values in table.columns.items()}
     return replace(table, columns=columns, rows=rows, places=None if table.places is None else table.places[:rows])
 
@@ -303,6 +303,8 @@ def inside(values: Floats, unit: str) -> Floats:
 
 
 def _stacked(columns: tuple[ColumnRef, ...], table: TextTable) -> Floats:
+    if columns in table.columns:
+        return table.columns[columns]
     stacked = np.empty((table.rows, len(columns)))
     for at in range(0, table.rows, BLOCK):
         for i, ref in enumerate(columns):

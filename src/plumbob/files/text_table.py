@@ -8,18 +8,18 @@ cannot be read is refused with the first of them.
 import csv
 import json
 import re
-from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from decimal import Decimal, InvalidOperation
 from functools import cache
-from itertools import islice, pairwise
+from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt, one_line
@@ -449,7 +449,9 @@ LEFT_OUT_MOST: Final = 0.05  # share of rows; a wrong separator, sign or column 
 class TextTable:
     """Columns of numbers."""
 
-    columns: dict[ColumnRef, Floats]  # a vector (N,) for each column asked for; NaN where missing
+    # a vector (N,) for each column asked for, and a table (N, k) for those that are wanted side by side, by all of
+    # them; NaN where missing
+    columns: dict[Any, Floats]
     zero: Decimal  # what was taken from the exact column, so that its differences keep every digit; 0 without one
     rows: int  # N
     notes: tuple[Any, ...]  # what was left out
@@ -464,6 +466,31 @@ class TextTable:
 
 
 @dataclass(slots=True)
+class _Rows:
+    """Rows of columns side by side that become more, in room that doubles."""
+
+    refs: tuple[ColumnRef, ...]
+    room: Floats
+    count: int = 0
+
+    def add(self, columns: Sequence[Sequence[float] | NDArray[Any]]) -> None:
+        """Add the rows that stand in columns."""
+        before, self.count = self.count, self.count + len(columns[0])
+        if self.count > len(self.room):
+            room = np.empty((2 * self.count, len(self.refs)))
+            room[:before] = self.room[:before]
+            self.room = room
+        for place, column in enumerate(columns):
+            self.room[before : self.count, place] = column
+
+    def columns(self) -> dict[Any, Floats]:
+        """Each column, and all of them, which nobody writes to any more."""
+        self.room.flags.writeable = False
+        rows = self.room[: self.count]
+        return dict(zip(self.refs, rows.T, strict=True)) | {self.refs: rows}
+
+
+@dataclass(slots=True)
 class Reading:
     """What has been read, block by block."""
 
@@ -472,10 +499,16 @@ class Reading:
     places: dict[ColumnRef, int]
     exact: ColumnRef | None
     texts: dict[ColumnRef, list[str]]
+    together: Sequence[tuple[ColumnRef, ...]] = ()
     zero: Decimal | None = None
-    numbers: dict[ColumnRef, "array[float]"] = field(default_factory=dict)  # they grow where they lie
+    tables: list[_Rows] = field(init=False)
     rows: int = 0  # so far, with those that were left out
     left_out: dict[int, tuple[int, DecodeError]] = field(default_factory=dict)  # by row: its line, and why
+
+    def __post_init__(self) -> None:
+        alone = self.places.keys() - {*self.texts, *chain(*self.together)}
+        groups = (*self.together, *((ref,) for ref in self.places if ref in alone))
+        self.tables = [_Rows(refs, np.empty((0, len(refs)))) for refs in groups]
 
     def add_fast(self, block: str) -> bool:
         """Read a block by Arrow; False where it cannot."""
@@ -511,18 +544,16 @@ class Reading:
                 return False
             self.zero = columns[self.exact][0].as_py() if self.zero is None else self.zero
             columns[self.exact] = pc.subtract(columns[self.exact], pa.scalar(self.zero)).cast(pa.float64())
-        for ref, column in columns.items():
-            if ref in self.texts:
-                self.texts[ref] += column.to_pylist()
-            else:
-                values = np.ascontiguousarray(column_numbers(column), dtype=np.float64)
-                self.numbers.setdefault(ref, array("d")).frombytes(values.data.cast("B"))
+        for ref in self.texts:
+            self.texts[ref] += columns[ref].to_pylist()
+        for rows in self.tables:
+            rows.add([column_numbers(columns[ref]) for ref in rows.refs])
         self.rows += table.num_rows
         return True
 
     def add_slow(self, rows: Iterator[tuple[int, str]]) -> None:
         """Read lines one by one, and leave out those that cannot be read."""
-        numbers: dict[ColumnRef, list[float]] = {ref: [] for ref in self.places if ref not in self.texts}
+        numbers: dict[ColumnRef, list[float]] = {ref: [] for table in self.tables for ref in table.refs}
         for line, row in rows:
             try:
                 words = row_cells(row, self.layout, line)
@@ -535,8 +566,8 @@ class Reading:
             except DecodeError as error:
                 self.left_out[self.rows] = line, error
             self.rows += 1
-        for ref, some in numbers.items():
-            self.numbers.setdefault(ref, array("d")).extend(some)
+        for table in self.tables:
+            table.add([numbers[ref] for ref in table.refs])
 
     def add(self, words: Sequence[str], line: int, numbers: dict[ColumnRef, list[float]]) -> None:
         """Add the numbers and texts of a row in cells, all or none; DecodeError where a cell is not a number."""
@@ -583,10 +614,12 @@ def read_table(
     refs: Sequence[ColumnRef],
     exact: ColumnRef | None = None,
     texts: Sequence[ColumnRef] = (),
+    together: Sequence[tuple[ColumnRef, ...]] = (),
 ) -> TextTable:
     """Read columns of a text file, by number from 1 or by name; `texts` are those that are not numbers.
 
-    Of the `exact` one its first value is subtracted before it is rounded to float64, as Unix time in ns needs.
+    Those of a tuple in `together` are wanted side by side, too. Of the `exact` one its first value is subtracted before
+    it is rounded to float64, as Unix time in ns needs.
     """
     body = _body(source, layout)
     layout = body.layout
@@ -600,7 +633,7 @@ def read_table(
     firsts = {ref: next(r for r, p in places.items() if p == place) for ref, place in places.items()}
     if twice := next((ref for ref, first in firsts.items() if ref != first), None):
         raise DecodeError(f"{firsts[twice]!r} and {twice!r} are the same column; declare it once.")
-    reading = Reading(layout, width, places, exact, {ref: [] for ref in texts})
+    reading = Reading(layout, width, places, exact, {ref: [] for ref in texts}, together)
     plain = not (layout.words or layout.where or layout.checksum)
     for block, line in body.blocks():
         if not (plain and reading.add_fast(block)):
@@ -613,7 +646,7 @@ def read_table(
         )
     if not count:
         raise DecodeError(_NO_ROWS)
-    columns: dict[ColumnRef, Floats] = {ref: np.frombuffer(values) for ref, values in reading.numbers.items()}
+    columns = {ref: values for table in reading.tables for ref, values in table.columns().items()}
     places_read = np.delete(np.arange(float(reading.rows)), list(reading.left_out)) if reading.left_out else None
     lines = {line for line, _ in reading.left_out.values()}
 

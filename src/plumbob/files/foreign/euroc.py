@@ -36,7 +36,7 @@ from plumbob.data import ImuData, ImuMeta
 from plumbob.data.array import UnitMount
 from plumbob.data.recording import Recording
 from plumbob.files.column_names import taken_apart
-from plumbob.files.foreign.logged import MOST, LoggedAttitude, SensorLog, first_bytes, inside, vectors
+from plumbob.files.foreign.logged import MOST, LoggedAttitude, SensorLog, first_bytes, inside, numbers_in, vectors
 from plumbob.files.foreign.parts import Sheet
 from plumbob.files.profile import TextLayout
 from plumbob.rotations import Frame, North, change_frame
@@ -135,32 +135,21 @@ def _sensor(file: Path, name: str, notes: list[Note]) -> tuple[Floats, float | N
         return identity, None
     text = re.sub(r"#.*", "", text_of(inside(file.parent.parent, file.parent.name, file.name)))
     rate = re.search(r"^rate_hz:[ \t]*([0-9.]{1,24})[ \t]*$", text, re.MULTILINE)
-    hertz = _numbers(rate[1], "rate_hz", file)[0] if rate else None
+    where = f"{file.parent.name}/{file.name}"
+    hertz = float(numbers_in([rate[1]], 1, f"rate_hz in {where}")[0]) if rate else None
     listed = re.search(r"^T_BS:[^\[\]]{0,200}?data:\s{0,80}\[([^\]]{0,2000})\]", text, re.MULTILINE)
     if listed is None:
         notes.append(warning("source.euroc_no_axes", name=name))
         return identity, hertz
-    numbers = _numbers(listed[1], "T_BS", file)
-    if len(numbers) != 16:
-        raise DecodeError(f"T_BS in {name}/{file.name} must have 16 numbers, 4 rows of 4, but it has {len(numbers)}.")
-    c_bs = np.array(numbers).reshape(4, 4)[:3, :3]
+    numbers = numbers_in(listed[1].replace(",", " ").split(), 16, f"T_BS in {where}")
+    c_bs = numbers.reshape(4, 4)[:3, :3]
     try:
         turn = quat_from_dcm(c_bs, tolerance=1e-3)
     except ShapeError as error:
-        raise DecodeError(f"T_BS in {name}/{file.name} is not a rotation: {error}") from error
+        raise DecodeError(f"T_BS in {where} is not a rotation: {error}") from error
     if not np.allclose(c_bs, np.eye(3), atol=1e-6):
         notes.append(info("source.euroc_axes", name=name))
     return turn, hertz if hertz else None
-
-
-def _numbers(text: str, key: str, file: Path) -> list[float]:
-    try:
-        values = [float(word) for word in text.replace(",", " ").split()]
-    except ValueError:
-        values = [np.nan]
-    if not np.isfinite(values).all():
-        raise DecodeError(f"{key} in {file.parent.name}/{file.name} holds {text[:20]!r}, which is not a number.")
-    return values
 
 
 _IMU: Final = {"w_RS_S": "rad s^-1", "a_RS_S": "m s^-2"}  # columns and their units

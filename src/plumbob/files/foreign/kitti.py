@@ -25,7 +25,7 @@ from plumbob.core.text import counted
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.columns import StampError, stamps_ns
-from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, first_bytes, inside
+from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, first_bytes, inside, numbers_in
 from plumbob.rotations import Frame, North
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
@@ -79,12 +79,8 @@ def _table(home: Path) -> tuple[NDArray[np.int64], Floats]:
     if not names:
         raise DecodeError("oxts/data holds no files such as 0000000000.txt; use an intact copy.")
     numbered = sorted((int(name[:-4][:18]), name) for name in names)
-    values = np.empty((len(numbered), _COLUMNS))
-    for row, (_, name) in enumerate(numbered):
-        words = first_bytes(inside(home, "data", name), _MOST_BYTES).split()
-        try:
-            values[row] = np.array(words, dtype=np.float64).reshape(_COLUMNS)
-        except ValueError as error:
-            what = f"must hold {_COLUMNS} numbers, but it does not; it has {len(words)} words"
-            raise DecodeError(f"oxts/data/{name} {what}.") from error
+    words = (
+        (name, first_bytes(inside(home, "data", name), _MOST_BYTES).decode("latin-1").split()) for _, name in numbered
+    )
+    values = np.stack([numbers_in(of, _COLUMNS, f"oxts/data/{name}") for name, of in words])
     return np.array([number for number, _ in numbered], dtype=np.int64), values

@@ -28,13 +28,13 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
-from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeError, one_line
+from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeError, excerpt, one_line
 from plumbob.core.findings import Finding, Note, info, warning
 from plumbob.core.text import counted, first_words
 from plumbob.core.time import GAP_FACTOR, LONGEST, interpolated, is_gap, longest_bridged
 from plumbob.core.units import to_si
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
-from plumbob.data.array import ImuArray
+from plumbob.data.array import ImuArray, named_unit
 from plumbob.data.imu import known_rows
 from plumbob.data.reading import read_rows
 from plumbob.data.recording import Recording
@@ -250,6 +250,11 @@ class SensorLog:
         self, name: str, *, none: str = "", flags: Callable[[NDArray[np.int64]], NDArray[np.uint32]] | None = None
     ) -> Recording:
         """Recording of it all; `none` is the note where no attitude is known, `flags` makes those of rows by stamps."""
+        if self.attitudes and not self.streams:
+            of = self.attitudes[0]
+            line = time_line(of.t_ns)
+            alone = AttitudeTrack((line.t_ns - line.t_ns[0]) / 1e9, of.q_nb, of.frame, of.north, source=of.source)
+            return Recording(track=alone, name=name, notes=(*self.notes, *line.notes, *self.losses))
         imu, rows_ns, how = self.joined()
         notes = [*self.notes, *how]
         imu = imu if flags is None else imu.flagged(flags(rows_ns))
@@ -282,7 +287,7 @@ def choose(
     notes: list[Note], counts: Mapping[str, int], unit: str | None, of: str = "samples", what: str = "record"
 ) -> str:
     """One of a log's units, with the counts of their records: by name (``IMU.1``, ``imu1``) or number, or the first."""
-    taken = chosen([*counts], unit)
+    taken = next(iter(counts)) if unit is None else named_unit([*counts], unit)
     others = {name: count for name, count in counts.items() if name != taken}
     listed = first_words([f"{name} ({count})" for name, count in others.items()], 20)
     records = counted(counts[taken], what)
@@ -320,6 +325,20 @@ def vectors(table: Mapping[Any, NDArray[Any]] | NDArray[Any], *names: ColumnRef)
         ) from error
 
 
+def numbers_in(words: Sequence[str | bytes], count: int, what: str) -> Floats:
+    """So many numbers (count,); DecodeError where that is not what the words are."""
+    try:
+        numbers = np.array(words, dtype=np.float64)
+    except ValueError:
+        numbers = np.empty(0)
+    if numbers.size != count or not np.isfinite(numbers).all():
+        said = excerpt(" ".join(map(str, words)))
+        raise DecodeError(
+            f"{what} must hold {counted(count, 'number')}, but it holds {counted(len(words), 'word')}: {said}."
+        )
+    return numbers
+
+
 def micro(stamps: NDArray[Any]) -> NDArray[np.int64]:
     """Integer ns of µs (N,), as flight controllers count them; what no clock of 64 bit ns holds becomes its end."""
     most = np.iinfo(np.int64).max // 1000
@@ -351,24 +370,6 @@ def _attitude_at(rows_ns: NDArray[np.int64], logged: LoggedAttitude, notes: list
         count, samples = line.t_ns.size, rows_ns.size
         notes.append(info("source.attitude_interpolated", count=count, unknown=unknown, samples=samples))
     return attitude.q_nb
-
-
-def chosen(names: list[str], unit: str | None) -> str:
-    """One of the names, as of `choose`."""
-    if unit is None:
-        return names[0]
-
-    def letters(name: str) -> str:
-        return "".join(filter(str.isalnum, name.casefold()))
-
-    for alike in (str, letters):
-        for name in names:
-            if alike(name) == alike(unit):
-                return name
-    if unit.isdecimal() and 1 <= int(unit) <= len(names):
-        return names[int(unit) - 1]
-    listed = ", ".join(f"{name} ({number})" for number, name in enumerate(names[:20], 1))
-    raise ParameterError(f"there is no unit '{unit}' in the log; there are {listed}.")
 
 
 HEAD_BYTES: Final = 4096  # bytes of a file that are looked at to see what it is

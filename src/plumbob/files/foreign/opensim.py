@@ -20,8 +20,9 @@ from plumbob.core.files import replacing
 from plumbob.core.findings import Note
 from plumbob.core.text import first_words, visible
 from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data.array import named_unit
 from plumbob.data.recording import Recording
-from plumbob.files.foreign.logged import RELATIVE_NOTE, SensorLog, chosen, first_bytes, seconds_to_ns, vectors
+from plumbob.files.foreign.logged import RELATIVE_NOTE, SensorLog, first_bytes, seconds_to_ns, vectors
 from plumbob.files.profile import TextLayout
 from plumbob.files.stamps import time_line
 from plumbob.files.text_table import read_table
@@ -56,7 +57,7 @@ def read(path: Path, unit: str | None = None) -> Recording:
         raise DecodeError(f"its row of names must be time and sensors, but it is {excerpt(' '.join(names))}.")
     if unit is None and len(sensors) > 1:
         raise ParameterError(f"it holds {len(sensors)} sensors: {first_words(sensors, 20)}. Name one with --unit.")
-    taken = chosen(sensors, unit)
+    taken = sensors[0] if unit is None else named_unit(sensors, unit)
     cells = ("", *[f"[{width}]"] * len(sensors))
     layout = TextLayout("\t" if "\t" in line else " ", marker="endheader", cells=cells)
     first = 2 + width * sensors.index(taken)

@@ -30,10 +30,10 @@ from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import first_words
 from plumbob.core.units import to_si
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.data.array import ImuArray
+from plumbob.data.array import ImuArray, named_unit
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import ros_bags
-from plumbob.files.foreign.logged import SensorLog, chosen, first_bytes, joined_recordings
+from plumbob.files.foreign.logged import SensorLog, first_bytes, joined_recordings
 from plumbob.files.foreign.ros_bags import Bag, MessageTable, Topic
 from plumbob.files.mcap import layout
 from plumbob.files.stamps import time_line
@@ -101,7 +101,7 @@ def _recording(bag: Bag, name: str, unit: str | None) -> Recording:
         )
     taken = _without_raw(imus) or poses
     if unit is not None:
-        name_taken = chosen([topic.name for topic in imus + poses], unit)
+        name_taken = named_unit([topic.name for topic in imus + poses], unit)
         taken = [topic for topic in imus + poses if topic.name == name_taken][:1]
     if taken[0].kind in POSES:
         if len(taken) > 1:

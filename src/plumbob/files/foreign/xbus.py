@@ -37,7 +37,7 @@ _MASTER: Final = 0xFF
 _LONG: Final = 0xFF
 _PART: Final = 1 << 20
 _QUATERNION, _MATRIX, _EULER = 0x2010, 0x2020, 0x2030
-_COUNTER, _UTC = 0x1020, 0x1010
+_UTC: Final = 0x1010
 _FRAMES: Final = {0x0: "ENU", 0x4: "NED", 0x8: "NWU"}
 
 
@@ -289,33 +289,12 @@ def _legacy(
 
 def _legacy_blocks(mode: int, settings: int) -> tuple[list[_Block], int]:
     """Blocks that a mode and its settings put one after another, under the identities of MTData2, and their bytes."""
-    precision = settings >> 8 & 3
+    precision, blocks, at = settings >> 8 & 3, list[_Block](), 0
     word = np.dtype(_NUMBERS[precision]).itemsize
-    kind = precision | (0x4 if settings & 0x8000_0000 else 0x8)
-    orientation = {0x0: (_QUATERNION | kind, 4 * word), 0x4: (_EULER | kind, 3 * word), 0x8: (_MATRIX | kind, 9 * word)}
-    parts: list[tuple[bool, int, int]] = [
-        (bool(mode & 0x4000), 0xA010, 28 if settings & 0x0100_0000 else 20),
-        (bool(mode & 0x0200), 0xC810, 13 + 13 * word),
-        (bool(mode & 0x1000), 0x7010, 3 if settings & 0x0008_0000 else 44),
-        (bool(mode & 0x0001), 0x0810 | precision, word),
-        (bool(mode & 0x0002 and not settings & 0x10), 0x4020 | precision, 3 * word),
-        (bool(mode & 0x0002 and not settings & 0x20), 0x8020 | precision, 3 * word),
-        (bool(mode & 0x0002 and not settings & 0x40), 0xC020 | precision, 3 * word),
-        (bool(mode & 0x0004), *orientation.get(settings & 0xC, (0, 0))),
-        (bool(mode & 0x0008 and not settings & 0x400), 0xB010, 2),
-        (bool(mode & 0x0008 and not settings & 0x800), 0xB020, 2),
-        (bool(mode & 0x0010), 0x5040 | precision, 3 * word),
-        (bool(mode & 0x0020), 0xD010 | precision, 3 * word),
-        (bool(mode & 0x0800), 0xE010, 4 if settings & 0x80 else 1),
-        (bool(settings & 0x1), _COUNTER, 2),
-        (bool(settings & 0x2), _UTC, 12),
-    ]
-    blocks: list[_Block] = []
-    at = 0
-    for there, identity, size in parts:
-        if there:
-            blocks.append((identity, at, size))
-            at += size
+    for mask, value, identity, size, numbers in _TABLES["legacy"]:
+        if (mode << 32 | settings) & mask == value:
+            blocks.append((identity | precision if numbers else identity, at, size + numbers * word))
+            at += size + numbers * word
     return blocks, at
 
 

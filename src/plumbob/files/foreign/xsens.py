@@ -32,12 +32,11 @@ from plumbob.core import flags, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, DecodeError, excerpt
 from plumbob.core.findings import Note, info, warning
-from plumbob.data import AttitudeTrack, ImuMeta
+from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import xbus
 from plumbob.files.foreign.logged import RELATIVE_NOTE, LoggedAttitude, SensorLog, first_bytes, vectors
 from plumbob.files.foreign.parts import names_in, sheet
-from plumbob.files.stamps import time_line
 from plumbob.rotations import Frame, North
 
 COMMENT: Final = "//"
@@ -113,8 +112,7 @@ def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: l
     words = head.get("coordinate system", "").split()
     frame = Frame(words[0].upper()) if words and words[0].upper() in list(Frame) else None
     attitude = _attitude_columns(columns.keys())
-    if not any(set(names) <= columns.keys() for names in _SENSORS):
-        return _attitude_alone(name, columns, attitude, stamps, frame, notes)
+    measured = any(set(names) <= columns.keys() for names in _SENSORS)
     meta = ImuMeta(
         device=" ".join(filter(None, (head.get("productcode", "Xsens"), head.get("deviceid", "")))),
         rate_nominal=_rate(head),
@@ -122,32 +120,23 @@ def _recording(name: str, columns: Columns, head: Mapping[str, str], left_out: l
         unit_check=False,
     )
     log = SensorLog(notes, meta, _epoch(columns, stamps))
-    _add_streams(log, columns, stamps)
+    if measured:
+        _add_streams(log, columns, stamps)
     if log.epoch_ns is None and set(_UTC) <= columns.keys():
         notes.append(info("source.no_utc_without_date"))
     if attitude and frame is None:
+        if not measured:  # as OpenSense takes it
+            raise DecodeError(
+                "it holds an attitude alone and does not say its frame; add a line '// Coordinate system: ENU'."
+            )
         notes.append(warning("source.no_coordinate_system"))
     elif attitude and frame is not None:
         note = f"{_SOURCE}; {frame}, magnetic north, as it counts without GNSS and a declination set"
         q_nb = _attitude(columns, attitude)
         log.attitudes.append(LoggedAttitude(stamps, q_nb, _SOURCE, frame, North.MAGNETIC, note))
+        notes += [] if measured else [info("source.xsens_attitude", source=_SOURCE, frame=frame)]
     status = columns.get("StatusWord")
     return log.recording(name, flags=None if status is None else partial(_clipped, status, stamps))
-
-
-def _attitude_alone(
-    name: str, columns: Columns, attitude: tuple[str, ...], stamps: NDArray[np.int64], frame: Frame | None,
-    notes: list[Note],
-) -> Recording:  # fmt: skip
-    """Recording of an export without sensor values, as OpenSense takes it: its attitude."""
-    if frame is None:
-        raise DecodeError(
-            "it holds an attitude alone and does not say its frame; add a line '// Coordinate system: ENU'."
-        )
-    line, q_nb = time_line(stamps), _attitude(columns, attitude)
-    track = AttitudeTrack((line.t_ns - line.t_ns[0]) / 1e9, q_nb, frame, North.MAGNETIC, source=_SOURCE)
-    notes += [*line.notes, info("source.xsens_attitude", source=_SOURCE, frame=frame)]
-    return Recording(track=track, name=name, notes=tuple(notes))
 
 
 def _add_streams(log: SensorLog, columns: Columns, stamps: NDArray[np.int64]) -> None:
