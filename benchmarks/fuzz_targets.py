@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import struct
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -23,6 +22,7 @@ from plumbob.filters import Filter
 from plumbob.live import rows
 from plumbob.live.recorded import convert, write_mcap
 from plumbob.protocols import format_toml
+from plumbob.protocols.attitude.ros2 import CDR, header_and_numbers
 from plumbob.protocols.format_toml import device_names, find_format, rig_names
 from tests.helpers.live_samples import FORMAT, SESSION, reads, record, stream
 
@@ -244,10 +244,10 @@ def _foreign_mcap(folder: Path) -> Target:
             writer.start(profile="ros2", library="another")
             schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"float64 x\n" * 20)
             channel = writer.register_channel("/imu", "cdr", schema)
-            for i in range(80):
-                writer.add_message(channel, i * 10**7, struct.pack("<4xIId", i, 0, i / 7), i * 10**7, i)
+            for t_ns, row in zip(range(0, 8 * 10**8, 10**7), np.linspace(6.0, 7.0, 2960).reshape(80, 37), strict=True):
+                writer.add_message(channel, t_ns, header_and_numbers(CDR, t_ns, "imu", row.tobytes()), t_ns)
             writer.finish()
-    return Target([folder / f"{name}.mcap" for name in ("zstd", "lz4", "bare")], lambda path: ("verify", path))
+    return Target([folder / f"{name}.mcap" for name in ("zstd", "lz4", "bare")], _info)
 
 
 # Numbers --------------------------------------------------------------------------------------------------------------

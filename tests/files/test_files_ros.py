@@ -344,12 +344,13 @@ def part_elsewhere(folder):
     return path
 
 
-def chunk(how, pack, size):
-    """Maker of an MCAP of one chunk that says it unpacks to `size` bytes."""
+def chunk(how, pack, size, beyond=0):
+    """Maker of an MCAP of one chunk that says it unpacks to `size` bytes, and has so many `beyond` what it has."""
 
     def put(folder):
         stored, name = pack(), how.encode()
-        body = struct.pack("<QQQII", 0, 0, size, 0, len(name)) + name + struct.pack("<Q", len(stored)) + stored
+        body = struct.pack("<QQQII", 0, 0, size, 0, len(name)) + name + struct.pack("<Q", len(stored) + beyond)
+        body += stored
         head = struct.pack("<I", 4) + b"ros2" + struct.pack("<I", 1) + b"x"
         records = struct.pack("<BQ", 1, len(head)) + head + struct.pack("<BQ", 6, len(body)) + body
         (folder / "a.mcap").write_bytes(b"\x89MCAP0\r\n" + records)
@@ -416,10 +417,8 @@ REFUSED = {
     "endless metadata": (endless_metadata, f"needs a metadata.yaml of at most {MAX_TEXT} bytes"),
     "a link for a part": (part_elsewhere, "is not there"),
     "terabytes of zstd": (chunk("zstd", lambda: b"\x28\xb5\x2f\xfd", 1 << 40), "unpack to 1099511627776"),
-    "more than stated, zstd": (
-        chunk("zstd", lambda: UNSIZED.compress(bytes(80 << 20)), 1000),
-        "does not inflate to the 1000 bytes",
-    ),
+    "too much, zstd": (chunk("zstd", lambda: UNSIZED.compress(bytes(80 << 20)), 1000), "does not inflate to the 1000 "),
+    "more than a file has": (chunk("zstd", bytes, 1, 1 << 63), "damaged .*index-sized"),
     "more than stated, lz4": (chunk("lz4", lambda: lz4.frame.compress(bytes(80 << 20)), 1000), "does not inflate to"),
     "more than stated, bz2": (bz2_bomb, "does not inflate to"),
     "more than allowed": (zstd_file, "are allowed"),

@@ -188,8 +188,8 @@ class ChannelRecords(NamedTuple):
     records: tuple[bytes, bytes]  # of its schema, empty without one, and its own
 
 
-UNREADABLE: Final = (McapError, ValueError, struct.error)
-"""Errors of the MCAP library at the body of a record that is damaged."""
+UNREADABLE: Final = (McapError, ValueError, struct.error, OverflowError, MemoryError)
+"""Errors of the MCAP library at the body of a record that is damaged; the last two where it states what no file has."""
 
 
 def stream(body: bytes) -> ReadDataStream:
