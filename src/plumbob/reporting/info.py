@@ -114,7 +114,7 @@ def info(
         name, recording = str(file), read(file, profile=profile, unit=unit, whole=small, calibrated=True)
     said = () if note is None else warnings(recording.notes)
     for line in said:
-        note(f"{Path(name).name}: {line}")  # type: ignore[misc]
+        note(f"{Path(name).absolute().name}: {line}")  # type: ignore[misc]
     report: dict[str, Any] = {"file": name, "notes": as_json(dict.fromkeys(recording.notes))}
     if recording.imu is not None:
         report["sensors"] = _sensors(recording.imu)
