@@ -114,17 +114,6 @@ record = {{ path = "a.mcap", reserve = 1_000_000_000_000_000_000 }}
     assert report["acknowledged"] == 0 < report["rows"]
 
 
-def test_signals_say_stop_and_are_given_back():
-    before = signal.getsignal(signal.SIGTERM)
-    stop = Stop()
-    with stopped_by_signals(stop):
-        assert not stop.is_set()
-        signal.raise_signal(signal.SIGTERM)
-        signal.raise_signal(signal.SIGINT)  # the second of two in a hurry, too
-        assert stop.is_set()
-    assert signal.getsignal(signal.SIGTERM) is before
-
-
 @pytest.mark.usefixtures("hang_up_ends")
 def test_a_lost_terminal_says_stop_unless_it_is_to_be_survived():
     stop = Stop()

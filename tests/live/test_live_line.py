@@ -18,7 +18,6 @@ from plumbob.core.errors import ClockError, DecodeError, ParameterError, UnitErr
 from plumbob.core.event import Event
 from plumbob.data import ImuMeta, imu, plausibility
 from plumbob.data.cards import CalibrationCard, TriadCalibration
-from plumbob.data.recording import inferred
 from plumbob.files import parquet, read
 from plumbob.files.mcap import open_log, repair, verify, writer
 from plumbob.filters import offline
@@ -331,18 +330,6 @@ def test_gaps_that_the_device_s_counts_show_are_not_inferred(tmp_path, gone):
     assert report["time"]["lost"] == gone
     assert report["notes"] == []
     assert not any(note.code.startswith("reading.") for note in read_recorded(tmp_path / "a.mcap").notes)
-
-
-@pytest.mark.parametrize(("mode", "drift", "words"), [
-    ("host", 0.0, "add a counter or a clock to the frame, or where"),
-    ("host", float("nan"), "to the frame, declare its rate, or where"),
-    ("clock", 0.0, 'the counter of the frames goes on; where the line waits for its reader set time = "count"'),
-])  # fmt: skip
-def test_what_to_do_depends_on_what_the_frames_have(mode, drift, words):
-    report = Stream(session()).time.report()
-    (finding,) = inferred(replace(report, mode=mode, drift_ppm=drift, inferred=2, inferred_time=3.25))
-    assert "2 gaps, 3.25 s in all" in str(finding)
-    assert words in str(finding)
 
 
 HOUR = 3600 * 10**9

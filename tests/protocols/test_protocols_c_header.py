@@ -60,10 +60,3 @@ def test_the_structs_in_c_have_the_bytes_of_the_encoder(tmp_path):
     )
     assert made.returncode == 0, made.stderr
     assert subprocess.run([tmp_path / "main"], capture_output=True, check=True).stdout == encoded
-
-
-def test_the_header_says_units_and_size():
-    text = c_header(find_format("buoy").bind())
-    assert "static_assert(sizeof(plumbob_buoy) == 31" in text
-    assert "/* acc.x: s16, big-endian; count * 0.00119710083 [m/s2] */" in text  # 9.80665 / 8192
-    assert "uint8_t gyr_x[2];" in text

@@ -2,6 +2,8 @@
 
 import itertools
 import json
+import sys
+import threading
 
 import numpy as np
 import pytest
@@ -110,6 +112,17 @@ def test_a_name_is_never_a_path(name):
         checked_name(name)
     for other in ("sea", "Sea-2_b.1", "x" * 64):
         assert checked_name(other) == other
+
+
+def test_what_a_thread_marks_while_the_line_runs_is_never_lost(tmp_path):
+    switch, interval, told = Switch(Stream(live_samples.session(MEKF)), tmp_path), sys.getswitchinterval(), 0
+    teaching = threading.Thread(target=lambda: [switch.mark("x") for _ in range(50_000)])
+    sys.setswitchinterval(1e-6)
+    teaching.start()
+    while teaching.is_alive():
+        told += len(switch.tick(0))
+    sys.setswitchinterval(interval)
+    assert told + len(switch.tick(0)) == 50_000
 
 
 def test_a_text_on_a_full_disk_ends_and_says_so_and_events_of_a_stream_are_kept(tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -129,10 +130,11 @@ def _live(
     card = base or session.card
     require_card_place(out, unit_of(session.meta.device, device, card), how.triads, card, force=args.force)
     stop = Stop()
-    with stopped_by_signals(stop):
+    with ExitStack() as stack:
         captured, summary = guided_capture(
-            session, args.kind, how.triads, device=device, base=base, stop=stop, note=common.note
-        )
+            session, args.kind, how.triads, device=device, base=base, stop=stop, note=common.note,
+            opened=lambda: stack.enter_context(stopped_by_signals(stop)),
+        )  # fmt: skip
     about |= summary
     return captured
 

@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext, redirect_stdout
 from functools import partial
@@ -24,6 +25,7 @@ from plumbob.core.signals import on_signals
 from plumbob.core.text import closest, visible
 
 _LAYOUT: Final = "\n\t"
+_AGAIN: Final = 0.05  # time after which a signal that was dropped comes again, s
 EPILOG = """\
 exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify),
             rows of it are lost (record, verify --repair), attitudes or recordings differ (replay --check, compare), the
@@ -127,7 +129,7 @@ def main(
     words = sys.argv[1:] if argv is None else list(argv)
     args = argparse.Namespace(verb=" ".join(words[:1]))  # until they are parsed
     try:
-        with on_signals(_raise, "SIGTERM", "SIGHUP", only_default=True):
+        with on_signals(_raise, "SIGINT", "SIGTERM", "SIGHUP", only_default=True):
             parsing = parser(words)
             args, unknown = parsing.parse_known_args(_joined(words))
             if unknown:
@@ -138,8 +140,9 @@ def main(
                 code: int = args.prepare(args)() if hasattr(args, "prepare") else args.run(args)
         if sys.stdout:
             sys.stdout.flush()
-    except (KeyboardInterrupt, _SignalledError) as ended:
-        return _ended(program, args, ended.args[0] if isinstance(ended, _SignalledError) else signal.SIGINT)
+    except _SignalledError as ended:
+        ended.is_heard = True
+        return _ended(program, args, ended.args[0])
     except BrokenPipeError:  # the reader of a pipe went away; that is its right
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -165,8 +168,17 @@ def _forget_what_nobody_reads() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 
-class _SignalledError(BaseException):
-    """A signal asked this process to end: raised like Ctrl-C, so that what is half done is removed on the way."""
+class _SignalledError(KeyboardInterrupt):
+    """A signal asked this process to end: raised like Ctrl-C, so that what is half done is removed on the way.
+
+    It comes again where it is dropped before it is heard, as a callback of an import or of C may do.
+    """
+
+    is_heard = False
+
+    def __del__(self) -> None:
+        if not self.is_heard:
+            threading.Timer(_AGAIN, os.kill, (os.getpid(), self.args[0])).start()
 
 
 def _raise(number: int, _frame: FrameType | None) -> NoReturn:

@@ -265,9 +265,12 @@ def view(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     from plumbob.viewer.view import has_display
 
     stop, status = Stop(), StatusLine(quiet=args.json)
-    with closing(status), stopped_by_signals(stop):
+    with closing(status), ExitStack() as stack:
 
         def opened(url: str) -> None:
+            stack.enter_context(stopped_by_signals(stop))  # until then a signal ends the start, wherever it is
+            if not url:  # of a terminal
+                return
             print(url, file=sys.stderr if args.json else sys.stdout, flush=True)
             host = getattr(args, "host", "localhost")
             if host not in ("127.0.0.1", "::1", "localhost"):

@@ -13,6 +13,7 @@ from typing import Any, BinaryIO, Final
 from plumbob import files
 from plumbob.core.errors import LineError, ParameterError
 from plumbob.core.files import profile_beside, replacing, require_place, write_text
+from plumbob.core.signals import end_process, held_signals
 from plumbob.core.units import Quantity, given, given_pace
 from plumbob.data import TRIADS
 from plumbob.data.cards import CalibrationCard
@@ -21,7 +22,7 @@ from plumbob.data.recording import Recording
 from plumbob.files.arrow import TABLES, write_table
 from plumbob.live.rigs.faults import Fault
 from plumbob.live.rigs.rig import PLANS, Cards, Chained, Rig, RigPlan, make_rig, plan_for
-from plumbob.live.rigs.serving import FilePort, Port, Served, TcpPort, UdpPort, serve
+from plumbob.live.rigs.serving import FilePort, Port, PtyPort, Served, TcpPort, UdpPort, serve
 from plumbob.live.transports.transport import LOOPBACK, Stop, Stopping
 from plumbob.protocols.format import Format
 from plumbob.protocols.format_toml import find_format
@@ -32,7 +33,7 @@ from plumbob.simulation import scenario as named_scenario
 from plumbob.simulation.signals import Signal
 from plumbob.simulation.simulation import WarmingUp
 
-_END: Final = 3.0  # time that the process of a rig has to end, s
+_END: Final = 0.5  # time that the process of a rig has to end, s
 
 
 def emulate(
@@ -272,8 +273,6 @@ def _port(
         elif udp:
             port = UdpPort(*_address(udp))
         else:
-            from plumbob.live.rigs.serving import PtyPort
-
             port = PtyPort(None if link is None else Path(link), stop)
         stack.callback(port.close)
         yield port
@@ -327,21 +326,18 @@ def _write_beside(
 @contextmanager
 def running_rig(rig: str, *words: str) -> Iterator[str]:
     """Emulate a rig in a process of its own, with more words of its command line; gives the name of its port."""
-    with subprocess.Popen(
-        [sys.executable, "-m", "plumbob", "emulate", rig, *words], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True, start_new_session=True,
-    ) as process:  # fmt: skip
+    command = [sys.executable, "-m", "plumbob", "emulate", rig, *words]
+    with ExitStack() as stack:
+        with held_signals():
+            process = stack.enter_context(subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                start_new_session=True,
+            ))  # fmt: skip
+            stack.callback(end_process, process, 0.0, _END)
         assert process.stdout is not None
         assert process.stderr is not None
-        try:
-            port = process.stdout.readline().strip()
-            if not port:
-                lines = process.stderr.read().strip().splitlines()
-                raise LineError(f"the rig {rig} did not start: {lines[-1] if lines else 'it said nothing'}.")
-            yield port
-        finally:
-            process.terminate()
-            try:
-                process.communicate(timeout=_END)
-            except subprocess.TimeoutExpired:
-                process.kill()
+        port = process.stdout.readline().strip()
+        if not port:
+            lines = process.stderr.read().strip().splitlines()
+            raise LineError(f"the rig {rig} did not start: {lines[-1] if lines else 'it said nothing'}.")
+        yield port

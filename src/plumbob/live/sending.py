@@ -176,17 +176,7 @@ class SendSink(Sink):
 
     def summary(self) -> dict[str, Any]:
         """What became of the messages, for JSON."""
-        return {"as": self._spec.kind, "to": self._spec.to, "sent": self.sent, "dropped": self.dropped}
-
-    @property
-    def sent(self) -> int:
-        """Messages that the target took."""
-        return self._sender.sent
-
-    @property
-    def dropped(self) -> int:
-        """Messages that it did not."""
-        return self._sender.dropped
+        return {"as": self._spec.kind, "to": self._spec.to, "sent": self._sender.sent, "dropped": self._sender.dropped}
 
     @property
     def _most(self) -> float:

@@ -16,6 +16,7 @@ from typing import Any, Final
 from plumbob.core import check
 from plumbob.core.errors import LineError, ParameterError, one_line
 from plumbob.core.resources import asset
+from plumbob.core.signals import end_process, held_signals
 from plumbob.viewer.commands import ClientCommand
 from plumbob.viewer.messages import Batch, Command, Hello
 from plumbob.viewer.pipe import LIMIT, PAGE, TOKEN, MessageUnpacker, PipeMessage, PipeWriter, require_packages
@@ -25,7 +26,6 @@ _APART: Final = 2.0  # Least time between two starts, s
 _READY: Final = 30.0  # Longest wait for the first start, s; a cold disk is slow
 _END: Final = 0.3, 0.8, 0.3
 """Longest waits at the end, s: for the last messages, for the server to end, and to end on being asked to."""
-_SURELY: Final = 5.0
 _COMMAND: Final = {field.name for field in fields(Command)}
 _LAST_PORT: Final = 0xFFFF
 _ORIGIN: Final = re.compile(r"[a-z][a-z0-9+.-]*://[a-z0-9.:\[\]_-]+")  # as a browser sends it
@@ -173,7 +173,7 @@ class ServerOutlet:
                 self._writer.flush()
         self._let_go()
         if process is not None:
-            _ended(process, ending, asking)
+            end_process(process, ending, asking)
         self._log.close()
 
     @property
@@ -187,7 +187,8 @@ class ServerOutlet:
 
     def _spawn(self) -> None:
         ours, theirs = socket.socketpair()
-        try:
+        self._end, self._writer, self._unpacker = ours, PipeWriter(ours), MessageUnpacker()
+        with theirs, held_signals():
             self._process = subprocess.Popen(
                 self._serving.words(theirs.fileno(), self.port),
                 stdin=subprocess.DEVNULL,
@@ -197,9 +198,6 @@ class ServerOutlet:
                 env={**os.environ, TOKEN: self._token},
                 start_new_session=True,  # Ctrl-C is for the recorder, which ends the server in order
             )
-        finally:
-            theirs.close()
-        self._end, self._writer, self._unpacker = ours, PipeWriter(ours), MessageUnpacker()
         self._is_ready, self._started_at = False, time.monotonic()
         self.starts += 1
 
@@ -252,19 +250,3 @@ class ServerOutlet:
         self._log.seek(0)
         lines = self._log.read()[-4096:].decode(errors="replace").strip().splitlines()
         return one_line(Exception(lines[-1])).removeprefix("plumbob: ") if lines else ""
-
-
-def _ended(process: "subprocess.Popen[bytes]", ending: float, asking: float) -> None:
-    """Wait for the end of a process, and see to it."""
-    asks: tuple[tuple[Callable[[], object], float], ...] = (
-        (lambda: None, ending),
-        (process.terminate, asking),
-        (process.kill, _SURELY),
-    )
-    for ask, patience in asks:
-        ask()
-        try:
-            process.wait(patience)
-        except subprocess.TimeoutExpired:
-            continue
-        return

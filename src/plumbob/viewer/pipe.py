@@ -89,23 +89,18 @@ class PipeWriter:
         end.setblocking(False)
         self._end = end
         self._waiting: deque[bytes] = deque()
-        self._size = 0
+        self.waiting = 0  # bytes that wait for the reader
         self.skipped = 0  # messages that were dropped, for the reader was too slow
         self.broken = False  # whether the reader is gone
 
-    @property
-    def waiting(self) -> int:
-        """Bytes that wait for the reader."""
-        return self._size
-
     def write(self, message: PipeMessage, *, must: bool = False) -> None:
         """Send a message, or keep it until there is room; dropped where too much waits, unless it `must` arrive."""
-        if self._size > LIMIT and not must:
+        if self.waiting > LIMIT and not must:
             self.skipped += 1
         else:
             data = packed(message)
             self._waiting.append(data)
-            self._size += len(data)
+            self.waiting += len(data)
         self.flush()
 
     def flush(self) -> None:
@@ -119,7 +114,7 @@ class PipeWriter:
             except OSError:
                 self.broken = True
                 return
-            self._size -= sent
+            self.waiting -= sent
             if sent < len(data):
                 self._waiting.appendleft(data[sent:])
                 return

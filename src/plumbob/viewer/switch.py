@@ -3,6 +3,7 @@
 import re
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -45,8 +46,7 @@ class Switch:
         self._stream, self._folder, self._clock = stream, folder, clock
         self._sink, self._second = sink, None if sink is None else stream
         self._since = time.time()
-        self._behind: Event | None = None
-        self._events: list[Event] = []
+        self._events = deque[Event]()  # threads add to it, too
         self._text: TextSink | None = None
         self._joints, self._pressed = TaughtJoints(), False
         self._teaching: list[threading.Thread] = []
@@ -72,7 +72,6 @@ class Switch:
             session = posed(session, *self._pose)
         sink = RecordingSink(session, RecordSpec(str(path)))
         sink.start()
-        self._joints = TaughtJoints()
         self._sink, self._second, self._since = sink, Stream(session), time.time()
         self._say("recording", f"{path.name} is being recorded")
         return str(path)
@@ -92,9 +91,9 @@ class Switch:
         if not text:
             raise ParameterError("a mark needs text.")
         event = Event(self._clock(), MARK, text)
-        self._joints.marks.append(event)
         self._events.append(event)
         if self._sink is not None:
+            self._joints.marks.append(event)
             self._sink.on_item(event)
         return f"marked: {text}"
 
@@ -161,13 +160,12 @@ class Switch:
 
     def tick(self, now_ns: int) -> list[Event]:
         """Send off what is due, and return what has happened."""
-        events, self._events = self._events, []
         if self._sink is None:
             failures, self.failures = self.failures, []
-            return [*events, *failures]
+            return [*self._happened(), *failures]
         self._sink.failures += self.failures
         self.failures = []
-        return [*events, *self._sink.tick(now_ns)]
+        return [*self._happened(), *self._sink.tick(now_ns)]
 
     def close(self) -> list[Event]:
         """End everything."""
@@ -178,8 +176,11 @@ class Switch:
             self._end(self._clock())
         for thread in self._teaching:
             thread.join()
-        events, self._events = self._events, []
-        return events
+        return self._happened()
+
+    def _happened(self) -> list[Event]:
+        """Events since the last call."""
+        return [self._events.popleft() for _ in range(len(self._events))]
 
     def _end(self, now_ns: int) -> dict[str, Any]:
         sink, second = self._sink, self._second
@@ -190,9 +191,10 @@ class Switch:
         self._sink = self._second = None
         facts = {**sink.facts, "failed": bool(sink.failures)}
         self.recordings.append(facts)
-        if self._joints.tracks and second is not None:
+        joints, self._joints = self._joints, TaughtJoints()
+        if joints.tracks and second is not None:
             program = Path(facts["path"]).with_suffix(".csv")
-            self._teaching.append(threading.Thread(target=self._teach, args=(self._joints, second, program)))
+            self._teaching.append(threading.Thread(target=self._teach, args=(joints, second, program)))
             self._teaching[-1].start()  # a long recording takes seconds, which the line must not wait for
         return facts
 
@@ -242,8 +244,3 @@ class TaughtJoints(Sink):
         """Angles of the whole."""
         t, angles = (np.concatenate([getattr(track, name) for track in self.tracks]) for name in ("t", "angles"))
         return JointTrack(t, self.tracks[0].names, angles)
-
-
-def lossy(recordings: Sequence[dict[str, Any]]) -> bool:
-    """Whether rows of any are lost, or an output beside it failed."""
-    return any(recording["acknowledged"] < recording["rows"] or recording.get("failed") for recording in recordings)

@@ -37,7 +37,7 @@ from plumbob.viewer.commands import CommandHandler, Outlet
 from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Command
 from plumbob.viewer.playback import Player, load
-from plumbob.viewer.switch import Switch, lossy
+from plumbob.viewer.switch import Switch
 
 HTTP_PORT: Final = 8770  # Where the view is served, unless another port is asked for
 _PAUSE: Final = 0.01
@@ -56,7 +56,7 @@ class Viewed(FactsText):
     @property
     def lossy(self) -> bool:
         """Whether rows of a recording are lost, or an output beside it failed."""
-        return lossy([dict(recording) for recording in self.recordings])
+        return any(file["acknowledged"] < file["rows"] or file.get("failed") for file in self.recordings)
 
     @property
     def nothing(self) -> str | None:
@@ -140,7 +140,7 @@ def view(
     note : callable, optional
         Called with each remark as it is made.
     opened : callable, optional
-        Called with the address of the page, with its token, once it is served.
+        Called with the address of the page, with its token, before the first sample; empty in a terminal.
     **line
         Of a line: as of `plumbob.record`; of a recording: ``filter``, ``causal``, ``lag``, ``params``, ``frame``,
         ``init``, ``calibration``, ``noise``, ``place``, ``date``, ``profile``, ``unit`` as of `plumbob.estimate`.
@@ -166,7 +166,7 @@ def view(
     seconds = given("duration", duration, Quantity.TIME, positive=True)
     if terminal:
         return _fill_terminal(what, lang=lang, folder=place, duration=seconds, stop=stop, also=also, chain=chain,
-                              emulate=emulate, line=line)  # fmt: skip
+                              emulate=emulate, opened=opened, line=line)  # fmt: skip
     require_view()
     say = note or (lambda line: None)
     serving = Serving(host=host, port=http_port, control=control, clients=clients, allow_origin=tuple(allow_origin),
@@ -195,7 +195,8 @@ def view(
 
 def _fill_terminal(
     what: "Session | str | Path | None", *, lang: str, folder: Path, duration: float | None, stop: Stopping | None,
-    also: Sequence[str], chain: Chain | str | Path | None, emulate: str | None, line: Mapping[str, Any],
+    also: Sequence[str], chain: Chain | str | Path | None, emulate: str | None,
+    opened: Callable[[str], object] | None, line: Mapping[str, Any],
 ) -> Viewed:  # fmt: skip
     """Show it as text that fills a terminal, which standard output must be; arguments as of `view`."""
     from plumbob.viewer.terminal import EitherStop, Terminal, keys_at_once, painted
@@ -216,7 +217,7 @@ def _fill_terminal(
         stack.enter_context(painted(terminal))
         return shown.run(
             terminal, folder=folder, control=True, duration=duration,
-            stop=ended, note=note, echo=lambda text: None, opened=lambda: None,
+            stop=ended, note=note, echo=lambda text: None, opened=lambda: opened and opened(""),
         )  # fmt: skip
 
 

@@ -159,7 +159,7 @@ def bare_session(file: Path | None, start: Any, device: str | None, raw: str | N
 
 def guided_capture(
     session: Session, kind: str, triads: tuple[str, ...], *, device: str | None, base: "CalibrationCard | None",
-    stop: Stop, note: Callable[[str], object],
+    stop: Stop, note: Callable[[str], object], opened: Callable[[], object],
 ) -> tuple[Capture, dict[str, Any]]:  # fmt: skip
     """Capture from a line, until the guide or somebody says stop, and what the guide says of it."""
     parts = [field.triad.rpartition(".") for field in session.form.message(session.message).fields if field.triad]
@@ -175,7 +175,7 @@ def guided_capture(
 
     sinks: list[Sink] = [collected, GuideSink(guide, stop, board.show)]
     note("waiting for samples; the capture ends when it is good, or by Ctrl-C with what there is")
-    record(session, sinks=sinks, stop=stop, note=say)
+    record(session, sinks=sinks, stop=stop, note=say, opened=opened)
     board.erase()
     if (imu := collected.imu(calibrated=False)) is None:
         raise CalibrationError(
