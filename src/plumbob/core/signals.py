@@ -52,7 +52,7 @@ def stopped_by_signals(stop: Stoppable) -> AbstractContextManager[None]:
 
 
 def end_process(process: "subprocess.Popen[Any]", ending: float, asking: float) -> None:
-    """Wait for the end of a process for so long, s, ask it to end and wait for so long, then kill it."""
+    """Wait `ending`, s, for a process to end, ask it to and wait `asking`, s, and then kill it."""
     for ask, patience in ((process.poll, ending), (process.terminate, asking), (process.kill, None)):
         ask()
         with suppress(subprocess.TimeoutExpired):

@@ -334,8 +334,7 @@ def running_rig(rig: str, *words: str) -> Iterator[str]:
                 start_new_session=True,
             ))  # fmt: skip
             stack.callback(end_process, process, 0.0, _END)
-        assert process.stdout is not None
-        assert process.stderr is not None
+        assert process.stdout is not None and process.stderr is not None
         port = process.stdout.readline().strip()
         if not port:
             lines = process.stderr.read().strip().splitlines()

@@ -439,9 +439,9 @@ def identify(path: Path) -> Identity:
         info = scan.info_at(end)
         if info is not None:
             return Identity(path, info.recording, info)
-        # ours with a damaged letter or two is still ours
+        # ours with a damaged letter or two, or zeros, is still ours
         is_complete = len(library) == len(_OWN) or source.size > len(layout.MAGIC) + 64
-        is_other = sum(a == b for a, b in zip(library, _OWN, strict=False)) < len(_OWN) - 2
+        is_other = sum(a in (b, 0) for a, b in zip(library, _OWN, strict=False)) < len(_OWN) - 2
         if magic == layout.MAGIC and library and is_complete and is_other:
             return Identity(path, None)
         at, summary = next_landmark(source, 0, scan.is_chunk)
@@ -470,5 +470,6 @@ def _header(source: FileBytes) -> tuple[bytes, int]:
     opcode, length = layout.RECORD_HEAD.unpack_from(head)
     body = source.read(at + layout.RECORD_HEAD.size, min(length, 1 << 16))
     profile = int.from_bytes(body[:4], "little")
-    valid = opcode == Opcode.HEADER and length == len(body)
+    stated = int.from_bytes(body[profile + 4 : profile + 8], "little")  # a damaged length leaves another one
+    valid = (opcode, length, stated) == (Opcode.HEADER, len(body), len(body) - profile - 8)
     return body[profile + 8 : profile + 8 + len(_OWN)] if valid else b"", at + layout.RECORD_HEAD.size + length
