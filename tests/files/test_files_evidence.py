@@ -4,6 +4,7 @@ The samples are made up in SI; each file is what a kind of logger would make of 
 """
 
 import json
+import tomllib
 from functools import reduce
 from operator import xor
 from pathlib import Path
@@ -78,12 +79,6 @@ LOGS = {  # name of the file, its text, what a user answers
         "a.txt", "".join(f"ax:{a[0]:.6f}\tay:{a[1]:.6f}\taz:{a[2]:.6f}\tgx:{w[0]:.6f}\tgy:{w[1]:.6f}\tgz:{w[2]:.6f}\n"
                          for a, w in zip(G, DPS, strict=True)),
         UP | {"time.rate": "100 Hz", "gyr.unit": "deg/s"}),
-    "numbers in brackets behind their units": (
-        "a.txt", "".join("Acc (mg) [ {:.4f}, {:.4f}, {:.4f} ], Gyr (DPS) [ {:.4f}, {:.4f}, {:.4f} ], Tmp (C) [ 21 ]\n"
-                         .format(*a, *w) for a, w in zip(1e3 * G, DPS, strict=True)), UP | {"time.rate": "100 Hz"}),
-    "a line for each sensor, units behind": (
-        "a.txt", "".join("Acc X: {:.5f}, Y: {:.5f}, Z: {:.5f} m/s^2\nRotation X: {:.6f}, Y: {:.6f}, Z: {:.6f} rad/s\n\n"
-                         .format(*a, *w) for a, w in zip(ACC, GYR, strict=True)), UP | {"time.rate": "100 Hz"}),
     "JSON lines": (
         "a.jsonl", "".join(json.dumps({"id": "mpu1", "acc": dict(zip("xyz", a, strict=True)), "w": w, "ms": t}) + "\n"
                            for t, a, w in zip((1e3 * T).tolist(), ACC.tolist(), GYR.tolist(), strict=True)),
@@ -250,6 +245,11 @@ LOGS = {  # name of the file, its text, what a user answers
         + "".join(f"{k}   {row}" for k, row in enumerate(rows(*ACC.T, *GYR.T, separator=" ").splitlines(True))),
         {"time.rate": "100 Hz"}),
 }  # fmt: skip
+for name, form in tomllib.loads(Path(__file__).with_name("prints.toml").read_text(encoding="utf-8")).items():
+    lines = (form["line"].format(a=a, g=g, k=1e3 * g, w=w, d=d, t=1e3 * t, c=c.replace(".", ","), even="88" * (n % 2))
+             for n, (a, g, w, d, t, c) in enumerate(zip(ACC, G, GYR, DPS, T, CLOCK, strict=True)))  # fmt: skip
+    given = UP | form.get("answers", {}) | ({"time.rate": "100 Hz"} if form.get("rate", True) else {})
+    LOGS[name] = "a.txt", form.get("head", "") + "".join(lines), given
 
 
 def drafted(folder, name, text, answers):
@@ -598,3 +598,18 @@ def test_accelerometer_and_gyroscope_are_those_of_one_unit(tmp_path: Path) -> No
     file.write_text("t_s," + ",".join(names) + "\n" + "".join(rows))
     made = plumbob.profile(file, accept=True)
     assert 'columns = ["hand_ax [m/s^2]", "hand_ay [m/s^2]", "hand_az [m/s^2]"]' in made.text
+
+
+def test_rates_that_no_name_says_are_told_by_the_accelerometer_in_rows_of_its_own(tmp_path: Path) -> None:
+    """As a BNO055 is printed; whole numbers of a magnetometer, whatever its unit is said to be, may be counts."""
+    t = np.arange(1500) / RATE
+    q = rot.quat_from_euler_zyx(np.stack([np.sin(2.1 * t), 0.5 * np.sin(2.9 * t), 0.6 * np.sin(2.6 * t)], 1))
+    w = rot.rotvec_from_quat(rot.quat_multiply(rot.quat_conjugate(q[:-1]), q[1:])) * RATE
+    line = "Rot:\tx= {:.5f} |\ty= {:.5f} |\tz= {:.5f}\nAccl:\tx= {:.5f} |\ty= {:.5f} |\tz= {:.5f}\n--\n"
+    text = "".join(
+        line.format(*a, *b) for a, b in zip(w, rot.quat_rotate(rot.quat_conjugate(q), [0, 0, G0]), strict=False)
+    )
+    imu = drafted(tmp_path, "a.txt", text, UP | {"time.rate": "100 Hz"}).imu
+    assert imu.gyr == pytest.approx(w, abs=1e-4)
+    (tmp_path / "m.csv").write_text("t_s," + names("m* (uT)") + "\n" + rows(T, *np.rint(6.6 * MAG).T), encoding="utf-8")
+    assert "mag.unit" in dict(plumbob.profile(tmp_path / "m.csv", accept=True).questions)

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity, canonical_name, is_name
 
-_TABLES: Final[Mapping[str, Mapping[str, Any]]] = tomllib.loads(
+TABLES: Final[Mapping[str, Mapping[str, Any]]] = tomllib.loads(
     Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
 )
 
@@ -26,16 +26,16 @@ def _any(alternatives: Sequence[str], *, inside: bool = False) -> re.Pattern[str
 
 
 _WORDS, _PHRASES, _DIRECTIONS = (
-    {name: _any(words) for name, words in _TABLES[key].items()} for key in ("words", "phrases", "axes")
+    {name: _any(words) for name, words in TABLES[key].items()} for key in ("words", "phrases", "axes")
 )
-_ROLLS: Final = {axis: _any([*_TABLES["axes"][axis], *words]) for axis, words in _TABLES["rolls"].items()}
-_OTHER, _WITHOUT_GRAVITY = (_any(_TABLES["other"][key], inside=True) for key in ("other", "without_gravity"))
+_ROLLS: Final = {axis: _any([*TABLES["axes"][axis], *words]) for axis, words in TABLES["rolls"].items()}
+_OTHER, _WITHOUT_GRAVITY = (_any(TABLES["other"][key], inside=True) for key in ("other", "without_gravity"))
 _TIME, _COUNTER, WEEK, TEMPERATURE, _QUATERNION = (
-    _any(_TABLES["kinds"][key]) for key in ("time", "counter", "week", "temperature", "quaternion")
+    _any(TABLES["kinds"][key]) for key in ("time", "counter", "week", "temperature", "quaternion")
 )
-_SUFFIXES: Final[Mapping[str, str]] = _TABLES["units"]
-_FOREIGN: Final[Mapping[str, str]] = _TABLES["foreign"]
-_SPELLINGS: Final[list[list[str]]] = _TABLES["spellings"]["list"]
+_SUFFIXES: Final[Mapping[str, str]] = TABLES["units"]
+_FOREIGN: Final[Mapping[str, str]] = TABLES["foreign"]
+_SPELLINGS: Final[list[list[str]]] = TABLES["spellings"]["list"]
 _FRAMES: Final = {*"bnies", "ib", "nb", "body", "sensor", "imu"}  # behind a letter, as in f_ib_b
 _SCALAR: Final = {"w", "s", "scalar", "real"}
 REVERSED: Final = re.compile(r"(?i)(?<![a-z])(back|aft|right|starboard|down)(?![a-z])")  # against forward, left and up

@@ -22,15 +22,14 @@ from plumbob.core.time import to_ns, to_s
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.data.cards import UNITS
 from plumbob.data.recording import Recording
+from plumbob.files.column_names import TABLES
 from plumbob.rotations import Frame, North
 
 FORM: Final = "ISO 8601"
 _DAY_NS: Final = 86_400 * 10**9
 _EPOCH: Final = date(1970, 1, 1).toordinal()
-_MONTHS: Final = (  # beginnings: English, German, French, Spanish, Italian, Dutch, Portuguese
-    "jan|ene|gen", "feb|fév|fev", "mar|mär|mrz|maa", "apr|avr|abr", "may|mai|mei|mag", "jun|juin|giu", "jul|juil|lug",
-    "aug|aoû|ago", "sep|set", "oct|okt|ott|out", "nov", "dec|déc|dez|dic",
-)  # fmt: skip
+_MONTHS: Final[Sequence[str]] = TABLES["stamps"]["months"]
+_ZONES: Final[Mapping[str, int]] = TABLES["stamps"]["zones"]
 _MONTH: Final = rf"(?:{'|'.join(_MONTHS)})[^\W\d]*\.?"
 _DATE: Final = (
     r"(?P<year>\d{4})([-/])(?P<month>\d{1,2})\2(?P<day>\d{1,2})|(?P<dotted>\d{1,2}\.\d{1,2}\.\d{4})|"
@@ -38,13 +37,9 @@ _DATE: Final = (
     r"(?P<slashed>\d{1,2}(?P<sign>[-/])\d{1,2}(?P=sign)(?:\d{4}|\d\d))"
 )
 _CLOCK: Final = (
-    r"(?:(?P<hour>\d{1,4}):(?P<minute>\d\d):(?P<second>\d\d)(?:[.,:](?P<fraction>\d+))?|"
+    r"(?:(?P<hour>\d{1,4}):(?P<minute>\d\d):(?P<second>\d\d)(?:(?:[.,:]| (?=(?:\d{3}){1,2}$))(?P<fraction>\d+))?|"
     r"(?P<minutes>\d{1,4}):(?P<seconds>\d\d)[.,](?P<parts>\d+))(?: *(?P<half>[ap])m)?"
 )
-_ZONES: Final = {  # h ahead of UTC; American ones by RFC 822; CST, IST and BST are several
-    "Z": 0, "UTC": 0, "GMT": 0, "WET": 0, "WEST": 1, "CET": 1, "MEZ": 1, "CEST": 2, "MESZ": 2, "EET": 2, "EEST": 3,
-    "MSK": 3, "JST": 9, "KST": 9, "EST": -5, "EDT": -4, "CDT": -5, "MST": -7, "MDT": -6, "PST": -8, "PDT": -7,
-}  # fmt: skip
 _ZONE: Final = rf"(?P<zone>{'|'.join(_ZONES)}|(?:UTC|GMT)?[+-]\d\d?(?::?\d\d)?)(?:\[[\w/]+\])?"
 _STAMP: Final = re.compile(
     rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:[T_-]| +))?{_CLOCK} *(?:{_ZONE}|(?-i:[A-Z]{{3,4}}))?", re.IGNORECASE

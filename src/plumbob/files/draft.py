@@ -30,7 +30,7 @@ from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, is_name, to_s
 from plumbob.data import TITLES, TRIADS
 from plumbob.files import evidence
 from plumbob.files.arrow import text_bytes
-from plumbob.files.column_names import WEEK, ColumnName, canonical, named_sensor, taken_apart
+from plumbob.files.column_names import TABLES, WEEK, ColumnName, canonical, named_sensor, taken_apart
 from plumbob.files.columns import FORM, has_zone
 from plumbob.files.evidence import RELATIVE, TURNED, ColumnEvidence, Guess, field_unit, gravity_unit, single_line
 from plumbob.files.known_logs import KNOWN, refuse_known
@@ -42,19 +42,8 @@ from plumbob.rotations import axes_letters, signed_axes
 
 _HEAD: Final = 1 << 16  # bytes in which a log that is known has its names
 _MOST_SENSORS: Final = 20
-_SAID_RATES: Final = (
-    (r"(?:rate|freq\w*|odr|sampling|\bfs\b)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*(?:hz|sps)?(?![\w.%])", "Hz"),
-    (r"(?:\bat|sampling|@)\W*(\d+(?:\.\d+)?)\s*(?:hz|sps)\b", "Hz"),
-    (r"(?:rate|interval|period|sampling)[^:=]*[:=\s]+(\d+(?:\.\d+)?)\s*ms\b", "ms"),
-    (r"(?:interval|period)[^:=]*[ _(\[]ms[)\]]?\s*[:=\s]+(\d+(?:\.\d+)?)$", "ms"),
-)  # how lines before a table say its sampling rate, and the unit of the number
 _USUAL: Final = TextLayout(separator=",")
 _COUNTS: Final = "counts_per_unit"
-_COUNT: Final = r"(?:lsbs?|counts?|digits?)"
-_SCALES: Final = {
-    _COUNTS: rf"(\d+(?:\.\d+)?)\s*{_COUNT}\s*(?:/|per)\s*([^\s,:;()]+|\([^()]*\))",
-    "unit_per_count": rf"(\d+(?:\.\d+)?(?:e-?\d+)?)\s*([^\s,;\d]+?)\s*(?:/|per)\s*{_COUNT}\b",
-}  # how lines before a table say what a count is, by the key of a profile
 _EVEN: Final = 0.2  # how far steps of a column without a name are off their median, in steps, where it is a clock
 
 
@@ -130,7 +119,9 @@ def known_profile(file: Path) -> Profile | None:
         return parsed if parsed is not None and ("frame" in parsed.meta or not parsed.triads) else None
 
 
-_DEVICE: Final = re.compile(r"\b(i|id|instance|device|addr(ess)?|mac|node|serial|sensor|imu|unit|tag|name|station)\b")
+_DEVICE: Final = re.compile(
+    r"\b(i|id|instance|device|addr(ess)?|mac|node|serial|sensor|imu|unit|tag|name|station)( (type|no|nr|number))?$"
+)
 _NINE: Final = {"acc": 0, "gyr": 3, "mag": 6}  # where the triads begin in lines of nine, as MotionCal has them
 
 
@@ -163,7 +154,7 @@ def answer(text: str) -> tuple[str, Any]:
     key, equals, value = text.partition("=")
     if not equals or not re.fullmatch(r"[a-z_0-9.]+|rows\..+", key.strip()):
         raise ParameterError(f"an answer must be KEY=VALUE, as frame=ENU or time.rate='100 Hz', but it is {text!r}.")
-    for written in (value, f"[{value}]") if key.strip().endswith("columns") else (value,):
+    for written in (value, f"[{value}]") if key.strip().endswith(("columns", "plus")) else (value,):
         with suppress(tomllib.TOMLDecodeError):
             return key.strip(), tomllib.loads(f"value = {written}")["value"]
     return key.strip(), value.strip()
@@ -172,7 +163,10 @@ def answer(text: str) -> tuple[str, Any]:
 def _joined(streams: Sequence[ColumnEvidence], accept: bool) -> Draft:
     """One draft of all streams; each answer is for every stream that has its key."""
     forces = [stream for stream in streams if "acc" in stream.triads]
+    is_turned = any("gyr" in stream.triads for stream in streams)
     for stream in streams:
+        if len(forces) == 1 and not is_turned:
+            stream.take_rates(forces[0])
         stream.turn_as(forces[0] if len(forces) == 1 else stream)
     measuring = [stream for stream in streams if stream.triads] or streams[:1]
     drafts = [_DraftWriter(stream, accept=accept).draft() for stream in measuring]
@@ -281,7 +275,7 @@ def _device(sample: Sample) -> tuple[int, tuple[str, ...]] | None:
     for i, name in enumerate(sample.for_cells(sample.names)):
         cells = sample.cells(i)
         words = tuple(dict.fromkeys(cells))
-        named = _DEVICE.search(" ".join(re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)).lower())
+        named = _DEVICE.search(" ".join(re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)).lower()) and all(words)
         in_order = all(cell == words[k % len(words)] for k, cell in enumerate(cells))
         are_words = bool(np.isnan(sample.numbers(i)).all()) and cells[: 2 * len(words)] == [*words, *words]
         are_labels = not name and (are_words or (in_order and all(map(str.isdigit, words))))
@@ -481,7 +475,7 @@ class _DraftWriter:
     def _sampling_rate(self) -> str:
         """Sampling rate that the lines before the table say, with its unit; empty where none does."""
         said = [f"{key}: {value}" for key, value in self._data.sample.facts.items() if "baud" not in key]
-        for pattern, unit in _SAID_RATES:
+        for pattern, unit in TABLES["said"]["rates"]:
             for line in said:
                 if (number := re.search(pattern, line, re.IGNORECASE)) and float(number[1]) > 0.0:
                     return f"{number[1] if unit == 'Hz' else f'{1.0 / to_si(float(number[1]), unit):g}'} Hz"
@@ -523,19 +517,15 @@ class _DraftWriter:
         if name == "acc" and data.plus:
             self._set("plus", data.refs(data.plus), "gravity, which these lack", ask=True, sure=True)
         zero = data.middle(columns)
-        by_size = {"acc": gravity_unit, "mag": field_unit}.get(name)
-        size = data.size(columns, zero)
-        guess = by_size(size) if by_size else data.rate_unit(columns, zero)
-        if by_size and guess.counts == "" and not data.are_whole(columns):
-            is_relative = name == "mag" and RELATIVE[0] < size < RELATIVE[1]
-            guess = Guess("relative" if is_relative else "", guess.why.removesuffix(": counts?"))
+        guess = self._sized_unit(name, columns, zero)
         if scale := self._stated_scale(name):
             unit, key, number = scale
             sure = self._scales_fit()
             for key_, value in (("unit", unit), (key, number)):
                 self._set(key_, value, "the lines above say it", ask=True, sure=sure)
         stated = not scale and self._write_unit(QUANTITY_BY_TRIAD[name], columns, guess)
-        are_counts = not scale and guess.counts is not None and not stated and not self._fits(name, columns, zero)
+        said = str(data.answers.get(f"{name}.unit", data.log_answers.get(f"{name}.unit", "")))
+        are_counts = not scale and guess.counts is not None and not (stated or self._fits(name, columns, zero, said))
         if not scale and not self._has("unit_per_count") and (self._has(_COUNTS) or zero or are_counts):
             self._set(_COUNTS, guess.counts or "", "counts that are one unit, by the data sheet", ask=True)
         self._write_scale(part)
@@ -563,13 +553,25 @@ class _DraftWriter:
                     f'# axes = "{axes_letters(-c.T)}" and mirrored = true if it is left-handed. See the data sheets.',
                 ]
 
-    def _fits(self, name: str, columns: Sequence[int], zero: float) -> bool:
-        """Whether a unit is answered, and gravity does not say that these whole numbers are counts of another size."""
-        data = self._data
-        unit = str(data.answers.get(f"{name}.unit", data.log_answers.get(f"{name}.unit", "")))
-        if name != "acc" or not data.are_whole(columns) or not is_name(unit, Quantity.ACCELERATION):
+    def _sized_unit(self, name: str, columns: Sequence[int], zero: float) -> Guess:
+        """Unit of a triad by its size, or by how it turns; whole numbers of a field may be counts in any case."""
+        data, size, by_size = self._data, self._data.size(columns, zero), {"acc": gravity_unit, "mag": field_unit}
+        guess = by_size[name](size) if name in by_size else data.rate_unit(columns, zero)
+        if name in by_size and guess.counts == "" and not data.are_whole(columns):
+            is_relative = name == "mag" and RELATIVE[0] < size < RELATIVE[1]
+            return Guess("relative" if is_relative else "", guess.why.removesuffix(": counts?"))
+        if name != "mag" or not data.are_whole(columns):
+            return guess
+        fits = self._fits(name, columns, zero, data.parts[columns[0]].unit_as(Quantity.FIELD))
+        why = guess.why.removesuffix(": counts?")
+        return Guess(guess.unit, why if fits else f"{why}: whole numbers, which may be counts", None if fits else "")
+
+    def _fits(self, name: str, columns: Sequence[int], zero: float, unit: str) -> bool:
+        """Whether a unit is said, of which gravity or the Earth's field does not say that whole numbers are counts."""
+        data, usual = self._data, {"acc": (0.5 * G0, 2.0 * G0), "mag": (11.0, 134.0)}.get(name)
+        if usual is None or not data.are_whole(columns) or not is_name(unit, QUANTITY_BY_TRIAD[name]):
             return bool(unit)
-        return 0.5 < to_si(data.size(columns, zero), unit) / G0 < 2.0
+        return usual[0] < to_si(data.size(columns, zero), unit) < usual[1]
 
     def _write_scale(self, part: ColumnName) -> None:
         """Write what one count is, where an answer, a known log or the header says it."""
@@ -585,7 +587,7 @@ class _DraftWriter:
         text = "\n".join(f"{key}: {value}" for key, value in data.sample.facts.items())
         scales = {
             (canonical(unit, QUANTITY_BY_TRIAD[name]), key, float(number))
-            for key, pattern in _SCALES.items()
+            for key, pattern in TABLES["said"]["scales"].items()
             for number, unit in re.findall(pattern, text, re.IGNORECASE)
         }
         scales = {scale for scale in scales if scale[0]}
@@ -604,7 +606,12 @@ class _DraftWriter:
         """Write the unit; True where the header states it, and the numbers do not contradict."""
         part = self._data.parts[columns[0]]
         named = part.unit_as(kind)
-        if named and part.stated and (guess.unit in {"", named} or self._accept) and not guess.counts:
+        if (
+            named
+            and part.stated
+            and (guess.unit in {"", named} or self._accept)
+            and (not guess.counts if kind is not Quantity.FIELD else guess.counts is None)
+        ):
             self._set("unit", named, f"the header says [{single_line(part.unit)}]")
             return True
         fitting = ", ".join(name for name, unit in UNITS.items() if unit.quantity is kind)

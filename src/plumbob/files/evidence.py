@@ -145,7 +145,8 @@ class ColumnEvidence:
             for name, key in keys.items()
             if key in self.answers and (name in self.triads or not self.stream)
         }
-        others = set(self.triads) - set(answered) if any(answered.values()) and self._is_nameless() else set()
+        is_other = any(of and of != self.triads.get(name) for name, of in answered.items())
+        others = set(self.triads) - set(answered) if is_other and self._is_nameless() else set()
         return dict.fromkeys(others, ()) | answered
 
     def _time_columns(self) -> tuple[int, ...]:
@@ -160,11 +161,12 @@ class ColumnEvidence:
             return self._in_two_parts(named) or (min(rising, key=self._time_rank),)
         others = [i for i in range(self.sample.width) if i not in named]
         for i in (*named, *others):
-            cells = self.sample.cells(i)
+            cells, beside = self.sample.cells(i), self.sample.cells(min(i + 1, self.sample.width - 1))
             if all(map(is_stamp, cells)):
-                return (i,)
-            dates = i + 1 < self.sample.width and all(re.fullmatch(r"\d{4}([-/])\d{1,2}\1\d{1,2}", c) for c in cells)
-            if dates and all(map(is_stamp, self.sample.cells(i + 1))):
+                parts = all(re.fullmatch(r"\d{3}|\d{6}", cell) for cell in beside)  # a comma stood before them
+                return (i, i + 1) if parts and (np.diff(to_seconds([cells, beside], None)[0]) > 0.0).all() else (i,)
+            dates = all(re.fullmatch(r"\d{4}([-/])\d{1,2}\1\d{1,2}", cell) for cell in cells)
+            if dates and all(map(is_stamp, beside)):
                 return (i, i + 1)
         return self._clocks[:1] or (() if named else self._rising_column())
 
@@ -221,13 +223,13 @@ class ColumnEvidence:
         steps = np.diff(self.numbers[column])
         repeats = bool(np.sum(steps > 0.0) < 0.5 * steps.size)
         part = self.parts[column]
-        return bool((steps < 0.0).any()), "tick" in part.base, repeats, not part.unit_as(Quantity.TIME)
+        has_unit = bool(canonical(part.unit or part.base, Quantity.TIME))
+        return bool((steps < 0.0).any()), "tick" in part.base, repeats, not has_unit
 
     @property
     def stamped(self) -> bool:
         """Whether time is dates and clock times."""
-        last = self.time[-1:]
-        return any(is_stamp(self.sample.cells(i)[0]) or self._is_time_of_day(i) for i in last)
+        return any(is_stamp(self.sample.cells(i)[0]) or self._is_time_of_day(i) for i in self.time)
 
     def _quaternion_columns(self) -> tuple[int, ...]:
         """Columns w, x, y, z of unit quaternions: as answered, by words of their names, or by these letters alone."""
@@ -299,12 +301,12 @@ class ColumnEvidence:
             if word in (base := self.parts[i].base):
                 rolls.setdefault(base.replace(word, ""), {})[axis] = i
         threes = [tuple(axes[letter] for letter in "xyz") for axes in rolls.values() if len(axes) == len("xyz")]
-        return next(iter(self._turning([*threes, *self.threes(lambda part: not part.sensor)], acc)), ())
+        return next(iter(self._turning([*threes, *self.threes(lambda part: not part.sensor)], self.vectors(acc))), ())
 
-    def _turning(self, threes: Sequence[tuple[int, ...]], acc: Sequence[int]) -> list[tuple[int, ...]]:
+    def _turning(self, threes: Sequence[tuple[int, ...]], force: Floats) -> list[tuple[int, ...]]:
         """Those that turn as the accelerometer sees gravity turn."""
-        t, force = self._seconds(), self.vectors(acc)
-        fits = [_turning_fit(t, self.vectors(three), force) for three in threes if t is not None]
+        t, rows = self._seconds(), min(len(force), len(self.sample.rows))
+        fits = [_turning_fit(t[:rows], self.vectors(three)[:rows], force[:rows]) for three in threes if t is not None]
         turn = [fit is not None and fit.effective >= ENOUGH_EFFECTIVE and fit.correlation > _BEST for fit in fits]
         return [three for three, turns in zip(threes, turn, strict=False) if turns]
 
@@ -368,7 +370,7 @@ class ColumnEvidence:
             is_field = field_unit(size).unit and np.ptp(self.vectors(three), axis=0).all()
             triads = ({"acc": three} if at_rest else {"mag": three} if is_field else {}) | triads
         others = [three for three in threes if three not in triads.values()]
-        turning = self._turning(others, triads["acc"]) if "acc" in triads and len(others) > 1 else []
+        turning = self._turning(others, self.vectors(triads["acc"])) if "acc" in triads and len(others) > 1 else []
         names = [name for name in ("gyr", "acc", "mag") if name not in triads]
         return triads | dict(zip(names, sorted(others, key=lambda three: three not in turning), strict=False))
 
@@ -459,7 +461,8 @@ class ColumnEvidence:
     def _seconds(self) -> Floats | None:
         """Time, s on the file's clock, which goes on where it repeats or begins again; None where it is not known."""
         if not self.time:
-            return None
+            rate = re.match(r"[\d.]+(?= *Hz)", str(self.answers.get("time.rate", "")))
+            return np.arange(len(self.sample.rows)) / float(rate[0]) if rate else None
         scale, numbers = 1e9, self.numbers[self.time[0]]
         if self.stamped:
             since, t0_ns = to_seconds([self.sample.cells(i) for i in self.time], None)
@@ -474,6 +477,12 @@ class ColumnEvidence:
         with suppress(ClockError):
             return to_s(time_line(numbers - far, scale).t_ns) + far * scale / 1e9
         return None
+
+    def take_rates(self, other: "ColumnEvidence") -> None:
+        """Take columns as rates that no name says, where they turn as the accelerometer in rows of its own does."""
+        if not self.triads and abs(len(self.sample.rows) - len(other.sample.rows)) < len("xy"):
+            threes = self._turning(self.threes(lambda part: not part.sensor), other.vectors(other.triads["acc"]))
+            self.triads = {"gyr": threes[0]} if threes else {}
 
     def turn_as(self, other: "ColumnEvidence") -> None:
         """Find by which axes the gyroscope turns as an accelerometer does: its own, unless others fit far better."""
@@ -525,7 +534,7 @@ def _with_axes(parts: list[ColumnName]) -> list[ColumnName]:
         bare = all(p.base in {"", first.base, p.base * (not p.axis)} and p.unit in {"", first.unit} for p in others)
         has_all_axes = {first.axis or "x", *letters} == set("xyz")
         follow = has_all_axes or (letters in {"12", "23"} and first.axis in {"", "x"})
-        if (first.sensor or first.by_unit) and bare and follow:
+        if (first.sensor or first.by_unit or first.axis == "x") and bare and follow:
             axes = (first.axis or "x", *letters) if has_all_axes else "xyz"
             parts[i : i + 3] = [replace(first, axis=axis) for axis in axes]
     return parts

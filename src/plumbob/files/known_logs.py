@@ -49,16 +49,16 @@ def _value(key: str, fact: str) -> str | float:
     return float(fact) if re.fullmatch(r"[-+.\deE]+", fact) else fact.split(maxsplit=1)[0]
 
 
-_TABLES: Final = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-KNOWN: Final = tuple(KnownLog(**log) for log in _TABLES["log"])
-KNOWN_ARRAYS: Final[Mapping[str, Mapping[str, Any]]] = _TABLES["arrays"]  # data sets, by what they are called
-SENTENCES: Final[Mapping[str, list[str]]] = _TABLES["sentences"]  # names of the fields of a sentence, by its own
+KNOWN_TABLES: Final[Mapping[str, Any]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+KNOWN: Final = tuple(KnownLog(**log) for log in KNOWN_TABLES["log"])
+KNOWN_ARRAYS: Final[Mapping[str, Mapping[str, Any]]] = KNOWN_TABLES["arrays"]  # data sets, by what they are called
+SENTENCES: Final[Mapping[str, list[str]]] = KNOWN_TABLES["sentences"]  # names of the fields of a sentence, by its own
 
 
 def refuse_known(file: Path) -> None:
     """UnknownFormatError where a file is of a kind that is known and not read."""
     with file.open("rb") as stream:
         start = stream.read(128)
-    for pattern, words in _TABLES["refused"].items():
+    for pattern, words in KNOWN_TABLES["refused"].items():
         if re.match(pattern.encode("latin-1"), start):
             raise UnknownFormatError(f"{file} is {words}")

@@ -44,6 +44,7 @@ from plumbob.files.text_table import (
     number_and_unit,
     objects_as_rows,
     split_vectors,
+    titled,
     vector,
 )
 
@@ -65,6 +66,7 @@ _GROUPED: Final = {
 _LAYOUTS: Final = (*product(";\t", ".,"), *product(",|", "."), *product(" ", ".,"), (QUOTED, ","))
 # what a log or a prompt writes before the first number of a row
 _WORDS_BEFORE: Final = re.compile(r"(?!.*\d:\d\d)(.*?[^\w\s.+-]\s*|.*[^\W\d].*?\s)(?=[-+.\d])")
+_BESIDE_SIGNS: Final = re.compile(r" ?([^\w\s#.+-]) ?")
 _UNIT_CELL: Final = re.compile(r"[\[(].*[\])]")
 
 
@@ -263,15 +265,15 @@ def _of_objects(text: str, encoding: str) -> Sample | None:
 
 def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
     """Rows in which numbers stand among words or behind the name of a sentence, by these words, the commonest first."""
-    lines = [line.strip() for line in lines if line.strip()]
+    lines = [line.strip() for line in titled("\n".join(lines)).split("\n") if line.strip()]
     bodies = [re.sub(r"^([$#!].*)\*[0-9A-Fa-f]{2}$", r"\1", line) for line in lines]
-    tried = [" ".join(TOKEN.sub("#", body).split()) for body in bodies[:TRIED]]
+    tried = [_BESIDE_SIGNS.sub(r"\1", " ".join(TOKEN.sub("#", body).split())) for body in bodies[:TRIED]]
     counts = Counter(text for text in tried if text.count("#") > 1).most_common(_MOST_KINDS)
     kinds = [text for text, count in counts if 2 * count > counts[0][1] or text[0] in "$#!"]
-    labelled = all(_is_among_words(text.split("#")[:-1]) for text in kinds)
+    labelled = all(_is_among_words(text.split("#")) for text in kinds)
     if not kinds or not labelled or sum(count for text, count in counts if text in kinds) < 0.5 * len(tried):
         return []
-    samples = []
+    samples: list[Sample] = []
     for text in kinds:
         body = bodies[tried.index(text)]
         width, word = len(among_words(body)), among_words(body)[-1]
@@ -284,8 +286,14 @@ def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
         names, units = _fields(word.strip("$#!"), width - 1, lines) or _labels(TOKEN.split(body))
         if "x" in names[names.index("z") + 1 if "z" in names else len(names) :]:
             raise DecodeError(f"a line holds several samples: {excerpt(body)}. Write a row for each sample.")
-        samples.append(Sample(layout, names, units, by_name=False, rows=rows, facts={}))
-    return [sample for sample in samples if len(sample.rows) >= FEWEST]
+        sample = Sample(layout, names, units, by_name=False, rows=rows, facts={})
+        alike = [other for other in samples if other.layout == layout]
+        if any((other.names, other.units) != (names, units) for other in alike):
+            raise DecodeError(
+                f"lines of several sensors begin alike, as {excerpt(body)}. Write what they measure into each."
+            )
+        samples += [] if alike or len(rows) < FEWEST else [sample]
+    return [sample for sample in samples if sample.names] or samples
 
 
 def _fields(word: str, width: int, lines: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
@@ -296,9 +304,13 @@ def _fields(word: str, width: int, lines: Sequence[str]) -> tuple[tuple[str, ...
 
 
 def _is_among_words(gaps: Sequence[str]) -> bool:
-    """Whether numbers have labels: two, or a mark behind a first word or a time. Words between separators are cells."""
-    labels = [gap for gap in gaps if re.search(r"[^\W\d_]", gap) and not re.search(r"[,;\t]\s*$", gap)]
-    mark = r"\s*[^\W\d].*[:=]\s*|.*->\s*|\s*[\[({][\[({\s]*|[$#!][^\W\d]\w*,"
+    """Whether numbers have labels: two, one and a unit behind all, or a mark behind a first word or a time.
+
+    Words between separators are cells.
+    """
+    labels = [gap for gap in gaps[:-1] if re.search(r"[^\W\d_]", gap) and not re.search(r"[,;\t]\s*$", gap)]
+    labels += gaps[-1:] if is_unit(gaps[-1].strip()) else []
+    mark = r"\s*[^\W\d].*[:=][\[({\s]*|.*->\s*|\s*[\[({][\[({\s]*|[$#!][^\W\d]\w*,"
     return len(labels) > 1 or any(re.fullmatch(mark, gap) for gap in gaps[:2])
 
 
@@ -324,7 +336,14 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     for word in words[:-1]:
         axis = (len("xyz") if taken_apart(word).axis else 0) if word else axis + 1
         names.append(word or ("xyz"[axis] if any(names) and axis < 3 else ""))
-    return tuple(names) if sum(map(bool, words[:-1])) > 1 else (), tuple(units)  # a word before all of them names none
+    if sum(map(bool, words[:-1])) < 2:  # a word before all of them
+        first = next((i for i, word in enumerate(words[:-1]) if word), 0)
+        parts, count, sensor = words[first].split(), len(names) - first, named_sensor(words[first])
+        if len(parts) == count and (not sensor or all(taken_apart(part).axis for part in parts)):
+            names[first:] = parts
+        elif not sensor or count != len("xyz"):
+            names.clear()
+    return tuple(names), tuple(units)
 
 
 def decoded(raw: bytes) -> tuple[str, str]:
@@ -568,6 +587,8 @@ def _names(cells: Sequence[str], table: _SniffedTable) -> tuple[str, ...]:
     """Names of columns in a row before a table, moved by one where the columns that rise as time does say so."""
     names, width = tuple(_PRINTED.sub(r"\1", cell.strip()) for cell in cells), len(table.rows[0])
     short = width - len(names)
+    if short == 1 and is_clocklike(table.rows[0][0]) and re.fullmatch(r" *(\d{3}|\d{6}) *", table.rows[0][1]):
+        names, short = (names[0], "", *names[1:]), 0  # a comma stands before the parts of a second
     words = [name for name in names if re.search(r"[^\W\d]", name) and not _is_number(name)]
     may_miss = table.separator != " " or _is_number(table.rows[0][0])  # blanks may also part dates from clock times
     if abs(short) > may_miss or len(names) < 2 or 2 * len(words) < len([*filter(None, names)]):

@@ -51,6 +51,14 @@ def among_words(row: str) -> list[str]:
     return [*(number[0] for number in numbers), label(row[before : first.start()]) if first else ""]
 
 
+_BELOW_TITLE: Final = re.compile(r"^([^\W\d][^\n]*?):?[ \t]*(\n+)(?=[ \t]*[xX] ?[:=])", re.MULTILINE)
+
+
+def titled(text: str) -> str:
+    """Text with the titles of axes, as ``Gyro:`` above ``X: 0.1 Y: 0.2 Z: 0.3``, before them on their line."""
+    return _BELOW_TITLE.sub(lambda row: row[0] if TOKEN.search(row[1]) else f"{row[2]}{row[1]}: ", text)
+
+
 def single_blanks(text: str) -> str:
     """Text with runs of blanks and tabs made one blank, and none at the ends of its lines."""
     text = text.replace("\t", " ")
@@ -731,12 +739,13 @@ def _body(source: bytes | Path, layout: TextLayout) -> Body:
     encoding = layout.encoding
     blocks = text_blocks(source, encoding)
     first, has_more = next(blocks), next(blocks, None) is not None
-    if not (layout.separator == JSON or layout.channels or layout.cells or layout.end):
+    has_titles = layout.words and _BELOW_TITLE.search(first) is not None
+    if not (layout.separator == JSON or layout.channels or layout.cells or layout.end or has_titles):
         try:
             return Body(again, find_head(first, layout), layout)
         except DecodeError:  # the head may be longer than a block
             pass
-    text = "".join(again())
+    text = titled("".join(again())) if has_titles else "".join(again())
     if layout.separator == JSON:
         text, layout = objects_as_rows(text), replace(layout, separator="\t")
     text, cut = ended(text, layout)
@@ -756,7 +765,7 @@ def belongs(row: str, names: Sequence[str], layout: TextLayout) -> bool:
     ref, word = layout.where
     place = names.index(ref) if isinstance(ref, str) else ref - 1
     body = row.split("*", 1)[0] if layout.checksum else row
-    cells = among_words(body) if layout.words else body.split(layout.separator)
+    cells = among_words(body) if layout.words else body.split(None if layout.separator == " " else layout.separator)
     return cells[min(place, len(cells) - 1)].strip() == word  # words stand last, also in a row that lacks numbers
 
 

@@ -36,6 +36,7 @@ from plumbob.data.recording import Recording
 from plumbob.files.columns import has_zone, is_stamp, stamps_ns
 from plumbob.files.foreign.logged import LoggedAttitude, Readings, SensorLog, seconds_to_ns, vectors
 from plumbob.files.foreign.parts import Parts, Sheet, names_in, records, sheet, small_table, zipfile_like
+from plumbob.files.known_logs import KNOWN_TABLES
 from plumbob.files.profile import TextLayout
 from plumbob.files.stamps import time_line
 from plumbob.files.text_table import read_table
@@ -274,20 +275,8 @@ def _logger_sign(platform: str, meta: Mapping[str, str]) -> tuple[float, str]:
 
 # SensorLog ------------------------------------------------------------------------------------------------------------
 
-_SENSORLOG: Final[tuple[tuple[str, str, str, str, float], ...]] = (
-    ("gyr", "gyro", "gyroRotation{}(rad/s)", "rad/s", 1.0),
-    ("gyr", "motion", "motionRotationRate{}(rad/s)", "rad/s", 1.0),
-    ("acc", "accelerometer", "accelerometerAcceleration{}(G)", "g", -1.0),
-    ("acc", "motion", "motionUserAcceleration{0}(G) + motionGravity{0}(G)", "g", -1.0),
-    ("mag", "motion", "motionMagneticField{}(µT)", "uT", 1.0),
-    ("mag", "magnetometer", "magnetometer{}(µT)", "uT", 1.0),
-)
-"""Triads in the order in which they are preferred: columns, unit, and the sign that makes specific force of them.
-
-CoreMotion's accelerometer measures the sum of user acceleration and gravity (developer.apple.com, CMDeviceMotion).
-"""
-
-
+_SENSORLOG: Final[list[tuple[str, str, str, str, float]]] = KNOWN_TABLES["sensorlog"]
+"""CoreMotion's accelerometer measures user acceleration and gravity together (developer.apple.com, CMDeviceMotion)."""
 _SENSORLOG_MARKS: Final = {"accelerometerAccelerationX(G)", "motionRotationRateX(rad/s)", "gyroRotationX(rad/s)"}
 
 
@@ -347,11 +336,7 @@ def _sensorlog_stream(
 
 # Android --------------------------------------------------------------------------------------------------------------
 
-_ANDROID: Final = {
-    "gyr": ("gyroscope-calibrated", "gyroscope"),
-    "acc": ("accelerometer",),
-    "mag": ("magnetometer-calibrated", "magnetometer"),
-}
+_ANDROID: Final[Mapping[str, list[str]]] = KNOWN_TABLES["android"]
 _BLANKS: Final = TextLayout(separator=" ", names=False, missing=("NaN",))
 ATTITUDE_SOURCE: Final = "the phone's own rotation vector (Android), which is an estimate and not a reference"
 

@@ -10,7 +10,7 @@ import bz2
 import os
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
@@ -28,6 +28,7 @@ from plumbob.core.files import MAX_TEXT, require_room
 from plumbob.core.findings import Finding, Note, warning
 from plumbob.core.text import counted
 from plumbob.files.arrow import intact
+from plumbob.files.known_logs import KNOWN_TABLES
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.scan import BrokenRecordError, inflate
 
@@ -39,16 +40,7 @@ _DATA, _BAG_HEADER, _CHUNK, _CONNECTION = 2, 3, 5, 7
 _HEAD: Final = 1 << 20  # bytes that a record's own header may have
 
 
-NUMBERS: Final = {
-    "sensor_msgs/Imu": 37,  # quaternion xyzw, 9; angular velocity 3, 9; linear acceleration 3, 9
-    "sensor_msgs/MagneticField": 12,  # field 3, covariance 9
-    "sensor_msgs/Temperature": 2,  # temperature, variance
-    "geometry_msgs/PoseStamped": 7,  # position 3, quaternion xyzw
-    "geometry_msgs/PoseWithCovarianceStamped": 43,  # position 3, quaternion xyzw, covariance 36
-    "geometry_msgs/QuaternionStamped": 4,  # xyzw
-    "geometry_msgs/TransformStamped": 7,  # translation 3, quaternion xyzw
-    "nav_msgs/Odometry": 85,  # position 3, quaternion xyzw, 36; twist 6, 36
-}  # float64 by type behind std_msgs/Header, the same in ROS 1 and ROS 2 (github.com/ros2/common_interfaces)
+NUMBERS: Final[Mapping[str, int]] = KNOWN_TABLES["ros_numbers"]
 _CHILDREN: Final = ("geometry_msgs/TransformStamped", "nav_msgs/Odometry")  # name a second frame before them
 
 

@@ -13,6 +13,7 @@ import io
 import math
 import re
 from collections import Counter
+from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final
@@ -31,7 +32,7 @@ from plumbob.core.units import to_deg
 from plumbob.data.recording import Recording, stored_notes
 from plumbob.files.arrays import PROFILE, Arrays, open_arrays
 from plumbob.files.columns import COLUMNS, GROUPS, TIME
-from plumbob.files.known_logs import KNOWN_ARRAYS
+from plumbob.files.known_logs import KNOWN_ARRAYS, KNOWN_TABLES
 from plumbob.files.profile import ColumnRef, Profile, TextLayout, parse_profile, profiles_beside
 from plumbob.files.sniff import FEWEST, ROWS, Sample
 from plumbob.files.text import ARRAY_NAMES, columns_of_unit, table_profile, table_recording, text_profile
@@ -182,18 +183,8 @@ def write_mat(path: Path, recording: Recording, overwrite: bool = False) -> None
         temporary.write_bytes(stream.getvalue())
 
 
+_LONG_NAMES: Final[Mapping[str, str]] = KNOWN_TABLES["long_names"]
 _LABELS: Final = {3: ("axis", "xyz"), 4: ("component", "wxyz"), 9: ("pair", [a + b for a in "xyz" for b in "xyz"])}
-_LONG_NAMES: Final = {
-    "time": "time on the clock of the recording",
-    "gyr": "angular rate of the body in its axes",
-    "acc": "specific force in body axes",
-    "mag": "magnetic flux density in body axes",
-    "temp_c": "temperature of the sensor",
-    "bias_b": "bias of the gyroscope in body axes",
-    "cov_b": "covariance of the attitude error as a rotation vector in body axes",
-    "score": "whether a sample counts in an evaluation",
-    "mag_weight": "how far the magnetic field was believed",
-}
 
 
 def write_netcdf(path: Path, recording: Recording, overwrite: bool = False) -> None:

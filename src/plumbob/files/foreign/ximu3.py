@@ -27,14 +27,10 @@ from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign.logged import RELATIVE_NOTE, LoggedAttitude, SensorLog
 from plumbob.files.foreign.parts import Parts, names_in, sheet
+from plumbob.files.known_logs import KNOWN_TABLES
 from plumbob.rotations import Frame, North
 
-_HEADINGS: Final = {
-    "I": [*(rf"Gyroscope {axis} \(deg/s\)" for axis in "XYZ"), *(rf"Accelerometer {axis} \(g\)" for axis in "XYZ")],
-    "M": [rf"(Magnetometer )?{axis}( Axis)? \(a\.u\.\)" for axis in "XYZ"],
-    "Q": [f"{axis}( Element)?" for axis in "WXYZ"],
-    "T": [r"Temperature \((degC|°C)\)"],
-}  # columns of the messages that are read: inertial, magnetometer, quaternion, temperature
+_HEADINGS: Final[Mapping[str, list[str]]] = KNOWN_TABLES["ximu3"]  # of the messages that are read
 NUMBERS: Final = {letter: len(names) for letter, names in _HEADINGS.items()}
 TABLES: Final = {"I": "Inertial.csv", "M": "Magnetometer.csv", "Q": "Quaternion.csv", "T": "Temperature.csv"}
 STAMP: Final = "Timestamp (us)"
