@@ -22,7 +22,8 @@ import numpy as np
 from scipy.special import psi
 
 from plumbob.core.check import Floats
-from plumbob.noise import Curve, curves, edf, interval, skew_edf
+from plumbob.noise import Curve, curves, edf, interval
+from plumbob.noise.curve import skew_edf
 from plumbob.simulation.errors import flicker, random_walk, stream, white
 
 BAR = (0.60, 0.78)

@@ -113,10 +113,13 @@ def test_what_is_pasted_corrects_as_the_other_program_does():
         bias, matrix = numbers[:3], numbers[3:12].reshape(3, 3)
         assert (raw * count - bias) @ matrix * (0.025 / count) == pytest.approx(wanted, abs=1e-3)
     assert json.loads(fitted.lines("json")) == fitted.summary()
+    offset = re.search(r"set mag_calibration = (.*)\n", fitted.lines("betaflight"))[1].split(",")
+    assert np.array(offset, dtype=int).tolist() == np.rint(fitted.bias).tolist()
     refused(plumbob.calibrate_counts(raw).lines, "px4", match="what one count is", error=ParameterError)
     refused(fitted.lines, "excel", match="ardupilot", error=ShapeError)
     up = np.vstack([np.eye(3), -np.eye(3), directions(12)])
     fitted = plumbob.calibrate_counts(up * [2040.0, 2060.0, 2100.0] + [30.0, -50.0, 80.0], "acc", scale="0.488 mg")
+    assert "set acc_calibration = 30,-50,80,1\nsave" in fitted.lines("betaflight")
     for form, names in (("ardupilot", "INS_ACC{1}_{0}"), ("px4", "CAL_ACC0_{0}{1}")):
         lines, kinds = fitted.lines(form), ("OFFS", "SCAL") if form == "ardupilot" else ("OFF", "SCALE")
         offset, scale = (np.array([value(lines, names.format(axis, kind)) for axis in "XYZ"]) for kind in kinds)

@@ -66,13 +66,16 @@ def test_averaging_times_and_deviations_on_demand(folder):
 
 
 def test_before_and_after_and_what_is_no_static_record_gets_no_picture(folder, tmp_path):
-    words = f"allan one.txt --after smooth.txt {SCALED}"
-    typed(f"{words} --html change.html --plot change.png", cwd=folder)
+    words = f"allan one.txt smooth.txt {SCALED}"
+    done = typed(f"{words} --label raw,filtered --html change.html --plot change.png --width 85mm", cwd=folder)
+    assert "a filter of first order with a time constant of 0.1" in " ".join(done.stdout.split())
     assert (folder / "change.html").read_text(encoding="utf-8").count("<svg") == 1
-    assert (folder / "change.png").stat().st_size > 10_000
-    result = answer(words, cwd=folder)["one"]
-    assert result["time_constant_s"] == pytest.approx(0.1, rel=0.05)
-    assert len(result["ratio"]) == len(result["before"]["n"])
+    dots = int.from_bytes((folder / "change.png").read_bytes()[16:20], "big")
+    assert dots == int(85.0 / 25.4 * 200.0)  # 200 an inch
+    result = answer(words, cwd=folder)
+    change = result["smooth"]["changes"]["smooth"]
+    assert change["time_constant_s"] == pytest.approx(0.1, rel=0.05)
+    assert (len(change["ratio"]), result["one"].get("changes")) == (len(change["tau_s"]), None)
     np.save(tmp_path / "x.npy", np.random.default_rng(3).standard_normal(20_000) + 20.0 * (np.arange(20_000) > 9000))
     done = typed("allan x.npy --rate 100Hz --scale 1 --plot x.png", cwd=tmp_path, code=1)
     assert ("moved" in done.stderr, (tmp_path / "x.png").exists()) == (True, False)
@@ -82,7 +85,7 @@ def test_cards_pages_and_imu_yaml(folder):
     """The magnetometer comes with three of four samples."""
     unit = "--sensors mpu6000+hmc5983 --unit random --rate 50Hz --duration 60s"
     typed(f"sim static --frame NED {unit} --set mag_rate=37.5Hz --out rest.parquet", cwd=folder)
-    outputs = "--card noise.json --kalibr noise.yaml --html noise.html --plot noise.png"
+    outputs = "--card noise.json --html noise.html --plot noise.png"
     done = typed(f"allan rest.parquet {outputs} --device 'unit 7'", cwd=folder)
     assert "rest.parquet: mag left out: comes unevenly" in done.stderr
     assert (folder / "noise.png").stat().st_size > 10_000
@@ -91,7 +94,7 @@ def test_cards_pages_and_imu_yaml(folder):
     # sheet of the MPU-6000: 0.005 °/s/√Hz and 400 µg/√Hz; 3000 samples tell them to 1.3 %, 4 of which are allowed
     assert from_si(noise.gyr.n_rpsd, "deg/s/rtHz") == pytest.approx([0.005] * 3, rel=0.052)
     assert from_si(noise.acc.n_rpsd, "ug/rtHz") == pytest.approx([400.0] * 3, rel=0.052)
-    assert "gyroscope_noise_density: 8." in (folder / "noise.yaml").read_text(encoding="utf-8")
+    assert "gyroscope_noise_density: 8." in typed("allan rest.parquet --as kalibr", cwd=folder).stdout
     assert "unit 7" in (folder / "noise.html").read_text(encoding="utf-8")
     report = answer("run rest.parquet --filter mekf --params mag=off --noise noise.json", cwd=folder)
     assert report["noise_card"].startswith("unit 7")

@@ -137,14 +137,16 @@ def test_convert_writes_calibrated_samples_as_python_gives_them(made, tmp_path):
 def test_allan_before_and_after(made, tmp_path):
     """White noise scales with the gain, and so does its deviation at every averaging time, exactly."""
     gyr = "--triads gyr --taus 1s"
-    both = answer(f"allan rest.parquet --after rest.parquet --calibration card.json {gyr}", cwd=made)
+    words = "allan rest.parquet rest.parquet --calibration none card.json --label raw,corrected"
+    both = answer(f"{words} {gyr}", cwd=made)
     alone = answer(f"allan rest.parquet {gyr} --deviation oadev", cwd=made)
     after = answer(f"allan rest.parquet {gyr} --deviation oadev --calibration card.json", cwd=made)
     for axis in ("gyr x", "gyr y", "gyr z"):
-        assert both[axis]["before"]["dev"] == alone[axis]["dev"]
-        assert both[axis]["after"]["dev"] == after[axis]["dev"]
-        assert both[axis]["ratio"] == pytest.approx([GAIN], rel=1e-12)
-    assert (alone["calibration"], after["calibration"], both["calibration"]) == (None, "card.json", "card.json")
+        assert both["raw"][axis]["curve"]["dev"] == alone[axis]["dev"]
+        assert both["corrected"][axis]["curve"]["dev"] == after[axis]["dev"]
+        assert both["corrected"]["changes"][axis]["ratio"] == pytest.approx([GAIN], rel=1e-12)
+    assert [both[label]["calibration"] for label in ("raw", "corrected")] == [None, "card.json"]
+    assert (alone["calibration"], after["calibration"]) == (None, "card.json")
     card = tmp_path / "noise.json"
     typed(f"allan rest.parquet --triads gyr --calibration card.json --card {card}", cwd=made)
     assert "rest.parquet, calibrated with card.json" in plumbob.NoiseCard.load(card).source

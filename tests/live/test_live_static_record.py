@@ -12,7 +12,7 @@ from plumbob.core.units import Quantity, dps, to_si
 from plumbob.door.allan import load_static
 from plumbob.noise import KINDS, Averager, deviation
 from plumbob.noise import allan as module
-from plumbob.noise.allan import characterise, comparisons, deviations
+from plumbob.noise.allan import changes, characterise, deviations
 from plumbob.noise.static_record import check_static
 from tests.helpers.real_data import DATA, needs
 
@@ -306,8 +306,8 @@ def test_a_file_larger_than_memory_gives_what_memory_gives(two_columns, monkeypa
     monkeypatch.setattr(module, "IN_MEMORY", 0)
     monkeypatch.setattr(module, "Averager", lambda channels: Averager(channels, kept=1 << 14))
     told = []
-    streamed = characterise(*opened(two_columns), progress=told.append)
-    assert told[-1] == two_columns.stat().st_size
+    streamed = characterise(*opened(two_columns), progress=lambda *counts: told.append(counts))
+    assert told[-1] == (two_columns.stat().st_size,) * 2
     for a, b in zip(whole, streamed, strict=True):
         short = a.curve.n < 1 << 14
         assert b.curve.dev[: short.sum()] == pytest.approx(a.curve.dev[short], rel=1e-9)
@@ -347,7 +347,7 @@ def test_every_averaging_time_and_another_kind(two_columns, tmp_path):
         deviation(np.load(two_columns)[:, 1], [1, 100, 30_000]), rel=1e-11
     )
     np.save(tmp_path / "short.npy", np.load(two_columns)[:1001])
-    shared = comparisons(opened(tmp_path / "short.npy"), opened(two_columns), taus="all")[0].comparison
+    shared = changes(opened(tmp_path / "short.npy"), opened(two_columns), taus="all")["column 1"]
     assert shared.before.n.tolist() == shared.after.n.tolist() == list(range(1, 501))  # which the shorter one has
     first, second = deviations(*opened(two_columns), "ohdev", taus=[1.0])
     assert (first.name, second.name) == ("column 1", "column 2")
@@ -378,10 +378,9 @@ def test_what_is_not_analysed(two_columns, tmp_path):
     np.save(one, np.load(two_columns)[:, 0])
     np.savetxt(comma, np.full(5000, 3.0))
     slower = load_static(one, rate=50.0, scale="1")
+    assert changes(opened(two_columns), opened(one)) == changes(opened(one), (slower, check_static(slower))) == {}
     assert check_static(load_static(comma, rate=100.0, scale="1")).refused("desk, 2")
     for analyse, words in (
-        (lambda: comparisons(opened(two_columns), opened(one)), "before has column 1, column 2, but after has one"),
-        (lambda: comparisons(opened(one), (slower, check_static(slower))), "at 100 Hz, but after is ratio at 50 Hz"),
         (lambda: characterise(*opened(moved(tmp_path / "moved.npy"))), "not a static record"),
         (lambda: characterise(*opened(comma)), "not a static record: desk, 2: all 5000 values are 3"),
     ):

@@ -9,8 +9,9 @@ from scipy.signal import lfilter
 
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.units import Quantity, unit
-from plumbob.noise import Coefficient, GaussMarkov, Mask, Sinusoid, analyse, compare, curve, deviation, edf
+from plumbob.noise import Coefficient, analyse, compare, curve, deviation, edf
 from plumbob.noise.bands import find_mask, least_squares, lines, mask_first_order
+from plumbob.noise.findings import GaussMarkov, Mask, Sinusoid
 from plumbob.noise.spectrum import find_sinusoids
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, allan_transfer, variance
 from tests.helpers import slow_as_python

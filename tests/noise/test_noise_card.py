@@ -1,4 +1,4 @@
-"""The noise card and Kalibr's file: what they hold, what they leave out or refuse, and that filters take the card."""
+"""The noise card and what other programs take: what they hold or refuse, and that filters take the card."""
 
 import math
 import re
@@ -11,8 +11,8 @@ from plumbob import Filter, Frame, NoiseCard
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.units import Quantity, to_si
 from plumbob.filters import mekf
-from plumbob.noise.card import kalibr_yaml, noise_card
-from plumbob.noise.findings import Coefficient, Estimates, Mask
+from plumbob.noise.card import lines, noise_card
+from plumbob.noise.findings import Coefficient, Estimates, GaussMarkov, Mask, lowest
 from plumbob.reporting.noise import card_report
 from plumbob.simulation.errors import TriadErrors
 
@@ -40,7 +40,7 @@ FLOAT = re.compile(r"[-+]?[0-9]+\.[0-9]*([eE][-+][0-9]+)?")
 
 def read(text):
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
-    return dict(line.split(": ") for line in lines)
+    return dict(line.split(": ") for line in lines if ": " in line)
 
 
 def with_walk(analysis, **fields):
@@ -48,34 +48,76 @@ def with_walk(analysis, **fields):
     return replace(analysis, likelihood=Estimates("likelihood", terms))
 
 
-def test_it_holds_the_numbers_that_kalibr_reads_in_si_with_comments_and_limits(analyses):
-    values = read(kalibr_yaml(analyses, rostopic="/imu0"))
-    assert list(values) == [
-        "accelerometer_noise_density", "accelerometer_random_walk", "gyroscope_noise_density",
-        "gyroscope_random_walk", "rostopic", "update_rate",
-    ]  # fmt: skip
-    assert values.pop("rostopic") == "/imu0"
-    assert all(FLOAT.fullmatch(v) for v in values.values())
-    # planted in x, and 1.1 and 0.9 of it in y and z, whose quadratic mean is √(3.02/3); seven digits are written
-    expected = {
-        "accelerometer_noise_density": 300e-6 * 9.80665,
-        "accelerometer_random_walk": 2e-6 * 9.80665,
-        "gyroscope_noise_density": math.radians(0.3) / 60.0,
-        "gyroscope_random_walk": math.radians(20.0) / 3600.0 / 60.0,
-    }
-    assert float(values.pop("update_rate")) == 100.0
-    for name, value in expected.items():
-        assert math.isclose(float(values[name]), value * math.sqrt(3.02 / 3.0), rel_tol=5e-7)
-    text = kalibr_yaml(analyses, rostopic="/imu0", source="static µ.parquet\nrostopic: /evil")
-    assert "#   N x: 0.3000 +/- 0.0012 deg/rth" in text
-    assert "#   K z: 1.80 +/- 0.63 ug/s/rtHz" in text
+# planted in x, and 1.1 and 0.9 of it in y and z, whose quadratic mean is √(3.02/3): N and K, SI
+MEAN = math.sqrt(3.02 / 3.0)
+GYR_N, ACC_N = MEAN * math.radians(0.3) / 60.0, MEAN * 300e-6 * 9.80665
+GYR_K, ACC_K = MEAN * math.radians(20.0) / 3600.0 / 60.0, MEAN * 2e-6 * 9.80665
+FORMS = {  # by the sources of each program, which forms.toml names; the rate is 100 Hz
+    "kalibr": {
+        "accelerometer_noise_density": ACC_N, "accelerometer_random_walk": ACC_K, "gyroscope_noise_density": GYR_N,
+        "gyroscope_random_walk": GYR_K, "rostopic": "/imu0", "update_rate": 100.0,
+    },
+    "vins": {  # a step of Δt adds ½ Δt² gyr_n² to the angle's variance, which is N² Δt; and Δt² gyr_w² = K² Δt
+        "acc_n": ACC_N / math.sqrt(0.5 * 0.01), "gyr_n": GYR_N / math.sqrt(0.5 * 0.01), "acc_w": ACC_K / 0.1,
+        "gyr_w": GYR_K / 0.1,
+    },
+    "orbslam": {
+        "IMU.NoiseGyro": GYR_N, "IMU.NoiseAcc": ACC_N, "IMU.GyroWalk": GYR_K, "IMU.AccWalk": ACC_K,
+        "IMU.Frequency": 100.0,
+    },
+    "liosam": {"imuAccNoise": ACC_N, "imuGyrNoise": GYR_N, "imuAccBiasN": ACC_K, "imuGyrBiasN": GYR_K},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_other_programs_get_their_own_units(analyses, form):
+    values = read(lines(analyses, form))
+    assert list(values) == list(FORMS[form])
+    for name, expected in FORMS[form].items():
+        if isinstance(expected, str):
+            assert values[name] == expected
+        else:
+            assert FLOAT.fullmatch(values[name])
+            assert math.isclose(float(values[name]), expected, rel_tol=5e-7)  # seven digits are written
+
+
+def listed(text):
+    return [float(value) for value in re.search(r"\[(.*)\]", text)[1].split(",")]
+
+
+def test_kf_gins_and_ros_get_a_number_for_each_axis(analyses):
+    """In °/√h, m/s/√h, °/h and mGal; 1.0760 B makes a Gauss–Markov process whose Allan deviation is at most .664 B."""
+    values = read(lines(analyses, "kfgins"))
+    factors = np.array([1.0, 1.1, 0.9])
+    assert listed(values["  arw"]) == pytest.approx(0.3 * factors, rel=1e-6)
+    assert listed(values["  vrw"]) == pytest.approx(60.0 * 300e-6 * 9.80665 * factors, rel=1e-6)
+    assert listed(values["  gbstd"]) == pytest.approx(1.0760 * 12.0 * factors, rel=1e-4)
+    assert listed(values["  abstd"]) == pytest.approx(1.0760 * 60e-6 * 980665.0 * factors, rel=1e-4)
+    process = GaussMarkov(Coefficient(1.0760), Coefficient(100.0))
+    tau = np.geomspace(10.0, 1000.0, 2001)
+    peak = process.variance(tau)
+    assert math.sqrt(peak.max()) == pytest.approx(math.sqrt(2.0 * math.log(2.0) / math.pi), rel=1e-4)
+    assert tau[np.argmax(peak)] == pytest.approx(189.26, rel=2e-3)
+    floors = [lowest(a).tau for a in analyses]
+    hours = float(values["  corrtime"].split()[0])
+    assert hours == pytest.approx(np.exp(np.mean(np.log(floors))) / 1.8926 / 3600.0, rel=1e-4)
+    values = read(lines(analyses, "ros"))
+    variances = np.diag((math.radians(0.3) / 60.0 * factors) ** 2 * 100.0).ravel()
+    assert listed(values["angular_velocity_covariance"]) == pytest.approx(variances, rel=1e-6)
+    assert listed(values["linear_acceleration_covariance"])[8] == pytest.approx((0.9 * 300e-6 * 9.80665) ** 2 * 100.0)
+
+
+def test_comments_say_what_each_number_was_made_of(analyses):
+    text = lines(analyses, "kalibr", source="static µ.parquet\nrostopic: /evil")
+    assert "#   gyr x N: 0.3000 +/- 0.0012 deg/rth" in text
+    assert "#   acc z K: 1.80 +/- 0.63 ug/s/rtHz" in text
     assert "# static ?.parquet rostopic: /evil" in text
     assert text.isascii() and "quadratic mean" in text
     hidden = with_walk(analyses[2], value=1e-9, upper=4e-6, observable=False, hours=7.0)
-    text = kalibr_yaml([*analyses[:2], hidden, *analyses[3:]], rostopic="/imu0")
+    text = lines([*analyses[:2], hidden, *analyses[3:]], "kalibr")
     squares = [analyses[0].terms["K"].value ** 2, analyses[1].terms["K"].value ** 2, 4e-6**2]
     assert math.isclose(float(read(text)["gyroscope_random_walk"]), math.sqrt(sum(squares) / 3.0), rel_tol=5e-7)
-    assert "#   K z: < 50 deg/h/rth, not observable: the limit of 95 % is taken" in text  # 4e-6 rad/s²/√Hz is 49.5
+    assert "#   gyr z K: < 50 deg/h/rth, not observable: the limit of 95 % is taken" in text  # 4e-6 rad/s²/√Hz is 49.5
 
 
 def test_the_card_holds_the_coefficients_in_inside_units_and_comes_back(analyses, bare, tmp_path):
@@ -116,7 +158,7 @@ def test_the_simulator_and_the_kalman_filter_take_the_card(plain):
     assert Filter("mekf", frame=Frame.ENU, noise=still).params.gyr_walk == mekf.Params().gyr_walk  # no axis shows one
 
 
-def test_what_a_card_or_kalibr_cannot_take_is_refused(analyses):
+def test_what_a_card_or_another_program_cannot_take_is_refused(analyses):
     gyr, acc = analyses[:3], analyses[3:]
     smooth = replace(gyr[1], likelihood=Estimates("likelihood", {}), mask=Mask(9, 1.0, "it looks smoothed"))
     bare = [replace(a, quantity=Quantity.RATIO) for a in gyr]
@@ -133,11 +175,8 @@ def test_what_a_card_or_kalibr_cannot_take_is_refused(analyses):
         ([hidden, *analyses[1:]], ParameterError, "K of gyr x has neither a value nor a limit"),
         ([with_walk(gyr[0], value=0.0), *analyses[1:]], ParameterError, "K of gyr x has neither a value nor a limit"),
         (gyr, ShapeError, "needs gyr and acc, but the record has only gyr"),
-        ([*bare, *acc], UnitError, "gyr is in '1', but Kalibr takes rad/s"),
-        ([*gyr, *slow], ParameterError, "rates 50 Hz and 100 Hz"),
+        ([*bare, *acc], UnitError, "gyr is in '1', but vins takes rad/s"),
+        ([*gyr, *slow], ParameterError, "rates 100 Hz and 50 Hz"),
     ):
         with pytest.raises(error, match=text):
-            kalibr_yaml(given, rostopic="/imu0")
-    for topic in ("", "/imu 0", "imu: 1", "/imu#", "9"):
-        with pytest.raises(ParameterError, match="rostopic must be a ROS name"):
-            kalibr_yaml(analyses, rostopic=topic)
+            lines(given, "vins")

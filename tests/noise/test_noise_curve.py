@@ -8,19 +8,8 @@ from scipy.special import psi
 from scipy.stats import chi2
 
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.noise import (
-    ONE_SIGMA,
-    curve,
-    curves,
-    deviation,
-    edf,
-    identify,
-    interval,
-    log_factors,
-    make_curve,
-    skew_edf,
-)
-from plumbob.noise.curve import log_variance
+from plumbob.noise import curve, curves, deviation, edf, interval, log_factors
+from plumbob.noise.curve import ONE_SIGMA, identify, log_variance, make_curve, skew_edf
 from plumbob.noise.factors import SHAPES
 from tests.helpers import is_plain, slow_as_python
 

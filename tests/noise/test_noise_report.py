@@ -12,14 +12,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from scipy.signal import lfilter
 
-from plumbob.core.errors import MissingExtraError, ShapeError
+import plumbob
+from plumbob.core.errors import MissingExtraError, ParameterError, ShapeError
 from plumbob.core.text import measured, number
-from plumbob.core.units import Quantity, dps, from_si, to_si
-from plumbob.noise import ChannelComparison, Curve, compare, findings
+from plumbob.core.units import Quantity, from_si, to_si
+from plumbob.noise import Curve, findings
+from plumbob.noise.compare import differences
 from plumbob.noise.findings import Candidate, Coefficient, Estimates, Mask, Sinusoid
-from plumbob.noise.terms import DATASHEET, variance
+from plumbob.noise.terms import DATASHEET, SHEETS
 from plumbob.papers.fin_table import fin_report
 from plumbob.reporting import noise as report
+from plumbob.simulation.presets import preset
 from tests.helpers.page_battery import HOSTILE, Outline, PageBattery
 
 PER_HOUR = math.degrees(1.0) * 3600.0  # °/h in a rad/s
@@ -257,12 +260,16 @@ def test_a_curve_of_every_averaging_factor_makes_a_small_page_and_none_without_m
     assert 10_000 < path.stat().st_size < 300_000
     listed = re.search(r"(\d+) of 100000 averaging times", path.read_text(encoding="utf-8"))
     assert 30 < int(listed[1]) <= 40
-    drawn = np.concatenate([line.get_ydata() for line in drawing(report.channel_figure, long).get_lines()])
+    drawn = np.concatenate([line.get_ydata() for line in drawing(channel_figure, long).get_lines()])
     assert PER_HOUR * dev[43_456] == pytest.approx(drawn[np.argmin(np.abs(drawn - PER_HOUR * dev[43_456]))])
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     for call in (report.datasheet(plain).page, lambda: report.datasheet(plain).plot(tmp_path / "x.png")):
         with pytest.raises(MissingExtraError, match=r'pip install "plumbob\[plot\]"'):
             call()
+
+
+def channel_figure(channel):
+    return report.allan_figure({"": {"": channel}})
 
 
 def drawing(picture, what):
@@ -281,29 +288,80 @@ def shaded_to(ax):
     return [patch.get_x() + patch.get_width() for patch in ax.patches if isinstance(patch, Rectangle)]
 
 
-def test_coefficients_stand_at_their_places_with_their_values_and_letters(analyses):
+def test_coefficients_are_marked_at_their_places_with_their_values(analyses):
     """N at 1 s, B at the least deviation as 0.664 of it, K at 3 s, in °/h; 0.3 °/√h, 12 °/h and 20 °/h/√h are planted,
-    for y 1.1 times as much. Letters stand on their lines."""
+    for y 1.1 times as much."""
     a = analyses[1]
-    ax = drawing(report.channel_figure, a)
-    dots = [(line.get_xdata()[0], line.get_ydata()[0]) for line in lines(ax, "o")]
+    ax = drawing(channel_figure, a)
+    marks = [(line.get_xdata()[0], line.get_ydata()[0]) for line in lines(ax, "D")]
     n, b, k = (from_si(a.terms[letter].value, "deg/h") for letter in "NBK")
-    assert [tau for tau, _ in dots] == [1.0, findings.lowest(a).tau, 3.0]
-    assert [dev for _, dev in dots] == pytest.approx([n, math.sqrt(2 * math.log(2) / math.pi) * b, k])
-    places = {text.get_text(): text.xy for text in ax.texts}
-    assert [places.pop(name) for name in ("N = 0.330 °/√h", "B = 13.2 °/h", "K = 22.0 °/h/√h")] == dots
-    assert list(places) == ["N −½", "B 0", "K +½"]
-    for (letter, *_), (tau, dev) in places.items():
-        assert dev == pytest.approx(from_si(math.sqrt(variance(letter, a.terms[letter].value, tau)), "deg/h"))
+    assert [tau for tau, _ in marks] == [1.0, findings.lowest(a).tau, 3.0]
+    assert [dev for _, dev in marks] == pytest.approx([n, math.sqrt(2 * math.log(2) / math.pi) * b, k])
+    assert [(text.get_text(), text.xy) for text in ax.texts] == list(
+        zip(("N 0.330 °/√h", "B 13.2 °/h", "K 22.0 °/h/√h"), marks, strict=True)
+    )
     hidden = {letter: replace(c, observable=False) for letter, c in a.terms.items()}
-    assert not drawing(report.channel_figure, replace(a, likelihood=Estimates("likelihood", hidden))).texts
+    assert not drawing(channel_figure, replace(a, likelihood=Estimates("likelihood", hidden))).texts
+
+
+def crossed(ax, channels):
+    """Texts of a picture that lie over a curve, its interval or a model, or over another text."""
+    boxes = {text.get_text(): text.get_window_extent() for text in ax.texts}
+    tau = np.geomspace(*ax.get_xlim(), 4000)
+    found = []
+    for words, box in boxes.items():
+        for a in channels:
+            known = (tau >= a.curve.tau[0]) & (tau <= a.curve.tau[-1])
+            ends = [np.interp(np.log(tau[known]), np.log(a.curve.tau), np.where(np.isfinite(end), end, a.curve.dev))
+                    for end in (a.curve.lo, a.curve.hi)]  # fmt: skip
+            for x, low, high in ((tau[known], *ends), (tau, a.model(tau), a.model(tau))):
+                pixels = [ax.transData.transform(np.stack((x, from_si(y, "deg/h")), axis=-1)) for y in (low, high)]
+                below, above = pixels[0][:, 1], pixels[1][:, 1]
+                inside = (pixels[0][:, 0] > box.x0) & (pixels[0][:, 0] < box.x1)
+                found += [words] * bool((inside & (above > box.y0) & (below < box.y1)).any())
+        found += [words for other, place in boxes.items() if other != words and place.overlaps(box)]
+    return found
+
+
+@pytest.mark.parametrize("count", [1, 3, 6])
+@pytest.mark.parametrize("width", [7.5, 85.0 / 25.4])
+def test_no_text_of_a_picture_crosses_a_curve_a_band_a_model_or_another(plain, count, width):
+    """Sensors whose curves lie apart and cross: each is larger than the first by a factor, and its walk by another."""
+    channels = {}
+    for i in range(count):
+        a, size = plain[i % 3], 1.5**i
+        curve = replace(a.curve, dev=size * a.curve.dev, lo=size * a.curve.lo, hi=size * a.curve.hi)
+        terms = {k: replace(c, value=size * c.value) for k, c in a.terms.items()}
+        likely = {"N": terms["N"].value, "B": terms["B"].value, "K": 0.5**i * terms["K"].value}
+        likelihood = Estimates("likelihood", terms)
+        channels[f"unit {i}"] = replace(a, curve=curve, likelihood=likelihood, most_likely=likely)
+    drawn = Figure(figsize=(width, 3.3), layout="constrained")
+    figure = report.allan_figure({"x": channels})
+    figure.draw(drawn)
+    (ax,) = drawn.axes
+    assert not crossed(ax, channels.values())
+    assert len({line.get_color() for line in lines(ax, "D")}) == count  # a colour for each sensor
+    words = {text.get_text().split()[0] for text in ax.texts}
+    assert words == {"N", "B", "K"} if count == 1 else words  # more of them may find no room, and stand in the key
+    keys = [name for name, _, dash in figure.key if dash == "solid"][:count]
+    for (name, a), key in zip(channels.items(), keys, strict=True):
+        assert key.startswith(f"{name} x: N {number(from_si(a.terms['N'].value, 'deg/rth'))}, B ")
+
+
+def test_several_axes_are_panels_with_the_same_scales(plain):
+    drawn = Figure(figsize=(7.5, 6.0), layout="constrained")
+    report.allan_figure({axis: {"a": plain[i], "b": plain[2 - i]} for i, axis in enumerate("xyz")}).draw(drawn)
+    assert [ax.get_ylabel() for ax in drawn.axes] == ["x [°/h]", "y [°/h]", "z [°/h]"]
+    assert len({(ax.get_xlim(), ax.get_ylim()) for ax in drawn.axes}) == 1
+    assert len({ax.get_position().x0 for ax in drawn.axes}) == 1
+    assert [ax.get_xlabel() for ax in drawn.axes] == ["", "", "averaging time [s]"]
 
 
 def test_curve_model_terms_and_mask_are_in_the_unit_of_the_axis_and_a_triad_has_those_of_its_axes(analyses):
     a = analyses[4]
-    ax = drawing(report.channel_figure, a)
+    ax = drawing(channel_figure, a)
     assert ax.get_ylabel() == "Allan deviation [µg]"
-    (curve, pale), (model, *terms) = lines(ax, ""), lines(ax, "None")
+    (curve, pale), (model, *terms) = lines(ax, "."), lines(ax, "None")
     assert np.allclose(curve.get_ydata(), from_si(a.curve.dev[: len(curve.get_xdata())], "ug"))
     assert curve.get_xdata()[-1] == pytest.approx(pale.get_xdata()[0])  # what scatters is pale
     assert pale.get_xdata()[-1] == pytest.approx(a.curve.tau[-1])
@@ -313,10 +371,10 @@ def test_curve_model_terms_and_mask_are_in_the_unit_of_the_axis_and_a_triad_has_
     low, high = ax.get_ylim()
     assert low < curve.get_ydata().min() and curve.get_ydata().max() < high
     sure = replace(a, curve=replace(a.curve, edf=np.full(a.curve.n.size, 99.0)))
-    assert len(lines(drawing(report.channel_figure, sure), "")) == 1
-    assert [shaded_to(drawing(report.channel_figure, x)) for x in analyses[:2]] == [[pytest.approx(8 * 0.01)], []]
+    assert len(lines(drawing(channel_figure, sure), ".")) == 1
+    assert [shaded_to(drawing(channel_figure, x)) for x in analyses[:2]] == [[pytest.approx(8 * 0.01)], []]
     gyr, _ = findings.triads(analyses)
-    ax = drawing(report.triad_figure, gyr)
+    ax = drawing(report.allan_figure, {"": gyr.channels})
     first = [line for line in ax.get_lines() if line.get_alpha() == 1.0]
     assert len({line.get_color() for line in first}) == 3
     for line, a in zip(first, gyr.channels.values(), strict=True):
@@ -325,24 +383,72 @@ def test_curve_model_terms_and_mask_are_in_the_unit_of_the_axis_and_a_triad_has_
 
 
 @pytest.fixture(scope="module")
-def compared():
-    """White noise of 0.1 °/s at 10 Hz before and after a filter of first order of 1 s."""
-    raw = dps(0.1 * np.random.default_rng(0).standard_normal(20_000))
+def compared(tmp_path_factory):
+    """White noise of 0.1 °/s at 10 Hz, as much of another unit, 1.2 times as much, and the first filtered over 1 s."""
+    folder, rng = tmp_path_factory.mktemp("units"), np.random.default_rng(0)
+    raw, equal, noisier = 0.1 * rng.standard_normal(20_000), 0.1 * rng.standard_normal(20_000), 0.12
     keep = np.exp(-0.1)
     smooth = lfilter([1.0 - keep], [1.0, -keep], raw)
-    return [ChannelComparison("gyr x", Quantity.RATE, compare(raw, smooth, 0.1))]
+    records = (raw, equal, noisier * rng.standard_normal(20_000), smooth)
+    for name, values in zip("abcd", records, strict=True):
+        np.save(folder / f"{name}.npy", values)
+    return plumbob.allan(*(folder / f"{name}.npy" for name in "abcd"), rate=10.0, scale="1 deg/s")
 
 
-def test_a_comparison_has_both_deviations_and_their_ratio(compared, tmp_path):
-    table = report.before_and_after(compared).text().splitlines()
-    cells = next(line.split() for line in table if line.startswith("0.100"))
-    before, after, ratio = map(float, cells[1:4])
-    assert before == pytest.approx(360.0, rel=0.02)
-    assert ratio == pytest.approx(after / before, rel=0.01)
-    assert max(map(len, table)) <= 80
-    said = {pair.name: pair.summary() for pair in compared}["gyr x"]
-    assert json.loads(json.dumps(said, allow_nan=False)) == said
-    assert said["time_constant_s"] == pytest.approx(1.0, rel=0.05)
-    assert said["bent_below_s"] == pytest.approx(10.0 * said["time_constant_s"])
-    assert len(said["ratio"]) == len(said["before"]["n"]) == len(said["after"]["n"])
-    assert report.before_and_after(compared).plot(tmp_path / "x.png").read_bytes()[:4] == b"\x89PNG"
+def test_records_beside_each_other_have_one_table_with_what_differs_from_the_first(compared, tmp_path):
+    """White noise 1.2 times as large is known to 0.7 %: 20 standard deviations; an equal one is not marked."""
+    made = compared.report()
+    rows = {row[0]: row for row in made.parts[0].tables[0].rows}
+    head = made.parts[0].tables[0].head
+    column = head.index("N [°/√h]")
+    assert list(rows) == ["a", "b", "c", "d"]
+    assert [rows[name][column].endswith(" *") for name in "abc"] == [False, False, True]
+    assert rows["a"][column] == findings.coefficient(compared.analyses[0].terms["N"], "deg/rth")
+    text = " ".join(made.text().split())
+    factor = re.search(r"c differs from a: N by a factor of (\S+) ± (\S+)", text)
+    assert float(factor[1]) == pytest.approx(1.2, abs=3.0 * float(factor[2]))
+    assert float(factor[2]) == pytest.approx(0.01, rel=0.3)  # √2 of 1/√20000 times 1.2, of the variance half
+    assert "b differs" not in text
+    assert "d: between the two lies a filter of first order with a time constant of 1" in text
+    (change,) = compared.beside[2].changes.values()
+    keep = math.exp(-0.1)  # of white noise after a first-order filter, half the mean square of the differences
+    assert change.ratio[0] == pytest.approx((1.0 - keep) / math.sqrt(1.0 + keep), rel=0.01)
+    said = compared.summary()
+    assert json.loads(json.dumps(said, allow_nan=False)) == said and list(said) == ["a", "b", "c", "d"]
+    assert said["d"]["changes"]["d"]["bent_below_s"] == pytest.approx(10.0, rel=0.1)
+    assert made.plot(tmp_path / "x.pdf", width="85mm").read_bytes()[:4] == b"%PDF"
+    for call in (compared.card, lambda: compared.lines("ros")):
+        with pytest.raises(ParameterError, match="one unit, but there are 4 records"):
+            call()
+
+
+def test_chance_marks_a_table_of_equal_sensors_in_at_most_one_of_twenty_cases(plain):
+    """Intervals that hold the truth as often as they say: estimates are drawn from them; 3 letters, 5 others."""
+    rng, marked, trials, spread = np.random.default_rng(3), 0, 2000, {"N": 0.01, "B": 0.1, "K": 0.2}
+    for _ in range(trials):
+        channels = []
+        for _ in range(6):
+            drawn = {k: 1.0 + sd * rng.standard_normal() for k, sd in spread.items()}
+            terms = {k: Coefficient(value, value - spread[k], value + spread[k]) for k, value in drawn.items()}
+            channels.append(replace(plain[0], likelihood=Estimates("likelihood", terms)))
+        marked += any(differences(channels[0], other, among=15) for other in channels[1:])
+    assert 0.01 < marked / trials < 0.05 + 3.0 * math.sqrt(0.05 * 0.95 / trials)
+
+
+def test_white_noise_that_no_part_has_is_named(plain):
+    """ICM-20948: 0.015 °/s/√Hz or 0.9 °/√h, 17 is 19 times that; ADIS16505: 0.13 °/√h; MPU-6000: 0.3."""
+
+    def remarks(value):
+        white = Coefficient(*(to_si(value * f, "deg/rth") for f in (1.0, 0.99, 1.01)))
+        loud = [with_term(a, "N", white) for a in plain]
+        return " ".join(report.datasheet(loud).text().split())
+
+    assert "N of 0.300 °/√h is plausible: that of 0.300 °/√h (MPU-6000)" in remarks(0.3)
+    assert "warning: N is 19 times that of the noisiest MEMS part" in remarks(17.0)
+    assert "warning: N is 0.0077 times that of the quietest MEMS part" in remarks(0.001)
+    for quantity, sheets in SHEETS.items():
+        for part, value in sheets:
+            triad = {"rad/s": "gyr", "m/s2": "acc"}[quantity.value]
+            figure = preset(part.lower().replace("-", "")).triads[triad].figures["noise_density"]
+            factor = {"deg/s per rtHz": 60.0, "deg per rth": 1.0, "mg per rtHz": 1000.0}[figure.unit]
+            assert value == pytest.approx(factor * figure.value, rel=0.01)  # two digits are kept

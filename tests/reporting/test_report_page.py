@@ -14,17 +14,15 @@ from plumbob.core import flags
 from plumbob.core.errors import MissingExtraError, ParameterError, ShapeError
 from plumbob.core.resources import asset
 from plumbob.core.result import plain
-from plumbob.core.units import Quantity
 from plumbob.data.cards import CalibrationCard, Mount
 from plumbob.filters import CommonParams, load
-from plumbob.noise import ChannelComparison, compare
 from plumbob.papers.fin_table import fin_report
 from plumbob.papers.static_test import static_test
 from plumbob.reporting.calibration import certificate
 from plumbob.reporting.content import PALETTE, SERIES, Figure, Table, chinese_labels, said
 from plumbob.reporting.drawing import CHINESE, envelope, runs, svg, variable
 from plumbob.reporting.evaluation import side_by_side
-from plumbob.reporting.noise import NOISE, before_and_after
+from plumbob.reporting.noise import NOISE
 from plumbob.reporting.page import CSS
 from plumbob.reporting.report import Report
 from tests.helpers.labels import labels
@@ -202,9 +200,7 @@ def noise(_):
     found = plumbob.allan(still, triads=("gyr", "acc"))
     raw = np.random.default_rng(0).standard_normal(5000)
     smooth = lfilter([0.1], [1.0, -0.9], raw)
-    compared = before_and_after(
-        [ChannelComparison("gyr x", Quantity.RATE, compare(raw, smooth, 0.1))], facts=[("before", "")]
-    )
+    compared = plumbob.allan(raw, smooth, rate=100, scale="1", label=("a", "b")).report()
     alone = plumbob.allan(still.gyr[:, 0], rate=100, scale="1")
     return found.report(), fin_report(found.analyses), compared, alone.report()
 

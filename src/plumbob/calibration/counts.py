@@ -106,7 +106,7 @@ class CountsCalibration(FactsText):
         """What to paste into another program, with its convention as a comment.
 
         ParameterError if the program needs what one count is, and it was not given; ShapeError if the form is not one
-        of "c", "arduino", "magneto", "motioncal" (of a magnetometer), "ardupilot", "px4" and "json".
+        of "c", "arduino", "magneto", "motioncal" (of a magnetometer), "ardupilot", "px4", "betaflight" and "json".
         """
         if form == "json":
             return json.dumps(self.summary(), ensure_ascii=False, indent=2)

@@ -3,13 +3,17 @@
 import argparse
 import os
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.text import visible
+
+_SILENCE: Final = 10.0  # s between two lines of progress where there is no terminal
 
 if TYPE_CHECKING:
     from plumbob.filters.offline import Stage
@@ -53,6 +57,7 @@ def named_values(items: Sequence[str]) -> dict[str, str]:
 PAGE: Final[Mapping[str, Mapping[str, Any]]] = {  # options of what has a page
     "html": {"type": Path, "metavar": "FILE", "help": "also write a page with figures that opens offline"},
     "plot": {"type": Path, "metavar": "FILE", "help": "also write the figures alone: .svg, .png or .pdf"},
+    "width": {"metavar": "T", "help": "width of the figures of --plot, as 85mm"},
     "lang": {"choices": ("en", "zh"), "help": "language of the labels of page and figures (default en)"},
 }
 ENDINGS = {"html": (".html", ".htm"), "plot": (".svg", ".png", ".pdf")}  # of the names of pages and pictures
@@ -68,7 +73,8 @@ def write_pages(args: argparse.Namespace, report: "Report") -> None:
     """Write page and picture after the numbers, which need neither matplotlib nor a place to write."""
     if sys.stdout:
         sys.stdout.flush()
-    for what, path, write in (("page", args.html, report.write_html), ("figures", args.plot, report.plot)):
+    plot = partial(report.plot, width=args.width)
+    for what, path, write in (("page", args.html, report.write_html), ("figures", args.plot, plot)):
         if path is not None:
             write(path, lang=args.lang or "en", overwrite=args.force)
             if not args.json:
@@ -198,12 +204,28 @@ def pairs(params: str | None) -> Iterator[tuple[str, Any]]:
             yield name, repr(each) if isinstance(each, int | float) and not isinstance(each, bool) else each
 
 
+def _lines() -> Callable[[str, int, int], None]:
+    """Say what is done in a line, at most every so many seconds: a log shows that the work goes on."""
+    last = time.monotonic()
+
+    def done(what: str, so_far: int, total: int) -> None:
+        nonlocal last
+        if time.monotonic() - last >= _SILENCE:
+            last = time.monotonic()
+            note(f"{what}: {100 * so_far // max(total, 1)} %")
+
+    return done
+
+
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, int, int], None] | None]:
-    """A bar on standard error for what is done in turn, by its title, what is done of it, and of all; on a terminal."""
+    """A bar on standard error for what is done in turn, by its title, what is done of it, and of all.
+
+    Where there is no terminal, a line now and then.
+    """
     forced = any(os.environ.get(name) for name in ("FORCE_COLOR", "TTY_COMPATIBLE"))
     if not forced and (sys.stderr.closed or not sys.stderr.isatty()):  # Rich costs a tenth of a second to import
-        yield None
+        yield None if sys.stderr.closed else _lines()
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn

@@ -295,6 +295,10 @@ def prepare(verb: Verb, function: Call, options: Mapping[str, Option], args: arg
     for name, endings in {**({} if verb.pages is None else common.ENDINGS), **verb.ends}.items():
         if path := given.get(name) or getattr(args, name, None):
             common.require_ending(_flag(name), path, endings)
+    if getattr(args, "width", None) and verb.pages is not None:
+        from plumbob.reporting.drawing import inches
+
+        inches(args.width)  # which refuses one before any work
 
     def call(to: Call = function, **more: Any) -> Any:
         from inspect import signature
@@ -335,7 +339,7 @@ def _refuse_idle(verb: Verb, options: Mapping[str, Option], args: argparse.Names
     for name, others in verb.apart.items():
         if name in given and (beside := [said(other) for other in others if other in given]):
             raise ParameterError(f"{said(name)} does not go with {', '.join(beside)}; leave one of them out.")
-    pages = {} if verb.pages is None else {"lang": ("html", "plot")}
+    pages = {} if verb.pages is None else {"lang": ("html", "plot"), "width": ("plot",)}
     for name, others in (pages | dict(verb.needs)).items():
         if name in given and not given & set(others):
             named = " or ".join(map(said, others))

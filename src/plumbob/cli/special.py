@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
 from plumbob.cli.engine import Call, Verb, show
-from plumbob.core import __version__
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError
 from plumbob.core.signals import stopped_by_signals
 from plumbob.core.text import counted
@@ -89,9 +88,9 @@ def batch(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     with common.progress_bars() as bars:
 
         def over(done: int, total: int | None) -> None:
-            if bars is not None:
-                bars("recordings", done, total or done)
             lines = total and total >= _MANY and not sys.stderr.isatty()
+            if bars is not None and not lines:
+                bars("recordings", done, total or done)
             if lines and total and 10 * done // total > 10 * (done - 1) // total:
                 common.note(f"{done} of {total} recordings")
 
@@ -316,18 +315,39 @@ def control(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 
 def allan(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Print the noise, one deviation alone, or a comparison."""
+    """Print the noise, one deviation alone, or what another program takes."""
+    from plumbob.core import check
     from plumbob.data.cards import NoiseCard
-    from plumbob.door.allan import is_recording
+    from plumbob.door.allan import is_recording, open_static
+    from plumbob.noise import KINDS
+    from plumbob.noise.allan import deviations
+    from plumbob.noise.card import forms
+    from plumbob.reporting.noise import curves_report
 
+    records = getattr(args, "records", [])
     if args.card is not None:
         NoiseCard.require_place(Path(args.card))
-    path = Path(args.after or args.record if hasattr(args, "calibration") else args.record)
     named = [f"--{name}" for name in ("triads", "profile", "calibration") if hasattr(args, name)]
-    if named and path.is_file() and not is_recording(path, getattr(args, "profile", None), getattr(args, "kind", None)):
-        raise ParameterError(f"{path} holds plain numbers, but {', '.join(named)} is for recordings. Leave it out.")
-    if args.after is not None or args.deviation is not None:
-        return _curves(args, verb, call)
+    for path in map(Path, records if named else ()):
+        plain = path.is_file() and not is_recording(path, getattr(args, "profile", None), getattr(args, "kind", None))
+        if plain and getattr(args, "calibration", [""])[0] != "none":
+            raise ParameterError(f"{path} holds plain numbers, but {', '.join(named)} is for recordings. Leave it out.")
+    if len(records) > 1 and (alone := [name for name in _OF_ONE if getattr(args, name, None)]):
+        raise ParameterError(f"--{alone[0]} is for one record, but there are {len(records)}. Give one of them.")
+    if args.deviation is not None:
+        kind = check.one_of("--deviation", args.deviation, KINDS)
+        how = {**dict.fromkeys(("records", "label", "taus")), **args.given, "note": common.note}
+        (path,), _, taus = (how.pop(name) for name in ("records", "label", "taus"))
+        how["calibration"] = how.get("calibration", [None])[0]
+        record, static, card = open_static(path, **how)
+        curves = deviations(record, static, kind, taus=taus)
+        about = {"file": str(record.path), "calibration": card, "deviation": kind}
+        shown = Listed(curves_report(curves).text(), about | {curve.name: curve.summary() for curve in curves})
+        return show(args, verb._replace(pages=None), None, shown=shown)
+    if form := getattr(args, "as", None):
+        check.one_of("--as", form, tuple(forms()))
+        print(call().lines(form), end="")
+        return 0
     noise = call()
     if args.paper != "fin":
         args.curve |= hasattr(args, "taus")
@@ -339,33 +359,7 @@ def allan(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     return show(args, verb._replace(pages=lambda *_: page, details=()), noise, shown=table)
 
 
-def _curves(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """One deviation alone, or those of two records beside each other."""
-    from plumbob.core import check
-    from plumbob.door.allan import open_static
-    from plumbob.noise import KINDS
-    from plumbob.noise.allan import comparisons, deviations
-    from plumbob.reporting.noise import before_and_after, curves_report
-
-    taus = args.given.get("taus")
-    if args.after is None:
-        kind = check.one_of("--deviation", args.deviation, KINDS)
-        record, static, card = call(open_static)
-        curves: list[Any] = deviations(record, static, kind, taus=taus)
-        report, about = curves_report(curves), {"file": str(record.path), "calibration": card, "deviation": kind}
-    else:
-        record, static, _ = call(open_static, calibration=None)
-        after, judged, card = call(open_static, record=args.after)
-        curves = comparisons((record, static), (after, judged), taus=taus)
-        name = after.path.name if card is None else f"{after.path.name}, calibrated with {card}"
-        facts = [("before", record.path.name), ("after", name), ("made by", f"plumbob {__version__}")]
-        report = before_and_after(curves, facts=facts)
-        about = {"before": str(record.path), "after": str(after.path), "calibration": card}
-    shown = Listed(report.text(), about | {curve.name: curve.summary() for curve in curves})
-    pages = None if args.after is None else lambda *_: report
-    return show(args, verb._replace(pages=pages), None, shown=shown)
-
-
+_OF_ONE: Final = ("card", "device", "methods", "deviation", "paper", "as")  # options of allan for one record
 _READ: Final = 1 << 20
 _HINT: Final = 1 << 18  # bytes of a file of which other formats are tried
 

@@ -41,15 +41,6 @@ def save_virtual(virtual: Any, path: Path, args: Namespace) -> None:
     convert(Recording(imu=virtual.imu, name=path.stem, notes=(note,)), path, overwrite=args.force)
 
 
-def write_kalibr(noise: Any, path: Path, args: Namespace) -> None:
-    """Write Kalibr's imu.yaml."""
-    from plumbob.core.files import write_text
-    from plumbob.noise.card import kalibr_yaml
-
-    yaml = kalibr_yaml(noise.analyses, rostopic=args.topic or "/imu0", source=noise.source)
-    write_text(path, yaml, overwrite=args.force)
-
-
 def _write_hand(replay: Any, path: Path, args: Namespace) -> None:
     from plumbob.arm.angles import write_table
 
@@ -79,7 +70,7 @@ def _calibrate(
         more = {
             **more,
             "counts": ("", "the file holds bare triples in counts: no time, unit or rate; no card is made"),
-            "as": ("FORM", "with --counts, what to paste: c, arduino, magneto, motioncal, ardupilot, px4, json"),
+            "as": ("FORM", "paste with --counts: c, arduino, magneto, motioncal, ardupilot, px4, betaflight, json"),
             "scale": ("LSB", "with --counts: what one count is, as '0.15 uT', which flight controllers need"),
         }
     line_only = (*_LINE, *(() if kind == "mag" else ("place",))) if guided else ()
@@ -104,7 +95,7 @@ def _calibrate(
     )  # fmt: skip
 
 
-_COEFFICIENTS: Final = ("card", "kalibr", "device", "methods", "curve")  # which allan without coefficients lacks
+_COEFFICIENTS: Final = ("card", "device", "methods", "curve", "as")  # which allan without coefficients lacks
 START: Final = {
     "profile": Verb(
         "draft the profile of a logger's CSV or text file, with a question for every guess",
@@ -224,33 +215,29 @@ START: Final = {
     "allan": Verb(
         "analyse the noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
         "noise.md", "plumbob allan static.parquet --html noise.html --card noise.json", run="allan",
-        outputs=("card", "kalibr"), pages=lambda noise, args: noise.report(device=args.device),
+        outputs=("card",), pages=lambda noise, args: noise.report(**({} if noise.beside else {"device": args.device})),
         details=("methods", "curve"),
-        writes={
-            "card": ("card", lambda noise, path, args: save(noise.card(args.device), path, args)),
-            "kalibr": ("kalibr", write_kalibr),
-        },
-        needs={"device": ("card", "html"), "topic": ("kalibr",)},
+        writes={"card": ("card", lambda noise, path, args: save(noise.card(args.device), path, args))},
+        needs={"device": ("card", "html")},
         apart={
-            "after": (*_COEFFICIENTS, "paper", "deviation"), "deviation": (*_COEFFICIENTS, "paper", "html", "plot"),
-            "paper": ("json", "methods", "curve"),
+            "deviation": (*_COEFFICIENTS, "paper", "html", "plot"), "paper": ("json", "methods", "curve", "as"),
+            "as": ("json", "methods", "curve", "html", "plot", "card"),
         },
         more={
             "deviation": ("KIND", "print this deviation alone, without coefficients: oadev, adev, mdev, ohdev, ..."),
-            "after": ("FILE", "the same channels filtered: compare before and after; --calibration is then for it"),
             "methods": ("", "show the three methods side by side"),
             "curve": ("", "show the deviation itself, by averaging time"),
             "paper": ("fin", "report as the bionic-fin paper's table 1"),
             "card": ("JSON", "also write a noise card for the simulator and filters"),
-            "kalibr": ("YAML", "also write Kalibr's imu.yaml"),
-            "topic": ("NAME", "rostopic of imu.yaml (default /imu0)"),
+            "as": ("FORM", "print what another program takes: kalibr, vins, orbslam, liosam, kfgins, ros"),
             "device": ("NAME", "the unit's name on card and page (default: the file's)"),
         },
         note="A recording brings its time and units. Plain numbers (text, .npy, or raw .f32, .f64, .i16, ...) need "
         "--rate and --scale; nothing is guessed:\n"
         "  plumbob allan gyro.txt --rate 100Hz --scale '0.00875 deg/s'    counts of 0.00875 deg/s\n"
-        "  plumbob allan raw.txt --rate 10Hz --scale '1 deg/s' --after filtered.txt\n"
-        "  plumbob allan static.parquet --after static.parquet --calibration card.json    before and after it",
+        "  plumbob allan a.parquet b.parquet c.parquet --plot units.pdf    units beside each other\n"
+        "  plumbob allan raw.txt filtered.txt --rate 10Hz --scale '1 deg/s'    before and after a filter\n"
+        "  plumbob allan rest.parquet rest.parquet --calibration none card.json    before and after a card",
     ),
     "batch": Verb(
         "estimate the attitude of many recordings: one dataset, and a table of verdicts",

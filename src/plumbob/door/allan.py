@@ -2,6 +2,8 @@
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ from plumbob.data.recording import Recording, unsaved
 from plumbob.door.reading import read
 from plumbob.files.numbers import SUFFIXES, TEXT_SUFFIXES, open_numbers
 from plumbob.files.profile import profiles_beside
-from plumbob.noise.allan import Noise, Taus, characterise
+from plumbob.noise.allan import Noise, Taus, changes, characterise
 from plumbob.noise.static import StaticReport
 from plumbob.noise.static_record import StaticRecord, check_static, static_channels, static_of_numbers, static_of_plain
 
@@ -28,8 +30,8 @@ Progress = Callable[[str, int, int], None]
 
 
 def allan(
-    record: str | Path | Recording | ImuData | NDArray[Any],
-    *,
+    *records: str | Path | Recording | ImuData | NDArray[Any],
+    label: Sequence[str] = (),
     rate: float | str | None = None,
     scale: str | None = None,
     triads: Sequence[str] = TRIADS,
@@ -37,19 +39,24 @@ def allan(
     stop: float | str | None = None,
     skip: Sequence[tuple[float, float]] = (),
     taus: Taus = None,
-    calibration: CalibrationCard | str | Path | None = None,
+    calibration: Sequence[Path | str | CalibrationCard | None] | CalibrationCard | str | Path | None = None,
     profile: str | Path | None = None,
     kind: str | None = None,
     columns: int | None = None,
     note: Note | None = None,
     progress: Progress | None = None,
 ) -> Noise:
-    """Analyse the noise of a unit at rest.
+    """Analyse the noise of a unit at rest, or of several records beside each other.
+
+    Further records are compared with the first one: coefficients that differ by more than chance, the ratio of the
+    curves at equal averaging times, and the filter between them where there is one.
 
     Parameters
     ----------
-    record : path, Recording, ImuData or array (N,) or (N, k)
-        A recording of a unit at rest, or a file or array of plain numbers.
+    *records : path, Recording, ImuData or array (N,) or (N, k)
+        Recordings of a unit at rest, or files or arrays of plain numbers.
+    label : sequence of str, optional
+        What each of several records is called; by default as its file.
     rate : float or str, optional
         Samples per second, Hz, of plain numbers; a recording must agree with it.
     scale : str, optional
@@ -62,8 +69,8 @@ def allan(
         Times to leave out, s.
     taus : sequence of float, "all" or None
         Averaging times of the curve, s.
-    calibration : CalibrationCard or path, optional
-        Card of a recording's unit, applied first.
+    calibration : CalibrationCard or path, or sequence of them, optional
+        Card of a recording's unit, applied first: one for all records, or one for each, "none" for none.
     profile : path, optional
         What the columns of a text file mean.
     kind, columns : optional
@@ -88,52 +95,56 @@ def allan(
     DecodeError
         If a file cannot be read.
     """
-    opened, report, applied = open_static(
-        record, rate=rate, scale=scale, triads=triads, start=start, stop=stop, skip=skip, calibration=calibration,
-        profile=profile, kind=kind, columns=columns, note=note, progress=progress,
-    )  # fmt: skip
-    advance = None if progress is None else lambda done: progress("noise", done, opened.size)
-    return Noise(opened, report, tuple(characterise(opened, report, taus=taus, progress=advance)), applied)
+    cards = (
+        [calibration] if calibration is None or isinstance(calibration, str | Path | CalibrationCard) else calibration
+    )
+    if not records:
+        raise ParameterError("there is no record to analyse. Give one, or several to compare.")
+    for name, few in (("label", len(label) or len(records)), ("calibration", len(cards))):
+        if few != len(records) and (few > 1 or name == "label"):
+            raise ParameterError(f"{name} is for {few} records, but there are {len(records)}. Give one for each.")
+    noises: list[Noise] = []
+    for i, record in enumerate(records):
+        card = cards[i % len(cards)]
+        opened = open_static(
+            record, rate=rate, scale=scale, triads=triads, start=start, stop=stop, skip=skip,
+            calibration=None if card == "none" else card, profile=profile, kind=kind, columns=columns, note=note,
+            progress=progress,
+        )  # fmt: skip
+        stem = opened[0].path.stem
+        name = label[i] if label else f"{stem} {i + 1}" if stem in [each.label for each in noises] else stem
+        advance = None if progress is None else partial(progress, "noise" if len(records) == 1 else f"noise of {name}")
+        analyses = characterise(*opened[:2], taus=taus, progress=advance)
+        change = changes((noises[0].record, noises[0].static), opened[:2], taus=taus) if noises else {}
+        noises.append(Noise(*opened[:2], tuple(analyses), opened[2], name, changes=change))
+    return replace(noises[0], beside=tuple(noises[1:]))
 
 
 def open_static(
     record: str | Path | Recording | ImuData | NDArray[Any],
     *,
-    rate: float | str | None = None,
-    scale: str | None = None,
-    triads: Sequence[str] = TRIADS,
-    start: float | str | None = None,
-    stop: float | str | None = None,
     skip: Sequence[tuple[float, float]] = (),
     calibration: CalibrationCard | str | Path | None = None,
-    profile: str | Path | None = None,
-    kind: str | None = None,
-    columns: int | None = None,
     note: Note | None = None,
     progress: Progress | None = None,
+    **how: Any,
 ) -> tuple[StaticRecord, StaticReport, str | None]:
     """Channels of a record, what was found in them, and the name of the card that was applied.
 
-    Arguments and errors as of `allan`.
+    Arguments and errors as of `allan`; `how` it is opened is the others of them.
     """
     card = None if calibration is None else CalibrationCard.of(calibration)
     applied = Path(calibration).name if isinstance(calibration, str | Path) else card.device if card else None
-    hertz, first, last = (
-        given(name, value, quantity)
-        for name, value, quantity in (
-            ("rate", rate, Quantity.FREQUENCY), ("start", start, Quantity.TIME), ("stop", stop, Quantity.TIME)
-        )
-    )  # fmt: skip
+    quantities = {"rate": Quantity.FREQUENCY, "start": Quantity.TIME, "stop": Quantity.TIME}
+    hertz, first, last = (given(name, how.pop(name, None), quantity) for name, quantity in quantities.items())
     if isinstance(record, np.ndarray):
-        opened = static_of_numbers(record, hertz, scale)
+        opened = static_of_numbers(record, hertz, how.get("scale"))
     elif isinstance(record, Recording | ImuData):
         recording = record if isinstance(record, Recording) else unsaved(record, "samples")
-        opened = static_channels(recording, Path(recording.name), card, triads, (first, last), hertz)
+        opened = static_channels(recording, Path(recording.name), card, how.get("triads", TRIADS), (first, last), hertz)
     else:
-        opened = load_static(
-            check.path("record", record), rate=hertz, scale=scale, profile=None if profile is None else Path(profile),
-            card=card, triads=triads, start=first, stop=last, kind=kind, columns=columns,
-        )  # fmt: skip
+        path = check.path("record", record)
+        opened = load_static(path, rate=hertz, card=card, start=first, stop=last, **how)
     report = check_static(
         opened, None if progress is None else lambda done: progress("checking", done, opened.size), skip=skip
     )
@@ -155,7 +166,7 @@ def load_static(
     *,
     rate: float | None = None,
     scale: str | None = None,
-    profile: Path | None = None,
+    profile: str | Path | None = None,
     card: CalibrationCard | None = None,
     triads: Sequence[str] = TRIADS,
     start: float | None = None,
@@ -174,6 +185,7 @@ def load_static(
     file = Path(path) if folder else existing_file(path)
     if start is not None and stop is not None and not start < stop:
         raise ParameterError(f"start must be before stop, but they are {start:g} s and {stop:g} s.")
+    profile = None if profile is None else Path(profile)
     if is_recording(file, profile, kind):
         if scale is not None or columns is not None:
             raise ParameterError(f"{file} is a recording with units of its own; leave scale and columns out.")

@@ -5,27 +5,30 @@ The analysis goes channel by channel, in memory or in one pass over a larger fil
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
 import numpy as np
 
-from plumbob import noise
 from plumbob.core import __version__
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.result import Reported
 from plumbob.data.cards import NoiseCard
-from plumbob.noise import Averager, ChannelComparison, Curve, compare, curves
-from plumbob.noise.factors import Factors, kind_named
+from plumbob.noise.analysis import Averages, analyse, analyse_averages, with_curve
+from plumbob.noise.compare import DeviationComparison, compare
+from plumbob.noise.curve import Curve, curves, make_curve
+from plumbob.noise.factors import Averager, Factors, every_adev, kind_named, log_factors, stream_factors
+from plumbob.noise.findings import Analysis, Deviation, numbers
 from plumbob.noise.static import StaticReport, bridged
 from plumbob.noise.static_record import Channels, StaticRecord
+from plumbob.noise.stream import AllanStream
 
 IN_MEMORY: Final = 1 << 24  # bytes of a file of bare numbers up to which it is read whole
 # S; every one that the record allows; or evenly spaced in their logarithm.
 Taus = Sequence[float] | Literal["all"] | None
 
-_Done = Callable[[int], None]
+_Done = Callable[[int, int], None]
 
 _WORKERS = 2
 _ROUNDED = 0.01  # of an averaging time: more is another one
@@ -33,16 +36,19 @@ _ROUNDED = 0.01  # of an averaging time: more is another one
 
 def characterise(
     record: StaticRecord, report: StaticReport, *, taus: Taus = None, progress: _Done | None = None
-) -> list[noise.Analysis]:
+) -> list[Analysis]:
     """Analyse every channel of a record, those of sensors that the report refuses left out.
 
     What it skips is bridged by its neighbours, and its warnings stand in the notes. `taus` are those of the curve; the
-    coefficients are found on log-spaced ones all the same. `progress` is given the bytes that are done.
+    coefficients are found on log-spaced ones all the same. `progress` is given what is done, and of how much.
     """
-    analyses: list[noise.Analysis] = []
+    analyses: list[Analysis] = []
     for group in _sound(record, report):
         if isinstance(group.source, np.ndarray) or record.size <= IN_MEMORY or taus == "all":
-            analyses += _in_memory(group, report, taus)
+            for analysis in _in_memory(group, report, taus):
+                analyses.append(analysis)
+                if progress is not None:
+                    progress(len(analyses), sum(len(each.names) for each in record.groups))
         elif group.names[0] in report.skipped:
             warning = next(f for f in report.warnings if f.kind == "disturbed" and f.concerns(group.names[0]))
             raise ShapeError(
@@ -61,45 +67,34 @@ def characterise(
     ]
 
 
-def deviations(record: StaticRecord, report: StaticReport, kind: str, *, taus: Taus = None) -> list[noise.Deviation]:
+def deviations(record: StaticRecord, report: StaticReport, kind: str, *, taus: Taus = None) -> list[Deviation]:
     """Only the deviation of each channel, of any kind in `plumbob.noise.KINDS`; otherwise as `characterise`."""
-    channels: list[noise.Deviation] = []
+    channels: list[Deviation] = []
     for group in _sound(record, report):
         samples = _samples(group, report)
         n = None if taus is None else _factors(taus, group.dt, samples.shape[0], kind)
         of = curves(samples, group.dt, n, kind=kind)
-        channels += [noise.Deviation(name, group.quantity, curve) for name, curve in zip(group.names, of, strict=True)]
+        channels += [Deviation(name, group.quantity, curve) for name, curve in zip(group.names, of, strict=True)]
     return channels
 
 
-def comparisons(
+def changes(
     before: tuple[StaticRecord, StaticReport], after: tuple[StaticRecord, StaticReport], *, taus: Taus = None
-) -> list[ChannelComparison]:
-    """Compare the channels of two records, which must have the same ones and rates."""
-    first, second = (_sound(record, report) for record, report in (before, after))
-    compared = []
-    alone = all([len(g.names) for g in groups] == [1] for groups in (first, second))  # whatever the files are called
-    if not alone and [g.names for g in first] != [g.names for g in second]:
-        raise ShapeError(
-            f"before has {_channels(first)}, but after has {_channels(second)}; compare the same channels."
-        )
-    for old, new in zip(first, second, strict=True):
-        if abs(old.dt / new.dt - 1.0) > _ROUNDED or old.quantity is not new.quantity:
-            raise ShapeError(
-                f"before is {old.quantity.name.lower()} at {1.0 / old.dt:.6g} Hz, but after is "
-                f"{new.quantity.name.lower()} at {1.0 / new.dt:.6g} Hz; compare like with like."
-            )
-        x, y = _samples(old, before[1]), _samples(new, after[1])
-        n = None if taus is None else _factors(taus, old.dt, min(x.shape[0], y.shape[0]))
-        compared += [
-            ChannelComparison(name, old.quantity, compare(x[:, i], y[:, i], old.dt, n=n))
-            for i, name in enumerate(old.names)
-        ]
+) -> dict[str, DeviationComparison]:
+    """What has changed from one record to another, channel by channel, of those that both have at one rate."""
+    old, new = ({name: group for group in _sound(*each) for name in group.names} for each in (before, after))
+    pairs = [(name, name) for name in old if name in new]
+    if len(old) == len(new) == 1:  # whatever the files are called
+        pairs = [(next(iter(old)), next(iter(new)))]
+    compared = {}
+    for first, second in pairs:
+        x, y = old[first], new[second]
+        if abs(x.dt / y.dt - 1.0) > _ROUNDED or x.quantity is not y.quantity:
+            continue
+        a, b = _samples(x, before[1])[:, x.names.index(first)], _samples(y, after[1])[:, y.names.index(second)]
+        n = None if taus is None else _factors(taus, x.dt, min(a.size, b.size))
+        compared[second] = compare(a, b, x.dt, n=n)
     return compared
-
-
-def _channels(groups: Sequence[Channels]) -> str:
-    return ", ".join(name for group in groups for name in group.names) or "none"
 
 
 def _sound(record: StaticRecord, report: StaticReport) -> list[Channels]:
@@ -114,40 +109,38 @@ def _samples(group: Channels, report: StaticReport) -> Floats:
     return bridged(group.read(), group.dt, group.start, list(parts)) if parts else group.read()
 
 
-def _in_memory(group: Channels, report: StaticReport, taus: Taus) -> Iterable[noise.Analysis]:
+def _in_memory(group: Channels, report: StaticReport, taus: Taus) -> Iterable[Analysis]:
     samples = _samples(group, report)
 
-    def analyse_column(channel: int) -> noise.Analysis:
+    def analyse_column(channel: int) -> Analysis:
         column = np.ascontiguousarray(samples[:, channel])
-        analysis = noise.analyse(column, group.dt, name=group.names[channel], quantity=group.quantity)
-        return analysis if taus is None else noise.with_curve(analysis, _curve_at_taus(column, group.dt, taus))
+        analysis = analyse(column, group.dt, name=group.names[channel], quantity=group.quantity)
+        return analysis if taus is None else with_curve(analysis, _curve_at_taus(column, group.dt, taus))
 
     with ThreadPoolExecutor(_WORKERS) as pool:
-        return list(pool.map(analyse_column, range(samples.shape[1])))
+        yield from pool.map(analyse_column, range(samples.shape[1]))
 
 
 def _curve_at_taus(samples: Floats, dt: float, taus: Sequence[float] | Literal["all"]) -> Curve:
     if taus == "all":
-        dev = noise.every_adev(samples)
-        return noise.make_curve(dev, np.arange(1, dev.size + 1), samples.size, dt)
+        dev = every_adev(samples)
+        return make_curve(dev, np.arange(1, dev.size + 1), samples.size, dt)
     return curves(samples[:, np.newaxis], dt, _factors(taus, dt, samples.size))[0]
 
 
-def _streamed(group: Channels, size: int, taus: Taus, progress: _Done | None) -> list[noise.Analysis]:
-    grid = noise.log_factors(size)  # a number is a byte or more
-    n = None if taus is None else noise.stream_factors(_factors(taus, group.dt, size))
-    allan = noise.AllanStream(
-        noise.stream_factors(grid if n is None else np.union1d(grid, n)), channels=len(group.names)
-    )
+def _streamed(group: Channels, size: int, taus: Taus, progress: _Done | None) -> list[Analysis]:
+    grid = log_factors(size)  # a number is a byte or more
+    n = None if taus is None else stream_factors(_factors(taus, group.dt, size))
+    allan = AllanStream(stream_factors(grid if n is None else np.union1d(grid, n)), channels=len(group.names))
     averager = Averager(len(group.names))
-    for block in group.blocks(progress):
+    for block in group.blocks(None if progress is None else lambda done: progress(done, size)):
         allan.feed(block)
         averager.feed(block)
     stats, values = allan.result(), averager.values()
-    channel_curves = [noise.make_curve(dev, stats.n, stats.count, group.dt) for dev in stats.dev.T]
+    channel_curves = [make_curve(dev, stats.n, stats.count, group.dt) for dev in stats.dev.T]
     analyses = [
-        noise.analyse_averages(
-            noise.Averages(np.ascontiguousarray(values[:, i]), averager.averaged),
+        analyse_averages(
+            Averages(np.ascontiguousarray(values[:, i]), averager.averaged),
             channel_curves[i],
             mean=float(stats.mean[i]),
             sd=float(stats.sd[i]),
@@ -190,7 +183,7 @@ def _too_long(tau: float, dt: float, count: int, kind: str = "oadev") -> Paramet
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Noise(Reported):
-    """Noise of a unit, found from a static record.
+    """Noise of a unit, found from a static record; or of several records beside each other.
 
     Attributes
     ----------
@@ -202,15 +195,31 @@ class Noise(Reported):
         One for each channel.
     calibration : str or None
         Device of the calibration card that was applied first.
+    label : str
+        What the record is called beside others.
+    beside : tuple of Noise
+        The others; this is the first, with which they are compared.
+    changes : mapping of str to DeviationComparison
+        Of one that stands beside another: from that to this, by the channel's name.
     """
 
     record: StaticRecord
     static: StaticReport
-    analyses: tuple[noise.Analysis, ...]
+    analyses: tuple[Analysis, ...]
     calibration: str | None = None
+    label: str = ""
+    beside: tuple["Noise", ...] = ()
+    changes: Mapping[str, DeviationComparison] = field(default_factory=dict)
+
+    @property
+    def all(self) -> tuple["Noise", ...]:
+        """The record itself, and those beside it."""
+        return (self, *self.beside)
 
     def facts(self) -> Mapping[str, str]:
         """Record, length and channels."""
+        if self.beside:
+            return {each.label: ", ".join(each._alone().facts().values()) for each in self.all}
         length = {a.name: a.curve.count * a.curve.dt for a in self.analyses}
         return {
             "record": self.record.path.name,
@@ -219,11 +228,22 @@ class Noise(Reported):
         }
 
     def card(self, device: str | None = None, source: str | None = None) -> NoiseCard:
-        """Noise card of the unit, for the simulator and the filters; errors as of `NoiseCard`."""
+        """Noise card of the unit, for the simulator and the filters; errors as of `NoiseCard`, and of several units."""
         from plumbob.noise.card import noise_card
 
         device = device or self.record.device or self.record.path.stem
-        return noise_card(self.analyses, device=device, source=source or self.source)
+        return noise_card(self._alone("a card").analyses, device=device, source=source or self.source)
+
+    def lines(self, form: str) -> str:
+        """What another program takes: "kalibr", "vins", "orbslam", "liosam", "kfgins" or "ros"; with definitions."""
+        from plumbob.noise.card import lines
+
+        return lines(self._alone(form).analyses, form, source=self.source)
+
+    def _alone(self, what: str = "") -> "Noise":
+        if what and self.beside:
+            raise ParameterError(f"{what} is for one unit, but there are {len(self.all)} records. Give one of them.")
+        return replace(self, beside=())
 
     @property
     def source(self) -> str:
@@ -236,7 +256,8 @@ class Noise(Reported):
         return self.record.path.name + ("" if self.calibration is None else f", calibrated with {self.calibration}")
 
     def summary(self) -> dict[str, Any]:
-        """All figures with their units, as JSON can hold them."""
-        from plumbob.noise.findings import numbers
-
-        return {"file": str(self.record.path), "calibration": self.calibration, **numbers(self.analyses)}
+        """All figures with their units, as JSON can hold them; of several records by their labels."""
+        if self.beside:
+            return {each.label: each._alone().summary() for each in self.all}
+        more = {"changes": {name: change.summary() for name, change in self.changes.items()}} if self.changes else {}
+        return {"file": str(self.record.path), "calibration": self.calibration, **numbers(self.analyses), **more}

@@ -1,25 +1,24 @@
-"""The noise card of a unit, from the analyses of its triads.
+"""The noise of a unit for others: the noise card, and the lines that other programs take.
 
-Kalibr's ``imu.yaml``.
-
-Kalibr wants five numbers that are greater than zero, noise densities of continuous time in SI, one for all axes, and
-divides by √Δt itself (its wiki page "IMU Noise Model", and ``kalibr_common/ConfigReader.py``): the densities are N, the
-random walks are K.
+What each program means by its numbers stands, with its source, in ``forms.toml``.
 """
 
 import math
-import re
+import tomllib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 
+from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import visible
 from plumbob.core.units import Quantity, written
 from plumbob.data.cards import UNITS, NoiseCard, TriadNoise
-from plumbob.noise.findings import AXES, Analysis, Coefficient, Triad, coefficient, length_and_rate, triads
+from plumbob.noise.findings import AXES, Analysis, Coefficient, Triad, coefficient, length_and_rate, lowest, triads
 from plumbob.noise.terms import DATASHEET
 
 
@@ -83,23 +82,28 @@ def _names(by_name: Mapping[str, Triad]) -> str:
     return ", ".join(f"{name} {''.join(triad.channels)}".strip() for name, triad in by_name.items())
 
 
-_SENSORS = (("acc", "accelerometer", Quantity.ACCELERATION), ("gyr", "gyroscope", Quantity.RATE))
-_FIELDS = (("N", "noise_density"), ("K", "random_walk"))
-_TOPIC = re.compile(r"[/~]?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
+_QUANTITIES: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION}
+# Of a Gauss–Markov process: averaging time at which its Allan deviation is greatest, in correlation times.
+_PEAK: Final = 1.8926  # [IEEE952] Annex C
 
 
-def kalibr_yaml(analyses: Sequence[Analysis], *, rostopic: str, source: str = "") -> str:
-    """Text of the file.
+def forms() -> dict[str, Any]:
+    """What other programs take, by name: values and the text that has them."""
+    return tomllib.loads(Path(__file__).with_name("forms.toml").read_text(encoding="utf-8"))
 
-    Each number is the quadratic mean over the axes. Where a coefficient is not observable, its limit of 95 % stands for
-    it, with a comment, as Kalibr takes no zero and a random walk that is too small binds its biases too tightly.
+
+def lines(analyses: Sequence[Analysis], form: str, *, source: str = "") -> str:
+    """Noise of a unit as another program takes it, with the definition of each number as a comment.
+
+    Where a coefficient is not observable, its limit of 95 % stands for it, as no program takes a zero and a random walk
+    that is too small binds a bias too tightly.
 
     Parameters
     ----------
     analyses : sequence of Analysis
         Channels of "gyr" and "acc"; others are not looked at.
-    rostopic : str
-        Topic of the sensor's messages, such as "/imu0".
+    form : {"kalibr", "vins", "orbslam", "liosam", "kfgins", "ros"}
+        The program.
     source : str
         Recording and device, for a comment.
 
@@ -110,51 +114,54 @@ def kalibr_yaml(analyses: Sequence[Analysis], *, rostopic: str, source: str = ""
     UnitError
         If one measures something else than its name says, as plain numbers do.
     ParameterError
-        If the topic is not a name of ROS, the two have different rates, or a coefficient has neither value nor limit.
+        If the two have different rates, or a coefficient has neither value nor limit.
     """
-    if not _TOPIC.fullmatch(rostopic):
-        raise ParameterError(f"rostopic must be a ROS name such as /imu0, but it is {rostopic!r}.")
+    chosen = forms()[check.one_of("form", form, tuple(forms()))]
     index = {triad.name: triad for triad in triads(analyses)}
-    lines = ["# Noise of an IMU for Kalibr: continuous time, SI; by plumbob"]
-    lines += [f"# {_ascii(source)}"] if source else []
-    lines.append("# each number is the quadratic mean over the axes below it; +/- is 68.3 %")
-    for name, sensor, quantity in _SENSORS:
+    for name, quantity in _QUANTITIES.items():
         if name not in index:
-            raise ShapeError(f"Kalibr needs gyr and acc, but the record has only {', '.join(index)}.")
+            raise ShapeError(f"{form} needs gyr and acc, but the record has only {', '.join(index)}.")
         if index[name].first.quantity is not quantity:
             raise UnitError(
-                f"{name} is in '{index[name].first.quantity}', but Kalibr takes {quantity}; scale the recording."
+                f"{name} is in '{index[name].first.quantity}', but {form} takes {quantity}; scale the recording."
             )
-        lines += ["", f"# {sensor}: {_ascii(length_and_rate(index[name]))}"]
-        for letter, field in _FIELDS:
-            lines += _field(f"{sensor}_{field}", index[name], letter)
-    lines += ["", f"rostopic: {rostopic}", f"update_rate: {_rate(index):.6f}"]
-    return "\n".join(lines) + "\n"
+    values, rate = {}, _rate(index)
+    about = [f"# {_ascii(source)}"] if source else []
+    about += [f"# {name}: {_ascii(length_and_rate(index[name]))}; +/- is 68.3 %" for name in _QUANTITIES]
+    for key, value in chosen["values"].items():
+        sizes, comments = _sizes(index[value["of"]], value["letter"], form)
+        about += [line for line in comments if line not in about]
+        mean = sizes if value.get("axes") else np.sqrt(np.mean(sizes**2, keepdims=True))
+        scaled = (value.get("factor", 1.0) * mean * rate ** value.get("rate", 0.0)) ** value.get("power", 1)
+        values[key] = ", ".join(f"{number:.6e}" for number in scaled.tolist())
+        for axis, number in zip(AXES, scaled.tolist(), strict=False):
+            values[f"{key}_{axis}"] = f"{number:.6e}"
+    floors = [least.tau for name in _QUANTITIES for a in index[name].channels.values() if (least := lowest(a))]
+    values["hours"] = f"{float(np.exp(np.mean(np.log(floors or [math.nan])))) / _PEAK / 3600.0:.5g}"
+    return str(chosen["text"]).format(about="\n".join(about), rate=rate, **values).strip() + "\n"
 
 
-def _field(field: str, triad: Triad, letter: str) -> list[str]:
-    """A number and, as comments, what it was made of."""
-    unit = DATASHEET[triad.first.quantity][letter]
-    squares, comments = [], []
+def _sizes(triad: Triad, letter: str, form: str) -> tuple[Floats, list[str]]:
+    """A coefficient of each axis, SI, and comments that say what it was made of."""
+    unit, sizes, comments = DATASHEET[triad.first.quantity][letter], [], []
     for axis, analysis in triad.channels.items():
         c = analysis.terms.get(letter, Coefficient(0.0, observable=False))
-        size = c.value if c.observable else c.upper
-        if not (math.isfinite(size) and size > 0.0):
+        sizes.append(c.value if c.observable else c.upper)
+        if not (math.isfinite(sizes[-1]) and sizes[-1] > 0.0):
             raise ParameterError(
-                f"{letter} of {triad.name} {axis} has neither a value nor a limit, but Kalibr needs a number greater "
+                f"{letter} of {triad.name} {axis} has neither a value nor a limit, but {form} needs a number greater "
                 "than 0; record for longer."
             )
-        squares.append(size**2)
         limit = "" if c.observable else ", not observable: the limit of 95 % is taken"
-        comments.append(f"#   {letter} {axis}: {_ascii(coefficient(c, unit))} {unit}{limit}")
-    return [f"{field}: {math.sqrt(sum(squares) / len(squares)):.6e}", *comments]
+        comments.append(f"#   {triad.name} {axis} {letter}: {_ascii(coefficient(c, unit))} {unit}{limit}")
+    return np.array(sizes), comments
 
 
 def _rate(by_name: dict[str, Triad]) -> float:
-    rates = [1.0 / by_name[name].first.curve.dt for name, *_ in _SENSORS]
+    rates = [1.0 / by_name[name].first.curve.dt for name in _QUANTITIES]
     if not math.isclose(*rates, rel_tol=1e-6):
         both = " and ".join(f"{rate:.6g} Hz" for rate in rates)
-        raise ParameterError(f"acc and gyr have the rates {both}, but Kalibr takes one; resample one of them.")
+        raise ParameterError(f"gyr and acc have the rates {both}, but one is needed; resample one of them.")
     return rates[0]
 
 

@@ -16,16 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
-from plumbob.core.findings import Note, as_json, info, warning
+from plumbob.core.findings import Finding, Note, as_json, info, warning
 from plumbob.core.result import plain
-from plumbob.core.units import Quantity
 from plumbob.noise.curve import Curve, curve
-from plumbob.noise.findings import numbers_of_curve
+from plumbob.noise.findings import Analysis, Coefficient
 from plumbob.noise.spectrum import Spectrum, spectrum
-from plumbob.noise.terms import DEVIATION, FAR
+from plumbob.noise.terms import FAR, TERMS
 
 _SAME = 0.05  # of the power: what is no filter
 _LOWEST = 64  # coefficients whose power no filter that can be recognised has changed
+_CHANCE = 0.05  # probability that a difference is named where there is none
+_LIMIT = 1.645  # standard deviations of a normal distribution below its limit of 95 %
 _FITS = 0.1  # rms of ln(power) up to which a ratio of spectra is that of a filter of first order
 
 
@@ -65,23 +66,19 @@ class DeviationComparison:
         """Averaging times, s."""
         return self.before.tau
 
-
-class ChannelComparison(NamedTuple):
-    """Comparison of one channel: its name, what its samples measure, and what was found."""
-
-    name: str
-    quantity: Quantity
-    comparison: DeviationComparison
+    @property
+    def is_filter(self) -> bool:
+        """Whether a filter alone makes the one of the other; two sensors can have spectra that only look so."""
+        return self.bent_below is not None and not any(
+            isinstance(note, Finding) and note.code == "noise.changed_beyond" for note in self.notes
+        )
 
     def summary(self) -> dict[str, Any]:
-        """Both curves, ratio, time constant and notes, strictly valid for JSON."""
-        c, unit = self.comparison, DEVIATION[self.quantity]
+        """Averaging times, ratio, time constant and notes, strictly valid for JSON."""
         return dict(plain({
-            "quantity": self.quantity.name.lower(),
-            "before": numbers_of_curve(c.before, unit), "after": numbers_of_curve(c.after, unit),
-            "ratio": c.ratio, "ratio_lo": c.lo, "ratio_hi": c.hi,
-            "time_constant_s": c.time_constant, "corner_hz": c.corner, "bent_below_s": c.bent_below,
-            "notes": as_json(c.notes),
+            "tau_s": self.tau, "ratio": self.ratio, "ratio_lo": self.lo, "ratio_hi": self.hi,
+            "time_constant_s": self.time_constant, "corner_hz": self.corner, "bent_below_s": self.bent_below,
+            "notes": as_json(self.notes),
         }))  # fmt: skip
 
 
@@ -124,6 +121,43 @@ def compare(
         bent = FAR * constant
     notes = tuple(_notes(first.tau, ratio, lo, hi, constant, corner, bent))
     return DeviationComparison(first, second, ratio, lo, hi, constant, corner, bent, notes)
+
+
+class Difference(NamedTuple):
+    """A coefficient over that of another record, and its interval of 68.3 %; NaN where one is not observable."""
+
+    letter: str
+    ratio: float
+    lo: float
+    hi: float
+
+
+def differences(first: Analysis, second: Analysis, *, among: int = 1) -> list[Difference]:
+    """Coefficients in which a channel of another record differs from the first's by more than chance.
+
+    Chance would make one such difference `among` all that are looked at in 5 % of all cases (Bonferroni). What is not
+    observable is taken as 0 with the deviation that its limit of 95 % says.
+    """
+    from scipy.stats import norm
+
+    surely, unlike = float(norm.ppf(1.0 - _CHANCE / (2.0 * among))), []
+    for letter in TERMS:
+        pair = [each.terms.get(letter) for each in (first, second)]
+        if not all(c is not None and (c.observable or math.isfinite(c.upper)) for c in pair):
+            continue
+        (a, below, above), (b, under, over) = (_with_deviations(c) for c in pair if c is not None)
+        if abs(b - a) > surely * (math.hypot(below, over) if b < a else math.hypot(above, under)):
+            if a and b:
+                lower, upper = math.hypot(above / a, under / b), math.hypot(below / a, over / b)
+                unlike.append(Difference(letter, b / a, b / a * (1.0 - lower), b / a * (1.0 + upper)))
+            else:
+                unlike.append(Difference(letter, math.inf if b else 0.0, math.nan, math.nan))
+    return unlike
+
+
+def _with_deviations(c: Coefficient) -> tuple[float, float, float]:
+    """Value, and standard deviations below and above it; of one that is not observable 0, and of its limit."""
+    return (c.value, c.value - c.lo, c.hi - c.value) if c.observable else (0.0, 0.0, c.upper / _LIMIT)
 
 
 def _filter_between(before: Spectrum, after: Spectrum) -> tuple[float | None, float | None]:

@@ -95,6 +95,15 @@ DEVIATION: Final[dict[Quantity, str]] = {
 """Unit of an Allan deviation as it is printed."""
 
 
+SHEETS: Final[dict[Quantity, tuple[tuple[str, float], ...]]] = {
+    Quantity.RATE: (("ADIS16505", 0.13), ("VN-100", 0.21), ("LSM6DSO", 0.23), ("MPU-6000", 0.3), ("BMI270", 0.42),
+                    ("BMI160", 0.48), ("MPU-9250", 0.6), ("BMI088", 0.84), ("ICM-20948", 0.9)),
+    Quantity.ACCELERATION: (("ADIS16505", 20.0), ("LSM6DSO", 70.0), ("LSM9DS1", 100.0), ("VN-100", 140.0),
+                            ("BMI160", 150.0), ("ICM-20948", 230.0), ("MPU-9250", 300.0), ("MPU-6000", 400.0)),
+}  # fmt: skip
+"""N of MEMS parts by their data sheets (those of the simulator's presets), in the units of `DATASHEET`."""
+
+
 def variance(letter: str, coefficient: float, tau: ArrayLike) -> Floats:
     """Allan variance of one term at the averaging times tau, s, by its coefficient in inside units."""
     term = TERMS[letter]

@@ -7,6 +7,7 @@ serves a light page, a dark page and paper.
 import io
 import logging
 import re
+import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,6 +23,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.core.files import replacing
 from plumbob.core.series import needed
+from plumbob.core.units import Quantity, given
 from plumbob.reporting.content import GRID, INK, LANGUAGES, MUTED, SERIES, SHADE, VARIABLES, said
 
 if TYPE_CHECKING:
@@ -33,10 +35,13 @@ if TYPE_CHECKING:
 PICTURES: Final = (".svg", ".png", ".pdf")  # endings of the names of pictures
 
 _DPI = 200
+_WIDTHS: Final = 0.03, 1.0  # least and greatest width of a picture, m
 _WIDTH = 7.5  # inches, 540 points: the page shows a point as 1.8 pixels at most
 _DASHES: Final[dict[str, Any]] = {"solid": "-", "dashed": "--", "dotted": ":"}
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_ROW = 0.15  # inches of a further row of a key
 _TITLE = 0.45  # inches for caption and key of a picture
+_BOLD = 0.75  # letters of a caption beside those of a key
 _LETTERS = 110  # that fit beside each other in a key, with its samples of lines
 _STYLE: Final[dict[str, Any]] = {
     "svg.fonttype": "none", "pdf.fonttype": 42, "font.family": "sans-serif", "font.size": 7.0, "text.color": INK,
@@ -81,17 +86,29 @@ def picture(
     kind = picture_kind(target)
     if not figures:
         raise ParameterError(f"{target} would be empty: this report has no figure. Write the page instead.")
-    heights = [figure.height + _TITLE for figure in figures]
+    letters = _LETTERS if width is None else round(_LETTERS * width / _WIDTH)
+    heights = [figure.height + _TITLE + _ROW * (_key_rows(figure, letters) - 1) for figure in figures]
     with _canvas(sum(heights), lang, embedded=kind != "svg", width=width or _WIDTH) as canvas:
         panels = canvas.subfigures(len(figures), 1, squeeze=False, height_ratios=heights)[:, 0]
         for panel, figure in zip(panels, figures, strict=True):
+            _explain(panel, figure, letters)  # first, as what is drawn may look for room
             figure.draw(panel)
-            _explain(panel, figure, _LETTERS if width is None else round(_LETTERS * width / _WIDTH))
             _finish(panel, lang)
         with replacing(target, overwrite=overwrite) as temporary:
             undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
             canvas.savefig(temporary, format=kind, dpi=_DPI, facecolor="white", metadata=undated)
     return target
+
+
+def inches(width: float | str | None) -> float | None:
+    """Width of a picture, given in m or as text with its unit; None where none is given."""
+    metres = given("width", width, Quantity.LENGTH)
+    if metres is not None and not _WIDTHS[0] <= metres <= _WIDTHS[1]:
+        raise ParameterError(
+            f"the width of a picture must be {1e3 * _WIDTHS[0]:g} to {1e3 * _WIDTHS[1]:g} mm, but it is "
+            f"{1e3 * metres:g} mm. Give one in between, as 85mm."
+        )
+    return metres and metres / 0.0254
 
 
 def picture_kind(path: Path) -> str:
@@ -149,11 +166,17 @@ def _explain(panel: "FigureBase", figure: "Figure", letters: int) -> None:
         else Line2D([], [], color=colour, linestyle=_DASHES[dash], linewidth=1.2, label=name)
         for name, colour, dash in figure.key
     ]
-    panel.suptitle(figure.caption, x=0.01, ha="left", fontsize=8.0, fontweight="bold")
+    caption = textwrap.fill(figure.caption, round(_BOLD * letters))
+    panel.suptitle(caption, x=0.01, ha="left", fontsize=8.0, fontweight="bold")
     if handles:
-        widths = [8 + len(name) for name, *_ in figure.key]
-        columns = len(widths) if sum(widths) <= letters else max(1, letters // max(widths))
+        columns = -(-len(handles) // _key_rows(figure, letters))
         panel.legend(handles=handles, loc="outside lower left", ncols=columns, frameon=False)
+
+
+def _key_rows(figure: "Figure", letters: int) -> int:
+    """Rows of a key in which so many letters fit beside each other."""
+    widths = [8 + len(name) for name, *_ in figure.key] or [0]
+    return 1 if sum(widths) <= letters else -(-len(widths) // max(1, letters // max(widths)))
 
 
 def _finish(canvas: "FigureBase", lang: str) -> None:

@@ -1,35 +1,38 @@
 """Descriptions of noise: data sheet, deviations alone, before and after, and the noise card."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from itertools import product
+from typing import TYPE_CHECKING, Final, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import __version__
 from plumbob.core.check import Floats
-from plumbob.core.findings import info
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import measured, number
 from plumbob.core.units import Quantity, from_si, written
 from plumbob.data import TITLES
 from plumbob.data.cards import UNITS, NoiseCard, TriadNoise
 from plumbob.noise import findings
 from plumbob.noise.allan import Noise
-from plumbob.noise.compare import ChannelComparison
+from plumbob.noise.compare import DeviationComparison, differences
 from plumbob.noise.curve import Curve
-from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
-from plumbob.reporting.content import INK, SERIES, SHADE, Figure, Table
+from plumbob.noise.terms import DATASHEET, DEVIATION, SHEETS, TERMS, variance
+from plumbob.reporting.content import INK, MUTED, SERIES, SHADE, SOFT, Figure, Table
 from plumbob.reporting.report import Report
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
+    from matplotlib.figure import Figure as CanvasFigure
     from matplotlib.figure import FigureBase
 
 _ROWS = 40  # of a curve's table
+_IMPLAUSIBLE = 10.0  # times the noisiest data sheet, or the tenth of the quietest: parts scatter by far less
 _COARSE = 0.05  # of N² from the rounding of the values: more is told
 
 
@@ -77,7 +80,9 @@ def longer(c: findings.Coefficient) -> str:
 
 
 def noise(result: Noise, *, device: str | None = None) -> Report:
-    """Data sheet; further tables of its text are "methods" and "curve"."""
+    """Data sheet, or several records beside each other; further tables of its text are "methods" and "curve"."""
+    if result.beside:
+        return _several_records(result)
     facts = {"device": device or result.record.path.stem, "record": result.named, "made by": f"plumbob {__version__}"}
     return datasheet(result.analyses, facts=list(facts.items()))
 
@@ -99,11 +104,103 @@ def curves_report(deviations: Sequence[findings.Deviation]) -> Report:
     return Report("Deviation over averaging time", parts=parts)
 
 
-def before_and_after(found: Sequence[ChannelComparison], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
-    """Deviations before and after at equal averaging times, their ratio with its interval, and what to make of it."""
+class _SensorGroup(NamedTuple):
+    """Channels of several records that measure alike, by axis and then by the record's label."""
+
+    title: str
+    quantity: Quantity
+    axes: dict[str, dict[str, findings.Analysis]]
+    ratios: dict[str, DeviationComparison]  # by the label and axis of the later record
+
+
+def _groups(result: Noise) -> list[_SensorGroup]:
+    """Channels by their sensors; all in one where each record has a single channel, whatever it is called."""
+    alone = all(len(each.analyses) == 1 for each in result.all)
+    groups: dict[tuple[str, Quantity], _SensorGroup] = {}
+    for each in result.all:
+        for triad in findings.triads(each.analyses):
+            for axis, a in triad.channels.items():
+                name = "" if alone else triad.name
+                title = TITLES[triad.name].capitalize() if name in TITLES else name or "Sensors"
+                group = groups.setdefault((name, a.quantity), _SensorGroup(title, a.quantity, {}, {}))
+                group.axes.setdefault("" if alone else axis, {})[each.label] = a
+                if a.name in each.changes:
+                    group.ratios[f"{each.label} {'' if alone else axis}".strip()] = each.changes[a.name]
+    return list(groups.values())
+
+
+def _several_records(result: Noise) -> Report:
+    """Coefficients of several records beside each other, what differs by more than chance, and one figure a sensor."""
+    sheets = {each.label: findings.triads(each.analyses) for each in result.all}
+    facts = [(each.label, f"{each.named}, {findings.length_and_rate(sheets[each.label][0])}") for each in result.all]
+    parts = []
+    for group in _groups(result):
+        shown = {id(a) for by_label in group.axes.values() for a in by_label.values()}
+        remarks = [f"{label}: {remark}" for label, triads in sheets.items() for triad in triads
+                   if id(triad.first) in shown for remark in _remarks(triad, beside=True)]  # fmt: skip
+        table, differences = _coefficients_beside(group, result.label)
+        tables = [table, *([_ratio_table(group.ratios)] if group.ratios else [])]
+        figures = partial(_figures, group.axes)
+        parts.append(Report(group.title, tables=tables, remarks=[*differences, *remarks], figures=figures))
+    definitions = [info("page.allan"), info("page.filtered"), info("page.beside", label=result.label)]
     return Report(
-        "Noise before and after", facts=facts, parts=[_compared(c) for c in found], definitions=[info("page.filtered")]
-    )
+        "Noise of several records", facts=[*facts, ("made by", f"plumbob {__version__}")],
+        remarks=[info("page.limits")], parts=parts, definitions=definitions,
+    )  # fmt: skip
+
+
+def _coefficients_beside(group: _SensorGroup, first: str) -> tuple[Table, Sequence[Note]]:
+    """Table of coefficients, those that differ from the first record's marked; what to say of them and of filters."""
+    units, sample = DATASHEET[group.quantity], DEVIATION[group.quantity]
+    every = [(axis, label, a) for axis, by_label in group.axes.items() for label, a in by_label.items()]
+    letters = [k for k in TERMS if any(k in findings.shown(a) for *_, a in every)]
+    among = len(letters) * (len(every) - len(group.axes)) or 1
+    rows: list[list[str]] = []
+    notes: list[Note] = []
+    for axis, label, a in every:
+        old, name = group.axes[axis].get(first, a), f"{label} {axis}".strip()
+        unlike = {d.letter: d for d in differences(old, a, among=among)}
+        least = findings.lowest(a)
+        floor = "-" if least is None else f"{number(from_si(least.dev, sample))} at {number(least.tau)} s"
+        cells = [findings.coefficient(a.terms.get(k), units[k]) + (" *" if k in unlike else "") for k in letters]
+        rows.append([name, *cells, floor])
+        factors = [f"{k} by a factor of {measured(d.ratio, d.lo, d.hi)}" if math.isfinite(d.lo)
+                 else f"{k} ({'' if d.ratio else 'not '}observable)" for k, d in unlike.items()]  # fmt: skip
+        if factors:
+            notes.append(info("noise.differs", name=name, other=f"{first} {axis}".strip(), what=", ".join(factors)))
+        if (ratio := group.ratios.get(name)) and ratio.is_filter:
+            notes += [f"{name}: {note}" for note in ratio.notes]
+    head = ["", *(f"{k}{_in_brackets(units[k])}" for k in letters), f"floor{_in_brackets(sample)}"]
+    return Table("", head, rows), notes or [info("noise.no_difference")]
+
+
+def _ratio_table(ratios: Mapping[str, DeviationComparison]) -> Table:
+    """Deviation over that of the first record, at about one averaging time in each decade of the longest."""
+    longest, rows = max(ratios.values(), key=lambda c: c.tau.size), []
+    for i in thinned_rows(longest.before, _DECADES).tolist():
+        n = longest.before.n[i]
+        places = [np.flatnonzero(c.before.n == n) for c in ratios.values()]
+        cells = [measured(*(float(v[k[0]]) for v in (c.ratio, c.lo, c.hi))) if k.size else "-"
+                 for c, k in zip(ratios.values(), places, strict=True)]  # fmt: skip
+        rows.append([number(float(longest.tau[i])), *cells])
+    return Table("Allan deviation over that of the first record", ["τ [s]", *ratios], rows)
+
+
+def _plausible(triad: findings.Triad) -> Iterator[Note]:
+    """Where white noise lies among that of data sheets, or that it can hardly be that of such a sensor."""
+    first = triad.first
+    unit, sheets = DATASHEET[first.quantity]["N"], sorted(SHEETS.get(first.quantity, ()), key=lambda sheet: sheet[1])
+    sizes = [from_si(a.terms["N"].value, unit) for a in triad.channels.values() if "N" in findings.shown(a)]
+    if not (sheets and sizes):
+        return
+    middle, texts = float(np.median(sizes)), [f"{number(value)} {written(unit)} ({part})" for part, value in sheets]
+    for i, than, ratio in ((0, "quietest", sheets[0][1] / middle), (-1, "noisiest", middle / sheets[-1][1])):
+        if ratio > _IMPLAUSIBLE:
+            yield warning("noise.implausible", ratio=middle / sheets[i][1], than=than, sheet=texts[i])
+            return
+    near = texts[int(np.argmin([abs(math.log(value / middle)) for _, value in sheets]))]
+    size = f"{number(middle)} {written(unit)}"
+    yield info("noise.plausible", size=size, low=texts[0], high=texts[-1], near=near)
 
 
 def _triad(triad: findings.Triad) -> Report:
@@ -116,14 +213,14 @@ def _triad(triad: findings.Triad) -> Report:
         tables=[Table("", ["", *triad.channels], _coefficient_rows(triad))],
         details=partial(_details, first) if alone else None,
         remarks=_remarks(triad),
-        figures=lambda: [channel_figure(first) if alone else triad_figure(triad)],
+        figures=partial(_figures, {"": triad.channels}),
         parts=() if alone else [_channel(a) for a in channels],
     )
 
 
 def _channel(a: findings.Analysis) -> Report:
     """Details of a channel among others."""
-    return Report(a.name, details=partial(_details, a), figures=lambda: [channel_figure(a)])
+    return Report(a.name, details=partial(_details, a), figures=partial(_figures, {"": {"": a}}))
 
 
 def _details(a: findings.Analysis) -> list[Table]:
@@ -165,22 +262,7 @@ def _curve(a: findings.Analysis | findings.Deviation) -> Table:
     return Table(title, head, rows, words=(6,))
 
 
-def _compared(pair: ChannelComparison) -> Report:
-    c, unit = pair.comparison, DEVIATION[pair.quantity]
-    rows = [
-        (
-            number(float(c.tau[i])),
-            *(number(from_si(float(curve.dev[i]), unit), 4) for curve in (c.before, c.after)),
-            *(number(float(v[i])) for v in (c.ratio, c.lo, c.hi)),
-        )
-        for i in thinned_rows(c.before, _ROWS).tolist()
-    ]
-    head = ("τ [s]", "before", "after", "ratio", "from", "to")
-    title = f"{c.before.kind}{_in_brackets(unit)}, ratio with its 68.3 % interval"
-    return Report(pair.name, tables=[Table(title, head, rows)], remarks=c.notes, figures=[_compared_figure(pair)])
-
-
-def _remarks(triad: findings.Triad) -> list[str]:
+def _remarks(triad: findings.Triad, *, beside: bool = False) -> list[Note]:
     """What a reader must know beside the coefficients, each remark once with the axes that it holds for."""
     axes_by_remark: dict[str, list[str]] = {}
     for axis, a in triad.channels.items():
@@ -188,7 +270,7 @@ def _remarks(triad: findings.Triad) -> list[str]:
             axes_by_remark.setdefault(remark, []).append(axis)
     everywhere = len(triad.channels)
     rest = [r if len(axes) == everywhere else f"{', '.join(axes)}: {r}" for r, axes in axes_by_remark.items()]
-    return [*_verdicts(triad), *rest]
+    return [*_plausible(triad), *([] if beside else _verdicts(triad)), *rest]
 
 
 def _coefficient_rows(triad: findings.Triad) -> list[list[str]]:
@@ -264,97 +346,133 @@ def _rounding(a: findings.Analysis) -> str:
     return f", whose rounding (step²/12 · Δt) is {number(100.0 * density / white.value**2, 2)} % of N²"
 
 
-CURVE, MODEL, TERM = SERIES[0], INK, SERIES[1]
-_SLOPES = {-2: "−1", -1: "−½", 0: "0", 1: "+½", 2: "+1"}
 _COLUMNS = 600  # of a picture, for the thinning of long curves
 HEIGHT = 3.3
+_LOW = 2.0  # inches of one of several panels
 _FADED = 0.35
-_ROOM = 1.2  # between a letter and the ends of the scales, as a ratio
+_LISTED = 9  # channels whose values fit into a key
+_LETTER = 6.5  # points of a value beside its mark
+_PLACES: Final = [  # offsets of a value from its mark, points
+    (x, y) for k in (1, 2, 3) for x, y in ((0, -6 * k), (6, -4 * k), (-6, -4 * k), (0, 6 * k), (6, 4 * k), (-6, 4 * k))
+]
+_SIDES: Final = ({-1: "right", 0: "center", 1: "left"}, {-1: "top", 0: "center", 1: "bottom"})
+_DECADES = 7  # rows of a table of ratios
+
+Panels = Mapping[str, Mapping[str, findings.Analysis]]
 
 
-def triad_figure(triad: findings.Triad) -> Figure:
-    """Deviations of all axes of a triad."""
-    channels = list(triad.channels.values())
-    axes = [(axis, colour, "solid") for axis, colour in zip(triad.channels, SERIES, strict=False)]
-    keys = [*axes, ("models", MODEL, "solid"), *([("masked on an axis", SHADE, "block")] if _masked(channels) else [])]
-    draw = partial(_draw_curves, curves=channels, shaded=_masked(channels))
-    return Figure("Allan deviation of all axes", draw, keys, HEIGHT)
+def _figures(panels: Panels) -> list[Figure]:
+    return [allan_figure(panels)]
 
 
-def channel_figure(analysis: findings.Analysis) -> Figure:
-    """One channel with everything that was found in it: the terms with their values where they are read off."""
-    keys = [
-        (f"deviation, {100.0 * analysis.curve.confidence:.1f} % interval", CURVE, "solid"),
-        ("model", MODEL, "solid"),
-        ("terms, read off at the dots", TERM, "dashed"),
-        *([("masked", SHADE, "block")] if _masked([analysis]) else []),
-    ]
-    return Figure("Allan deviation, model and terms", partial(_draw_channel, analysis=analysis), keys, HEIGHT)
+def allan_figure(panels: Panels) -> Figure:
+    """Deviations with their models, in panels by axis whose channels have a colour each, and a key with coefficients.
+
+    Marks are where a coefficient is read off; its value stands there too, where it crosses no curve.
+    """
+    names = list(dict.fromkeys(name for channels in panels.values() for name in channels))
+    colours = {name: SERIES[i % len(SERIES)] for i, name in enumerate(names)}
+    every = [(name, axis, panels[axis][name]) for name in names for axis in panels if name in panels[axis]]
+    units = DATASHEET[every[0][2].quantity]
+    keys = [(name, colour, "solid") for name, colour in colours.items()]
+    if len(every) <= _LISTED:
+        words = [(name, [f"{name} {axis}".strip(), ", ".join(_values(a).values())]) for name, axis, a in every]
+        keys = [(": ".join(filter(None, parts)) or "deviation", colours[name], "solid") for name, parts in words]
+    keys += [("dots: deviation, line: model", MUTED, "solid"), ("68.3 % interval", SOFT, "block")]
+    keys += [("masked", SHADE, "block")] if _masked(a for *_, a in every) else []
+    letters = [k for k in TERMS if any(k in findings.shown(a) for *_, a in every)]
+    caption = ", ".join(["Allan deviation", *(f"{k}{_in_brackets(units[k])}" for k in letters)])
+    height = HEIGHT if len(panels) == 1 else _LOW * len(panels) + 0.3
+    return Figure(caption, partial(_draw, panels=panels, colours=colours), keys, height)
 
 
-def _compared_figure(pair: ChannelComparison) -> Figure:
-    c = pair.comparison
-    both = [findings.Deviation(pair.name, pair.quantity, curve) for curve in (c.before, c.after)]
-    bent = [("bent by the filter", SHADE, "block")] if c.bent_below is not None else []
-    keys = [("before", SERIES[0], "solid"), ("after", SERIES[1], "solid"), *bent]
-    draw = partial(_draw_curves, curves=both, shaded=c.bent_below)
-    return Figure("Allan deviation before and after", draw, keys, HEIGHT)
+def _values(a: findings.Analysis) -> dict[str, str]:
+    """Coefficients that the record shows, by letter, each with its value in the unit of a data sheet."""
+    units = DATASHEET[a.quantity]
+    return {letter: f"{letter} {number(from_si(c.value, units[letter]))}" for letter, c in findings.shown(a).items()}
 
 
-def _masked(channels: Sequence[findings.Analysis]) -> float | None:
-    """Averaging time below which the mask leaves out what an axis has; None where no axis has one."""
+def _masked(channels: Iterable[findings.Analysis]) -> float | None:
+    """Averaging time below which the mask leaves out what a channel has; None where none has one."""
     return max((a.mask.n * a.curve.dt for a in channels if a.mask.n > 1), default=None)
 
 
-def _draw_curves(
-    canvas: "FigureBase", curves: Sequence[findings.Analysis | findings.Deviation], shaded: float | None
-) -> "Axes":
-    """Deviations, each with its model where it has one; shaded below an averaging time."""
-    ax = canvas.subplots()
-    _frame(ax, curves)
-    if shaded is not None:
-        ax.axvspan(ax.get_xlim()[0], shaded, color=SHADE, linewidth=0, zorder=0)
-    for curve, colour in zip(curves, SERIES, strict=False):
-        _draw_curve(ax, curve, colour, band=0.22 if len(curves) == 1 else 0.15)
-        if isinstance(curve, findings.Analysis):
-            tau = np.geomspace(*ax.get_xlim(), 400)
-            ax.plot(tau, from_si(curve.model(tau), DEVIATION[curve.quantity]), color=MODEL, linewidth=0.7)
-    return ax
+def _draw(canvas: "FigureBase", panels: Panels, colours: Mapping[str, str]) -> None:
+    """A panel below the other, with the same scales."""
+    axes = canvas.subplots(len(panels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    every = [channel for channels in panels.values() for channel in channels.values()]
+    for ax, (axis, channels) in zip(axes, panels.items(), strict=True):
+        _frame(ax, every, axis)
+        if (masked := _masked(channels.values())) is not None:
+            ax.axvspan(ax.get_xlim()[0], masked, color=SHADE, linewidth=0, zorder=0)
+        for name, a in channels.items():
+            _draw_curve(ax, a, colours[name], band=0.22 if len(channels) == 1 else 0.15)
+            _draw_model(ax, a, colours[name], terms=len(every) == 1)
+    axes[-1].set_xlabel("averaging time [s]")
+    cast("CanvasFigure", canvas.figure).draw_without_rendering()  # that the places of the axes are known
+    for ax, channels in zip(axes, panels.values(), strict=True):
+        _write_values(ax, {colours[name]: a for name, a in channels.items()})
 
 
-def _draw_channel(canvas: "FigureBase", analysis: findings.Analysis) -> None:
-    ax = _draw_curves(canvas, [analysis], _masked([analysis]))
-    sample, tau = DEVIATION[analysis.quantity], np.geomspace(*ax.get_xlim(), 200)
-    for letter, c in findings.shown(analysis).items():
+def _draw_model(ax: "Axes", a: findings.Analysis, colour: str, *, terms: bool) -> None:
+    """Model as a line, its terms as dashed ones, and marks where the coefficients are read off."""
+    sample, tau = DEVIATION[a.quantity], np.geomspace(*ax.get_xlim(), 400)
+    ax.plot(tau, from_si(a.model(tau), sample), color=colour, linewidth=0.8)
+    for letter, c in findings.shown(a).items() if terms else ():
         line = from_si(np.sqrt(variance(letter, c.value, tau)), sample)
-        ax.plot(tau, line, color=TERM, linewidth=0.7, linestyle=(0, (4, 3)))
-        _name(ax, letter, tau, line)
-    for letter, at, dev in findings.points(analysis):
-        dot = (at, from_si(dev, sample))
-        ax.plot(*dot, "o", color=TERM, markersize=3.5, zorder=4)
-        name = DATASHEET[analysis.quantity][letter]
-        value = with_unit(number(from_si(analysis.terms[letter].value, name)), name)
-        power = TERMS[letter].power
-        ax.annotate(
-            f"{letter} = {value}", dot, xytext=(4 * np.sign(power), -5), textcoords="offset points", color=TERM,
-            ha="right" if power < 0 else "left" if power else "center", va="top",
-        )  # fmt: skip
+        ax.plot(tau, line, color=MUTED, linewidth=0.6, linestyle=(0, (4, 3)))
+    for _, at, dev in findings.points(a):
+        ax.plot(at, from_si(dev, sample), "D", color=colour, markersize=3.5, markeredgecolor=INK, mew=0.5, zorder=4)
 
 
-def _draw_curve(ax: "Axes", analysis: findings.Analysis | findings.Deviation, colour: str, *, band: float) -> None:
-    """Deviation and its interval, paler above a relative uncertainty of 50 %."""
-    curve, unit = analysis.curve, DEVIATION[analysis.quantity]
+def _write_values(ax: "Axes", channels: Mapping[str, findings.Analysis]) -> None:
+    """Coefficients beside their marks, each where it covers neither curve, band, model nor another; else not at all."""
+    dpi, box, taken = ax.figure.dpi / 72.0, ax.get_window_extent(), _covered_points(ax, channels.values())
+    for colour, a in channels.items():
+        unit, sample, values = DATASHEET[a.quantity], DEVIATION[a.quantity], _values(a)
+        for letter, at, dev in findings.points(a):
+            mark = (at, from_si(dev, sample))
+            texts = (with_unit(values[letter], unit[letter]), values[letter])
+            for text, offset in product(texts, _PLACES if len(channels) == 1 else _PLACES[:12]):
+                size, sign = dpi * _LETTER * np.array([0.6 * len(text), 1.1]), np.sign(offset)
+                corner = ax.transData.transform(mark) + dpi * np.array(offset) - 0.5 * (1.0 - sign) * size
+                inside = (corner > box.min).all() and (corner + size < box.max).all()
+                if inside and not ((taken > corner) & (taken < corner + size)).all(axis=1).any():
+                    ax.annotate(
+                        text, mark, xytext=offset, textcoords="offset points", color=colour, fontsize=_LETTER,
+                        ha=_SIDES[0][sign[0]], va=_SIDES[1][sign[1]],
+                    )  # fmt: skip
+                    taken = np.concatenate([taken, corner + size * np.indices((40, 8)).reshape(2, -1).T / (39, 7)])
+                    break
+
+
+def _covered_points(ax: "Axes", channels: Collection[findings.Analysis]) -> Floats:
+    """Points (N, 2) of the picture, pixels, that are covered by curves, bands, models and marks."""
+    tau, places = np.geomspace(*ax.get_xlim(), 500), []
+    for a in channels:
+        curve, seen = a.curve, (tau >= a.curve.tau[0]) & (tau <= a.curve.tau[-1])
+        ends = [np.where(np.isfinite(end), end, curve.dev) for end in (curve.lo, curve.hi)]
+        low, high = (np.interp(np.log(tau[seen]), np.log(curve.tau), end) for end in ends)
+        heights = [low + (high - low) * part for part in np.linspace(0.0, 1.0, 12)]
+        lines = [(tau[seen], height) for height in heights] + [(tau, a.model(tau))]
+        lines += [(np.array([at]), np.array([dev])) for _, at, dev in findings.points(a)]
+        terms = findings.shown(a).items() if len(channels) == 1 else ()  # which only then are drawn
+        lines += [(tau, np.sqrt(variance(letter, c.value, tau))) for letter, c in terms]
+        places += [np.stack((x, from_si(np.maximum(y, 1e-300), DEVIATION[a.quantity])), axis=-1) for x, y in lines]
+    return np.asarray(ax.transData.transform(np.concatenate([*places, np.empty((0, 2))])))
+
+
+def _draw_curve(ax: "Axes", a: findings.Analysis, colour: str, *, band: float) -> None:
+    """Deviation and its interval, paler above a relative uncertainty of 50 %; a model lies over its dots."""
+    curve, unit = a.curve, DEVIATION[a.quantity]
     until = int(np.count_nonzero(np.logical_and.accumulate(findings.trusted(curve))))
     pale = slice(max(0, until - 1), None if until < curve.n.size else 0)
     for part, alpha in ((slice(0, until), 1.0), (pale, _FADED)):
-        tau = curve.tau[part]
-        if tau.size == 0:
+        if not (tau := curve.tau[part]).size:
             continue
-        dev, lo, hi = (from_si(a[part], unit) for a in (curve.dev, curve.lo, curve.hi))
-        x, y = _thinned(tau, dev)
-        ax.plot(x, y, color=colour, linewidth=1.2, alpha=alpha, marker="." if x.size == 1 else "")
-        below, above = _thinned(tau, lo), _thinned(tau, hi)
-        outline = [np.concatenate((a, b[::-1])) for a, b in zip(below, above, strict=True)]
+        middle, *ends = (_thinned(tau, from_si(v[part], unit)) for v in (curve.dev, curve.lo, curve.hi))
+        ax.plot(*middle, color=colour, linewidth=0, alpha=alpha, marker=".", markersize=2.5)
+        outline = [np.concatenate((low, high[::-1])) for low, high in zip(*ends, strict=True)]
         ax.fill(*outline, color=colour, alpha=band * alpha, linewidth=0)
 
 
@@ -366,21 +484,20 @@ def _thinned(tau: Floats, dev: Floats) -> tuple[Floats, Floats]:
     return np.exp(x), y
 
 
-def _frame(ax: "Axes", analyses: Sequence[findings.Analysis | findings.Deviation]) -> None:
+def _frame(ax: "Axes", channels: Sequence[findings.Analysis], axis: str) -> None:
     """Scales, limits and labels; what is drawn afterwards does not change them."""
-    unit = DEVIATION[analyses[0].quantity]
-    low, high = (from_si(end, unit) for end in _range(analyses))
+    unit = DEVIATION[channels[0].quantity]
+    low, high = (from_si(end, unit) for end in _range(channels))
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.set_xlim(min(a.curve.tau[0] for a in analyses) / 1.1, max(a.curve.tau[-1] for a in analyses) * 1.1)
+    ax.set_xlim(min(a.curve.tau[0] for a in channels) / 1.1, max(a.curve.tau[-1] for a in channels) * 1.1)
     ax.set_ylim(low, high)
     log_ticks(ax.xaxis, labels=(1,))
     log_ticks(ax.yaxis, labels=(1, 2, 5) if high / low < 300.0 else (1,))
-    ax.set_xlabel("averaging time [s]")
-    ax.set_ylabel(f"Allan deviation [{written(unit)}]")
+    ax.set_ylabel(f"{axis} [{written(unit)}]" if axis else f"Allan deviation [{written(unit)}]")
 
 
-def _range(analyses: Sequence[findings.Analysis | findings.Deviation]) -> tuple[float, float]:
+def _range(analyses: Sequence[findings.Analysis]) -> tuple[float, float]:
     """Least and greatest deviation of the picture: those of trusted points, or of all where none can be trusted.
 
     A picture of one channel shows its read-off points too, if they are not far below the curve.
@@ -389,7 +506,7 @@ def _range(analyses: Sequence[findings.Analysis | findings.Deviation]) -> tuple[
     tops = [a.curve.hi[findings.trusted(a.curve) & np.isfinite(a.curve.hi)] for a in analyses]
     low = min(float(dev[dev > 0.0].min(initial=math.inf)) for dev in devs)
     high = max(float(values.max(initial=0.0)) for values in [*devs, *tops])
-    if len(analyses) == 1 and isinstance(analyses[0], findings.Analysis):
+    if len(analyses) == 1:
         low = min([low, *(point.dev for point in findings.points(analyses[0]) if point.dev > low / 30.0)])
     return low / 1.7, high * 1.5
 
@@ -401,22 +518,6 @@ def log_ticks(axis: "Axis", labels: tuple[int, ...]) -> None:
     axis.set_major_locator(LogLocator(subs=labels, numticks=99))
     axis.set_major_formatter(lambda value, _: f"{value:g}")
     axis.set_minor_formatter(lambda value, _: "")
-
-
-def _name(ax: "Axes", letter: str, tau: Floats, line: Floats) -> None:
-    """Put a term's letter and slope where its line is lowest in the picture, on the side that the line leaves."""
-    (begin, end), (low, high) = ax.get_xlim(), ax.get_ylim()
-    inside = np.flatnonzero(
-        (line >= low * _ROOM) & (line <= high) & (tau >= begin * _ROOM) & (tau <= end / _ROOM**3)  # room for the label
-    )
-    if not inside.size:
-        return
-    power = TERMS[letter].power
-    i, rises = int(inside[-1] if power < 0 else inside[0]), power > 0
-    ax.annotate(
-        f"{letter} {_SLOPES[power]}", (tau[i], line[i]), xytext=(-4 if rises else 4, 2), textcoords="offset points",
-        color=TERM, fontsize=9, fontweight="bold", ha="right" if rises else "left", va="bottom",
-    )  # fmt: skip
 
 
 def card_report(card: NoiseCard) -> Report:

@@ -29,7 +29,7 @@ from plumbob.quality import quality
 from plumbob.quality.grade import grade
 from plumbob.reporting import overview_tables as tables
 from plumbob.reporting.content import Figure, said
-from plumbob.reporting.drawing import picture, picture_kind
+from plumbob.reporting.drawing import inches, picture, picture_kind
 from plumbob.reporting.overview_figures import SECTORS, WHATS, charts, figure, figures, shown_values
 from plumbob.reporting.page import CSS, asset_text, render
 from plumbob.reporting.report import Report
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from plumbob.door.estimate import Estimated
 
 TITLE: Final = "Attitude report"
-_WIDTHS: Final = 0.03, 1.0  # least and greatest width of a picture, m
 _NONE: Final = -32768
 _CODES: Final = 65534  # steps that the range of a channel is divided in
 _LONG: Final = 12  # bursts whose table is not folded away
@@ -368,13 +367,8 @@ def plot(
     check.one_of("figure", what, WHATS)
     first, last = units.given("begin", begin, Quantity.TIME), units.given("end", end, Quantity.TIME)
     window = (-math.inf if first is None else first, math.inf if last is None else last)
-    metres = units.given("width", width, Quantity.LENGTH)
-    if metres is not None and not _WIDTHS[0] <= metres <= _WIDTHS[1]:
-        raise ParameterError(
-            f"the width of a picture must be {1e3 * _WIDTHS[0]:g} to {1e3 * _WIDTHS[1]:g} mm, but it is "
-            f"{1e3 * metres:g} mm. Give one in between, as 85mm."
-        )
+    size = inches(width)
     gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, window=window)
     source = file if isinstance(file, Recording | ImuData) else check.path("file", file)
     subject = read_subject(source, gatherer, how, graded=False, note=note, progress=progress)  # type: ignore[arg-type]
-    return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=metres and metres / 0.0254)
+    return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=size)

@@ -46,11 +46,16 @@ class Report:
 
         return write_text(path, self.page(lang=lang), overwrite=overwrite)
 
-    def plot(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
-        """Write its own figures, or those of its parts where it has none, as SVG, PNG or PDF by the name's ending."""
-        from plumbob.reporting.drawing import picture
+    def plot(
+        self, path: str | Path, *, lang: str = "en", overwrite: bool = False, width: float | str | None = None
+    ) -> Path:
+        """Write its own figures, or those of its parts where it has none, as SVG, PNG or PDF by the name's ending.
 
-        return picture(path, first_figures(self), lang=lang, overwrite=overwrite)
+        The width is in m, or text with its unit.
+        """
+        from plumbob.reporting.drawing import inches, picture
+
+        return picture(path, first_figures(self), lang=lang, overwrite=overwrite, width=inches(width))
 
     def write_pdf(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
         """Write the page as a PDF; MissingExtraError where neither Chromium nor Chrome, which print it, is there."""
