@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 from scipy.signal import lfilter
 
 import plumbob
@@ -285,7 +284,8 @@ def lines(ax, marker):
 
 def shaded_to(ax):
     """Ends of masks."""
-    return [patch.get_x() + patch.get_width() for patch in ax.patches if isinstance(patch, Rectangle)]
+    shades = [c for c in ax.collections if c.get_transform() != ax.transData and c.get_zorder() == 0]
+    return [path.vertices[:, 0].max() for shade in shades for path in shade.get_paths()]
 
 
 def test_coefficients_are_marked_at_their_places_with_their_values(analyses):
@@ -361,7 +361,7 @@ def test_curve_model_terms_and_mask_are_in_the_unit_of_the_axis_and_a_triad_has_
     a = analyses[4]
     ax = drawing(channel_figure, a)
     assert ax.get_ylabel() == "Allan deviation [µg]"
-    (curve, pale), (model, *terms) = lines(ax, "."), lines(ax, "None")
+    (curve, pale), (model, *terms) = lines(ax, "."), lines(ax, "")
     assert np.allclose(curve.get_ydata(), from_si(a.curve.dev[: len(curve.get_xdata())], "ug"))
     assert curve.get_xdata()[-1] == pytest.approx(pale.get_xdata()[0])  # what scatters is pale
     assert pale.get_xdata()[-1] == pytest.approx(a.curve.tau[-1])
@@ -375,7 +375,7 @@ def test_curve_model_terms_and_mask_are_in_the_unit_of_the_axis_and_a_triad_has_
     assert [shaded_to(drawing(channel_figure, x)) for x in analyses[:2]] == [[pytest.approx(8 * 0.01)], []]
     gyr, _ = findings.triads(analyses)
     ax = drawing(report.allan_figure, {"": gyr.channels})
-    first = [line for line in ax.get_lines() if line.get_alpha() == 1.0]
+    first = [line for line in lines(ax, ".") if line.get_alpha() == 1.0]
     assert len({line.get_color() for line in first}) == 3
     for line, a in zip(first, gyr.channels.values(), strict=True):
         assert line.get_ydata()[0] == pytest.approx(from_si(a.curve.dev[0], "deg/h"))

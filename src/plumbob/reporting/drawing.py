@@ -272,6 +272,7 @@ class PlotLine:
     mark: str = ""
     gap: float = np.inf
     jump: float = np.inf
+    alpha: float = 1.0
     band: tuple[Floats, Floats, str, float] | None = None
 
 
@@ -305,39 +306,45 @@ def draw_panels(make: Callable[[], Sequence[PlotPanel]], canvas: "FigureBase") -
     axes = canvas.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for ax, panel in zip(axes, panels, strict=True):
         for line in panel.lines:
-            _draw_line(ax, line, panel.columns)
+            _draw_line(ax, line, panel)
         for level in panel.levels:
             ax.axhline(level, color=SERIES[1], linewidth=0.8, linestyle="--")
         _scale(ax, panel)
     axes[-1].set_xlabel(panels[-1].xlabel)
 
 
-def _draw_line(ax: "Axes", line: PlotLine, columns: int) -> None:
+def _draw_line(ax: "Axes", line: PlotLine, panel: PlotPanel) -> None:
     if line.band is not None and line.x.size:
-        _draw_band(ax, line, columns)
+        _draw_band(ax, line, panel)
     finite = np.isfinite(line.y) if np.isfinite(line.gap) else slice(None)
-    x, y = envelope(line.x[finite], line.y[finite], columns, gap=line.gap, jump=line.jump)
+    x = np.log(line.x) if panel.log else line.x
+    x, y = envelope(x[finite], line.y[finite], panel.columns, gap=line.gap, jump=line.jump)
+    how: Any = {"linestyle": _DASHES[line.dash], "linewidth": line.width, "color": line.colour, "alpha": line.alpha}
     mark = line.mark or ("." if x.size < 3 else "")
-    ax.plot(x, y, color=line.colour, linestyle=_DASHES[line.dash], linewidth=line.width, marker=mark, markersize=2.5)
+    ax.plot(np.exp(x) if panel.log else x, y, marker=mark, markersize=2.5, **how)
 
 
-def _draw_band(ax: "Axes", line: PlotLine, columns: int) -> None:
+def _draw_band(ax: "Axes", line: PlotLine, panel: PlotPanel) -> None:
     """Least and greatest values of each column; nothing across a gap, nor where the line turns over."""
     assert line.band is not None
     low, high, colour, alpha = line.band
     behind = np.flatnonzero(np.diff(line.x) > line.gap) + 1
-    starts = np.union1d(np.arange(0, line.x.size, -(-line.x.size // columns)), behind)
+    places = np.log(line.x) if panel.log else line.x
+    edges = np.linspace(places[0], places[-1], panel.columns + 1)[:-1] if places.size > panel.columns else places
+    starts = np.union1d(np.searchsorted(places, edges), behind)
     low, high = np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
     turned = np.fmax.reduceat(line.y, starts) - np.fmin.reduceat(line.y, starts) > line.jump
     low[turned] = high[turned] = np.nan
     places = np.searchsorted(starts, behind)
     low, high = (np.insert(edge, places, np.nan) for edge in (low, high))
     x = np.insert(line.x[starts], places, line.x[behind - 1])
-    ax.fill_between(x, low, high, color=colour, alpha=alpha, linewidth=0.0, step="post")
+    ax.fill_between(x, low, high, color=colour, alpha=alpha, linewidth=0.0, step=None if panel.log else "post")
 
 
 def _scale(ax: "Axes", panel: PlotPanel) -> None:
     """Ends and ticks of the axes, and what stands along them."""
+    from matplotlib.ticker import LogLocator
+
     scale: Any = "log" if panel.log else "linear"
     ax.set(xscale=scale, yscale=scale, ylabel=panel.label, xlim=panel.x, ylim=panel.y)
     (low, high), (first, last) = ax.get_ylim(), panel.circle or (-np.inf, np.inf)
@@ -348,6 +355,8 @@ def _scale(ax: "Axes", panel: PlotPanel) -> None:
         ax.set(ylim=(min(low, first), max(high, last)), yticks=np.linspace(first, last, 5))
     elif panel.ticks:
         ax.set_yticks(panel.ticks)
+    elif panel.log and high < 300.0 * low:  # few powers of ten: their multiples too
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=99))
     if panel.compass:
         ax.yaxis.set_major_formatter(lambda value, _: f"{value % 360.0:g}")
     ax.yaxis.label.set_fontsize(6.0 if panel.log else 7.0)  # units of densities are long
@@ -362,5 +371,6 @@ def _scale(ax: "Axes", panel: PlotPanel) -> None:
 
 def _power(value: float) -> str:
     """Power of ten as a mark of an axis."""
-    exponent = round(np.log10(value)) if value > 0.0 else 0
-    return f"{value:g}" if -2 <= exponent <= 3 else f"10{str(exponent).translate(_RAISED)}"
+    exponent = int(np.floor(np.log10(value) + 1e-9)) if value > 0.0 else 0
+    times = "" if (digit := f"{value / 10.0**exponent:g}") == "1" else f"{digit}·"
+    return f"{value:g}" if -2 <= exponent <= 4 else f"{times}10{str(exponent).translate(_RAISED)}"

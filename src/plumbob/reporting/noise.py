@@ -1,7 +1,7 @@
 """Descriptions of noise: data sheet, deviations alone, before and after, and the noise card."""
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -23,11 +23,11 @@ from plumbob.noise.compare import DeviationComparison, differences
 from plumbob.noise.curve import Curve
 from plumbob.noise.terms import DATASHEET, DEVIATION, SHEETS, TERMS, variance
 from plumbob.reporting.content import INK, MUTED, SERIES, SHADE, SOFT, Figure, Table
+from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
 from plumbob.reporting.report import Report
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure as CanvasFigure
     from matplotlib.figure import FigureBase
 
@@ -346,7 +346,6 @@ def _rounding(a: findings.Analysis) -> str:
     return f", whose rounding (step²/12 · Δt) is {number(100.0 * density / white.value**2, 2)} % of N²"
 
 
-_COLUMNS = 600  # of a picture, for the thinning of long curves
 HEIGHT = 3.3
 _LOW = 2.0  # inches of one of several panels
 _FADED = 0.35
@@ -399,102 +398,78 @@ def _masked(channels: Iterable[findings.Analysis]) -> float | None:
 
 def _draw(canvas: "FigureBase", panels: Panels, colours: Mapping[str, str]) -> None:
     """A panel below the other, with the same scales."""
-    axes = canvas.subplots(len(panels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     every = [channel for channels in panels.values() for channel in channels.values()]
-    for ax, (axis, channels) in zip(axes, panels.items(), strict=True):
-        _frame(ax, every, axis)
-        if (masked := _masked(channels.values())) is not None:
-            ax.axvspan(ax.get_xlim()[0], masked, color=SHADE, linewidth=0, zorder=0)
-        for name, a in channels.items():
-            _draw_curve(ax, a, colours[name], band=0.22 if len(channels) == 1 else 0.15)
-            _draw_model(ax, a, colours[name], terms=len(every) == 1)
-    axes[-1].set_xlabel("averaging time [s]")
+    made = [_panel(axis, channels, every, colours) for axis, channels in panels.items()]
+    draw_panels(lambda: made, canvas)
     cast("CanvasFigure", canvas.figure).draw_without_rendering()  # that the places of the axes are known
-    for ax, channels in zip(axes, panels.values(), strict=True):
-        _write_values(ax, {colours[name]: a for name, a in channels.items()})
+    for ax, panel, channels in zip(cast("CanvasFigure", canvas).axes, made, panels.values(), strict=True):
+        _write_values(ax, panel, {colours[name]: a for name, a in channels.items()})
 
 
-def _draw_model(ax: "Axes", a: findings.Analysis, colour: str, *, terms: bool) -> None:
-    """Model as a line, its terms as dashed ones, and marks where the coefficients are read off."""
-    sample, tau = DEVIATION[a.quantity], np.geomspace(*ax.get_xlim(), 400)
-    ax.plot(tau, from_si(a.model(tau), sample), color=colour, linewidth=0.8)
-    for letter, c in findings.shown(a).items() if terms else ():
-        line = from_si(np.sqrt(variance(letter, c.value, tau)), sample)
-        ax.plot(tau, line, color=MUTED, linewidth=0.6, linestyle=(0, (4, 3)))
-    for _, at, dev in findings.points(a):
-        ax.plot(at, from_si(dev, sample), "D", color=colour, markersize=3.5, markeredgecolor=INK, mew=0.5, zorder=4)
+def _panel(
+    axis: str, channels: Mapping[str, findings.Analysis], every: Sequence[findings.Analysis], colours: Mapping[str, str]
+) -> PlotPanel:
+    """Deviations and models of an axis, on scales that hold every channel."""
+    unit, masked = DEVIATION[every[0].quantity], _masked(channels.values())
+    first, last = (min(a.curve.tau[0] for a in every) / 1.1, max(a.curve.tau[-1] for a in every) * 1.1)
+    tau, (low, high) = np.geomspace(first, last, 400), _range(every)
+    lines: list[PlotLine] = []
+    for name, a in channels.items():
+        lines += _curve_lines(a, colours[name], band=0.22 if len(channels) == 1 else 0.15)
+        lines.append(PlotLine(tau, from_si(a.model(tau), unit), colours[name]))
+        terms = findings.shown(a).items() if len(every) == 1 else ()
+        dashed = [from_si(np.sqrt(variance(letter, c.value, tau)), unit) for letter, c in terms]
+        lines += [PlotLine(tau, y, MUTED, "dashed", width=0.6) for y in dashed]
+    return PlotPanel(
+        f"{axis or 'Allan deviation'} [{written(unit)}]", lines, "averaging time [s]", log=True, x=(first, last),
+        y=(from_si(low, unit), from_si(high, unit)), pale=[] if masked is None else [(first, masked - first)],
+    )  # fmt: skip
 
 
-def _write_values(ax: "Axes", channels: Mapping[str, findings.Analysis]) -> None:
-    """Coefficients beside their marks, each where it covers neither curve, band, model nor another; else not at all."""
-    dpi, box, taken = ax.figure.dpi / 72.0, ax.get_window_extent(), _covered_points(ax, channels.values())
-    for colour, a in channels.items():
-        unit, sample, values = DATASHEET[a.quantity], DEVIATION[a.quantity], _values(a)
-        for letter, at, dev in findings.points(a):
-            mark = (at, from_si(dev, sample))
-            texts = (with_unit(values[letter], unit[letter]), values[letter])
-            for text, offset in product(texts, _PLACES if len(channels) == 1 else _PLACES[:12]):
-                size, sign = dpi * _LETTER * np.array([0.6 * len(text), 1.1]), np.sign(offset)
-                corner = ax.transData.transform(mark) + dpi * np.array(offset) - 0.5 * (1.0 - sign) * size
-                inside = (corner > box.min).all() and (corner + size < box.max).all()
-                if inside and not ((taken > corner) & (taken < corner + size)).all(axis=1).any():
-                    ax.annotate(
-                        text, mark, xytext=offset, textcoords="offset points", color=colour, fontsize=_LETTER,
-                        ha=_SIDES[0][sign[0]], va=_SIDES[1][sign[1]],
-                    )  # fmt: skip
-                    taken = np.concatenate([taken, corner + size * np.indices((40, 8)).reshape(2, -1).T / (39, 7)])
-                    break
-
-
-def _covered_points(ax: "Axes", channels: Collection[findings.Analysis]) -> Floats:
-    """Points (N, 2) of the picture, pixels, that are covered by curves, bands, models and marks."""
-    tau, places = np.geomspace(*ax.get_xlim(), 500), []
-    for a in channels:
-        curve, seen = a.curve, (tau >= a.curve.tau[0]) & (tau <= a.curve.tau[-1])
-        ends = [np.where(np.isfinite(end), end, curve.dev) for end in (curve.lo, curve.hi)]
-        low, high = (np.interp(np.log(tau[seen]), np.log(curve.tau), end) for end in ends)
-        heights = [low + (high - low) * part for part in np.linspace(0.0, 1.0, 12)]
-        lines = [(tau[seen], height) for height in heights] + [(tau, a.model(tau))]
-        lines += [(np.array([at]), np.array([dev])) for _, at, dev in findings.points(a)]
-        terms = findings.shown(a).items() if len(channels) == 1 else ()  # which only then are drawn
-        lines += [(tau, np.sqrt(variance(letter, c.value, tau))) for letter, c in terms]
-        places += [np.stack((x, from_si(np.maximum(y, 1e-300), DEVIATION[a.quantity])), axis=-1) for x, y in lines]
-    return np.asarray(ax.transData.transform(np.concatenate([*places, np.empty((0, 2))])))
-
-
-def _draw_curve(ax: "Axes", a: findings.Analysis, colour: str, *, band: float) -> None:
+def _curve_lines(a: findings.Analysis, colour: str, *, band: float) -> Iterator[PlotLine]:
     """Deviation and its interval, paler above a relative uncertainty of 50 %; a model lies over its dots."""
     curve, unit = a.curve, DEVIATION[a.quantity]
+    dev, *ends = (from_si(np.where(np.isfinite(v), v, curve.dev), unit) for v in (curve.dev, curve.lo, curve.hi))
     until = int(np.count_nonzero(np.logical_and.accumulate(findings.trusted(curve))))
     pale = slice(max(0, until - 1), None if until < curve.n.size else 0)
     for part, alpha in ((slice(0, until), 1.0), (pale, _FADED)):
-        if not (tau := curve.tau[part]).size:
-            continue
-        middle, *ends = (_thinned(tau, from_si(v[part], unit)) for v in (curve.dev, curve.lo, curve.hi))
-        ax.plot(*middle, color=colour, linewidth=0, alpha=alpha, marker=".", markersize=2.5)
-        outline = [np.concatenate((low, high[::-1])) for low, high in zip(*ends, strict=True)]
-        ax.fill(*outline, color=colour, alpha=band * alpha, linewidth=0)
+        filled = (ends[0][part], ends[1][part], colour, band * alpha)
+        if curve.tau[part].size:
+            yield PlotLine(curve.tau[part], dev[part], colour, width=0.0, mark=".", alpha=alpha, band=filled)
 
 
-def _thinned(tau: Floats, dev: Floats) -> tuple[Floats, Floats]:
-    """Least and greatest value of each column of the picture, whose axis is logarithmic."""
-    from plumbob.reporting.drawing import envelope
+def _write_values(ax: "Axes", panel: PlotPanel, channels: Mapping[str, findings.Analysis]) -> None:
+    """Marks where coefficients are read off, each with its value where that covers nothing that is drawn."""
+    dpi, box = ax.figure.dpi / 72.0, ax.get_window_extent()
+    marks = [(colour, a, letter, (at, from_si(dev, DEVIATION[a.quantity]))) for colour, a in channels.items()
+             for letter, at, dev in findings.points(a)]  # fmt: skip
+    taken = _covered_points(ax, [*panel.lines, *(PlotLine(*np.array(mark)[:, np.newaxis]) for *_, mark in marks)])
+    for colour, a, letter, mark in marks:
+        ax.plot(*mark, "D", color=colour, markersize=3.5, markeredgecolor=INK, mew=0.5, zorder=4)
+        value = _values(a)[letter]
+        texts = (with_unit(value, DATASHEET[a.quantity][letter]), value)
+        for text, offset in product(texts, _PLACES if len(channels) == 1 else _PLACES[:12]):
+            size, sign = dpi * _LETTER * np.array([0.6 * len(text), 1.1]), np.sign(offset)
+            corner = ax.transData.transform(mark) + dpi * np.array(offset) - 0.5 * (1.0 - sign) * size
+            inside = (corner > box.min).all() and (corner + size < box.max).all()
+            if inside and not ((taken > corner) & (taken < corner + size)).all(axis=1).any():
+                ax.annotate(
+                    text, mark, xytext=offset, textcoords="offset points", color=colour, fontsize=_LETTER,
+                    ha=_SIDES[0][sign[0]], va=_SIDES[1][sign[1]],
+                )  # fmt: skip
+                taken = np.concatenate([taken, corner + size * np.indices((40, 8)).reshape(2, -1).T / (39, 7)])
+                break
 
-    x, y = envelope(np.log(tau), dev, _COLUMNS)
-    return np.exp(x), y
 
-
-def _frame(ax: "Axes", channels: Sequence[findings.Analysis], axis: str) -> None:
-    """Scales, limits and labels; what is drawn afterwards does not change them."""
-    unit = DEVIATION[channels[0].quantity]
-    low, high = (from_si(end, unit) for end in _range(channels))
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_xlim(min(a.curve.tau[0] for a in channels) / 1.1, max(a.curve.tau[-1] for a in channels) * 1.1)
-    ax.set_ylim(low, high)
-    log_ticks(ax.xaxis, labels=(1,))
-    log_ticks(ax.yaxis, labels=(1, 2, 5) if high / low < 300.0 else (1,))
-    ax.set_ylabel(f"{axis} [{written(unit)}]" if axis else f"Allan deviation [{written(unit)}]")
+def _covered_points(ax: "Axes", lines: Iterable[PlotLine]) -> Floats:
+    """Points (N, 2) of the picture, pixels, that are covered by lines and their bands."""
+    tau, places = np.geomspace(*ax.get_xlim(), 500), [np.empty((0, 2))]
+    for line in lines:
+        x = np.append(line.x[:1], tau[(tau >= line.x.min(initial=np.inf)) & (tau <= line.x.max(initial=0.0))])
+        low, high = (np.interp(np.log(x), np.log(line.x), end) for end in (line.band or (line.y, line.y))[:2])
+        heights = (low + (high - low) * part for part in np.linspace(0.0, 1.0, 12 if line.band else 1))
+        places += [np.stack((x, np.maximum(y, 1e-300)), axis=-1) for y in heights]
+    return np.asarray(ax.transData.transform(np.concatenate(places)))
 
 
 def _range(analyses: Sequence[findings.Analysis]) -> tuple[float, float]:
@@ -509,15 +484,6 @@ def _range(analyses: Sequence[findings.Analysis]) -> tuple[float, float]:
     if len(analyses) == 1:
         low = min([low, *(point.dev for point in findings.points(analyses[0]) if point.dev > low / 30.0)])
     return low / 1.7, high * 1.5
-
-
-def log_ticks(axis: "Axis", labels: tuple[int, ...]) -> None:
-    """Plain numbers at powers of ten, and at their multiples where there are few powers."""
-    from matplotlib.ticker import LogLocator
-
-    axis.set_major_locator(LogLocator(subs=labels, numticks=99))
-    axis.set_major_formatter(lambda value, _: f"{value:g}")
-    axis.set_minor_formatter(lambda value, _: "")
 
 
 def card_report(card: NoiseCard) -> Report:
