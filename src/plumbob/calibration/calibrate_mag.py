@@ -1,8 +1,10 @@
 """Magnetometer of a capture: which samples count, and which of the fits says most about them."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final, TypedDict
+from functools import partial
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,13 +102,6 @@ def calibrate_mag(
     return replace(fit, remarks=(*warning, why, *fit.remarks))
 
 
-class _BesideRates(TypedDict):
-    acc: Floats | None
-    strength: float | None
-    gyr_gain_sd: float
-    tilt_range: float
-
-
 _FINAL: Final = {"mirrored", "turned-axes", "wrong-field"}  # refusals that no other fit can help
 
 
@@ -179,15 +174,12 @@ class _Work:
         valid = np.isfinite(gyr).all(axis=1)
         mag = np.where(self.use[:, np.newaxis], self.imu.usable("mag"), np.nan)
         force = self.imu.usable("acc")[valid]
-        arguments: _BesideRates = {
-            "acc": force if np.isfinite(force).all(axis=1).any() else None,
-            "strength": self.strength,
-            "gyr_gain_sd": GAIN_SD if self.gyr_calibrated else SHEET_GAIN_SD,
-            "tilt_range": self.tilt_range,
-        }
-        if in_use:
-            return fit_mag_in_use(self.imu.t[valid], mag[valid], gyr[valid], dip=self.dip, **arguments)
-        return fit_mag_gyr(self.imu.t[valid], mag[valid], gyr[valid], **arguments)
+        fit: Callable[..., Fitted] = partial(fit_mag_in_use, dip=self.dip) if in_use else fit_mag_gyr
+        return fit(
+            self.imu.t[valid], mag[valid], gyr[valid], acc=force if np.isfinite(force).all(axis=1).any() else None,
+            strength=self.strength, gyr_gain_sd=GAIN_SD if self.gyr_calibrated else SHEET_GAIN_SD,
+            tilt_range=self.tilt_range,
+        )  # fmt: skip
 
     def with_axes(self, refused: CaptureRefusedError, *, rates: bool) -> CaptureRefusedError:
         """Refusal that names wrong axes too, first where they mirror: these may be why a fit was refused."""

@@ -167,20 +167,29 @@ class FieldEstimate(NamedTuple):
     def finished(
         self,
         measured: Floats,
-        sd: float,
+        doubt: Doubt,
         *,
         tilt_range: float,
         method: str,
         reasons: Iterable[Reason | None],
         remarks: tuple[Note, ...],
+        stride: int = 1,
     ) -> Fitted:
-        """Fit of the measured field (N, 3), µT, whose heading error is `sd`, rad; or the reasons to refuse it."""
-        refuse(*reasons)
-        used = self.used
+        """Fit of the measured field (N, 3), µT, every `stride`-th that there was; or the reasons to refuse it.
+
+        Those that rest on the result count where its heading error is not beyond *poor*: else they would be of noise.
+        """
+        sd, used, count = doubt.sd, self.used, int(np.count_nonzero(~self.used))
+        sure = self.solid and sd <= HEADING.poor
+        refuse(*reasons, *((unequal(self.matrix), wrong_field(self.radius, self.strength)) if sure else ()))
+        unscaled = self.strength is None and self.solid
+        scale = (info("calibration.own_scale", size=self.radius),) if unscaled else ()
+        thinned = (info("calibration.thinned", stride=stride),) if stride > 1 else ()
+        aside = (info("calibration.set_aside", count=count, samples=len(used)),) if count else ()
         quality = Quality(
             grade=grade_of(sd, HEADING) or "poor",
             samples=int(np.count_nonzero(used)),
-            outliers=int(np.count_nonzero(~used)),
+            outliers=count,
             regions=int(np.count_nonzero(filled((measured - self.bias)[used]))) if self.solid else None,
             condition=self.condition,
             heading_sd=sd,
@@ -198,21 +207,8 @@ class FieldEstimate(NamedTuple):
             method=method,
             quality=quality,
         )
-        return Fitted(calibration, measured, self.residuals, used, remarks)
-
-    def unlikely(self, sd: float) -> tuple[Reason | None, ...]:
-        """Reasons that rest on the result; none where its heading error, rad, is beyond *poor*."""
-        sure = sd <= HEADING.poor  # else they would be those of noise
-        return (unequal(self.matrix), wrong_field(self.radius, self.strength)) if sure else ()
-
-    def remarks(self, stride: int = 1) -> tuple[Note, ...]:
-        """Remarks on the scale, on samples that were left out, and on outliers."""
-        unscaled = self.strength is None and self.solid
-        scale = (info("calibration.own_scale", size=self.radius),) if unscaled else ()
-        thinned = (info("calibration.thinned", stride=stride),) if stride > 1 else ()
-        count = int(np.count_nonzero(~self.used))
-        aside = (info("calibration.set_aside", count=count, samples=len(self.used)),) if count else ()
-        return (*scale, *thinned, *aside)
+        told = (*remarks, *scale, *thinned, *aside, *uneven_told(doubt))
+        return Fitted(calibration, measured, self.residuals, used, told)
 
 
 def outliers(used: NDArray[np.bool_], advice: str, most: float = MOST_OUTLIERS) -> Reason | None:

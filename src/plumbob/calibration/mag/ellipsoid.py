@@ -224,16 +224,11 @@ def fit_mag(
         narrow = Reason("too-few-regions", f"the capture leaves {checks.heading_told(sd)}; {regions}.", _ADVICE)
     return estimate.finished(
         mag,
-        sd,
+        doubt,
         tilt_range=tilt_range,
         method=f"magnetometer alone: {_WORDS[fit.shape]}",
-        reasons=(
-            moved(mag, fit),
-            checks.outliers(fit.used, _MOVED),
-            checks.uneven(doubt) or narrow,
-            *estimate.unlikely(sd),
-        ),
-        remarks=(*_remarks(fit, why), *estimate.remarks(), *checks.uneven_told(doubt)),
+        reasons=(moved(mag, fit), checks.outliers(fit.used, _MOVED), checks.uneven(doubt) or narrow),
+        remarks=_remarks(fit, why),
     )
 
 
@@ -339,11 +334,11 @@ def fit_mag_level(
     axes = " and ".join("xyz"[i] for i in order[:2])
     return estimate.finished(
         mag,
-        sd,
+        doubt,
         tilt_range=0.0,
         method=f"magnetometer level only: ellipse of {axes}, {fit.shape.value} parameters",
         reasons=_reasons(fit, points, radius, doubt),
-        remarks=(*_level_remarks(axis, radius, wanted), *estimate.remarks(), *checks.uneven_told(doubt)),
+        remarks=_level_remarks(axis, radius, wanted),
     )
 
 

@@ -462,18 +462,15 @@ def fit_mag_in_use(
             valid = np.isfinite(field).all(axis=1) & np.isfinite(acc).all(axis=1) & acc.any(axis=1)
             dip = checks.dip_angle(field[valid], acc[valid]) if valid.any() else dip
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
+    doubt = Doubt(sd, sd, Unevenness(), 1.0, shown=False)
     estimate = FieldEstimate(matrix, fit.bias, covariance, fit.residuals, fit.used, radius, fit.condition, strength)
     return estimate.finished(
         fit.fields,
-        sd,
+        doubt,
         tilt_range=tilt_range,
         method="magnetometer in use, with gyroscope: the field from moment to moment",
-        reasons=(
-            checks.outliers(fit.used, checks.STEEL, MOST_OUTLIERS),
-            checks.uncertain(Doubt(sd, sd, Unevenness(), 1.0, shown=False), _ADVICE),
-            *estimate.unlikely(sd),
-        ),
-        remarks=(*_remarks(fit, float(t[-1] - t[0]), size), *estimate.remarks()),
+        reasons=(checks.outliers(fit.used, checks.STEEL, MOST_OUTLIERS), checks.uncertain(doubt, _ADVICE)),
+        remarks=_remarks(fit, float(t[-1] - t[0]), size),
     )
 
 

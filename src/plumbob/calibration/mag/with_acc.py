@@ -301,16 +301,16 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     dip_sd = fit.dip_sd * math.sqrt(shared.memory + field.spread(residuals))
     return estimate.finished(
         points,
-        sd,
+        doubt,
         tilt_range=tilt_range,
         method="magnetometer with accelerometer: ellipsoid, turn and dip, 13 parameters",
         reasons=(
             checks.outliers(fit.used, "Move less, and look for moving iron and switched currents nearby."),
             reason_if(not fit.down_sd <= UNSTEADY, "not-still", scatters, _ADVICE),
             checks.uncertain(doubt, "Turn the unit through all attitudes: each face and edge up."),
-            *estimate.unlikely(sd),
         ),
-        remarks=(*_remarks(fit, dip_sd), *estimate.remarks(stride), *checks.uneven_told(doubt)),
+        remarks=_remarks(fit, dip_sd),
+        stride=stride,
     )
 
 

@@ -355,16 +355,16 @@ def fit_mag_gyr(
     estimate = FieldEstimate(matrix, fit.bias, covariance, fit.residuals, fit.used, radius, fit.condition, strength)
     return estimate.finished(
         mag[samples],
-        sd,
+        doubt,
         tilt_range=tilt_range,
         method=f"magnetometer with gyroscope: one field, {PARAMETERS} parameters delay included, and random walk",
         reasons=(
             reason_if(not fit.walk <= WORST_WALK, "magnet-moved", walks, keep),
             checks.outliers(fit.used, first + checks.STEEL),
             checks.uncertain(doubt, first + _ADVICE),
-            *estimate.unlikely(sd),
         ),
-        remarks=(*_remarks(fit, dip, acc is not None), *estimate.remarks(stride), *checks.uneven_told(doubt)),
+        remarks=_remarks(fit, dip, acc is not None),
+        stride=stride,
     )
 
 
