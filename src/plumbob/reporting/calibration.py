@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -18,6 +19,7 @@ from plumbob.core.units import from_si, g, to_deg, written
 from plumbob.data import TITLES
 from plumbob.data.cards import CalibrationCard, Mount, TriadCalibration
 from plumbob.reporting.content import INK, MUTED, SERIES, Figure, Table
+from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
 from plumbob.reporting.report import Report
 from plumbob.rotations import euler_zyx_from_quat
 
@@ -239,17 +241,13 @@ def coverage_figure(coverage: Coverage) -> Figure:
 
 def size_figure(name: str, found: Sizes) -> Figure:
     """Sizes of the vectors over the samples, before and after."""
-    unit = SHOWN[name][0]
-
-    def draw(canvas: "FigureBase") -> None:
-        ax = canvas.subplots()
-        for values, colour in ((found.before, BEFORE), (found.after, AFTER)):
-            _plot(ax, from_si(np.where(found.used, values, np.nan), unit), colour)
-        ax.axhline(from_si(found.expected, unit), color=INK, linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
-        _label(ax, found.before.size, f"magnitude [{written(unit)}]")
-
+    unit, x = SHOWN[name][0], (0.5, found.before.size + 0.5)
+    pairs = ((found.before, BEFORE), (found.after, AFTER))
+    lines = [_over_samples(from_si(np.where(found.used, values, np.nan), unit), colour) for values, colour in pairs]
+    lines.append(PlotLine(np.linspace(*x, 3), np.full(3, from_si(found.expected, unit)), INK, "dashed", width=0.7))
+    panel = PlotPanel(f"magnitude [{written(unit)}]", lines, "sample", x=x, room=0.12, columns=_COLUMNS)
     key = [("before", BEFORE, "solid"), ("after", AFTER, "solid"), ("expected", INK, "dashed")]
-    return Figure("Magnitude before and after calibration", draw, key)
+    return Figure("Magnitude before and after calibration", partial(draw_panels, lambda: [panel]), key)
 
 
 def temperature_figure(name: str, c: TriadCalibration) -> Figure:
@@ -280,40 +278,22 @@ def residual_figure(name: str, fit: Fitted) -> Figure:
     outlier = OUTLIER if rows.shape[1] == 1 else INK
     names = AXES if rows.shape[1] == len(AXES) else ("residual",)
 
-    def draw(canvas: "FigureBase") -> None:
-        from plumbob.reporting.drawing import envelope
-
-        ax = canvas.subplots()
-        for values, colour in zip(rows.T, SERIES, strict=False):
-            _plot(ax, np.where(fit.used, values, np.nan), colour)
-            beyond = np.where(fit.used, np.nan, np.clip(values, -reach, reach))
-            if not fit.used.all():
-                marks = envelope(_numbered(values), beyond, _COLUMNS)
-                ax.plot(*marks, "x", color=outlier, markersize=4.0, clip_on=False)
-        ax.axhline(0.0, color=MUTED, linewidth=0.7)
-        _label(ax, fit.used.size, f"residual [{written(unit)}]")
-        ax.set_ylim(-reach, reach)
-
+    x, lines = (0.5, fit.used.size + 0.5), []
+    for values, colour in zip(rows.T, SERIES, strict=False):
+        lines.append(_over_samples(np.where(fit.used, values, np.nan), colour))
+        if not fit.used.all():
+            beyond = _over_samples(np.where(fit.used, np.nan, np.clip(values, -reach, reach)), outlier)
+            lines.append(replace(beyond, mark="x", width=0.0))
+    lines.append(PlotLine(np.linspace(*x, 3), np.zeros(3), MUTED, width=0.7))
+    panel = PlotPanel(f"residual [{written(unit)}]", lines, "sample", x=x, y=(-reach, reach), columns=_COLUMNS)
     key = [(name, colour, "solid") for name, colour in zip(names, SERIES, strict=False)]
-    return Figure("Residuals", draw, key + ([] if fit.used.all() else [("outliers, set aside", outlier, "block")]))
+    key += [] if fit.used.all() else [("outliers, set aside", outlier, "block")]
+    return Figure("Residuals", partial(draw_panels, lambda: [panel]), key)
 
 
-def _plot(ax: "Axes", values: Floats, colour: str) -> None:
-    from plumbob.reporting.drawing import envelope
-
-    x, y = envelope(_numbered(values), values, _COLUMNS)
-    ax.plot(x, y, color=colour, linewidth=0.9, marker="." if values.size <= _FEW else "", markersize=4.0)
-
-
-def _numbered(values: Floats) -> Floats:
-    return np.arange(1.0, values.size + 1.0)
-
-
-def _label(ax: "Axes", count: int, label: str) -> None:
-    ax.set_xlim(0.5, count + 0.5)
-    ax.margins(y=0.12)
-    ax.set_xlabel("sample")
-    ax.set_ylabel(label)
+def _over_samples(values: Floats, colour: str) -> PlotLine:
+    mark = "." if values.size <= _FEW else ""
+    return PlotLine(np.arange(1.0, values.size + 1.0), values, colour, width=0.9, mark=mark, size=4.0)
 
 
 def _draw_hemisphere(ax: "Axes", directions: Floats, covered: NDArray[np.bool_], side: float) -> None:

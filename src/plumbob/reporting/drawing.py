@@ -261,7 +261,7 @@ def runs(t: Floats, mask: NDArray[np.bool_], columns: int) -> list[tuple[float, 
 class PlotLine:
     """Values (N,), NaN where not known; a larger step than `gap` in x or `jump` in y breaks the line.
 
-    A `band` has least and greatest values (N,), its colour, and how opaque it is.
+    A `band` has least and greatest values (N,), its colour, and how opaque it is; `size` is that of marks, points.
     """
 
     x: Floats
@@ -270,6 +270,7 @@ class PlotLine:
     dash: str = "solid"
     width: float = 0.8
     mark: str = ""
+    size: float = 2.5
     gap: float = np.inf
     jump: float = np.inf
     alpha: float = 1.0
@@ -282,7 +283,8 @@ class PlotPanel:
 
     `circle` is all that an angle can be, degrees, shown where the values fill more than half of it; `levels` are dashed
     lines across; `pale` stretches of x, start and length, are shaded; `bars` are rows of stretches from and to, each
-    with label and colour; of more values than `columns` the least and the greatest of each are drawn.
+    with label and colour; of more values than `columns` the least and the greatest of each are drawn; `room` is left
+    above and below the values, a share of them.
     """
 
     label: str
@@ -292,6 +294,7 @@ class PlotPanel:
     x: tuple[float | None, float | None] = (None, None)
     y: tuple[float | None, float | None] = (None, None)
     ticks: Sequence[float] = ()
+    room: float = 0.05
     circle: tuple[float, float] | None = None
     compass: bool = False
     levels: Sequence[float] = ()
@@ -321,7 +324,8 @@ def _draw_line(ax: "Axes", line: PlotLine, panel: PlotPanel) -> None:
     x, y = envelope(x[finite], line.y[finite], panel.columns, gap=line.gap, jump=line.jump)
     how: Any = {"linestyle": _DASHES[line.dash], "linewidth": line.width, "color": line.colour, "alpha": line.alpha}
     mark = line.mark or ("." if x.size < 3 else "")
-    ax.plot(np.exp(x) if panel.log else x, y, marker=mark, markersize=2.5, **how)
+    inside = mark != "x"  # outliers stand on the edge
+    ax.plot(np.exp(x) if panel.log else x, y, marker=mark, markersize=line.size, clip_on=inside, **how)
 
 
 def _draw_band(ax: "Axes", line: PlotLine, panel: PlotPanel) -> None:
@@ -346,6 +350,7 @@ def _scale(ax: "Axes", panel: PlotPanel) -> None:
     from matplotlib.ticker import LogLocator
 
     scale: Any = "log" if panel.log else "linear"
+    ax.margins(y=panel.room)
     ax.set(xscale=scale, yscale=scale, ylabel=panel.label, xlim=panel.x, ylim=panel.y)
     (low, high), (first, last) = ax.get_ylim(), panel.circle or (-np.inf, np.inf)
     if panel.bars:
