@@ -363,13 +363,6 @@ def test_what_cannot_calibrate_is_refused(spoil, kind):
 TRIALS = 3
 
 
-def scene(seed, *, gain_sd=0.0, **motion):
-    rng = np.random.default_rng(seed)
-    unit = mags.unit_of(rng)
-    t, q_nb, true = mags.trajectory(rng, **motion)
-    return unit, (t, mags.field(rng, unit, q_nb), mags.rates(rng, true, gain_sd=gain_sd)), mags.force(rng, q_nb)
-
-
 def mag_gyr_turned(t, gyr):
     """Attitudes (N, 3, 3) from the axes of a body that starts at one to those of the start."""
     return dcm_from_quat(quat_chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis]))
@@ -380,7 +373,7 @@ def test_mag_gyr_heading_meets_the_bar_and_the_covariance_is_honest(gain_sd):
     """0.25° on a minute with inclinations up to 15°, with an exact gyroscope and with a calibrated one."""
     made, units = [], []
     for k in range(TRIALS):
-        unit, measured, acc = scene([5, k], gain_sd=gain_sd)
+        unit, measured, acc = mags.scene([5, k], gain_sd=gain_sd)
         made.append(fit_mag_gyr(*measured, acc=acc, strength=mags.STRENGTH, gyr_gain_sd=gain_sd).calibration)
         units.append(unit)
     mags.assert_honest(made, units, 0.25)
@@ -394,7 +387,7 @@ def test_the_turns_are_those_of_the_body():
 
 
 def test_bias_walk_and_field_of_the_gyroscope_are_found():
-    _, (t, mag, gyr), acc = scene(3)
+    _, (t, mag, gyr), acc = mags.scene(3)
     planted = dps(np.array([2.0, -1.0, 1.5]))
     fit = fit_turned_field(t, mag, gyr + planted, np.arange(len(t)), gyr_gain_sd=0.0)
     same = fit_turned_field(t, mag, gyr, np.arange(len(t)), gyr_gain_sd=0.0)
@@ -406,7 +399,7 @@ def test_bias_walk_and_field_of_the_gyroscope_are_found():
 
 def test_a_later_magnetometer_is_put_right():
     """40 ms, twice what is expected beforehand; 0.2 µT on 25 µT that turn at 0.24 rad/s ± leave 0.6 ms of 3000."""
-    unit, (t, mag, gyr), _ = scene(8)
+    unit, (t, mag, gyr), _ = mags.scene(8)
     delays = [
         fit_turned_field(t[2:], late, gyr[2:], np.arange(len(t) - 2), gyr_gain_sd=0.0).delay
         for late in (mag[2:], mag[:-2])
@@ -430,7 +423,7 @@ def test_real_recordings_agree_with_the_reference_attitude(broad_folder, trial):
 
 
 def test_slower_or_outlying_or_too_many_samples_do_no_harm():
-    unit, (t, mag, gyr), _ = scene(9)
+    unit, (t, mag, gyr), _ = mags.scene(9)
     fine = np.linspace(0.0, t[-1], 2 * (len(t) - 1) + 1)
     twice = [np.column_stack([np.interp(fine, t, column) for column in triad.T]) for triad in (mag, gyr)]
     slow = mag.copy()
@@ -446,7 +439,7 @@ def test_slower_or_outlying_or_too_many_samples_do_no_harm():
 
 
 def test_mag_gyr_what_cannot_calibrate_is_refused():
-    _, (t, mag, gyr), _ = scene(6, duration=24.0)
+    _, (t, mag, gyr), _ = mags.scene(6, duration=24.0)
     rng, level = np.random.default_rng(7), np.zeros_like(gyr) + [0.0, 0.0, 0.3]
     noise = 0.2 * rng.normal(size=mag.shape)
     circling = np.einsum("nji,j->ni", mag_gyr_turned(t, level), [25.0, 0.0, 43.0]) + noise

@@ -107,6 +107,17 @@ def force(rng, q_nb, *, sd=LEAN):
     return G0 * (in_body(q_nb, np.array([0.0, 0.0, -1.0])) + sd * rng.normal(size=(len(q_nb), 3)))
 
 
+def scene(seed, *, rate=50.0, gain_sd=0.0, off=None, **motion):
+    """Unit, what it and its gyroscope measure, and its vertical; `off` (N, 3) is added to the field of the place."""
+    rng = np.random.default_rng(seed)
+    unit = unit_of(rng)
+    t, q_nb, true = trajectory(rng, rate=rate, **motion)
+    mag = field(rng, unit, q_nb)
+    if off is not None:
+        mag += in_body(q_nb, off(t)) @ unit.distortion.T
+    return unit, (t, mag, rates(rng, true, rate=rate, gain_sd=gain_sd)), force(rng, q_nb)
+
+
 def heading_rms(calibration, unit, *, tilt=TILTS):
     """Root mean square error, rad, of the heading with a true horizon over inclinations up to a limit."""
     q_nb = attitudes(np.random.default_rng(99), 2000, tilt)

@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from plumbob.simulation.errors import TriadErrors
 
 
 def hide(analysis, letter, **fields):
-    hidden = Coefficient(analysis.terms[letter].value, observable=False, **fields)
+    hidden = Coefficient(**{"value": analysis.terms[letter].value, "observable": False, **fields})
     return replace(analysis, likelihood=Estimates("likelihood", {**analysis.terms, letter: hidden}))
 
 
@@ -41,11 +42,6 @@ FLOAT = re.compile(r"[-+]?[0-9]+\.[0-9]*([eE][-+][0-9]+)?")
 def read(text):
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
     return dict(line.split(": ") for line in lines if ": " in line)
-
-
-def with_walk(analysis, **fields):
-    terms = {**analysis.terms, "K": Coefficient(**fields)}
-    return replace(analysis, likelihood=Estimates("likelihood", terms))
 
 
 # planted in x, and 1.1 and 0.9 of it in y and z, whose quadratic mean is √(3.02/3): N and K, SI
@@ -113,7 +109,7 @@ def test_comments_say_what_each_number_was_made_of(analyses):
     assert "#   acc z K: 1.80 +/- 0.63 ug/s/rtHz" in text
     assert "# static ?.parquet rostopic: /evil" in text
     assert text.isascii() and "quadratic mean" in text
-    hidden = with_walk(analyses[2], value=1e-9, upper=4e-6, observable=False, hours=7.0)
+    hidden = hide(analyses[2], "K", value=1e-9, upper=4e-6, hours=7.0)
     text = lines([*analyses[:2], hidden, *analyses[3:]], "kalibr")
     squares = [analyses[0].terms["K"].value ** 2, analyses[1].terms["K"].value ** 2, 4e-6**2]
     assert math.isclose(float(read(text)["gyroscope_random_walk"]), math.sqrt(sum(squares) / 3.0), rel_tol=5e-7)
@@ -163,20 +159,22 @@ def test_what_a_card_or_another_program_cannot_take_is_refused(analyses):
     smooth = replace(gyr[1], likelihood=Estimates("likelihood", {}), mask=Mask(9, 1.0, "it looks smoothed"))
     bare = [replace(a, quantity=Quantity.RATIO) for a in gyr]
     slow = [replace(a, curve=replace(a.curve, dt=0.02)) for a in acc]
-    hidden = with_walk(gyr[0], value=0.0, observable=False, hours=7.0)
-    for given, error, text in (
-        ([gyr[0], smooth, gyr[2]], ShapeError, r"white noise of gyr y is not known \(it looks smoothed\)"),
-        (acc[:2], ShapeError, r"needs x, y and z of gyr, acc or mag, but there are acc xy\."),
-        (bare, UnitError, "gyr is in '1', but a card holds rad/s; scale the recording"),
+    hidden = hide(gyr[0], "K", value=0.0, hours=7.0)
+    card, vins = partial(noise_card, device="d", source="s"), partial(lines, form="vins")
+    for call, given, error, text in (
+        (card, [gyr[0], smooth, gyr[2]], ShapeError, r"white noise of gyr y is not known \(it looks smoothed\)"),
+        (card, acc[:2], ShapeError, r"needs x, y and z of gyr, acc or mag, but there are acc xy\."),
+        (card, bare, UnitError, "gyr is in '1', but a card holds rad/s; scale the recording"),
+        (vins, [hidden, *analyses[1:]], ParameterError, "K of gyr x has neither a value nor a limit"),
+        (
+            vins,
+            [hide(gyr[0], "K", value=0.0, observable=True), *analyses[1:]],
+            ParameterError,
+            "K of gyr x has neither a value nor a limit",
+        ),
+        (vins, gyr, ShapeError, "needs gyr and acc, but the record has only gyr"),
+        (vins, [*bare, *acc], UnitError, "gyr is in '1', but vins takes rad/s"),
+        (vins, [*gyr, *slow], ParameterError, "rates 100 Hz and 50 Hz"),
     ):
         with pytest.raises(error, match=text):
-            noise_card(given, device="d", source="s")
-    for given, error, text in (
-        ([hidden, *analyses[1:]], ParameterError, "K of gyr x has neither a value nor a limit"),
-        ([with_walk(gyr[0], value=0.0), *analyses[1:]], ParameterError, "K of gyr x has neither a value nor a limit"),
-        (gyr, ShapeError, "needs gyr and acc, but the record has only gyr"),
-        ([*bare, *acc], UnitError, "gyr is in '1', but vins takes rad/s"),
-        ([*gyr, *slow], ParameterError, "rates 100 Hz and 50 Hz"),
-    ):
-        with pytest.raises(error, match=text):
-            lines(given, "vins")
+            call(given)

@@ -276,14 +276,9 @@ def _remarks(triad: findings.Triad, *, beside: bool = False) -> list[Note]:
 def _coefficient_rows(triad: findings.Triad) -> list[list[str]]:
     """Rows of the table of a triad: name with unit, and one cell for each axis."""
     units, sample, channels = DATASHEET[triad.first.quantity], DEVIATION[triad.first.quantity], triad.channels.values()
-    floors, times = [], []
-    for least in map(findings.lowest, channels):
-        if least is None:
-            floors.append("-")
-            times.append("-")
-        else:
-            floors.append(measured(*(from_si(value, sample) for value in (least.dev, least.lo, least.hi))))
-            times.append(f"{number(least.tau)} s" + ("" if least.risen else " or later"))
+    lowest = [findings.lowest(a) for a in channels]
+    ends = [least and [from_si(value, sample) for value in (least.dev, least.lo, least.hi)] for least in lowest]
+    late = ["-" if least is None else f"{number(least.tau)} s{'' if least.risen else ' or later'}" for least in lowest]
     return [
         *(
             [
@@ -292,8 +287,8 @@ def _coefficient_rows(triad: findings.Triad) -> list[list[str]]:
             ]
             for k, term in TERMS.items()
         ),
-        [f"floor of the curve [{written(sample)}]", *floors],
-        ["at an averaging time of", *times],
+        [f"floor of the curve [{written(sample)}]", *(measured(*three) if three else "-" for three in ends)],
+        ["at an averaging time of", *late],
         [f"mean [{written(sample)}]", *(number(from_si(a.mean, sample), 4) for a in channels)],
         [f"standard deviation [{written(sample)}]", *(number(from_si(a.sd, sample), 4) for a in channels)],
     ]
