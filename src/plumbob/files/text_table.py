@@ -474,7 +474,7 @@ class TextTable:
 
 
 @dataclass(slots=True)
-class _Rows:
+class _RowRoom:
     """Rows of columns side by side that become more, in room that doubles."""
 
     refs: tuple[ColumnRef, ...]
@@ -509,14 +509,14 @@ class Reading:
     texts: dict[ColumnRef, list[str]]
     together: Sequence[tuple[ColumnRef, ...]] = ()
     zero: Decimal | None = None
-    tables: list[_Rows] = field(init=False)
+    tables: list[_RowRoom] = field(init=False)
     rows: int = 0  # so far, with those that were left out
     left_out: dict[int, tuple[int, DecodeError]] = field(default_factory=dict)  # by row: its line, and why
 
     def __post_init__(self) -> None:
         alone = self.places.keys() - {*self.texts, *chain(*self.together)}
         groups = (*self.together, *((ref,) for ref in self.places if ref in alone))
-        self.tables = [_Rows(refs, np.empty((0, len(refs)))) for refs in groups]
+        self.tables = [_RowRoom(refs, np.empty((0, len(refs)))) for refs in groups]
 
     def add_fast(self, block: str) -> bool:
         """Read a block by Arrow; False where it cannot."""

@@ -10,6 +10,7 @@ from plumbob import ImuData
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother import causal as onward
+from plumbob.filters.smoother import field as fields
 from plumbob.filters.smoother import inertial, live
 from plumbob.filters.smoother import stationary as standing
 from plumbob.filters.smoother.field import Reference, bias_of_drift, follow, share_of_rest, weighted_median, weights
@@ -82,15 +83,40 @@ def test_a_large_level_velocity_may_be_gravity_in_a_wrong_attitude():
 def test_a_fast_body_keeps_its_speed_and_a_hand_comes_back():
     """A speed far above the usual one is forgotten within `LEAK`, a small one is not; peaks fade likewise."""
     step, still = np.full(800, 0.05), np.zeros(800, dtype=bool)
-    fast = inertial.Speed(np.where(np.arange(800) < 200, 30.0, 0.0), step, still, step)
-    assert fast.lasting(step)[199] == pytest.approx(math.exp(-0.05 / inertial.LEAK), rel=1e-4)
+    fast = inertial.Speed(np.where(np.arange(800) < 200, 30.0, 0.0), step, still, step, 40.0 * step)
+    assert fast.lasting(step, still)[199] == pytest.approx(math.exp(-0.05 / inertial.LEAK), rel=1e-4)
     half = 199 + round(inertial.LEAK * math.log(30.0**2) / 0.05)  # where the fading peak is 1 m/s
-    assert fast.lasting(step)[half] == pytest.approx(math.exp(-0.5 * 0.05 / inertial.LEAK), rel=1e-3)
-    hand = inertial.Speed(np.full(800, 0.05), step, still, step)
-    assert hand.lasting(step) == pytest.approx(np.ones(800), abs=1e-4)
+    assert fast.lasting(step, still)[half] == pytest.approx(math.exp(-0.5 * 0.05 / inertial.LEAK), rel=1e-3)
+    rests = fast.lasting(step, np.arange(800) == 199)[199]  # what goes on at 2 m/s is what rests from there on
+    assert rests == pytest.approx(fast.lasting(step, still)[199] / 2.0**4)
+    hand = inertial.Speed(np.full(800, 0.05), step, still, step, step)
+    assert hand.lasting(step, np.arange(800) == 199) == pytest.approx(np.ones(800), abs=1e-4)
     learned = np.zeros(onward.LEARNED)
     learned[onward.PEAK2] = 30.0**2
-    assert onward.lasting(learned, 0.05) == pytest.approx(fast.lasting(step)[199])
+    assert onward.lasting(learned, 0.05) == pytest.approx(fast.lasting(step, still)[199])
+
+
+def test_a_field_that_turns_and_keeps_its_size_speaks_against_the_attitude_and_another_size_does_not():
+    """Odds of 4 d / π s (1 + g² / s²)² each time that it has moved by its spread s, d away and grown by g."""
+    level, vertical, spread = 20.0, -40.0, 2.0
+    turned, grown, still = np.zeros(fields.DOUBTS), np.zeros(fields.DOUBTS), np.zeros(fields.DOUBTS)
+    expected = 0.0
+    for k in range(1, 21):
+        angle = deg(k * 8.0)
+        seen = np.array([level * math.sin(angle), level * math.cos(angle), vertical])
+        fields.contradict(turned, seen, 0.1, level, vertical, spread)
+        expected += math.log(8.0 / math.pi * level * math.sin(0.5 * angle) / spread)
+        fields.contradict(grown, seen * 1.2, 0.1, level, vertical, spread)
+        fields.contradict(still, np.array([0.0, level, vertical - 15.0]), 0.1, level, vertical, spread)
+        assert turned[fields.ODDS] == pytest.approx(min(expected, fields.SURE), rel=1e-9)
+    assert grown[fields.ODDS] == still[fields.ODDS] == 0.0
+    apart2 = (2.0 * level * math.sin(deg(80.0)) / spread) ** 2
+    share = apart2 / (apart2 + 1.0) / (1.0 + 30.0 * math.exp(-fields.SURE))
+    assert turned[fields.HEADING2] == pytest.approx(share * deg(160.0) ** 2, rel=1e-9)
+    assert still[fields.HEADING2] == 0.0 and still[fields.TILT2] > 0.0
+    for _ in range(200):
+        fields.contradict(turned, np.array([0.0, level, vertical]), 0.1, level, vertical, spread)
+    assert turned[fields.HEADING2] < deg(2.0) ** 2 and turned[fields.ODDS] < 0.1  # 20 s later
 
 
 def test_a_field_weighs_what_it_weighs_in_a_smoothed_recording():
@@ -98,19 +124,19 @@ def test_a_field_weighs_what_it_weighs_in_a_smoothed_recording():
     p, reference = Params(), Reference(20.0, -40.0, 1.0)
     fields = np.array([0.0, 20.0, -40.0]) + np.random.default_rng(0).normal(0.0, [8.0, 8.0, 4.0], (200, 3))
     expected = weights(reference, p, fields, np.zeros(200, dtype=bool), directed=True)
-    mean, field = np.zeros(MEANS), onward.LocalField.from_reference(reference, p)
+    mean, field = np.zeros(MEANS), onward.LocalField.from_reference(reference, p, 0.0)
     mean[COUNT] = 5.0
     for vector, weight in zip(fields, expected, strict=True):
         mean[FIELD : FIELD + 3] = vector
         assert onward.field_weight(mean, field, 0.0, 0.0) == pytest.approx(weight, rel=1e-12)
     mean[COUNT] = 0.0
     assert onward.field_weight(mean, field, 0.0, 0.0) == 0.0
-    assert onward.field_weight(mean, onward.LocalField.from_reference(None, p), 0.0, 0.0) == 0.0
+    assert onward.field_weight(mean, onward.LocalField.from_reference(None, p, 0.0), 0.0, 0.0) == 0.0
 
 
 def test_dip_and_direction_say_nothing_against_a_field_where_the_attitude_is_unknown():
     """A tilt of 5° changes the level part by 40 sin 5° = 3.5 µT, a heading of 60° the direction, none the size."""
-    field = onward.LocalField.from_reference(Reference(20.0, -40.0, 1.0), Params())
+    field = onward.LocalField.from_reference(Reference(20.0, -40.0, 1.0), Params(), 0.0)
     mean = np.zeros(MEANS)
     mean[COUNT] = 5.0
     for tilt, heading in ((5.0, 0.0), (0.0, 60.0), (5.0, 60.0)):

@@ -15,7 +15,19 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg
-from plumbob.filters.smoother.field import APART, LEAST_LEVEL, STEEPEST, TURNING, Reference, on_earth, white_noise
+from plumbob.filters.smoother.field import (
+    APART,
+    HEADING2,
+    LASTS,
+    LEAST_LEVEL,
+    STEEPEST,
+    TILT2,
+    TURNING,
+    Reference,
+    contradict,
+    on_earth,
+    white_noise,
+)
 from plumbob.filters.smoother.inertial import (
     ANY_SPEED,
     LEAK,
@@ -92,19 +104,23 @@ TAKEN_SD: Final = deg(5.0)  # the heading is then known to this, rad
 
 
 class LocalField(NamedTuple):
-    """The field of the place as the filter takes it: level and vertical part, spread, µT, and white noise, µT²/Hz."""
+    """The field of the place as the filter takes it: level and vertical part, spread, µT, and white noise, µT²/Hz.
+
+    `lasted` is for how long the unit turned or lay in it, s.
+    """
 
     level: float
     vertical: float
     spread: float
     white2: float
+    lasted: float
 
     @classmethod
-    def from_reference(cls, reference: Reference | None, p: Params) -> "LocalField":
+    def from_reference(cls, reference: Reference | None, p: Params, lasted: float) -> "LocalField":
         """Of a reference; without a level part where there is none."""
         if reference is None:
-            return cls(0.0, 0.0, 1.0, 1.0)
-        return cls(reference.level, reference.vertical, reference.spread(p), white_noise(p, reference) ** 2)
+            return cls(0.0, 0.0, 1.0, 1.0, 0.0)
+        return cls(reference.level, reference.vertical, reference.spread(p), white_noise(p, reference) ** 2, lasted)
 
 
 @kernel
@@ -182,6 +198,37 @@ def unlikely_tilt(learned: Floats) -> float:
 
 
 @kernel
+def wrong_tilt(doubt: Floats, learned: Floats) -> float:
+    """Variance of the tilt, rad², by fields that contradict it, as far as gravity allows.
+
+    A tilt that has been wrong for some seconds is a level velocity that has grown since, by as much as `LEAK` keeps.
+    """
+    speed2 = 0.5 * (learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2) + USUAL_SPEED * USUAL_SPEED
+    allowed2 = speed2 / (G0 * min(max(doubt[LASTS], SHORTEST), LEAK)) ** 2
+    return doubt[TILT2] * allowed2 / (doubt[TILT2] + allowed2)  # type: ignore[no-any-return]
+
+
+@kernel
+def disputed(
+    doubt: Floats, mean: Floats, dt: float, field: LocalField, p: Floats, learned: Floats
+) -> tuple[float, float]:
+    """Variances of tilt and heading, rad², by a step whose field contradicts that of the place beyond what is claimed.
+
+    The attitude may be wrong, or another field that of the place: by Laplace's rule of succession, of the seconds in
+    which either was seen, one in (s + 2) is the next [Laplace1774].
+    """
+    elsewhere2 = 0.0
+    if mean[COUNT] > 0.0 and field.level > 0.0:
+        level2, tilt2 = field.level * field.level, 0.5 * (p[TH, TH] + p[TH + 1, TH + 1])
+        spread2 = field.spread * field.spread + level2 * p[TH + 2, TH + 2] + (level2 + field.vertical**2) * tilt2
+        contradict(doubt, mean[FIELD : FIELD + 3], dt, field.level, field.vertical, math.sqrt(spread2))
+        off2 = mean[FIELD] ** 2 + (mean[FIELD + 1] - field.level) ** 2 + (mean[FIELD + 2] - field.vertical) ** 2
+        share = (doubt[LASTS] + 1.0) / (field.lasted + doubt[LASTS] + 2.0) * off2 / (off2 + spread2)
+        elsewhere2 = share * math.atan2(mean[FIELD], mean[FIELD + 1]) ** 2
+    return wrong_tilt(doubt, learned), doubt[HEADING2] + elsewhere2
+
+
+@kernel
 def field_weight(mean: Floats, field: LocalField, tilt2: float, heading2: float) -> float:
     """How far the mean field of a step is believed, 0 to 1, by size, dip and direction; as `weights` has it.
 
@@ -205,8 +252,8 @@ def onward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], gap: Bools, quiet: Bools,
     around: Floats, missed: Floats, pushed: Floats, untold: Bools, noise: ModelVariances, field: LocalField,
     rest_band: float, rest_time: float, least_speed: float, proven: bool, attitude: Floats, now: Floats, p: Floats,
-    learned: Floats, against: Floats, other: Floats, standing: Floats, q: Floats, x: Floats, way_cov: Floats,
-    gain: Floats, term: Floats, step: Floats, cov: Floats, word: NDArray[np.uint32], weight: Floats,
+    learned: Floats, against: Floats, other: Floats, standing: Floats, doubt: Floats, q: Floats, x: Floats,
+    way_cov: Floats, gain: Floats, term: Floats, step: Floats, cov: Floats, word: NDArray[np.uint32], weight: Floats,
 ) -> None:  # fmt: skip
     """Filter on over some keyframes: the `Way`, covariance of the attitude at each with doubts, and what each step was.
 
@@ -264,7 +311,8 @@ def onward(
             begin_anew(standing, end, attitude, now, p, learned)
             tilt2, f[KIND] = 0.0, SEVERED
         keep(k + 1, attitude, now, p, q, x, way_cov)
-        with_doubts(p, doubt2, tilt2, other[DOUBT] ** 2, cov[k + 1])
+        wrong_tilt2, heading2 = disputed(doubt, mean, dt, field, p, learned)
+        with_doubts(p, doubt2, tilt2 + wrong_tilt2, heading2 + other[DOUBT] ** 2, cov[k + 1])
         word[k] = (flags.AT_REST if kind == RESTING else 0) | (flags.INCONSISTENT if end < standing[UNTIL] else 0)
 
 
@@ -327,7 +375,7 @@ def step_kind(quiet: bool, around: Floats, now: Floats, rest_band: float) -> int
 @kernel
 def taken(other: Floats, field: LocalField) -> LocalField:
     """Another field as the one of the place."""
-    return LocalField(math.hypot(other[OTHER], other[OTHER + 1]), other[OTHER + 2], field.spread, field.white2)
+    return LocalField(math.hypot(other[OTHER], other[OTHER + 1]), other[OTHER + 2], field.spread, field.white2, 0.0)
 
 
 @kernel

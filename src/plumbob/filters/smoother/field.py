@@ -9,7 +9,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 from plumbob.core.units import deg, dps
-from plumbob.filters.smoother.inertial import PIECE, Inertial
+from plumbob.filters.smoother.inertial import LEAK, PIECE, Inertial
 from plumbob.filters.smoother.keyframes import Bools, Keyframes
 from plumbob.filters.smoother.model import Params
 from plumbob.filters.smoother.sweeps import UNUSED
@@ -192,6 +192,58 @@ def weights(reference: Reference, p: Params, field: Floats, doubtful: Bools, *, 
     usable = np.isfinite(off2) & ~doubtful
     usable &= np.hypot(field[:, 0], field[:, 1]) > STEEPEST * reference.level
     return np.where(usable, 1.0 / (1.0 + off2 / reference.spread(p) ** 2) ** 2, 0.0)
+
+
+ODDS: Final = 0  # logarithm of how much likelier than at first it is that the attitude is wrong, and not the field;
+BEFORE: Final = 1  # the field for which that was weighed last, east, north and up, µT;
+LASTS: Final = 4  # for how much longer fields have contradicted than agreed, s;
+TILT2: Final = 5  # and variances of tilt and heading by what is in doubt, rad²
+HEADING2: Final = 6
+DOUBTS: Final = 7
+RARE: Final = math.log(1.0 / 30.0)
+"""Of so many fields that contradict one does because the attitude is wrong: a prior, which half a second outweighs;"""
+SURE: Final = 8.0
+"""no odds count for more than this, or the end of a fault would not be seen."""
+
+
+@kernel
+def contradict(doubt: Floats, field: Floats, dt: float, level: float, vertical: float, spread: float) -> None:
+    """Weigh what is wrong, a field (3,) in navigation axes, µT, or the attitude that brings it there.
+
+    A disturbance changes the size of a field by anything up to its own, a wrong attitude changes its direction alone.
+    That counts each time as the field has moved by the `spread`, since a magnet that lies still says nothing new. The
+    odds count in the variances of tilt and heading: dip is tilt, and azimuth as far as gravity has not corrected that.
+    """
+    east, north, up = field[0], field[1], field[2]
+    apart2, spread2, moved2 = east**2 + (north - level) ** 2 + (up - vertical) ** 2, spread * spread, 0.0
+    for i in range(3):
+        moved2 += (field[i] - doubt[BEFORE + i]) ** 2
+    if apart2 < spread2:
+        doubt[ODDS] *= math.exp(-dt / LEAK)
+        doubt[LASTS] = max(doubt[LASTS] - dt, 0.0)
+    else:
+        doubt[LASTS] += dt
+        if moved2 > spread2:
+            grown = math.hypot(math.hypot(east, north), up) - math.hypot(level, vertical)
+            ratio = 4.0 / math.pi * math.sqrt(apart2 / spread2) / (1.0 + grown * grown / spread2) ** 2
+            doubt[ODDS] = min(max(doubt[ODDS] + math.log(ratio), 0.0), SURE)
+            for i in range(3):
+                doubt[BEFORE + i] = field[i]
+    share = apart2 / (apart2 + spread2) / (1.0 + math.exp(-RARE - doubt[ODDS]))
+    azimuth, dip = math.atan2(east, north), math.atan2(up, math.hypot(east, north)) - math.atan2(vertical, level)
+    steep, uncorrected = vertical / level, min(LEAK / max(doubt[LASTS], dt), 1.0) ** 2
+    by_tilt = azimuth * steep * uncorrected / (1.0 + steep * steep * uncorrected)
+    fading = math.exp(-2.0 * dt / LEAK)
+    doubt[TILT2] = max(fading * doubt[TILT2], share * (dip * dip + 0.5 * by_tilt * by_tilt))
+    doubt[HEADING2] = max(fading * doubt[HEADING2], share * azimuth * azimuth)
+
+
+@kernel
+def contradictions(fields: Floats, dt: Floats, level: float, vertical: float, spread: float, doubt: Floats) -> None:
+    """What is in doubt behind fields (K, 3)."""
+    for k in range(dt.size):
+        if not math.isnan(fields[k, 0]):
+            contradict(doubt, fields[k], dt[k], level, vertical, spread)
 
 
 def white_noise(p: Params, reference: Reference) -> float:

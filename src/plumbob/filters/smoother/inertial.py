@@ -66,13 +66,15 @@ MOST: Final = 2000  # windows that are tried as centre of a cluster
 class Speed:
     """How the body moves, at each step: level speed, m/s, for how long it lasts, s, and where no force says; (K,).
 
-    `now` is the speed of the step itself, by what comes before it or behind it, whichever shows less.
+    `before` is the speed of the step itself by what comes before it, `now` that or the one by what comes behind it,
+    whichever is less.
     """
 
     speed: Floats
     lasts: Floats
     untold: Bools
     now: Floats
+    before: Floats
 
     def density(self, p: model.Params, resting: Bools) -> Floats:
         """Spectral density of the level velocity, taken for white, m²/s."""
@@ -80,14 +82,17 @@ class Speed:
         at_rest = np.maximum(self.lasts * self.now**2, SHORTEST * REST_SPEED**2)
         return np.where(resting, 2.0 * at_rest, moving)
 
-    def lasting(self, step: Floats) -> Floats:
+    def lasting(self, step: Floats, resting: Bools) -> Floats:
         """Share of the level velocity that lasts over each step of so many s: a fast body may stay fast.
 
-        So it counts from the mean of some seconds, which a hand, that soon comes back, does not need.
+        So it counts from the mean of some seconds, which a hand, that soon comes back, does not need. Where a rest
+        begins, of a train as well as of a foot, what is beyond `USUAL_SPEED` is what rests from then on.
         """
         square = np.where(self.untold, 0.0, self.speed**2)
         peaks(step, LEAK, square)
         share: Floats = np.exp(-step / LEAK * square / (square + USUAL_SPEED**2))
+        begins = 1 + np.flatnonzero(resting[1:] & ~resting[:-1])
+        share[begins] *= np.minimum((USUAL_SPEED / np.maximum(self.before[begins - 1], TINY)) ** 4, 1.0)
         return share
 
 
@@ -256,7 +261,8 @@ def level_speed(frames: Keyframes, force: Floats, *, sure: bool = True) -> Speed
     leaky(dt, force, LEAK, velocity)
     leaky(dt[::-1].copy(), -force[::-1], LEAK, back)
     back = back[::-1]
-    now = np.sqrt(0.5 * np.minimum((velocity**2).sum(axis=1), (back**2).sum(axis=1)))
+    before = np.sqrt(0.5 * (velocity**2).sum(axis=1))
+    now = np.minimum(before, np.sqrt(0.5 * (back**2).sum(axis=1)))
     if not sure:
         velocity = 0.5 * (velocity + back)
     middle = frames.middle
@@ -267,7 +273,8 @@ def level_speed(frames: Keyframes, force: Floats, *, sure: bool = True) -> Speed
         return np.sqrt(square / sum_between(dt, low, high))
 
     speed, acceleration = rms(velocity), rms(force)
-    return Speed(speed, np.clip(SPEED_TIMES * speed / np.maximum(acceleration, 1e-3), SHORTEST, LEAK), untold, now)
+    lasts = np.clip(SPEED_TIMES * speed / np.maximum(acceleration, 1e-3), SHORTEST, LEAK)
+    return Speed(speed, lasts, untold, now, before)
 
 
 def first_speed(frames: Keyframes, bias: Floats, *, sure: bool) -> Speed:
@@ -280,8 +287,8 @@ def first_speed(frames: Keyframes, bias: Floats, *, sure: bool) -> Speed:
     low, high = np.searchsorted(middle, middle - slow), np.searchsorted(middle, middle + slow, side="right")
     force = force - sum_between(force, low, high, mean=True)
     xy, yz = (level_speed(frames, of, sure=sure) for of in (force[:, :2], force[:, 1:]))
-    speed, now = np.maximum(xy.speed, yz.speed), np.maximum(xy.now, yz.now)
-    return replace(xy, speed=speed, lasts=np.full(middle.size, 0.5), now=now)
+    speed, now, before = (np.maximum(getattr(xy, name), getattr(yz, name)) for name in ("speed", "now", "before"))
+    return replace(xy, speed=speed, lasts=np.full(middle.size, 0.5), now=now, before=before)
 
 
 def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
@@ -380,7 +387,7 @@ def _level(
     free = p.gyr_scale > model.Params().gyr_scale
     for wide, matrix in ((WIDE, 1.0 if free else FIXED_MATRIX), (NARROW, 1.0)):
         density, tried = speed.density(p, resting), list[Sweep]()
-        lasting = speed.lasting(frames.step) if sure else np.ones(kind.size)
+        lasting = speed.lasting(frames.step, resting) if sure else np.ones(kind.size)
         for bias_sd in spreads if wide == WIDE else (min(chosen, AGAIN_BIAS),):
             p0 = model.start_covariance(
                 p, tilt=wide, heading=model.FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit

@@ -27,7 +27,15 @@ from plumbob.core.units import deg
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards.residuals import full_covariance
 from plumbob.filters.smoother import causal, samples
-from plumbob.filters.smoother.field import APART, LEAST_TURNING, REST_SHARE, Reference, turning_time
+from plumbob.filters.smoother.field import (
+    APART,
+    DOUBTS,
+    HEADING2,
+    LEAST_TURNING,
+    REST_SHARE,
+    Reference,
+    turning_time,
+)
 from plumbob.filters.smoother.inertial import GIVEN, LEAK, WINDOW, Given, level_speed, peaks
 from plumbob.filters.smoother.keyframes import Keyframes, between, path
 from plumbob.filters.smoother.model import FREE_HEADING, KEPT, SIZE, B, M, ModelVariances, Params
@@ -89,6 +97,7 @@ class Running:
     other: Floats  # (8,), a field that contradicts the one of the place
     proven: bool  # whether the unit has turned in that one
     standing: Floats  # (24,), what contradicts the gyroscope: see `stationary`
+    doubt: Floats  # (7,), what fields that contradict say: see `contradict`
     unknown: int  # flag of a field that no turning in it has shown up to the look
     turned: float  # by how much headings were turned since the look, rad, to go on from those before it
     rooms: list[causal.Room]  # the steps since the look, from none on; where there is a lag
@@ -474,23 +483,28 @@ class Live:
             causal.turn_heading_by(by, *last, learned)
         iron = np.zeros(3) if smoothed.attached is None else smoothed.attached.field[-1]
         bend = 0.0 if smoothed.reference is None else smoothed.reference.bend(p)
-        other, standing = np.zeros(causal.CONTRARY), fresh()
+        other, standing, lasted = np.zeros(causal.CONTRARY), fresh(), self._proven.turning + self._proven.rest
+        doubt = np.zeros(DOUBTS) if smoothed.doubt is None else smoothed.doubt
         if self._running is not None:
             standing[UNTIL : JUMPED + 1] = self._running.standing[UNTIL : JUMPED + 1]
         if self._running is not None and not self._proven.settled:
             other[causal.DOUBT] = self._running.other[causal.DOUBT]
         cov = np.empty((3, 3))
-        causal.with_doubts(last.cov, 0.0, causal.unlikely_tilt(learned), other[causal.DOUBT] ** 2, cov)
+        tilt2, heading2 = (
+            causal.unlikely_tilt(learned) + causal.wrong_tilt(doubt, learned),
+            other[causal.DOUBT] ** 2 + doubt[HEADING2],
+        )
+        causal.with_doubts(last.cov, 0.0, tilt2, heading2, cov)
         sought = bool(np.isfinite(frames.mag[:, 0]).any())
         turned = smoothed.reference is not None and self._proven.turning > LEAST_TURNING
         room = causal.Room.empty(0)
         room.way.q[0], room.way.x[0], room.way.cov[0], room.cov[0] = last.attitude, last.state, last.cov[:KEPT], cov
         return Running(
-            last, cov, learned, smoothed, causal.LocalField.from_reference(smoothed.reference, p), iron,
+            last, cov, learned, smoothed, causal.LocalField.from_reference(smoothed.reference, p, lasted), iron,
             ModelVariances.from_params(p, bend),
             float(frames.time[-1]), flags.AT_REST if smoothed.resting[-1] else 0, float(smoothed.weight[-1]),
-            np.zeros(1), other, self._proven.settled, standing, flags.FIELD_UNKNOWN if sought and not turned else 0,
-            by, [room],
+            np.zeros(1), other, self._proven.settled, standing, doubt,
+            flags.FIELD_UNKNOWN if sought and not turned else 0, by, [room],
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
@@ -511,7 +525,7 @@ class Live:
             frames.t, frames.gyr, frames.acc, frames.mag - running.iron, frames.first, frames.gap,
             *self._arriving.quiet(steps), frames.missed, frames.pushed, frames.untold, running.noise,
             running.field, self.p.rest_band, self.p.rest_time, self.p.speed, running.proven, *running.last,
-            running.learned, running.against, running.other, running.standing, *room.way, room.cov,
+            running.learned, running.against, running.other, running.standing, running.doubt, *room.way, room.cov,
             room.word, room.weight,
         )  # fmt: skip
         if self._lag:

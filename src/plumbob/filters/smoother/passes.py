@@ -12,8 +12,10 @@ from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.filters.smoother.field import (
     APART,
+    DOUBTS,
     Reference,
     bias_of_drift,
+    contradictions,
     direction_scatter,
     find_reference,
     heading_turn,
@@ -108,6 +110,7 @@ class Smoothed:
     scatter: float = 0.0  # by how much the direction of the field scatters beyond what was expected of it, rad
     bias_sd: float = 0.0  # standard deviation of a bias about the vertical that neither rest nor field showed, rad/s
     tilt_var: float = 0.0  # variance of the tilt, rad², by what contradicts a given one and is too short to decide
+    doubt: Floats | None = None  # (7,), what contradicts the last attitude: see `contradict`
 
     @property
     def learned(self) -> "Learned":
@@ -301,15 +304,17 @@ def _with_field(
             # would count it twice, and what is known of a gyroscope never: a turning field would be followed.
             began, begin = known_along(first, begin, up, inertial.sweep.bias[0], inertial.drift_sd)
         estimate = sweep(
-            frames, kind, density, speed.lasting(frames.step), var, q, begin, p0, noise, first=began,
+            frames, kind, density, speed.lasting(frames.step, resting), var, q, begin, p0, noise, first=began,
             covariance=remaining == 1,
         )  # fmt: skip
         speed, q, bias, field = level_speed(frames, estimate.force[:, :2]), estimate.q, estimate.bias, estimate.field
     rival_turn = _rival_turn(frames, p, inertial, free, reference)
     scatter = direction_scatter(frames, p, reference, estimate.field, weight)
+    doubt = np.zeros(DOUBTS)
+    contradictions(estimate.field, frames.step, reference.level, reference.vertical, reference.spread(p), doubt)
     return Smoothed(
         frames, estimate, resting, reference, weight, attached, p0, rival_turn, scatter=scatter,
-        bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var,
+        bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var, doubt=doubt,
     )  # fmt: skip
 
 
