@@ -350,8 +350,8 @@ def _scale(ax: "Axes", panel: PlotPanel) -> None:
     from matplotlib.ticker import LogLocator
 
     scale: Any = "log" if panel.log else "linear"
-    ax.margins(y=panel.room)
-    ax.set(xscale=scale, yscale=scale, ylabel=panel.label, xlim=panel.x, ylim=panel.y)
+    ax.set(xscale=scale, yscale=scale, ylabel=panel.label, ymargin=panel.room)
+    ax.set(xlim=panel.x, ylim=panel.y)
     (low, high), (first, last) = ax.get_ylim(), panel.circle or (-np.inf, np.inf)
     if panel.bars:
         ax.set(yticks=range(len(panel.bars)), yticklabels=[label for label, *_ in panel.bars])
