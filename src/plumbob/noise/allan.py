@@ -6,6 +6,7 @@ The analysis goes channel by channel, in memory or in one pass over a larger fil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -82,18 +83,17 @@ def changes(
     before: tuple[StaticRecord, StaticReport], after: tuple[StaticRecord, StaticReport], *, taus: Taus = None
 ) -> dict[str, DeviationComparison]:
     """What has changed from one record to another, channel by channel, of those that both have at one rate."""
-    old, new = ({name: group for group in _sound(*each) for name in group.names} for each in (before, after))
-    pairs = [(name, name) for name in old if name in new]
-    if len(old) == len(new) == 1:  # whatever the files are called
-        pairs = [(next(iter(old)), next(iter(new)))]
-    compared = {}
-    for first, second in pairs:
-        x, y = old[first], new[second]
-        if abs(x.dt / y.dt - 1.0) > _ROUNDED or x.quantity is not y.quantity:
+    old, new = _sound(*before), _sound(*after)
+    alone = sum(len(x.names) for x in old) == sum(len(y.names) for y in new) == 1  # whatever the files are called
+    compared: dict[str, DeviationComparison] = {}
+    for x, y in product(old, new):
+        channels = product(enumerate(x.names), enumerate(y.names))
+        pairs = [(i, j) for (i, first), (j, second) in channels if alone or first == second]
+        if not pairs or abs(x.dt / y.dt - 1.0) > _ROUNDED or x.quantity is not y.quantity:
             continue
-        a, b = _samples(x, before[1])[:, x.names.index(first)], _samples(y, after[1])[:, y.names.index(second)]
-        n = None if taus is None else _factors(taus, x.dt, min(a.size, b.size))
-        compared[second] = compare(a, b, x.dt, n=n)
+        a, b = _samples(x, before[1]), _samples(y, after[1])
+        n = None if taus is None else _factors(taus, x.dt, min(len(a), len(b)))
+        compared |= {y.names[j]: compare(a[:, i], b[:, j], x.dt, n=n) for i, j in pairs}
     return compared
 
 

@@ -273,7 +273,7 @@ def test_what_a_recording_did_not_show_of_the_gyroscope_stays_as_it_was():
     cov = np.full((12, 12), 0.1) + 0.06 * np.eye(12)
     cov[5, 5] = 0.36
     sweep = SimpleNamespace(unit_cov=cov, matrix=np.ones(9), bias=np.ones((2, 3)))
-    found = Smoothed(None, sweep, None, None, None, None, np.eye(21)).learned
+    found = Smoothed(None, sweep, None, None, None, None, np.eye(21), None).learned
     assert found.matrix.ravel().tolist() == [1.0, 1.0, 0.0, *[1.0] * 6]
     assert found.cov[5].tolist() == found.cov[:, 5].tolist() == np.eye(12)[5].tolist()
     assert (np.delete(np.delete(found.cov, 5, 0), 5, 1) == np.delete(np.delete(cov, 5, 0), 5, 1)).all()

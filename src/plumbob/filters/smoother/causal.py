@@ -221,10 +221,9 @@ def disputed(
     if mean[COUNT] > 0.0 and field.level > 0.0:
         level2, tilt2 = field.level * field.level, 0.5 * (p[TH, TH] + p[TH + 1, TH + 1])
         spread2 = field.spread * field.spread + level2 * p[TH + 2, TH + 2] + (level2 + field.vertical**2) * tilt2
-        contradict(doubt, mean[FIELD : FIELD + 3], dt, field.level, field.vertical, math.sqrt(spread2))
-        off2 = mean[FIELD] ** 2 + (mean[FIELD + 1] - field.level) ** 2 + (mean[FIELD + 2] - field.vertical) ** 2
-        share = (doubt[LASTS] + 1.0) / (field.lasted + doubt[LASTS] + 2.0) * off2 / (off2 + spread2)
-        elsewhere2 = share * math.atan2(mean[FIELD], mean[FIELD + 1]) ** 2
+        spread, step = math.sqrt(spread2), mean[FIELD : FIELD + 3]
+        elsewhere2 = contradict(doubt, step, dt, field.level, field.vertical, spread)
+        elsewhere2 *= (doubt[LASTS] + 1.0) / (field.lasted + doubt[LASTS] + 2.0)
     return wrong_tilt(doubt, learned), doubt[HEADING2] + elsewhere2
 
 

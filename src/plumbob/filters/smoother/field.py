@@ -207,12 +207,13 @@ SURE: Final = 8.0
 
 
 @kernel
-def contradict(doubt: Floats, field: Floats, dt: float, level: float, vertical: float, spread: float) -> None:
+def contradict(doubt: Floats, field: Floats, dt: float, level: float, vertical: float, spread: float) -> float:
     """Weigh what is wrong, a field (3,) in navigation axes, µT, or the attitude that brings it there.
 
     A disturbance changes the size of a field by anything up to its own, a wrong attitude changes its direction alone.
     That counts each time as the field has moved by the `spread`, since a magnet that lies still says nothing new. The
     odds count in the variances of tilt and heading: dip is tilt, and azimuth as far as gravity has not corrected that.
+    Returns the variance of a heading that is surely wrong, rad².
     """
     east, north, up = field[0], field[1], field[2]
     apart2, spread2, moved2 = east**2 + (north - level) ** 2 + (up - vertical) ** 2, spread * spread, 0.0
@@ -229,13 +230,15 @@ def contradict(doubt: Floats, field: Floats, dt: float, level: float, vertical: 
             doubt[ODDS] = min(max(doubt[ODDS] + math.log(ratio), 0.0), SURE)
             for i in range(3):
                 doubt[BEFORE + i] = field[i]
-    share = apart2 / (apart2 + spread2) / (1.0 + math.exp(-RARE - doubt[ODDS]))
+    beyond = apart2 / (apart2 + spread2)
+    share = beyond / (1.0 + math.exp(-RARE - doubt[ODDS]))
     azimuth, dip = math.atan2(east, north), math.atan2(up, math.hypot(east, north)) - math.atan2(vertical, level)
     steep, uncorrected = vertical / level, min(LEAK / max(doubt[LASTS], dt), 1.0) ** 2
     by_tilt = azimuth * steep * uncorrected / (1.0 + steep * steep * uncorrected)
     fading = math.exp(-2.0 * dt / LEAK)
     doubt[TILT2] = max(fading * doubt[TILT2], share * (dip * dip + 0.5 * by_tilt * by_tilt))
     doubt[HEADING2] = max(fading * doubt[HEADING2], share * azimuth * azimuth)
+    return beyond * azimuth * azimuth  # type: ignore[no-any-return]
 
 
 @kernel

@@ -29,7 +29,6 @@ from plumbob.data.cards.residuals import full_covariance
 from plumbob.filters.smoother import causal, samples
 from plumbob.filters.smoother.field import (
     APART,
-    DOUBTS,
     HEADING2,
     LEAST_TURNING,
     REST_SHARE,
@@ -484,17 +483,13 @@ class Live:
         iron = np.zeros(3) if smoothed.attached is None else smoothed.attached.field[-1]
         bend = 0.0 if smoothed.reference is None else smoothed.reference.bend(p)
         other, standing, lasted = np.zeros(causal.CONTRARY), fresh(), self._proven.turning + self._proven.rest
-        doubt = np.zeros(DOUBTS) if smoothed.doubt is None else smoothed.doubt
         if self._running is not None:
             standing[UNTIL : JUMPED + 1] = self._running.standing[UNTIL : JUMPED + 1]
         if self._running is not None and not self._proven.settled:
             other[causal.DOUBT] = self._running.other[causal.DOUBT]
         cov = np.empty((3, 3))
-        tilt2, heading2 = (
-            causal.unlikely_tilt(learned) + causal.wrong_tilt(doubt, learned),
-            other[causal.DOUBT] ** 2 + doubt[HEADING2],
-        )
-        causal.with_doubts(last.cov, 0.0, tilt2, heading2, cov)
+        tilt2 = causal.unlikely_tilt(learned) + causal.wrong_tilt(smoothed.doubt, learned)
+        causal.with_doubts(last.cov, 0.0, tilt2, other[causal.DOUBT] ** 2 + smoothed.doubt[HEADING2], cov)
         sought = bool(np.isfinite(frames.mag[:, 0]).any())
         turned = smoothed.reference is not None and self._proven.turning > LEAST_TURNING
         room = causal.Room.empty(0)
@@ -503,7 +498,7 @@ class Live:
             last, cov, learned, smoothed, causal.LocalField.from_reference(smoothed.reference, p, lasted), iron,
             ModelVariances.from_params(p, bend),
             float(frames.time[-1]), flags.AT_REST if smoothed.resting[-1] else 0, float(smoothed.weight[-1]),
-            np.zeros(1), other, self._proven.settled, standing, doubt,
+            np.zeros(1), other, self._proven.settled, standing, smoothed.doubt,
             flags.FIELD_UNKNOWN if sought and not turned else 0, by, [room],
         )  # fmt: skip
 

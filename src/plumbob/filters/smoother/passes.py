@@ -104,13 +104,13 @@ class Smoothed:
     weight: Floats  # (K,), how far the field of each step was believed
     attached: Attached | None  # field that turns with the sensor
     prior: Floats  # (21, 21), covariance that the last pass began with
+    doubt: Floats  # (7,), what contradicts the last attitude: see `contradict`
     # by how much the heading would be another one if the reference's rival were the field of the place, rad
     rival_turn: float = 0.0
     iron_turn: float = 0.0  # and by how much, if a small field that seems to turn with the unit were taken off
     scatter: float = 0.0  # by how much the direction of the field scatters beyond what was expected of it, rad
     bias_sd: float = 0.0  # standard deviation of a bias about the vertical that neither rest nor field showed, rad/s
     tilt_var: float = 0.0  # variance of the tilt, rad², by what contradicts a given one and is too short to decide
-    doubt: Floats | None = None  # (7,), what contradicts the last attitude: see `contradict`
 
     @property
     def learned(self) -> "Learned":
@@ -182,8 +182,8 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
             return replace(smoothed, frames=original, iron_turn=iron_turn)
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=prior.unit)
     return Smoothed(
-        original, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, p0, bias_sd=inertial.bias_sd,
-        tilt_var=inertial.tilt_var,
+        original, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, p0, np.zeros(DOUBTS),
+        bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var,
     )  # fmt: skip
 
 
@@ -313,8 +313,8 @@ def _with_field(
     doubt = np.zeros(DOUBTS)
     contradictions(estimate.field, frames.step, reference.level, reference.vertical, reference.spread(p), doubt)
     return Smoothed(
-        frames, estimate, resting, reference, weight, attached, p0, rival_turn, scatter=scatter,
-        bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var, doubt=doubt,
+        frames, estimate, resting, reference, weight, attached, p0, doubt, rival_turn, scatter=scatter,
+        bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var,
     )  # fmt: skip
 
 
