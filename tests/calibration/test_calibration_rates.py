@@ -7,7 +7,8 @@ import pytest
 
 import plumbob
 from plumbob import CalibrationCard, ImuData, ImuMeta, flags
-from plumbob.calibration.gyr.drift import GyroDrift, chen2013
+from plumbob.calibration.gyr.drift import chen2013
+from plumbob.calibration.gyr.rest import Rates, without_known
 from plumbob.cli.main import main
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import dps, g
@@ -26,7 +27,8 @@ def warming(**changes):
     acc = np.tile([0.0, 0.0, -g(1.0)], (T.size, 1))
     temp_c = 25.0 + T / 4.0
     rate = np.outer(np.where(T < 20.0, 0.0, 0.01 * (T - 20.0)), [0.0, 0.0, 1.0])
-    drift = chen2013().offset(temp_c, acc) + BIAS
+    model = chen2013()
+    drift = np.outer(temp_c - 25.0, model.bias_per_k[0]) + acc @ model.g_sensitivity.T + BIAS
     values = {"gyr": rate + drift + dps(0.1) * rng.normal(size=(T.size, 3)), "acc": acc, "temp_c": temp_c}
     return ImuData(t=T, **{**values, **changes}, meta=ImuMeta(device="ball")), rate
 
@@ -34,8 +36,8 @@ def warming(**changes):
 def test_it_takes_off_the_drift_then_the_constant_and_then_filters():
     imu, _ = warming()
     found = plumbob.filter_rates(imu, "scalar", params=PARAMS, drift="chen2013", rest=("0 s", "20 s"))
-    drift = chen2013().at_rest(imu.gyr[:200], imu.temp_c[:200], imu.acc[:200])
-    by_hand = RateFilter("scalar", channels=3, params=PARAMS).process(T, drift.compensate(imu.gyr, imu.temp_c, imu.acc))
+    rate = without_known(Rates(T, imu.gyr, acc=imu.acc, temp_c=imu.temp_c, known=chen2013()))
+    by_hand = RateFilter("scalar", channels=3, params=PARAMS).process(T, rate - rate[:200].mean(axis=0))
     assert np.array_equal(found.imu.gyr, by_hand.rate)
     np.testing.assert_allclose(found.drift.bias, BIAS, atol=dps(0.03))  # 0.1 °/s over √200
     assert found.imu.acc.tobytes() == imu.acc.tobytes()
@@ -103,7 +105,7 @@ def test_what_does_not_go_together_is_refused():
         (lambda: plumbob.estimate(imu, scalar, frame="NED"), ParameterError, r"plumbob\.filter_rates"),
         (lambda: filtered(imu, "mahony"), ParameterError, "no channel filter 'mahony'"),
         (lambda: filtered(warming(gyr=None)[0], scalar), ShapeError, "has no gyroscope"),
-        (lambda: filtered(imu, scalar, calibration=CARD, drift=GyroDrift()), ParameterError, "Give one of them"),
+        (lambda: filtered(imu, scalar, calibration=CARD, drift="chen2013"), ParameterError, "Give one of them"),
         (lambda: filtered(imu, scalar, drift="mine"), ParameterError, "'mine' is not a drift model; known: chen2013"),
         (lambda: filtered(imu, scalar, rest=(50.0, 60.0)), ParameterError, "goes from 0 to 39.9 s"),
         (lambda: filtered(imu, scalar, params={"q": 1}), ParameterError, "scalar has no parameter 'q'"),

@@ -1,12 +1,12 @@
-"""From a capture to the calibration of a gyroscope: at rest, by hand, a Ferraris session, a rate table, temperature."""
+"""From a capture to the calibration of a gyroscope: at rest, by hand, by stops, Ferraris, a rate table, temperature."""
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from io import StringIO
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, mean_of
 from plumbob.calibration.gyr.ferraris import find_parts, fit_ferraris, fit_trackball
 from plumbob.calibration.gyr.hand import find_motions, fit_hand
 from plumbob.calibration.gyr.rest import UNCALIBRATED, Rates, fit_rest
+from plumbob.calibration.gyr.stops import fit_stops
 from plumbob.calibration.gyr.table import MOUNTING, fit_table
 from plumbob.calibration.gyr.temperature import fit_temperature
 from plumbob.core import flags
@@ -31,16 +32,18 @@ from plumbob.data import TITLES, ImuData
 from plumbob.data.cards import TriadCalibration
 from plumbob.quality.static_periods import BLOCK, stills
 
-_FITS: Final = {"rest": fit_rest, "hand": fit_hand, "trackball": fit_trackball, "temperature": fit_temperature}
+_FITS: Final[Mapping[str, Callable[..., Fitted]]] = {
+    "rest": fit_rest, "hand": fit_hand, "stops": fit_stops, "trackball": fit_trackball, "temperature": fit_temperature,
+}  # fmt: skip
 
 
-def fit_gyro(capture: Capture, method: str) -> Fitted:
-    """Fit at "rest", by "hand", with the "trackball" paper's coefficients, or over "temperature".
+def fit_gyro(capture: Capture, method: str, **options: Any) -> Fitted:
+    """Fit at "rest", by "hand", "stops", with the "trackball" paper's coefficients, or over "temperature".
 
     "auto" is by hand where the capture has motions that tilt the unit between poses at rest, else at rest.
     """
     if method != "auto":
-        return _FITS[method](_rates(capture))
+        return _FITS[method](_rates(capture), **options)
     imu, moved = capture.imu, False
     if imu.acc is not None:
         motions, spoilt = find_motions(imu.t, _gyr(capture), imu.acc, stills(imu.t, imu.acc, _gyr(capture)))

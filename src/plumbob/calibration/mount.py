@@ -237,8 +237,4 @@ def _turn(imu: ImuData, pose: slice, other: slice) -> Floats | None:
     turned = (imu.gyr[between] - imu.gyr[first].mean(axis=0))[1:] * np.diff(imu.t[between])[:, np.newaxis]
     if not np.isfinite(turned).all():
         return None
-    q = rotations.quat_from_rotvec(turned)
-    while len(q) > 1:  # pairs of neighbours, then pairs of pairs
-        even = len(q) // 2 * 2
-        q = np.concatenate((rotations.quat_multiply(q[:even:2], q[1:even:2]), q[even:]))
-    return rotations.rotvec_from_quat(q[0])
+    return rotations.rotvec_from_quat(rotations.quat_chained(turned)[-1])

@@ -64,7 +64,7 @@ def _find(args: argparse.Namespace, verb: Verb, about: dict[str, Any]) -> int:
     if kind == "gyro":
         if live and method not in ("auto", "rest"):
             raise ParameterError(f"--live guides a rest only; record for --method {method}, and give the recording.")
-        idle = [name for name in ("parts", "part-column", "angle") if option(name.replace("-", "_")) is not None]
+        idle = [name for name in ("parts", "part-column") if option(name.replace("-", "_")) is not None]
         if idle and method != "ferraris":
             raise ParameterError(f"--{idle[0]} belongs to --method ferraris; name that, or leave it out.")
         kind = "ferraris" if method == "ferraris" else kind

@@ -136,6 +136,8 @@ START: Final = {
                 "rest: 30 s at rest, for the bias.\n"
                 "hand: 30 s at rest, then 20 quarter or half turns about all axes, each with 2 s of rest after it; "
                 "--calibration gives the accelerometer's card.\n"
+                "stops, without an accelerometer: 10 s at rest, then turns by --angle against a stop, two about each "
+                "axis, each with 3 s of rest after it, as of a box over its edges; or what --turns names.\n"
                 "ferraris: six faces at rest (x_p x_a ... z_a: axis up, axis down) and a turn by --angle about each "
                 "axis (x_rot y_rot z_rot); the parts are looked for, or named by --parts or --part-column.",
                 ("door.calibrate._gyro", "door.calibrate._ferraris"),

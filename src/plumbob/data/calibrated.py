@@ -65,7 +65,7 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
         raise CalibrationError(f"the card has nothing for {', '.join(data.triads)}, the triads of the recording.")
     if card.mount is not None:
         dcm_bs = dcm_from_quat(card.mount.q_bs)
-        changed |= {name: _times(dcm_bs, changed.get(name, getattr(data, name))) for name in data.triads}
+        changed |= {name: times(dcm_bs, changed.get(name, getattr(data, name))) for name in data.triads}
     return data.corrected(**changed, meta=calibrated_meta(card, data.meta, data.triads))
 
 
@@ -218,16 +218,16 @@ def _offset(model: TriadCalibration, data: ImuData, acc: Floats | None, live: bo
             raise CalibrationError("the card corrects for g-sensitivity, but the recording has no acc; record it too.")
         force = data.acc if acc is None else acc
         unusable = (data.flags & np.uint32(_UNUSABLE)) != 0
-        offset = offset + _times(model.g_sensitivity, np.where(unusable[:, np.newaxis], np.nan, force))
+        offset = offset + times(model.g_sensitivity, np.where(unusable[:, np.newaxis], np.nan, force))
     return offset
 
 
 def _corrected(model: TriadCalibration, measured: Floats, offset: Floats) -> Floats:
     with np.errstate(invalid="ignore", over="ignore"):  # an infinite value stays flagged and becomes what it may
-        return _times(model.matrix, measured - offset)
+        return times(model.matrix, measured - offset)
 
 
-def _times(matrix: Floats, vectors: Floats) -> Floats:
+def times(matrix: Floats, vectors: Floats) -> Floats:
     """Matrix times each row; in components, because a matrix product may round a part otherwise than the whole."""
     with np.errstate(invalid="ignore", over="ignore"):
         x, y, z = np.moveaxis(vectors, 1, 0)

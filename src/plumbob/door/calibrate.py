@@ -81,14 +81,18 @@ def calibrate(
         Of mag: a long record of a unit at work, which nobody turned for it: hard and soft iron by the gyroscope.
     tilt : float or str, optional
         Of mag: inclination up to which headings count, rad; by default 45°.
-    method : {"auto", "rest", "hand", "ferraris"}
+    method : {"auto", "rest", "hand", "stops", "ferraris"}
         Of gyro: how; "auto" says which.
     preset : {"trackball"}, optional
         Of gyro: bias at rest with a paper's coefficients, not measured ones.
     parts : path, optional
         Of gyro by Ferraris: where the parts of a session lie, ``part,from_s,to_s``.
-    angle : float or str
-        Of gyro by Ferraris: of each turn of a session.
+    angle : float or str, optional
+        Of gyro: of each turn, rad: by default 90° from stop to stop, 360° in a Ferraris session.
+    turns : str, optional
+        Of gyro by stops: axis and angle of each turn, as ``"x 90deg, x -90deg"``.
+    angle_sd : float or str, optional
+        Of gyro by stops: how exactly a turn ends, standard deviation, rad; by default 0.5°.
     rates : sequence of float, optional
         Of table: its rates, rad/s, as '50,100,200 deg/s'; plateaus are found.
     plan : path, optional
@@ -264,13 +268,44 @@ def _accel(
     return {"acc": calibrate_accel(opened.imu, shape=shape, gravity=at, moving=moving)}, None
 
 
-def _gyro(opened: Capture, _say: Note, *, method: str = "auto", preset: str | None = None) -> Found:
+def _gyro(
+    opened: Capture,
+    _say: Note,
+    *,
+    method: str = "auto",
+    preset: str | None = None,
+    angle: Value = None,
+    turns: str | None = None,
+    angle_sd: Value = None,
+) -> Found:
     from plumbob.calibration import calibrate_gyro as gyro
 
     if preset is not None:
         check.one_of("preset", preset, ("trackball",))
         return {"gyr": gyro.fit_gyro(opened, "trackball")}, None
-    return {"gyr": gyro.fit_gyro(opened, check.one_of("method", method, ("auto", "rest", "hand")))}, None
+    check.one_of("method", method, ("auto", "rest", "hand", "stops"))
+    sizes = {"angle": given("angle", angle, Quantity.ANGLE), "angle_sd": given("angle_sd", angle_sd, Quantity.ANGLE)}
+    options: dict[str, Any] = {name: size for name, size in sizes.items() if size is not None}
+    if wrong := [name for name, size in options.items() if not size > 0.0]:
+        raise ParameterError(f"{wrong[0]} must be above 0; which way a turn went is said by turns.")
+    if turns is not None:
+        options["turns"] = [_turn(item) for item in turns.split(",")]
+    if options and method != "stops":
+        raise ParameterError(f"{next(iter(options))} belongs to method stops or ferraris; name that, or leave it out.")
+    if {"angle", "turns"} <= set(options):
+        raise ParameterError("angle and turns both say how far it was turned. Give one of them.")
+    return {"gyr": gyro.fit_gyro(opened, method, **options)}, None
+
+
+def _turn(text: str) -> tuple[int, float]:
+    """Axis, 0 to 2, and signed angle, rad, of a turn as ``"x -90deg"``."""
+    axis, _, size = text.strip().partition(" ")
+    angle = given("turns", size, Quantity.ANGLE) if size and axis in ("x", "y", "z") else None
+    if not angle:
+        raise ParameterError(
+            f"turns are an axis and an angle each, as 'x 90deg, x -90deg', but one is {text.strip()!r}."
+        )
+    return "xyz".index(axis), angle
 
 
 def _ferraris(
@@ -279,7 +314,7 @@ def _ferraris(
     *,
     parts: Mapping[str, slice] | str | Path | None = None,
     labels: Sequence[str] | None = None,
-    angle: Value = "360 deg",
+    angle: Value = None,
 ) -> Found:
     from plumbob.calibration.calibrate_gyro import ferraris_session
     from plumbob.calibration.gyr.ferraris import parts_of_labels, parts_of_times
@@ -289,7 +324,7 @@ def _ferraris(
         parts = parts_of_times(opened.imu.t, read_spans(Path(parts)))
     elif labels is not None:
         parts = parts_of_labels(list(labels))
-    turned = given("angle", angle, Quantity.ANGLE)
+    turned = given("angle", "360 deg" if angle is None else angle, Quantity.ANGLE)
     assert turned is not None
     return ferraris_session(opened, parts, angle=turned), None
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from plumbob.calibration.gyr.drift import CompensatedRates, GyroDrift
+from plumbob.calibration.gyr.drift import CompensatedRates
 from plumbob.core import check, flags
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.findings import Finding, as_json
@@ -20,7 +20,7 @@ from plumbob.core.text import FactsText, counted
 from plumbob.core.units import to_dps
 from plumbob.data import ImuData, calibration_told
 from plumbob.data.calibrated import apply_card
-from plumbob.data.cards import CalibrationCard
+from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.data.recording import Recording
 from plumbob.door.estimate import opened_samples
 from plumbob.files import write
@@ -35,7 +35,7 @@ class FilteredRates(FactsText):
 
     recording: Recording
     filter: str
-    drift: GyroDrift
+    drift: TriadCalibration
     notes: tuple[Finding, ...]
 
     @property
@@ -80,7 +80,7 @@ def filter_rates(
     filter: str,
     *,
     params: Mapping[str, Any] | None = None,
-    drift: str | GyroDrift | None = None,
+    drift: str | None = None,
     rest: tuple[float | str, float | str] | None = None,
     calibration: CalibrationCard | str | Path | None = None,
     profile: str | Path | None = None,
@@ -100,7 +100,7 @@ def filter_rates(
         nothing.
     params : mapping, optional
         Its parameters: numbers in SI, or text with a unit, as ``{"noise": "0.1 deg/s"}``.
-    drift : GyroDrift or "chen2013", optional
+    drift : {"chen2013"}, optional
         What is taken off first; "chen2013" names the trackball paper's figures, which are not those of your unit. A
         part whose sensor the recording lacks is left out, with a note.
     rest : (float, float) or (str, str), optional

@@ -348,7 +348,10 @@ class Filter(AttitudeEstimator):
             from plumbob.data.calibrated import calibrating
 
             self._card, self._correct, self._meta = calibrating(calibration, meta)
-        self._covariance: slice = getattr(self.module, "COVARIANCE", slice(0, 0))  # its places in the state
+        places = ("COVARIANCE", "SENSITIVITY")  # of what a covariance is made of, in the state
+        self._covariance: slice = next(
+            (getattr(self.module, p) for p in places if hasattr(self.module, p)), slice(0, 0)
+        )
         c = _coefficients(self.module, self.params, self.common, frame)
         self._s: Floats = np.concatenate((c, np.zeros(OWN + self.module.STATE)))  # one array: one pointer to pass
         self._c, self._x = self._s[: c.size], self._s[c.size :]
@@ -366,11 +369,11 @@ class Filter(AttitudeEstimator):
             self._x[STAGE] = layout.LEVEL if self._init.north is North.FREE else layout.HEADED
         meta = ImuMeta() if self._meta is None else self._meta
         self._count_from(meta.declination)
-        self._left = meta.left
+        self._left, self._gyr_left = meta.left, meta.gyr_left
 
     def _heed(self, meta: ImuMeta) -> None:
         """Take over what a recording knows, unless `params` have decided; headings never change zero on the way."""
-        self._left = meta.left
+        self._left, self._gyr_left = meta.left, meta.gyr_left
         if meta.declination is None or meta.declination == self.common.declination:
             return
         if self._x[layout.COUNT] > 0.0 and not self._decided:
@@ -422,15 +425,21 @@ class Filter(AttitudeEstimator):
         if place.start == place.stop:
             return None
         entries = np.concatenate((self._x[place], self._x[SEEN : SEEN + 2]))
-        cov: Floats = self._claimed(self._q[np.newaxis], entries[np.newaxis])[0]
-        return cov
+        claimed = self._claimed(self._q[np.newaxis], entries[np.newaxis])
+        return None if claimed is None else np.asarray(claimed[0])
 
-    def _claimed(self, q_nb: Floats, entries: Floats) -> Floats:
-        """Covariance (N, 3, 3) of the filter's own entries, and of what the calibration leaves, by the field seen."""
+    def _claimed(self, q_nb: Floats, entries: Floats) -> Floats | None:
+        """Covariance (N, 3, 3) of the filter's own entries, and of what the calibration leaves, by the field seen.
+
+        None of a filter that only a card tells what its rates are worth, where there is none.
+        """
         module: Any = self.module
-        filter_cov: Floats = module.covariance(q_nb, entries[:, :-2])
-        from plumbob.filters.settling import considered
+        from plumbob.filters.settling import considered, residual_covariance
 
+        if hasattr(module, "SENSITIVITY"):
+            unit = self._gyr_left
+            return None if unit is None else residual_covariance(module.sensitivity(q_nb, entries[:, :-2]), unit)
+        filter_cov: Floats = module.covariance(q_nb, entries[:, :-2])
         north = float(self._c[layout.NORTH_X]), float(self._c[layout.NORTH_Y])
         return filter_cov + considered(q_nb, entries[:, -2:], float(self._c[layout.UP]), north, *self._left)
 

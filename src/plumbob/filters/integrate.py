@@ -8,12 +8,17 @@ turns with the body: 0.5° in ten minutes at 5°, 1 Hz and 100 Hz sampling, agai
 For rates that are already means over the step (a sensor that gives angle increments) choose ``mean_rate=on``: the last
 sample alone then spans the step, with the coning term of neighbouring increments.
 
+What a calibration card leaves of the gyroscope's errors grows with time and turning: with ``δ = d + E ω`` the attitude
+is off by ``∫ R δ dt`` since the start. The claim counts that and nothing else: no noise, and no error of the start.
+
 When to choose it: to see what the gyroscope alone can do, for short manoeuvres, and as the truth of other integrators.
 
 Departures from [Bortz1971]: the non-commuting integral is cut after its first term.
 """
 
 from typing import Annotated, Final, NamedTuple
+
+import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
@@ -22,16 +27,19 @@ from plumbob.core.units import Quantity
 from plumbob.filters.input_checks import admit
 from plumbob.filters.layout import HEADED, OWN, OWN_C, RATE, STAGE, Q
 from plumbob.filters.start import initialise
-from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit
+from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit, rotate
 
 SUMMARY: Final = "gyroscope integration, exact exponential with coning term"
 REFERENCES: Final = ("Bortz1971",)
 NEEDS: Final = ("gyr",)
-STATE: Final = 4
+STATE: Final = 40
 
 MEAN_RATE: Final = OWN_C
 OLDER: Final = OWN  # rate of the sample before the last, rad/s, 3
 STEP: Final = OWN + 3  # step between those two, s; 0 where there is none
+# ∫ R (I, ωᵀ ⊗ I) dt, row by row of R: how the attitude leans by d and E in navigation axes, 3 × 12
+LEAN: Final = OWN + 4
+SENSITIVITY: Final = slice(LEAN, LEAN + 36)
 
 
 class Params(NamedTuple):
@@ -74,6 +82,28 @@ def turn(x: Floats, rx: float, ry: float, rz: float) -> None:
 
 
 @kernel
+def lean(x: Floats, dt: float, rx: float, ry: float, rz: float) -> None:
+    """Add what a constant error of the rates, or one in proportion to them, turns in a step by a rotation vector."""
+    for j in range(3):
+        ux, uy, uz = (1.0 if j == 0 else 0.0), (1.0 if j == 1 else 0.0), (1.0 if j == 2 else 0.0)
+        nx, ny, nz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], ux, uy, uz)
+        for i in range(3):
+            at, entry = LEAN + 12 * i, nx if i == 0 else ny if i == 1 else nz
+            x[at + j] += dt * entry
+            x[at + 3 + 3 * j] += rx * entry
+            x[at + 4 + 3 * j] += ry * entry
+            x[at + 5 + 3 * j] += rz * entry
+
+
+def sensitivity(q_nb: Floats, entries: Floats) -> Floats:
+    """How the attitude error in body axes answers to d and E of the gyroscope, row by row, (N, 3, 12)."""
+    from plumbob.rotations import dcm_from_quat
+
+    turned: Floats = np.swapaxes(dcm_from_quat(q_nb), 1, 2) @ entries.reshape(-1, 3, 12)
+    return turned
+
+
+@kernel
 def step(
     c: Floats, x: Floats, dt: float, flags_in: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
@@ -87,6 +117,7 @@ def step(
         rx, ry, rz = increment(x, dt, px, py, pz, gx, gy, gz)
     kx, ky, kz = cross(px, py, pz, gx, gy, gz)
     twelfth = dt * dt / 12.0
+    lean(x, dt, rx, ry, rz)
     turn(x, rx + twelfth * kx, ry + twelfth * ky, rz + twelfth * kz)  # [Bortz1971] (4)
     x[OLDER], x[OLDER + 1], x[OLDER + 2], x[STEP] = px, py, pz, dt
     if x[STAGE] < HEADED:

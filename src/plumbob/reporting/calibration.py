@@ -254,20 +254,20 @@ def temperature_figure(name: str, c: TriadCalibration) -> Figure:
     """How the bias leaves that at the temperature of reference, over the calibrated span."""
     unit, (low, high) = SHOWN[name][0], c.temp_span_c or (c.temp_ref_c, c.temp_ref_c)
 
-    def draw(canvas: "FigureBase") -> None:
-        ax = canvas.subplots()
-        temp = np.linspace(low, high, 200)
-        powers = (temp - c.temp_ref_c)[:, np.newaxis] ** np.arange(1, len(c.bias_per_k) + 1)
-        for values, colour in zip(from_si(powers @ c.bias_per_k, unit).T, SERIES, strict=False):
-            ax.plot(temp, values, color=colour, linewidth=1.2)
-        if low <= c.temp_ref_c <= high:
-            ax.axvline(c.temp_ref_c, color=MUTED, linewidth=0.7, linestyle=(0, (4, 3)))
-        ax.margins(y=0.12)
-        ax.set_xlabel("temperature [°C]")
-        ax.set_ylabel(f"change of bias [{written(unit)}]")
-
+    temp = np.linspace(low, high, 200)
+    powers = (temp - c.temp_ref_c)[:, np.newaxis] ** np.arange(1, len(c.bias_per_k) + 1)
+    changes = from_si(powers @ c.bias_per_k, unit).T
+    lines = [PlotLine(temp, values, colour, width=1.2) for values, colour in zip(changes, SERIES, strict=False)]
+    if low <= c.temp_ref_c <= high:
+        ends = np.array([changes.min(), changes.max()])
+        lines.append(PlotLine(np.full(2, c.temp_ref_c), ends, MUTED, "dashed", width=0.7))
+    panel = PlotPanel(f"change of bias [{written(unit)}]", lines, "temperature [°C]", room=0.12)
     keys = [(axis, colour, "solid") for axis, colour in zip(AXES, SERIES, strict=False)]
-    return Figure("Bias over temperature", draw, [*keys, ("temperature of reference", MUTED, "dashed")])
+    return Figure(
+        "Bias over temperature",
+        partial(draw_panels, lambda: [panel]),
+        [*keys, ("temperature of reference", MUTED, "dashed")],
+    )
 
 
 def residual_figure(name: str, fit: Fitted) -> Figure:

@@ -15,7 +15,15 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg
-from plumbob.rotations import Frame, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
+from plumbob.rotations import (
+    Frame,
+    every_axes,
+    quat_chained,
+    quat_from_dcm,
+    quat_from_euler_zyx,
+    quat_from_rotvec,
+    quat_multiply,
+)
 from plumbob.simulation.motion import GimbalMotion, Motion, PoseMotion, Scenario
 from plumbob.simulation.signals import Moves, Polynomial, Signal, Sinusoids, constant, random_phases, sinusoid
 
@@ -72,6 +80,24 @@ class Faces(PoseScenario):
         axes = np.abs(signs).sum(axis=1)
         upward = np.concatenate([signs[axes == n] for n in ((1, 2) if self.edges else (1,))])
         return trembling(facing(upward, rng.uniform(-_TURN, _TURN, len(upward))), self.wobble, rng)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stops(PoseScenario):
+    """A box from face to face over its edges: turned about each axis of its case one way, then each the other way."""
+
+    angle: Annotated[float, Spec(Quantity.ANGLE, "from stop to stop", deg(5.0), deg(175.0))] = deg(90.0)
+    wobble: Annotated[float, Spec(Quantity.ANGLE, "error of a turn about each axis, rms", 0.0, deg(45.0))] = deg(0.5)
+    move: Annotated[float, Spec(Quantity.TIME, "time of a turn", 0.05, 1e3)] = 2.5
+
+    count = 7
+
+    def attitudes(self, rng: np.random.Generator) -> Floats:
+        """Poses (count, 4), in NED."""
+        turns = self.angle * np.concatenate((np.eye(3), -np.eye(3)))
+        poses = quat_chained(turns + self.wobble * rng.standard_normal(turns.shape))
+        faces = [way for way in every_axes() if np.linalg.det(way) > 0.0]
+        return quat_multiply(quat_from_dcm(faces[rng.integers(len(faces))]), poses)
 
 
 @dataclass(frozen=True, kw_only=True)

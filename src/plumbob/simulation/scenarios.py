@@ -17,7 +17,7 @@ from plumbob.core.params import Spec, build
 from plumbob.core.units import Quantity, deg, dps, g
 from plumbob.rotations import Frame
 from plumbob.simulation import signals
-from plumbob.simulation.captures import Bands, Cone, Faces, LevelRing, Poses, Raise, Sway, Table36, Tumble
+from plumbob.simulation.captures import Bands, Cone, Faces, LevelRing, Poses, Raise, Stops, Sway, Table36, Tumble
 from plumbob.simulation.motion import ConingMotion, EulerMotion, Motion, Scenario, draw_sea, oscillator
 
 _QUARTER = np.pi / 2.0
@@ -356,6 +356,7 @@ SCENARIOS: Mapping[str, type[Scenario]] = {
     "tumble": Tumble,
     "sway": Sway,
     "levelring": LevelRing,
+    "stops": Stops,
     "cone": Cone,
     "table36": Table36,
 }

@@ -5,27 +5,30 @@
     N = A0 + k_T (T − 25 °C) + B_s ω + k_a a        drift [Chen2013] (1) to (5), corrected
     ω = measured − N                                compensated rate
 
-k_T per axis, B_s per axis, k_a a full 3×3 matrix: axis i of a gyroscope answers to the specific force along any axis j.
+It is kept as a `TriadCalibration`: k_T per axis, k_a a full 3×3 matrix, for axis i of a gyroscope answers to the
+specific force along any axis j; the paper takes B_s as zero.
 
 Departures from [Chen2013]: its (5) has A, which contains the temperature already, where A0 belongs; its k_a is one
-number times each axis' own acceleration in g, here k_a times the unit matrix, in SI; ω in B_s ω is the true rate, so
-the compensated rate is divided by 1 + B_s. The random part i is not modelled: nothing that is known removes it.
+number times each axis' own acceleration in g, here k_a times the unit matrix, in SI. The random part i is not modelled:
+nothing that is known removes it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, Self
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from plumbob.core import check, flags
+from plumbob.calibration.fit import mean_of_whole
+from plumbob.calibration.gyr.rest import UNCALIBRATED, Rates, without_known
+from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError, ParameterError
 from plumbob.core.findings import Finding, info, warning
 from plumbob.core.kernels import kernel
 from plumbob.core.units import Quantity, dps, g, given, to_dps
 from plumbob.data import ImuData
+from plumbob.data.cards import TriadCalibration
 from plumbob.rotations.kernels import quat_exp, quat_mul
 
 if TYPE_CHECKING:
@@ -52,76 +55,17 @@ def accumulate(r: Floats, q: Floats) -> None:
         q[i + 1, 0], q[i + 1, 1], q[i + 1, 2], q[i + 1, 3] = a, b, c, d
 
 
-def _nothing() -> Floats:
-    return np.zeros(3)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class GyroDrift:
-    """Drift of one gyroscope; where (3,) is asked for, one number stands for all three axes.
-
-    One number for the g-sensitivity stands for that number times the unit matrix, the paper's form.
-    """
-
-    bias: Floats = field(default_factory=_nothing)
-    bias_per_k: Floats = field(default_factory=_nothing)
-    scale: Floats = field(default_factory=_nothing)
-    g_sensitivity: Floats = field(default_factory=lambda: np.zeros((3, 3)))
-    temp_ref_c: float = 25.0
-
-    def __post_init__(self) -> None:
-        """Bring every array to its shape and validate it."""
-        for name in ("bias", "bias_per_k", "scale"):
-            object.__setattr__(self, name, _shaped(name, getattr(self, name), np.ones(3)))
-        object.__setattr__(self, "g_sensitivity", _shaped("g_sensitivity", self.g_sensitivity, np.eye(3)))
-        object.__setattr__(self, "temp_ref_c", float(_shaped("temp_ref_c", self.temp_ref_c, np.ones(()))))
-        if not (self.scale > -1.0).all():
-            raise CalibrationError(f"scale must be above −1, but it is {self.scale.tolist()}.")
-
-    def offset(self, temp_c: ArrayLike | None = None, acc: ArrayLike | None = None) -> Floats:
-        """Part of the drift that does not depend on the rate, (3,) or (N, 3), rad/s.
-
-        CalibrationError if temperature or specific force is needed and missing.
-        """
-        drift = self.bias
-        if self.bias_per_k.any():
-            warmer = _given("temp_c", temp_c) - self.temp_ref_c
-            drift = drift + warmer[..., np.newaxis] * self.bias_per_k  # [Chen2013] (3)
-        if self.g_sensitivity.any():
-            x, y, z = np.moveaxis(check.last_axis("acc", _given("acc", acc), 3), -1, 0)
-            # In components, because a matrix product may round a part of a recording otherwise than the whole.
-            # [Chen2013] (4): by a matrix
-            drift = drift + np.stack([row[0] * x + row[1] * y + row[2] * z for row in self.g_sensitivity], axis=-1)
-        return np.asarray(drift)
-
-    def compensate(self, gyr: ArrayLike, temp_c: ArrayLike | None = None, acc: ArrayLike | None = None) -> Floats:
-        """Rate (3,) or (N, 3), rad/s, of which the drift has been taken off; NaN where an input is NaN."""
-        # [Chen2013] (1)
-        return np.asarray((check.last_axis("gyr", gyr, 3) - self.offset(temp_c, acc)) / (1.0 + self.scale))
-
-    def at_rest(self, gyr: ArrayLike, temp_c: ArrayLike | None = None, acc: ArrayLike | None = None) -> Self:
-        """Return this drift with the bias that rates at rest (N, 3) show: the paper's J, [Chen2013] (6).
-
-        What temperature and gravity contribute is taken off first, else `compensate` would take it off twice. The
-        Earth's rate, up to 0.004 °/s, stays in the bias.
-        """
-        rates = check.rows("gyr", gyr, 3) - replace(self, bias=np.zeros(3)).offset(temp_c, acc)
-        finite = np.isfinite(rates).all(axis=1)
-        if not finite.any():
-            raise CalibrationError("no row of gyr, temp_c and acc is finite; give a stretch at rest with all of them.")
-        return replace(self, bias=rates[finite].mean(axis=0))
-
-
-def chen2013() -> GyroDrift:
+def chen2013() -> TriadCalibration:
     """Figures that [Chen2013] takes for every MPU-3050: k_T = 0.1 °/s/°C, k_a = 0.1 °/s/g, B_s = 0; no bias.
 
     They reproduce the paper, and calibrate nothing: the next part may have another coefficient or another sign, and
     where the true one is 0.03 °/s/°C, this "compensation" over 20 °C leaves 1.4 °/s where nothing would have left 0.6.
     """
-    return GyroDrift(bias_per_k=dps(np.full(3, 0.1)), g_sensitivity=dps(0.1 * np.eye(3)) / g(1.0))
+    per_g = dps(0.1 * np.eye(3)) / g(1.0)  # [Chen2013] (4): by a matrix
+    return replace(UNCALIBRATED, bias_per_k=dps(np.full(3, 0.1)), g_sensitivity=per_g)  # [Chen2013] (3)
 
 
-DRIFTS: Final[Mapping[str, Callable[[], GyroDrift]]] = {"chen2013": chen2013}  # drift models by name
+DRIFTS: Final[Mapping[str, Callable[[], TriadCalibration]]] = {"chen2013": chen2013}  # drift models by name
 _KEPT = np.uint32(flags.GYR_HELD | flags.TIME_FAULT)  # of the filter's flags; the others are the samples' own
 
 
@@ -136,7 +80,7 @@ class CompensatedRates:
         self,
         rate_filter: "RateFilter",
         *,
-        drift: str | GyroDrift | None = None,
+        drift: str | None = None,
         rest: Sequence[float | str] | None = None,
         say: Callable[[Finding], None] = lambda finding: None,
     ) -> None:
@@ -154,7 +98,7 @@ class CompensatedRates:
         if not self._begun:
             self._begin(imu)
         self._begun = True
-        filtered = self.filter.process(imu.t, self.drift.compensate(imu.usable("gyr"), imu.temp_c, imu.acc))
+        filtered = self.filter.process(imu.t, _without(self.drift, imu) - self.drift.bias)  # [Chen2013] (1)
         return imu.corrected(gyr=filtered.rate, meta=imu.meta).flagged(filtered.flags & _KEPT)
 
     def _begin(self, imu: ImuData) -> None:
@@ -164,9 +108,13 @@ class CompensatedRates:
         self._say(info("rates.filter", filter=self.filter.describe()))
 
 
-def _model(drift: str | GyroDrift | None) -> GyroDrift:
-    if drift is None or isinstance(drift, GyroDrift):
-        return drift or GyroDrift()
+def _without(drift: TriadCalibration, imu: ImuData) -> Floats:
+    return without_known(Rates(imu.t, imu.usable("gyr"), imu.acc, temp_c=imu.temp_c, known=drift))
+
+
+def _model(drift: str | None) -> TriadCalibration:
+    if drift is None:
+        return UNCALIBRATED
     if drift not in DRIFTS:
         raise ParameterError(
             f"'{drift}' is not a drift model; known: {', '.join(DRIFTS)}. That of your own unit is a calibration "
@@ -175,7 +123,7 @@ def _model(drift: str | GyroDrift | None) -> GyroDrift:
     return DRIFTS[drift]()
 
 
-def _usable(model: GyroDrift, imu: ImuData, say: Callable[[Finding], None]) -> GyroDrift:
+def _usable(model: TriadCalibration, imu: ImuData, say: Callable[[Finding], None]) -> TriadCalibration:
     """Model without the parts whose sensor the recording lacks."""
     if model.bias_per_k.any() and imu.temp_c is None:
         say(warning("rates.no_temperature"))
@@ -184,39 +132,29 @@ def _usable(model: GyroDrift, imu: ImuData, say: Callable[[Finding], None]) -> G
         say(warning("rates.no_force"))
         model = replace(model, g_sensitivity=np.zeros((3, 3)))
     if model.bias_per_k.any():
-        say(info("rates.drift_of_temperature", slope=_three(to_dps(model.bias_per_k)), from_c=model.temp_ref_c))
+        say(info("rates.drift_of_temperature", slope=_three(to_dps(model.bias_per_k[0])), from_c=model.temp_ref_c))
     if model.g_sensitivity.any():
         per_g = to_dps(model.g_sensitivity) * g(1.0)
         say(info("rates.drift_of_force", slope=", ".join(map(_three, per_g))))
     return model
 
 
-def _at_rest(model: GyroDrift, imu: ImuData, start: float, stop: float, say: Callable[[Finding], None]) -> GyroDrift:
+def _at_rest(
+    model: TriadCalibration, imu: ImuData, start: float, stop: float, say: Callable[[Finding], None]
+) -> TriadCalibration:
     rows = (imu.t >= start) & (imu.t < stop)
-    still = imu.picked(rows) if rows.any() else None
-    if still is None or still.gyr is None:
+    rest = imu.picked(rows) if rows.any() else None
+    if rest is None or rest.gyr is None:
         raise ParameterError(
             f"rest = {start:g} to {stop:g} s holds no sample; the recording goes from {imu.t[0]:g} to {imu.t[-1]:g} s."
         )
-    resting = model.at_rest(still.usable("gyr"), still.temp_c, still.acc)  # [Chen2013] (6)
+    bias = mean_of_whole(_without(model, rest))  # [Chen2013] (6)
+    if not np.isfinite(bias).all():
+        raise CalibrationError("no row of gyr, temp_c and acc is finite; give a stretch at rest with all of them.")
+    resting = replace(model, bias=bias)
     say(info("rates.constant", bias=_three(to_dps(resting.bias)), start=start, stop=stop))
     return resting
 
 
 def _three(values: Floats) -> str:
     return " ".join(f"{value:.4g}" for value in values)
-
-
-def _given(name: str, value: ArrayLike | None) -> Floats:
-    if value is None:
-        raise CalibrationError(f"the drift depends on {name}, but none is given; pass {name}.")
-    return check.floats(name, value)
-
-
-def _shaped(name: str, value: ArrayLike, unit: Floats) -> Floats:
-    """Array of the shape of `unit`, or a number times it."""
-    array = check.floats(name, value)
-    shaped = array * unit if array.ndim == 0 else array
-    if shaped.shape != unit.shape or not np.isfinite(shaped).all():
-        raise CalibrationError(f"{name} must be a number or of shape {unit.shape}, finite, but it is {array.tolist()}.")
-    return check.read_only(shaped)

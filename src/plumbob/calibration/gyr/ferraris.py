@@ -17,7 +17,7 @@ down: the readings across the vertical repeat the bias six times over.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Final
 
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from plumbob.calibration.fit import BLOCKS, SCALE, TILT, Fitted, Reason, grade_of, mean_and_sd, reason_if, refuse
 from plumbob.calibration.gyr import rest as resting
 from plumbob.calibration.gyr.drift import chen2013
-from plumbob.calibration.gyr.rest import UNCALIBRATED, Rates, rest
+from plumbob.calibration.gyr.rest import Rates
 from plumbob.calibration.predicted import TILT_RANGE, tilt_sd
 from plumbob.core import check
 from plumbob.core.check import Floats
@@ -131,30 +131,13 @@ def _length(part: slice) -> int:
 
 def fit_trackball(rates: Rates) -> Fitted:
     """Bias at rest with the paper's coefficients of temperature and specific force, which must be there."""
-    gyr, acc, temp_c = rates.gyr, rates.acc, rates.temp_c
-    where, turned = rest(rates)
-    still = np.concatenate([np.arange(part.start, part.stop) for part in where])
-    drift = chen2013().at_rest(
-        gyr[still], None if temp_c is None else temp_c[still], None if acc is None else acc[still]
+    fit = resting.fit_rest(rates._replace(known=chen2013()))
+    calibration, method = fit.calibration, "gyr by the trackball paper's preset, bias at rest"
+    quality = Quality(grade="poor", samples=calibration.quality.samples if calibration.quality else 0)
+    assumed = warning("calibration.assumed_drift", slope=to_dps(float(calibration.bias_per_k[0, 0])))
+    return replace(
+        fit, calibration=replace(calibration, method=method, quality=quality), remarks=(assumed, *fit.remarks)
     )
-    refuse(resting.beyond_bias(drift.bias))
-    _, spread, means = resting.bias_at_rest([drift.compensate(gyr[part], temp_c[part], acc[part]) for part in where])  # type: ignore[index]
-    calibration = TriadCalibration(
-        np.diag(1.0 / (1.0 + drift.scale)),
-        drift.bias,
-        UNITS["gyr"],
-        UNITS["gyr"],
-        bias_per_k=drift.bias_per_k,
-        temp_ref_c=drift.temp_ref_c,
-        g_sensitivity=drift.g_sensitivity,
-        covariance=resting.new_bias_covariance(UNCALIBRATED, np.diag(spread**2)),
-        residual_rms=float(np.sqrt(np.mean(means**2))),
-        method="gyr by the trackball paper's preset, bias at rest",
-        quality=Quality(grade="poor", samples=still.size),
-    )
-    slope = to_dps(float(drift.bias_per_k[0]))
-    remarks = (warning("calibration.assumed_drift", slope=slope), *turned, *resting.unseen_turn(rates, where))
-    return Fitted(calibration, means, means, np.ones(len(where), dtype=bool), remarks)
 
 
 ANGLE_SD: Final = float(deg(1.0))  # how exactly a hand ends a turn at a stop, rad: assumed, the session cannot tell

@@ -54,20 +54,24 @@ def find_motions(
 ) -> tuple[list[TurnBetweenPoses], dict[str, int]]:
     """Motions between stretches at rest that tilted the unit, and how many were left out, by reason."""
     motions, spoilt = [], {"clipping": 0, "gap": 0}
-    step = 1.5 * float(np.median(np.diff(t)))
     for first, second in pairwise(where):
-        span = slice(first.stop - 1, second.start + 1)
         before, after = _direction(acc[first]), _direction(acc[second])
         if float(before @ after) > np.cos(SMALLEST):
             continue
-        dt = np.diff(t[span])
-        if clipped is not None and clipped[span].any():
-            spoilt["clipping"] += 1
-        elif dt.max() > step or not np.isfinite(gyr[span]).all():
-            spoilt["gap"] += 1
+        span = slice(first.stop - 1, second.start + 1)
+        if why := spoiling(t, gyr, span, clipped):
+            spoilt[why] += 1
         else:
-            motions.append(TurnBetweenPoses(gyr[span], dt, before, after))
+            motions.append(TurnBetweenPoses(gyr[span], np.diff(t[span]), before, after))
     return motions, spoilt
+
+
+def spoiling(t: Floats, gyr: Floats, span: slice, clipped: NDArray[np.bool_] | None) -> str:
+    """Why rates of a span cannot be integrated: "clipping", "gap" or nothing."""
+    if clipped is not None and clipped[span].any():
+        return "clipping"
+    gap = np.diff(t[span]).max() > 1.5 * float(np.median(np.diff(t)))
+    return "gap" if gap or not np.isfinite(gyr[span]).all() else ""
 
 
 def _direction(acc: Floats) -> Floats:
@@ -155,18 +159,26 @@ def _misses(motions: Sequence[TurnBetweenPoses], parameters: Floats) -> tuple[Fl
 def _predicted(motion: TurnBetweenPoses, bias: Floats, matrix: Floats) -> tuple[Floats, Floats]:
     """Direction after a motion (3,), and its derivative by bias and matrix (3, 12).
 
-    With R from the axes now to those before, after = Rᵀ before. A change δω of the rates turns R by δθ = ∫ R δω dt in
-    the axes before, so that after changes by Rᵀ (before × δθ).
+    With R from the axes now to those before, after = Rᵀ before, which a turn of R by δθ in the axes before changes by
+    Rᵀ (before × δθ).
     """
-    open_rate = motion.rate - bias
+    turn, slope = turn_by_rates(motion.rate, motion.dt, bias, matrix)
+    return turn.T @ motion.before, turn.T @ skew(motion.before) @ slope
+
+
+def turn_by_rates(rate: Floats, dt: Floats, bias: Floats, matrix: Floats) -> tuple[Floats, Floats]:
+    """Turn of rates (N, 3) in steps (N−1,): from the axes after to those before, (3, 3), and how it leans (3, 12).
+
+    A change δω of the rates turns R by δθ = ∫ R δω dt in the axes before; `slope` is δθ by bias and matrix.
+    """
+    open_rate = rate - bias
     quat = np.empty((len(open_rate), 4))
-    accumulate(rotation_vectors(open_rate @ matrix.T, motion.dt), quat)  # departs from [Tedaldi2014]: exact on SO(3)
+    accumulate(rotation_vectors(open_rate @ matrix.T, dt), quat)  # departs from [Tedaldi2014]: exact on SO(3)
     turned = dcm_from_quat(quat)
-    share = np.append(0.5 * motion.dt, 0.0) + np.append(0.0, 0.5 * motion.dt)  # the trapezoidal rule
+    share = np.append(0.5 * dt, 0.0) + np.append(0.0, 0.5 * dt)  # the trapezoidal rule
     by_matrix = np.einsum("kai,kj,k->aij", turned, open_rate, share, optimize=True).reshape(3, 9)
     by_bias = -np.einsum("kai,k->ai", turned, share) @ matrix
-    back = turned[-1].T
-    return back @ motion.before, back @ skew(motion.before) @ np.hstack((by_bias, by_matrix))
+    return turned[-1], np.hstack((by_bias, by_matrix))
 
 
 def typical_miss(motions: Sequence[TurnBetweenPoses], bias: Floats, matrix: Floats) -> float:

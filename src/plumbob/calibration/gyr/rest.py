@@ -20,7 +20,7 @@ from plumbob.core.errors import CalibrationError
 from plumbob.core.findings import Note, info, warning
 from plumbob.core.text import counted
 from plumbob.core.units import deg, dps, to_deg, to_dps
-from plumbob.data.calibrated import temperature_drift
+from plumbob.data.calibrated import temperature_drift, times
 from plumbob.data.cards import UNITS, Quality, TriadCalibration
 from plumbob.quality.static_periods import stills
 
@@ -46,12 +46,12 @@ def without_known(rates: Rates) -> Floats:
     corrected, base = rates.gyr, rates.known
     if base.bias_per_k.any():
         if rates.temp_c is None:
-            raise CalibrationError("the card so far corrects the gyroscope for temperature; record temp_c too.")
+            raise CalibrationError("the gyroscope is to be corrected for temperature; record temp_c too.")
         corrected = corrected - temperature_drift(base, rates.temp_c)
     if base.g_sensitivity.any():
         if rates.acc is None:
-            raise CalibrationError("the card so far corrects the gyroscope for specific force; record acc too.")
-        corrected = corrected - rates.acc @ base.g_sensitivity.T
+            raise CalibrationError("the gyroscope is to be corrected for specific force; record acc too.")
+        corrected = corrected - times(base.g_sensitivity, rates.acc)
     return corrected
 
 
