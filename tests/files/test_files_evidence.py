@@ -261,6 +261,31 @@ def drafted(folder, name, text, answers):
     return plumbob.read(path, profile=out)
 
 
+@pytest.mark.parametrize(
+    ("form", "columns", "answered"),
+    [
+        ("ypr\t{y:.2f}\t{p:.2f}\t{r:.2f}", [2, 3, 4], None),  # as Jeff Rowberg's MPU6050_DMP6 prints
+        ("RPY: {r:.2f}, {p:.2f}, {y:.2f}", [3, 2, 1], None),
+        ("att,{n},{r:.2f},{p:.2f},{y:.2f}", [], [5, 4, 3]),  # in an order that nothing says
+        ("Orientation: {y:.2f}, {p:.2f}, {r:.2f}", [], [1, 2, 3]),
+        ("quat\t{q[0]:.2f}\t{q[1]:.2f}\t{q[2]:.2f}\t{q[3]:.2f}", [2, 3, 4, 5], None),
+        ("Q,{n}0,{q[0]:.4f},{q[1]:.4f},{q[2]:.4f},{q[3]:.4f}", [3, 4, 5, 6], None),
+        ("i: {q[1]:.4f} j: {q[2]:.4f} k: {q[3]:.4f} real: {q[0]:.4f}", [4, 1, 2, 3], None),  # as SH-2 has it
+    ],
+)
+def test_attitude_behind_a_word_is_no_sensor(tmp_path, form, columns, answered):
+    path, angles = tmp_path / "a.txt", np.degrees(rot.euler_zyx_from_quat(Q))
+    path.write_text("".join(f"{form}\n".format(y=y, p=p, r=r, q=Q[n], n=n) for n, (y, p, r) in enumerate(angles)))
+    if answered:
+        with pytest.raises(DecodeError, match=r"reference\.columns=3,2,1"):
+            plumbob.profile(path)
+    draft = plumbob.profile(path, answers={"reference.columns": answered} if answered else None)
+    columns = answered or ["?", *columns]
+    assert f"columns = {json.dumps(columns)}" in draft.text
+    assert "[reference]" in draft.text
+    assert "[gyr]" not in draft.text
+
+
 @pytest.mark.parametrize("kind", LOGS)
 def test_what_a_file_says_is_taken_and_the_rest_is_answered(tmp_path, kind):
     recording = drafted(tmp_path, *LOGS[kind])

@@ -30,14 +30,13 @@ _WORDS, _PHRASES, _DIRECTIONS = (
 )
 _ROLLS: Final = {axis: _any([*TABLES["axes"][axis], *words]) for axis, words in TABLES["rolls"].items()}
 _OTHER, _WITHOUT_GRAVITY = (_any(TABLES["other"][key], inside=True) for key in ("other", "without_gravity"))
-_TIME, _COUNTER, WEEK, TEMPERATURE, _QUATERNION = (
-    _any(TABLES["kinds"][key]) for key in ("time", "counter", "week", "temperature", "quaternion")
-)
+_TIME, _COUNTER, WEEK, TEMPERATURE, _QUATERNION, _ANGLES = (_any(words) for words in TABLES["kinds"].values())
 _SUFFIXES: Final[Mapping[str, str]] = TABLES["units"]
 _FOREIGN: Final[Mapping[str, str]] = TABLES["foreign"]
 _SPELLINGS: Final[list[list[str]]] = TABLES["spellings"]["list"]
 _FRAMES: Final = {*"bnies", "ib", "nb", "body", "sensor", "imu"}  # behind a letter, as in f_ib_b
 _SCALAR: Final = {"w", "s", "scalar", "real"}
+COMPONENTS: Final = {**{name: name for name in "wxyz"}, "i": "x", "j": "y", "k": "z", **dict.fromkeys(_SCALAR, "w")}
 REVERSED: Final = re.compile(r"(?i)(?<![a-z])(back|aft|right|starboard|down)(?![a-z])")  # against forward, left and up
 _ALL: Final = (*QUANTITY_BY_TRIAD.values(), Quantity.TIME, Quantity.TEMPERATURE, Quantity.ANGLE)
 
@@ -193,6 +192,23 @@ def _scaled(unit: str) -> tuple[str, float]:
     return unit, 1.0
 
 
+def attitude_names(word: str, *, are_unit: bool) -> tuple[str, ...]:
+    """Names of the numbers behind a word that says an attitude: angles by their letters, or four of norm 1; else none.
+
+    Angles in an order that nothing says have names of no sensor.
+    """
+    plain = " ".join(_WORD.findall(word)).lower()
+    spelled = [_ANGLE_OF.get(letter, "") for letter in plain]
+    if len({*spelled} - {""}) == len(spelled) == len("xyz"):
+        return tuple(spelled)
+    if are_unit and _QUATERNION.fullmatch(plain):
+        return "q0", "q1", "q2", "q3"
+    return ("angle 1", "angle 2", "angle 3") if _ANGLES.fullmatch(plain) else ()
+
+
+_ANGLE_OF: Final = {"y": "yaw", "h": "heading", "p": "pitch", "r": "roll"}
+
+
 def named_sensor(words: str) -> str:
     """Which sensor the name of a file or a kind of row is of; a single letter says nothing."""
     longer = re.findall(r"[^\W\d_]{2,}", words)
@@ -213,11 +229,11 @@ def _unit_word(text: str, plain: str, count: int) -> str:
 
 def _split_axis(words: list[str]) -> tuple[str, str]:
     """What is left of a name without its axis, and the axis: a word of its own, or the last letter or digit."""
-    for letters in ({"x", "y", "z"}, _SCALAR):
+    for letters in ({"x", "y", "z"}, {*COMPONENTS}):
         for i, word in enumerate(words):
             rest = " ".join(words[:i] + words[i + 1 :])
             if word in letters and (word in "xyz" or _QUATERNION.fullmatch(rest)):
-                return rest, word if word in "xyz" else "w"
+                return rest, COMPONENTS[word]
     if words and len(words[-1]) == 1 and words[-1].isdigit() and len(words) > 1:
         return " ".join(words[:-1]), words[-1]
     directions = _ROLLS if re.search(r"\b(rate|rates|gyr\w*|speed|velocity)\b", " ".join(words)) else _DIRECTIONS

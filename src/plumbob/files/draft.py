@@ -35,7 +35,7 @@ from plumbob.files.columns import FORM, has_zone
 from plumbob.files.evidence import RELATIVE, TURNED, ColumnEvidence, Guess, field_unit, gravity_unit, single_line
 from plumbob.files.known_logs import KNOWN, refuse_known
 from plumbob.files.profile import AS_MOUNTED, EPOCHS, GUIDE, JSON, Profile, TextLayout, parse_profile
-from plumbob.files.sniff import FEWEST, Sample, read_sample, rises
+from plumbob.files.sniff import FEWEST, READ, Sample, read_sample, rises
 from plumbob.files.stamps import CENTURY
 from plumbob.files.text_table import LEFT_OUT_MOST, read_table
 from plumbob.rotations import axes_letters, signed_axes
@@ -71,9 +71,9 @@ def drafted(
     accept: bool = False,
     answers: Mapping[str, Any] | None = None,
     out: str | os.PathLike[str] | None = None,
-    numbered: bool = False,
+    heard: float | None = None,
 ) -> Draft:
-    """Draft of files that are there, as of `plumbob.profile`; `numbered` names no column and looks for no head."""
+    """Draft of files that are there, as of `plumbob.profile`, or of a line that was `heard` for some seconds."""
     if out is not None and Path(out).exists():
         raise ParameterError(f"{out} exists already; answer its questions, or name another file with --out.")
     streams: list[ColumnEvidence] = []
@@ -86,7 +86,7 @@ def drafted(
                 sample = array_sample(file)
             else:
                 sample = read_sample(file)
-                sample = _headless(sample) if numbered and sample.layout.separator != JSON else sample
+                sample = sample if heard is None else _of_line(sample, heard, file.stat().st_size)
             streams += _column_evidence(file.name, sample, dict(answers or {}), is_alone=len(files) == 1)
     with reading(files[0]):
         draft = _joined(streams, accept)
@@ -97,10 +97,21 @@ def drafted(
     return draft
 
 
-def _headless(sample: Sample) -> Sample:
-    """The same without what stands before a table: who listens to a line may come after it."""
+_ARRIVAL: Final = "rate of arrival"
+
+
+def _of_line(sample: Sample, heard: float, size: int) -> Sample:
+    """The same with the rate at which rows came, and without what stands before a table: who listens may come after it.
+
+    It was heard for so many seconds and bytes.
+    """
+    if heard > 0.0 and (rate := len(sample.rows) * max(size / READ, 1.0) / heard):
+        sample = replace(sample, facts={**sample.facts, _ARRIVAL: f"{rate:.3g} Hz"})
+    if sample.layout.separator == JSON:
+        return sample
     layout = replace(sample.layout, names=False, skip=0, after_names=0, marker="", occurrence=1, end="", mark="")
-    return replace(sample, layout=layout, by_name=False, others=tuple(map(_headless, sample.others)))
+    others = tuple(_of_line(other, heard, size) for other in sample.others)
+    return replace(sample, layout=layout, by_name=False, others=others)
 
 
 def known_profile(file: Path) -> Profile | None:
@@ -314,7 +325,8 @@ class _DraftWriter:
                 "seconds, which gives rates and specific force."
                 if any(re.search(r"\bd(elta)? [av]", part.base) for part in data.parts)
                 else "no three columns look like a gyroscope, an accelerometer or a magnetometer; name them, as with "
-                f"--set gyr.columns=1,2,3, or write a profile by hand ({GUIDE})."
+                "--set gyr.columns=1,2,3, angles about z, y and x, as with --set reference.columns=3,2,1, or write a "
+                f"profile by hand ({GUIDE})."
             )
         if data.stream:
             self._lines += ["[[stream]]", f"file = {json.dumps(data.stream)}"]
@@ -438,6 +450,7 @@ class _DraftWriter:
         counts = rate and bool(data.time) and (np.diff(data.numbers[data.time[0]]) == 1.0).all()
         if "time.rate" in data.answers or not data.time or (counts and not data.parts[data.time[0]].unit):
             why = "the header says it" if rate else "no column increases like time: the sampling rate, as in '100 Hz'"
+            why = "so many rows came" if rate and rate == data.sample.facts.get(_ARRIVAL) else why
             self._set("rate", rate, why, ask=True, sure=bool(rate))
             return
         refs = data.refs(data.time)

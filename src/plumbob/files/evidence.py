@@ -20,7 +20,16 @@ from plumbob.core.time import to_s
 from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity, to_si
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import ENOUGH_EFFECTIVE, Turning, turning
-from plumbob.files.column_names import REVERSED, TEMPERATURE, ColumnName, canonical, named_sensor, taken_apart
+from plumbob.files.column_names import (
+    COMPONENTS,
+    REVERSED,
+    TEMPERATURE,
+    ColumnName,
+    attitude_names,
+    canonical,
+    named_sensor,
+    taken_apart,
+)
 from plumbob.files.columns import StampError, is_stamp, is_time_of_day, to_seconds
 from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, EPOCHS
@@ -63,7 +72,7 @@ class ColumnEvidence:
     """What the names and the first numbers of a table say of its columns."""
 
     def __init__(self, name: str, sample: Sample, *, stream: str, answers: Mapping[str, Any]) -> None:
-        self.names = sample.for_cells(sample.names)
+        self.names = sample.for_cells(sample.names if any(sample.names) else _spelled(sample))
         if len(self.names) > _SERIES and not any(self.names) and not rises(sample.numbers(0)):
             raise DecodeError(
                 f"its rows have {len(self.names)} numbers and no names, so a row is a series of one quantity. Write a "
@@ -98,15 +107,18 @@ class ColumnEvidence:
         self.time = self._time_columns()
         self.quaternion = self._quaternion_columns()
         bases = [re.sub("elevation", "pitch", re.sub("heading|azimuth", "yaw", part.base)) for part in self.parts]
-        angles = {
+        angles: dict[str, int] = {
             name: i
             for i, (base, part) in enumerate(zip(bases, self.parts, strict=True))
             for name in ([] if self.quaternion or part.sensor == "other" else ANGLES)
             if base == name or (name in base.split() and part.unit_as(Quantity.ANGLE))
         }
-        self.angles = tuple(angles[name] for name in ANGLES) if len(angles) == len(ANGLES) else ()
+        refs = answers.get("reference.columns", ())
+        angles |= {name: self._place("reference.columns", ref) for name, ref in zip(ANGLES, refs, strict=False)}
+        self.angles = () if self.quaternion or len(angles) < len(ANGLES) else tuple(angles[name] for name in ANGLES)
         self.plus: tuple[int, ...] = ()  # columns that are added to the accelerometer's
-        self._fours: tuple[int, ...] = ()  # unit quaternions without names, whose order nothing says
+        # angles and unit quaternions whose order nothing says
+        self._unordered = {i for i, name in enumerate(self.names) if not sample.names and name.startswith("angle")}
         self.triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
         self.triads = {name: of for name, of in (self.triads | self._answered_triads()).items() if of}
         if "acc.plus" in self.answers and "acc" in self.triads and not self.plus:
@@ -121,7 +133,7 @@ class ColumnEvidence:
 
     def free(self) -> list[int]:
         """Columns of numbers that have no meaning yet."""
-        taken = {*self.time, *self._clocks, *self.quaternion, *self._fours}
+        taken = {*self.time, *self._clocks, *self.quaternion, *self.angles, *self._unordered}
         taken |= {i for columns in self.triads.values() for i in columns} | {*self.plus}
         return [i for i in range(self.sample.width) if i not in taken and np.isfinite(self.numbers[i]).any()]
 
@@ -239,7 +251,7 @@ class ColumnEvidence:
         for i, part in enumerate(self.parts):
             if part.quaternion:
                 sets.setdefault(part.base, {}).setdefault(part.axis, i)
-            elif (letter := self.names[i].strip().lower()) in {*"wxyz"}:
+            elif letter := COMPONENTS.get(self.names[i].strip().lower()):
                 sets.setdefault("", {}).setdefault(letter, i)
         for axes in sets.values():
             for order in ("wxyz", "0123"):
@@ -354,8 +366,8 @@ class ColumnEvidence:
         if self.sensor in TRIADS and len(free) == len("xyz"):
             return {self.sensor: tuple(free)}
         for four in [range(i, i + 4) for i in self._varying()]:
-            if {*four} <= {*self._varying()} and abs(self.size(four) - 1.0) < _UNIT_NORM > np.ptp(self._norms(four)):
-                self._fours += (*four,)
+            if {*four} <= {*self._varying()} and _are_unit(self.vectors(four)):
+                self._unordered |= {*four}
         varying = self._varying()
         more = len(free) > len("xyz") * len(TRIADS) and not len(varying) % len("xyz")
         free = varying if len(free) % len("xyz") or more else free
@@ -549,6 +561,22 @@ def _clock(sample: Sample, column: int) -> Floats:
         return to_seconds([sample.cells(column)], None)[0]
     except StampError:
         return numbers[:0]
+
+
+def _are_unit(vectors: Floats) -> bool:
+    """Whether vectors (N, k) are of norm 1, as rounding to two decimals leaves them."""
+    return bool((abs(np.linalg.norm(vectors, axis=1) - 1.0) < _UNIT_NORM).all())
+
+
+def _spelled(sample: Sample) -> tuple[str, ...]:
+    """Names of numbers behind a word that says an attitude, as ``ypr`` or ``quat``; none behind another."""
+    columns = [sample.numbers(i) for i in range(sample.width)]
+    words = {word for i, column in enumerate(columns) if np.isnan(column).all() for word in sample.cells(i)}
+    numbers = [i for i, column in enumerate(columns) if not np.isnan(column).all()]
+    are_unit = len(numbers) > len("xyz") and _are_unit(np.stack([columns[i] for i in numbers[-4:]], axis=1))
+    names = attitude_names(words.pop(), are_unit=are_unit) if len(words) == 1 else ()
+    places = numbers[-len(names) :] if 0 < len(names) <= len(numbers) else []
+    return tuple(names[places.index(i)] if i in places else "" for i in range(sample.width)) if places else ()
 
 
 def may_be(sensor: str, part: ColumnName) -> bool:

@@ -9,14 +9,14 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from plumbob.core.errors import LineError
+from plumbob.core.errors import DecodeError, LineError
 from plumbob.core.files import as_list, existing_file
 from plumbob.core.units import Quantity, given
 from plumbob.files.draft import Draft, drafted
 
 if TYPE_CHECKING:
     from plumbob.live.transports.serial_line import SerialSource
-    from plumbob.live.transports.transport import Source
+    from plumbob.live.transports.transport import Received, Source
 
 STDIN: Final = "-"  # word for standard input
 BAUDS: Final = (115200, 9600, 57600, 38400, 230400, 19200, 460800, 921600, 1_000_000, 4800)  # the most common first
@@ -80,8 +80,12 @@ def profile(
     port, seconds = os.fspath(paths[0]), given("duration", duration, Quantity.TIME, positive=True) or 0.0
     with tempfile.TemporaryDirectory(prefix="plumbob-") as folder:
         file = Path(folder) / f"{Path(port).name.strip('-') or 'lines'}.txt"
-        file.write_bytes(_heard(port, baud, seconds, note or print))
-        return drafted([file], accept=accept, answers=answers, out=out, numbered=True)
+        heard, lasted = _heard(port, baud, seconds, note or print)
+        file.write_bytes(heard)
+        try:
+            return drafted([file], accept=accept, answers=answers, out=out, heard=lasted)
+        except DecodeError as error:
+            raise DecodeError(str(error).replace(str(file), port)) from error
 
 
 def is_line(path: str | os.PathLike[str]) -> bool:
@@ -89,41 +93,47 @@ def is_line(path: str | os.PathLike[str]) -> bool:
     return os.fspath(path) == STDIN or Path(path).is_char_device()
 
 
-def _heard(port: str, baud: int | None, seconds: float, note: Callable[[str], object]) -> bytes:
-    """Whole lines that come in that time."""
+def _heard(port: str, baud: int | None, seconds: float, note: Callable[[str], object]) -> tuple[bytes, float]:
+    """Whole lines that come in that time, and how long they came, s; inf where nothing is waited for."""
     from plumbob.live.session import SourceSpec
     from plumbob.live.sources import make_source
 
     settings: dict[str, Any] = {} if port == STDIN else {"port": port, "baud": baud or BAUDS[0]}
     source: Any = make_source(SourceSpec("serial" if settings else "stdin", settings)).open()
     note(f"listening to {source.name}" + (f" for {seconds:g} s" if settings else ""))
-    data = b"" if baud or not settings else _at_its_speed(source, seconds, note)
-    data += _taken(source, seconds if settings else inf)
+    items = [] if baud or not settings else _at_its_speed(source, seconds, note)
+    items += _taken(source, seconds if settings else inf)
     source.close()
-    if not data:
+    if not items:
         raise LineError(f"nothing has come from {port} in {seconds:g} s: is the device on, does it send by itself?")
-    return data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1] or data
+    data = _joined(items)
+    lasted = 1e-9 * (items[-1].t_ns - items[0].t_ns) if settings else inf
+    return data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1] or data, lasted
 
 
-def _taken(source: "Source", seconds: float, most: float = inf) -> bytes:
+def _taken(source: "Source", seconds: float, most: float = inf) -> "list[Received]":
     """What comes in that time, or until there is enough."""
     from plumbob.live.transports.transport import Received
 
-    data, end = b"", time.monotonic() + seconds
-    while not source.finished and time.monotonic() < end and len(data) < most:
-        data += b"".join(item.data for item in source.read(0.1) if isinstance(item, Received))
-    return data
+    items, end = list[Received](), time.monotonic() + seconds
+    while not source.finished and time.monotonic() < end and sum(len(item.data) for item in items) < most:
+        items += [item for item in source.read(0.1) if isinstance(item, Received)]
+    return items
 
 
-def _at_its_speed(source: "SerialSource", seconds: float, note: Callable[[str], object]) -> bytes:
+def _joined(items: "Sequence[Received]") -> bytes:
+    return b"".join(item.data for item in items)
+
+
+def _at_its_speed(source: "SerialSource", seconds: float, note: Callable[[str], object]) -> "list[Received]":
     """What came at the first speed, if that is text or nothing; else set the port to the speed at which text comes."""
-    first = _taken(source, seconds, _ENOUGH)
-    if not first or _text_share(first) >= _CLEAR:
-        return first
-    heard = {BAUDS[0]: first}
+    items = _taken(source, seconds, _ENOUGH)
+    if not items or _text_share(_joined(items)) >= _CLEAR:
+        return items
+    heard = {BAUDS[0]: _joined(items)}
     for baud in BAUDS[1:]:
         source.set_baud(baud)
-        heard[baud] = _taken(source, _PROBE, _ENOUGH)
+        heard[baud] = _joined(_taken(source, _PROBE, _ENOUGH))
         if _text_share(heard[baud]) >= _CLEAR:
             break
     from plumbob.protocols.page import other_format
@@ -136,7 +146,7 @@ def _at_its_speed(source: "SerialSource", seconds: float, note: Callable[[str], 
                         "Give --baud.")  # fmt: skip
     source.set_baud(baud)
     note(f"{source.name} sends text at {baud} baud; record it with --baud {baud}")
-    return b""
+    return []
 
 
 def _text_share(data: bytes) -> float:

@@ -310,6 +310,16 @@ class Seen:
             return None
         return f"{region_names(new.tolist())} seen, {int(filled.sum())} of {len(NAMES)}"
 
+    def shown(self, *, enough: bool, done: bool) -> dict[str, Any]:
+        """What a `Progress` says of them, and whether it is done: for good, or by `enough` of them."""
+        count = int(self.filled.sum())
+        done = done or (enough and count >= ENOUGH)
+        return {"filled": self.filled.copy(), "share": count / len(NAMES), "done": done}
+
+
+def _region(direction: Floats | None) -> int | None:
+    return None if direction is None else int(region_index(direction[np.newaxis])[0])
+
 
 LONG_ENOUGH: Final = 20.0  # rest in one piece that is asked for, s
 
@@ -364,24 +374,16 @@ class AccelGuide(Guide):
 
     def progress(self) -> Progress:
         """State after the last whole block."""
-        count = int(self._seen.filled.sum())
         grade = None if self._sd is None else grade_of(self._sd, TILT)
         direction = None if self._force is None else _unit(self._force - self._centre)
-        here = None if direction is None else int(region_index(direction[np.newaxis])[0])
-        missing = np.flatnonzero(~self._seen.filled).tolist()
+        here, missing = _region(direction), np.flatnonzero(~self._seen.filled).tolist()
         goal = nearest(direction, missing) if missing and direction is not None else None
-        done = self._done or (grade == "good" and count >= ENOUGH)
+        turn = None if goal is None or goal == here or direction is None else turn_to(direction, REGIONS[goal])
+        predicted = "" if self._sd is None else f"tilt ±{to_deg(self._sd):.2g}° (1 sd)"
         return self._progress(
-            self._words(here, goal),
-            filled=self._seen.filled.copy(),
-            direction=here,
-            turn=None if goal is None or goal == here or direction is None else turn_to(direction, REGIONS[goal]),
-            goal=goal,
-            predicted="" if self._sd is None else f"tilt ±{to_deg(self._sd):.2g}° (1 sd)",
-            grade=grade,
-            share=count / len(NAMES),
-            done=done,
-        )
+            self._words(here, goal), direction=here, turn=turn, goal=goal, predicted=predicted, grade=grade,
+            **self._seen.shown(enough=grade == "good", done=self._done),
+        )  # fmt: skip
 
     def _look(self, block: Block) -> None:
         mean = block.triads["acc"].mean(axis=0)
@@ -458,22 +460,15 @@ class MagGuide(Guide):
 
     def progress(self) -> Progress:
         """State after the last whole block."""
-        count = int(self._seen.filled.sum())
         grade, shown = (None, None) if self._sd is None else (grade_of(sd, HEADING) for sd in self._sd)
-        done = self._done or (shown == "good" and count >= ENOUGH)
         direction = self._direction()
         goal, turn = self._next(direction)
+        predicted = "" if self._sd is None else f"heading ±{to_deg(self._sd[0]):.2g}° (1 sd)"
+        seen = self._seen.shown(enough=shown == "good", done=self._done)
         return self._progress(
-            self._words(goal, turn),
-            filled=None if self._fit is None else self._seen.filled.copy(),
-            direction=None if direction is None else int(region_index(direction[np.newaxis])[0]),
-            turn=turn,
-            goal=goal,
-            predicted="" if self._sd is None else f"heading ±{to_deg(self._sd[0]):.2g}° (1 sd)",
-            grade=grade,
-            share=count / len(NAMES),
-            done=done,
-        )
+            self._words(goal, turn), direction=_region(direction), turn=turn, goal=goal, predicted=predicted,
+            grade=grade, **seen | ({"filled": None} if self._fit is None else {}),
+        )  # fmt: skip
 
     def _look(self, block: Block) -> None:
         mag = block.triads["mag"]
