@@ -397,12 +397,9 @@ class AccelGuide(Guide):
             self._say(news)
 
     def _fit(self, poses: Floats) -> None:
-        enough = len(poses) >= ellipsoid_fit.Shape.ELLIPSOID.value + ellipsoid_fit.SPARE
-        fit = (
-            ellipsoid_fit.fit_norm(poses, ellipsoid_fit.Shape.ELLIPSOID, ellipsoid_fit.first_ellipsoid(poses))
-            if enough
-            else None
-        )
+        shape = ellipsoid_fit.Shape.ELLIPSOID
+        enough = len(poses) >= shape.value + ellipsoid_fit.SPARE
+        fit = ellipsoid_fit.fit_norm(poses, shape, ellipsoid_fit.first_ellipsoid(poses)) if enough else None
         self._centre, self._sd = (np.zeros(3), None) if fit is None else (fit.ellipsoid.centre, _predicted(fit, poses))
 
     def _words(self, here: int | None, goal: int | None) -> str:
@@ -464,10 +461,10 @@ class MagGuide(Guide):
         direction = self._direction()
         goal, turn = self._next(direction)
         predicted = "" if self._sd is None else f"heading ±{to_deg(self._sd[0]):.2g}° (1 sd)"
-        seen = self._seen.shown(enough=shown == "good", done=self._done)
+        directions = self._seen.shown(enough=shown == "good", done=self._done)
         return self._progress(
             self._words(goal, turn), direction=_region(direction), turn=turn, goal=goal, predicted=predicted,
-            grade=grade, **seen | ({"filled": None} if self._fit is None else {}),
+            grade=grade, **directions | ({"filled": None} if self._fit is None else {}),
         )  # fmt: skip
 
     def _look(self, block: Block) -> None:
@@ -584,10 +581,8 @@ def _predicted_heading(fit: ellipsoid_fit.NormFit, vectors: Floats) -> tuple[flo
     samples = fit.residuals, fit.ellipsoid.to_sphere(vectors), fit.used
     memory, radius = alike(*samples).memory, ellipsoid_fit.mean_radius(fit.ellipsoid.shape)
     fields = (unevenness(*samples, lengths=lengths) for lengths in (True, False))
-    residuals = fit.residuals[fit.used]
-    counted = (
-        field.counted(independent, memory=memory, residuals=residuals, matrix=matrix, radius=radius) for field in fields
-    )
+    of: dict[str, Any] = {"memory": memory, "residuals": fit.residuals[fit.used], "matrix": matrix, "radius": radius}
+    counted = (field.counted(independent, **of) for field in fields)
     total, shown = (heading_sd(matrix, covariance, size=radius, dip=DIP) for covariance in counted)
     return total, shown
 
