@@ -14,12 +14,11 @@ import json
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plumbob.core import __version__, check
 from plumbob.core.check import Floats
@@ -32,9 +31,7 @@ from plumbob.core.units import Quantity, given, to_deg
 from plumbob.data import AttitudeTrack
 from plumbob.data.recording import Recording
 from plumbob.door.evaluate import evaluate
-from plumbob.evaluation.align import not_converged
 from plumbob.evaluation.evaluation import Evaluation
-from plumbob.evaluation.metrics import error_quat
 from plumbob.filters.known import load
 from plumbob.filters.offline import Stage, navigation_frame, run_stage
 from plumbob.fleet.experiments.trials import read_trial, trials_in, unused_name
@@ -348,10 +345,8 @@ def tune(
 
 
 class _TuningTrial:
-    """A recording in memory, what of it is judged, and the errors that are known of it, by place."""
+    """A recording in memory, and the errors that are known of it, by place."""
 
-    q_ref: Floats
-    judged: NDArray[np.bool_]
     default: float
 
     def __init__(self, name: str, file: Path | Recording, frame: Frame | None) -> None:
@@ -384,7 +379,7 @@ class _Search:
         return max(2, round(DESIGN * self.budget))
 
     def prepare(self, trial: _TuningTrial) -> None:
-        """Associate once, as `evaluate` does, and measure the defaults; ShapeError where they cannot be scored."""
+        """Measure the defaults; ShapeError where they cannot be scored."""
         track = self._track(trial, self.fixed)
         scores = self._evaluated(track, trial)
         if self.metric not in scores.stats:
@@ -392,22 +387,16 @@ class _Search:
         if not track.known.all():
             raise ShapeError("the filter with its defaults leaves attitudes that are not known.")
         trial.default = max(scores.stats[self.metric].rmse, LEAST)
-        unmasked = self._evaluated(replace(track, flags=None), trial).match
-        trial.q_ref, trial.judged = unmasked.q_ref, unmasked.scored
 
     def error(self, trial: _TuningTrial, x: Floats) -> float:
-        """Rms error, rad, `WORST` where it cannot be scored; the same number as `evaluate` gives."""
+        """Rms error, rad, `WORST` where it cannot be scored."""
         values = {r.parameter.name: r.value_at(float(place)) for r, place in zip(self.ranges, x, strict=True)}
         try:
             track = self._track(trial, {**self.fixed, **values})
-            rows = trial.judged & ~not_converged(track)
-            if not track.known.all() or not (self.align or rows.any()):
-                return WORST
-            if self.align:
-                return max(self._evaluated(track, trial).stats[self.metric].rmse, LEAST)
+            scores = self._evaluated(track, trial).stats if track.known.all() else {}
         except ShapeError:
             return WORST
-        return max(_rms(self.metric, track.q_nb[rows], trial.q_ref[rows]), LEAST)
+        return max(scores[self.metric].rmse, LEAST) if self.metric in scores else WORST
 
     def _track(self, trial: _TuningTrial, values: Mapping[str, Any]) -> AttitudeTrack:
         return run_stage(trial.imu, Stage(self.filter, dict(values)), frame=trial.frame)
@@ -449,18 +438,6 @@ class _Search:
         sobol = qmc.Sobol(len(self.ranges), seed=seed).random_base2(math.ceil(math.log2(self.designed)))
         default = [r.place(r.parameter.default) if _positive(r.parameter.default) else 0.0 for r in self.ranges]
         return np.vstack([default, sobol[: self.designed - 1]])
-
-
-def _rms(metric: str, q_est: Floats, q_ref: Floats) -> float:
-    """Rms of one error of `attitude_errors`, without the cost of the others."""
-    w, x, y, z = np.abs(np.moveaxis(error_quat(q_est, q_ref), -1, 0))
-    if metric == "total":
-        half = np.arctan2(np.sqrt(x * x + y * y + z * z), w)
-    elif metric == "heading":
-        half = np.arctan2(z, w)
-    else:
-        half = np.arctan2(np.hypot(x, y), np.hypot(w, z))
-    return float(2.0 * np.sqrt(np.mean(half * half)))
 
 
 def _cross_validated(
