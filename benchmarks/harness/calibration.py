@@ -11,7 +11,7 @@ from benchmarks.harness.calibration_mag import CASES, measure_mag
 from benchmarks.harness.calibration_stops import ROWS as BY_STOPS
 from benchmarks.harness.calibration_stops import measure_stops
 from benchmarks.harness.calibration_table import SESSIONS, measure_table
-from benchmarks.harness.calibration_temperature import SOAKS, measure_temperature
+from benchmarks.harness.calibration_temperature import OTHERS, SOAKS, measure_drift, measure_temperature
 from benchmarks.harness.section import Section
 from plumbob.core import check
 
@@ -39,6 +39,7 @@ PARTS: Final[Mapping[str, Part]] = {
     "table": Part(measure_table, len(SESSIONS)),
     "stops": Part(measure_stops, len(BY_STOPS)),
     "temperature": Part(measure_temperature, len(SOAKS)),
+    "drift": Part(measure_drift, len(OTHERS)),
 }
 """Every section by name."""
 

@@ -10,7 +10,7 @@ however it is fitted.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,10 +18,11 @@ from benchmarks.harness.bar import Bar
 from benchmarks.harness.section import Section
 from plumbob.calibration.gyr.drift import chen2013
 from plumbob.calibration.gyr.rest import Rates
-from plumbob.calibration.gyr.temperature import fit_temperature
+from plumbob.calibration.gyr.temperature import fit_drift, fit_temperature
 from plumbob.core.check import Floats
 from plumbob.core.units import dps, to_dps
 from plumbob.data.calibrated import temperature_drift
+from plumbob.data.cards import UNITS, TriadCalibration
 from plumbob.rotations import Frame
 from plumbob.simulation.presets import draw_module
 from plumbob.simulation.signals import constant, sinusoid
@@ -44,6 +45,9 @@ SOAKS: Final[tuple[tuple[str, float, float, int], ...]] = (
 )
 """Name, bias instability, rad/s, duration, s, and how often the temperature goes up and down."""
 
+
+OTHERS: Final = {"acc": 3.5e-3, "mag": 0.05}
+"""Largest drift per kelvin of accelerometer (0.35 mg: MPU-6000, x and y) and magnetometer, m/s² and µT."""
 
 _COLUMNS: Final = ("left, °/s", "95 %, °/s", "by the paper's 0.1 °/s/°C, °/s", "uncorrected, °/s")
 
@@ -105,3 +109,29 @@ def _curve(temp_c: Floats, slopes: Floats) -> Floats:
     """Drift (N, 3) since 25 °C."""
     warmer = temp_c - SPAN[0]
     return np.asarray(np.stack((warmer, warmer**2, warmer**3), axis=1) @ slopes)
+
+
+def measure_drift(seeds: Sequence[int], progress: Callable[[int], None] | None = None) -> Section:
+    """Soak accelerometer and magnetometer of a unit for each seed, 10 to 50 °C in an hour; as `measure_temperature`."""
+    rows = {}
+    for triad in OTHERS:
+        errors = np.abs([_planted_drift(seed, triad) for seed in seeds])
+        rows[triad] = (float(errors.max()), 100.0 * float(np.mean(errors < 1.0)))
+        if progress:
+            progress(1)
+    bars = tuple(Bar(f"drift of {triad}, largest error over its sd", row[0], 0.0, 3.5) for triad, row in rows.items())
+    return Section(f"Drift per kelvin, {len(seeds)} units", ("largest error / sd", "within 1 sd, %"), rows, bars)
+
+
+def _planted_drift(seed: int, triad: str) -> Floats:
+    """Error of the coefficients (3,), over their standard deviations."""
+    slopes = np.random.default_rng([seed, 44]).uniform(-1.0, 1.0, 3) * OTHERS[triad]
+    drawn = draw_module("mpu6000+hmc5983", seed)
+    errors = replace(getattr(drawn, triad), bias_per_k=slopes, scale_per_k=np.zeros(3))
+    how: dict[str, Any] = {"sensors": replace(drawn, **{triad: errors}), "unit": "random", "seed": seed, "rate": _RATE}
+    warm = constant(30.0) + sinusoid(20.0, 1.0 / 3600.0, -0.5 * np.pi)
+    imu = simulate("static", frame=Frame.NED, duration=3600.0, temp_c=warm, **how).imu
+    known = TriadCalibration(np.eye(3), np.zeros(3), UNITS[triad], UNITS[triad])
+    fit = fit_drift(triad, imu.t, imu.usable(triad), imu.temp_c, known, acc=imu.acc, gyr=imu.gyr).calibration
+    assert fit.bias_per_k_sd is not None
+    return np.asarray((fit.bias_per_k[0] - slopes) / fit.bias_per_k_sd[0])

@@ -5,13 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import plumbob
+from benchmarks.harness.calibration_temperature import measure_drift
 from plumbob.calibration.gyr import fit_hand, fit_temperature, fit_trackball
 from plumbob.calibration.gyr.drift import accumulate, chen2013, rotation_vectors
 from plumbob.calibration.gyr.rest import UNCALIBRATED, UNSEEN, Rates, fit_rest, without_known
+from plumbob.calibration.gyr.temperature import fit_drift
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps, to_dps
 from plumbob.data.calibrated import temperature_drift
+from plumbob.data.cards import TriadCalibration
 from plumbob.rotations import quat_angle, quat_from_rotvec, quat_multiply
 from tests.helpers.gyro_sessions import hand
 from tests.helpers.refusals import reason_kinds, reasons
@@ -237,6 +241,28 @@ def test_soaks_that_are_none_are_refused():
         (Rates(t, swung, temp_c=temp_c), "not-still"),
     ):
         assert reason_kinds(fit_temperature, rates)[0] == kind
+
+
+def test_drift_of_other_triads_is_the_planted_one_and_only_of_one_pose_with_a_card():
+    assert all(bar.met for bar in measure_drift(range(3)).bars)
+    t, gyr, temp_c, *_ = soak(5)
+    rng = np.random.default_rng(0)
+    acc = np.outer(np.ones(t.size), [0.0, 0.0, G0]) + np.outer(temp_c - 25.0, [1e-3, 0.0, -2e-3])
+    acc = acc + 0.01 * rng.standard_normal(acc.shape)
+    imu = plumbob.ImuData(t=t, gyr=gyr, acc=acc, temp_c=temp_c, meta=plumbob.ImuMeta(device="a"))
+    with pytest.raises(CalibrationError, match="calibrate it first"):
+        plumbob.calibrate(imu, "temperature", triad="acc")
+    known = TriadCalibration(1.01 * np.eye(3), np.full(3, 0.1), "m/s2", "m/s2", method="poses")
+    card = plumbob.CalibrationCard(device="a", date="", method="", acc=known)
+    made = plumbob.calibrate(imu, "temperature", triad="acc", calibration=card).card.acc
+    assert (np.abs(made.bias_per_k[0] - [1e-3, 0.0, -2e-3]) < 4.0 * made.bias_per_k_sd).all()
+    assert made.bias_per_k_sd.max() < 1e-4
+    assert (made.bias == known.bias).all() and (made.matrix == known.matrix).all()
+    turned = acc + 2.0 * np.sin(0.5 * t)[:, None]
+    for changed, kind in (({"acc": turned}, "not-still"), ({"temp_c": np.full(t.size, 20.0)}, "no-temperature")):
+        arguments = {"acc": acc, "temp_c": temp_c} | changed
+        arguments = ("acc", t, arguments["acc"], arguments["temp_c"], known), {"acc": arguments["acc"], "gyr": gyr}
+        assert reason_kinds(fit_drift, *arguments[0], **arguments[1])[0] == kind
 
 
 def test_hysteresis_is_told_and_only_where_it_is():

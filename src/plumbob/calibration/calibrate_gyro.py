@@ -20,7 +20,7 @@ from plumbob.calibration.gyr.hand import find_motions, fit_hand
 from plumbob.calibration.gyr.rest import UNCALIBRATED, Rates, fit_rest
 from plumbob.calibration.gyr.stops import fit_stops
 from plumbob.calibration.gyr.table import MOUNTING, fit_table
-from plumbob.calibration.gyr.temperature import fit_temperature
+from plumbob.calibration.gyr.temperature import fit_drift, fit_temperature
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
@@ -55,6 +55,20 @@ def fit_gyro(capture: Capture, method: str, **options: Any) -> Fitted:
         else "The capture has no motion between poses at rest, so only the bias was found (--method rest)."
     )
     return replace(fit, remarks=(why, *fit.remarks))
+
+
+def drift_over_temperature(capture: Capture, triad: str) -> Fitted:
+    """Fit what temperature adds to the accelerometer ("acc") or magnetometer ("mag"), whose card there must be."""
+    base = None if capture.base is None else getattr(capture.base, triad)
+    if base is None:
+        raise CalibrationError(
+            f"one pose shows no bias of the {TITLES[triad]}, only its drift: calibrate it first, and give its card "
+            "with --calibration."
+        )
+    imu, mark = capture.imu, {"acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}[triad]
+    return fit_drift(
+        triad, imu.t, imu.usable(triad), imu.temp_c, base, acc=imu.acc, gyr=imu.gyr, clipped=_clipped(capture, mark)
+    )
 
 
 def ferraris_session(capture: Capture, parts: Mapping[str, slice] | None, *, angle: float) -> dict[str, Fitted]:

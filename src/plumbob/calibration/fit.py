@@ -30,6 +30,7 @@ class Fitted:
     residuals: Floats  # (N,), residual of each, in the unit of the triad
     used: NDArray[np.bool_]  # (N,), false for outliers
     remarks: tuple[Note, ...] = ()  # what to know about it, each a sentence
+    soak: Floats | None = None  # (N, 2), of a fit over temperature: time, s, and temperature of each, °C
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,8 +203,8 @@ class Sizes(NamedTuple):
 
 
 def sizes(name: str, fit: Fitted) -> Sizes | None:
-    """Sizes of what a fit was made of; None for a gyroscope, whose rates have no size that is known."""
-    if name == "gyr" or not fit.used.any():
+    """Sizes of what a fit was made of; None for a gyroscope, whose rates have no size that is known, or one pose."""
+    if name == "gyr" or fit.soak is not None or not fit.used.any():
         return None
     model = fit.calibration
     after = np.linalg.norm((fit.measured - model.bias) @ model.matrix.T, axis=1)

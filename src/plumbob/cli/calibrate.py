@@ -72,7 +72,9 @@ def _find(args: argparse.Namespace, verb: Verb, about: dict[str, Any]) -> int:
     completes = out is not None and path is not None and is_same_file(out, Path(path))
     common.check_outputs(args, *args.pages, None if completes else out, inputs=args.inputs)
     base = None if path is None else CalibrationCard.load(Path(path))
-    captured = (_live if live else _recorded)(args, out, door.KINDS[kind], base, about)
+    how = door.KINDS[kind]
+    how = how._replace(triads=(args.triad,)) if option("triad") else how
+    captured = (_live if live else _recorded)(args, out, how, base, about)
     options = {"force": args.force, **args.given}
     if option("part_column"):
         from plumbob.files.text import read_labels

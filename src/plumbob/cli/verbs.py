@@ -146,9 +146,9 @@ START: Final = {
             "table": _calibrate("table", "gyroscope on a rate table: bias, scale, misalignment, g-sensitivity",
                                 " --rates '50,100,200 deg/s'"),
             "temperature": _calibrate(
-                "temperature", "gyroscope: bias over temperature, from a soak at rest", "",
+                "temperature", "bias of one sensor over temperature, from a soak at rest", "",
                 "Let the unit lie still while it warms up and cools down again, over 10 K or more in half an hour or "
-                "longer, and record its temperature.",
+                "longer, and record its temperature. --triad acc or mag completes the part that --calibration has.",
             ),
             "mount": _calibrate(
                 "mount", "how the unit sits on its body, from two poses at rest or a reference", " --frame NED",

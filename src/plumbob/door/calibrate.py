@@ -12,7 +12,7 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, unknown_name
 from plumbob.core.findings import warnings
 from plumbob.core.units import Quantity, given
-from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.data.recording import Recording
@@ -99,6 +99,8 @@ def calibrate(
         Of table: plateaus, ``from_s,to_s,rate_x_dps,… [,acc_x_g,…]``.
     model : {"auto", "12", "21"}
         Of table: 21 parameters have g-sensitivity.
+    triad : {"gyr", "acc", "mag"}
+        Of temperature: which; accelerometer and magnetometer complete their part of the card.
     mounting : float or str
         Of table: tilt of the unit on it, rad.
     frame : Frame or str, optional
@@ -130,6 +132,8 @@ def calibrate(
     names = kind_options(kind)
     if unknown := [name for name in options if name not in names]:
         raise unknown_name("option", unknown[0], names, of=kind)
+    if "triad" in options:
+        how = how._replace(triads=(check.one_of("triad", options["triad"], TRIADS),))
     base = None if calibration is None else CalibrationCard.of(calibration)
     if isinstance(recording, Capture):
         opened = recording
@@ -379,10 +383,12 @@ def _table(
     return {"gyr": replace(fitted, remarks=(*fitted.remarks, *remarks))}, None
 
 
-def _temperature(opened: Capture, _say: Note) -> Found:
-    from plumbob.calibration.calibrate_gyro import fit_gyro
+def _temperature(opened: Capture, _say: Note, *, triad: str = "gyr") -> Found:
+    from plumbob.calibration.calibrate_gyro import drift_over_temperature, fit_gyro
 
-    return {"gyr": fit_gyro(opened, "temperature")}, None
+    if triad == "gyr":
+        return {"gyr": fit_gyro(opened, "temperature")}, None
+    return {triad: drift_over_temperature(opened, triad)}, None
 
 
 def _mount(

@@ -17,6 +17,7 @@ from plumbob.core.findings import info
 from plumbob.core.text import WIDTH, counted, listed, measured, number
 from plumbob.core.units import from_si, g, to_deg, written
 from plumbob.data import TITLES
+from plumbob.data.calibrated import temperature_drift
 from plumbob.data.cards import CalibrationCard, Mount, TriadCalibration
 from plumbob.reporting.content import INK, MUTED, SERIES, Figure, Table
 from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
@@ -70,7 +71,7 @@ def refusal_text(refused: CaptureRefusedError) -> str:
 def _part(name: str, c: TriadCalibration, fit: Fitted | None) -> Report:
     grade = "not graded" if c.quality is None else c.quality.grade
     lengths = None if fit is None else sizes(name, fit)
-    coverage = None if fit is None or name == "gyr" else covered_directions(fit)
+    coverage = None if fit is None or lengths is None else covered_directions(fit)
     return Report(
         f"{TITLES[name].capitalize()}: {grade.upper()}",
         facts=_facts(name, c, lengths, coverage),
@@ -209,9 +210,10 @@ def _drawn(name: str, fit: Fitted, lengths: Sizes | None, coverage: "Coverage | 
     if lengths is not None and coverage is not None:
         yield coverage_figure(coverage)
         yield size_figure(name, lengths)
-    if fit.calibration.bias_per_k.any() and fit.calibration.temp_span_c is not None:
-        yield temperature_figure(name, fit.calibration)
-    yield residual_figure(name, fit)
+    if fit.soak is not None:
+        yield from temperature_figures(name, fit, fit.soak)
+    else:
+        yield residual_figure(name, fit)
 
 
 class Coverage(NamedTuple):
@@ -250,24 +252,29 @@ def size_figure(name: str, found: Sizes) -> Figure:
     return Figure("Magnitude before and after calibration", partial(draw_panels, lambda: [panel]), key)
 
 
-def temperature_figure(name: str, c: TriadCalibration) -> Figure:
-    """How the bias leaves that at the temperature of reference, over the calibrated span."""
-    unit, (low, high) = SHOWN[name][0], c.temp_span_c or (c.temp_ref_c, c.temp_ref_c)
-
-    temp = np.linspace(low, high, 200)
-    powers = (temp - c.temp_ref_c)[:, np.newaxis] ** np.arange(1, len(c.bias_per_k) + 1)
-    changes = from_si(powers @ c.bias_per_k, unit).T
-    lines = [PlotLine(temp, values, colour, width=1.2) for values, colour in zip(changes, SERIES, strict=False)]
-    if low <= c.temp_ref_c <= high:
-        ends = np.array([changes.min(), changes.max()])
-        lines.append(PlotLine(np.full(2, c.temp_ref_c), ends, MUTED, "dashed", width=0.7))
-    panel = PlotPanel(f"change of bias [{written(unit)}]", lines, "temperature [°C]", room=0.12)
-    keys = [(axis, colour, "solid") for axis, colour in zip(AXES, SERIES, strict=False)]
-    return Figure(
-        "Bias over temperature",
-        partial(draw_panels, lambda: [panel]),
-        [*keys, ("temperature of reference", MUTED, "dashed")],
+def temperature_figures(name: str, fit: Fitted, soak: Floats) -> Iterator[Figure]:
+    """How readings at rest change with the temperature, by axis, and what the polynomial leaves, over time too."""
+    c, unit, (t, temp) = fit.calibration, SHOWN[name][0], soak.T
+    grid = np.linspace(temp.min(), temp.max(), 200)
+    drift, at_blocks = (from_si(temperature_drift(c, at), unit).T for at in (grid, temp))
+    rows, residual = from_si(fit.residuals, unit).T, f"residual [{written(unit)}]"
+    axes = list(zip(drift, at_blocks + rows, rows, SERIES, strict=False))
+    points = [PlotLine(temp, each[1], each[3], mark=".", width=0.0) for each in axes]
+    change = PlotPanel(
+        f"change [{written(unit)}]",
+        [*points, *(PlotLine(grid, each[0], each[3], width=1.2) for each in axes)],
+        "temperature [°C]",
+        room=0.12,
     )
+    over_temp = [PlotLine(temp, each[2], each[3], mark=".", width=0.0) for each in axes]
+    over_time = [PlotLine(t / 60.0, each[2], each[3]) for each in axes]
+    panels = [change, PlotPanel(residual, over_temp, "temperature [°C]", room=0.12)]
+    key = [(axis, colour, "solid") for axis, colour in zip(AXES, SERIES, strict=False)]
+    yield Figure(
+        f"Drift from {c.temp_ref_c:.4g} °C, and residuals", partial(draw_panels, lambda: panels), key, height=5.0
+    )
+    later = PlotPanel(residual, over_time, "time [min]", room=0.12)
+    yield Figure("Residuals over time", partial(draw_panels, lambda: [later]), key)
 
 
 def residual_figure(name: str, fit: Fitted) -> Figure:

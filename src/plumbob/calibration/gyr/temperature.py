@@ -1,4 +1,4 @@
-"""Bias of a gyroscope over temperature: a polynomial of one unit, from a soak at rest.
+"""Bias over temperature, of a gyroscope or another triad: a polynomial of one unit, from a soak at rest.
 
 The record is averaged in equal blocks; the mean of each power of the temperature over a block is the regressor, so the
 polynomial is that of the samples however much the temperature changes within a block. A bias also wanders by itself,
@@ -22,7 +22,8 @@ from plumbob.calibration.gyr import rest as resting
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.findings import Note, info
-from plumbob.core.units import to_dps
+from plumbob.core.units import from_si, to_dps, written
+from plumbob.data import TITLES
 from plumbob.data.cards import Quality, TriadCalibration
 from plumbob.quality.static_periods import stills
 
@@ -40,24 +41,15 @@ USUAL: Final = 25.0  # temperature at which data sheets state a bias, °C
 
 
 def fit_temperature(rates: resting.Rates) -> Fitted:
-    """Polynomial of the bias over temperature, of degree 1 to 3; matrix and g-sensitivity known so far are kept."""
+    """Polynomial of a gyroscope's bias, of degree 1 to 3; matrix and g-sensitivity known so far are kept."""
     t, base, mag = rates.t, rates.known, rates.mag
     gyr = check.rows("gyr", rates.gyr, 3, t.size)
-    temperature = np.full(t.size, np.nan) if rates.temp_c is None else check.column("temp_c", rates.temp_c, t.size)
-    refuse(resting.dead_axes(gyr), *_unfit(t, gyr, temperature, rates.clipped))
+    temperature = _required_temperature(t, gyr, rates.temp_c, rates.clipped, "gyr")
+    refuse(resting.dead_axes(gyr))
     reference = _reference(temperature)
     steady = replace(base, bias_per_k=np.zeros((1, 3)))
     corrected = resting.without_known(rates._replace(gyr=gyr, known=steady))
-    blocks = _blocks(t, corrected, temperature, reference)
-    rough = np.linalg.lstsq(blocks.powers, blocks.rate, rcond=None)[0]  # enough to tell rest from motion
-    still = corrected - _powers(temperature, reference) @ rough
-    rest = np.zeros(t.size, dtype=np.bool_)
-    for part in stills(t, np.zeros_like(gyr) if rates.acc is None else rates.acc, still):
-        rest[part] = True
-    share = float(rest.mean())
-    text = f"The unit was at rest for {100.0 * share:.0f} % of the record; {100.0 * LEAST_REST:.0f} % are needed."
-    quiet = "Put it where nobody touches it, or cut the record with --from and --to."
-    refuse(reason_if(not share >= LEAST_REST, "not-still", text, quiet))
+    rest = _rest(t, rates.acc, corrected, temperature)
     refuse(None if mag is None else _turning(t, mag))
     blocks = _blocks(t, np.where(rest[:, np.newaxis], corrected, np.nan), temperature, reference)
     fit = _choose(blocks)
@@ -68,10 +60,70 @@ def fit_temperature(rates: resting.Rates) -> Fitted:
     )
 
 
+def fit_drift(
+    triad: str,
+    t: Floats,
+    values: Floats,
+    temp_c: Floats | None,
+    base: TriadCalibration,
+    *,
+    acc: Floats | None = None,
+    gyr: Floats | None = None,
+    clipped: NDArray[np.bool_] | None = None,
+) -> Fitted:
+    """Polynomial of what temperature adds to an accelerometer ("acc") or a magnetometer ("mag") at rest in one pose.
+
+    `values` (N, 3) are as measured; `base` is the calibration so far, whose bias at its temperature and matrix are
+    kept, for one pose does not show them: what the temperature does to the scale, too, looks like a bias there.
+    `acc` and `gyr` (N, 3) show whether it rested.
+    """
+    temperature = _required_temperature(t, values, temp_c, clipped, triad)
+    watched = acc is not None or gyr is not None
+    rest = _rest(t, acc, gyr, temperature) if watched else np.ones(t.size, dtype=np.bool_)
+    blocks = _blocks(t, np.where(rest[:, np.newaxis], values, np.nan), temperature, base.temp_ref_c)
+    fit, span = _choose(blocks), (float(temperature.min()), float(temperature.max()))
+    seconds, unit = float(t[-1] - t[0]), {"acc": "mg", "mag": "uT"}[triad]
+    calibration = replace(
+        base,
+        bias_per_k=fit.slopes,
+        bias_per_k_sd=np.sqrt(np.einsum("kkj->kj", fit.covariance)),
+        temp_span_c=span,
+        method=f"{base.method}; over temperature, degree {len(fit.slopes)}, {seconds:.0f} s in one pose",
+    )
+    powers = _powers(np.linspace(*span, 41), base.temp_ref_c)[:, 1 : len(fit.slopes) + 1]
+    spread = float(np.sqrt(np.einsum("nk,klj,nl->nj", powers, fit.covariance, powers).max()))
+    remarks: tuple[Note, ...] = (
+        info(
+            "calibration.drift_over_temperature",
+            spread=f"{from_si(spread, unit):.2g} {written(unit)}", low_c=span[0], high_c=span[1],
+            reference_c=base.temp_ref_c, degree=len(fit.slopes), what="gravity" if triad == "acc" else "the field",
+        ),
+        *_hysteresis(blocks, fit, unit),
+    )  # fmt: skip
+    return Fitted(calibration, blocks.rate, fit.residuals, np.ones(len(blocks.rate), dtype=bool), remarks, blocks.soak)
+
+
+def _rest(t: Floats, acc: Floats | None, gyr: Floats | None, temp_c: Floats) -> NDArray[np.bool_]:
+    """Samples (N,) at rest; a refusal where they are too few."""
+    rest, still = np.zeros(t.size, dtype=np.bool_), None
+    if gyr is not None:  # a rough polynomial is enough to tell rest from motion
+        reference = _reference(temp_c)
+        blocks = _blocks(t, gyr, temp_c, reference)
+        still = gyr - _powers(temp_c, reference) @ np.linalg.lstsq(blocks.powers, blocks.rate, rcond=None)[0]
+    for part in stills(t, np.zeros((t.size, 3)) if acc is None else acc, still):
+        rest[part] = True
+    share = float(rest.mean())
+    text = f"The unit was at rest for {100.0 * share:.0f} % of the record; {100.0 * LEAST_REST:.0f} % are needed."
+    quiet = "Put it where nobody touches it, or cut the record with --from and --to."
+    refuse(reason_if(not share >= LEAST_REST, "not-still", text, quiet))
+    return rest
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class _Blocks:
     powers: Floats  # (n, 4): means of 1, T − ref, its square and cube
     rate: Floats  # (n, 3)
+    soak: Floats  # (n, 2): time since the start, s, and temperature, °C
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -85,25 +137,29 @@ class _Polynomial:
     wander: Floats  # (3,), variance of a step of the random walk over that of the white noise
 
 
-def _unfit(t: Floats, gyr: Floats, temp_c: Floats, clipped: NDArray[np.bool_] | None) -> tuple[Reason | None, ...]:
-    """Reasons why there is nothing to fit."""
+def _required_temperature(
+    t: Floats, values: Floats, given: Floats | None, clipped: NDArray[np.bool_] | None, triad: str
+) -> Floats:
+    """Temperature (N,), °C, of a record that a polynomial can be fitted to; a refusal of others."""
+    temp_c = np.full(t.size, np.nan) if given is None else check.column("temp_c", given, t.size)
     advice = "Let the unit warm up from cold, or cool down in a box, over 10 K or more, and record its temperature."
     missing = int(np.count_nonzero(~np.isfinite(temp_c)))
     if missing:
-        return (Reason("no-temperature", f"The temperature is missing in {missing} of {t.size} samples.", advice),)
+        refuse(Reason("no-temperature", f"The temperature is missing in {missing} of {t.size} samples.", advice))
     span, lasting, needed = float(np.ptp(temp_c)), float(t[-1] - t[0]), FEWEST * SHORTEST
     narrow = f"The temperature changes by {span:.1f} K only; {LEAST_SPAN:g} K are needed to show a slope."
     short = f"The record has {lasting:.0f} s; {needed:.0f} s are needed."
     count = 0 if clipped is None else int(clipped.sum())
-    at_end = f"{count} samples are at the end of the gyroscope's range."
+    at_end = f"{count} samples are at the end of the {TITLES[triad]}'s range."
     far = "A unit at rest is far from its range: check the range, or let it lie."
-    empty, columns = not np.isfinite(gyr).any(axis=0).all(), "Check the profile's columns."
-    return (
+    empty, columns = not np.isfinite(values).any(axis=0).all(), "Check the profile's columns."
+    refuse(
         reason_if(span < LEAST_SPAN, "no-temperature", narrow, advice),
         reason_if(lasting < needed, "too-few", short, "Record for half an hour or longer."),
         reason_if(count > 0, "clipping", at_end, far),
-        reason_if(empty, "too-few", "An axis of the gyroscope has no number.", columns),
+        reason_if(empty, "too-few", f"An axis of the {TITLES[triad]} has no number.", columns),
     )
+    return temp_c
 
 
 def _reference(temp_c: Floats) -> float:
@@ -121,11 +177,11 @@ def _blocks(t: Floats, rate: Floats, temp_c: Floats, reference: float) -> _Block
     count = int(np.clip((t[-1] - t[0]) / SHORTEST, FEWEST, BLOCKS))
     place = np.minimum(((t - t[0]) / (t[-1] - t[0]) * count).astype(np.intp), count - 1)
     finite = np.isfinite(rate).all(axis=1)
-    place, values = place[finite], np.hstack((_powers(temp_c, reference), rate))[finite]
+    place, values = place[finite], np.column_stack((t - t[0], temp_c, _powers(temp_c, reference), rate))[finite]
     size = np.bincount(place, minlength=count)
     sums = np.array([np.bincount(place, column, minlength=count) for column in values.T])
     mean = (sums[:, size > 0] / size[size > 0]).T
-    return _Blocks(mean[:, : HIGHEST + 1], mean[:, HIGHEST + 1 :])
+    return _Blocks(mean[:, 2 : HIGHEST + 3], mean[:, HIGHEST + 3 :], mean[:, :2])
 
 
 def _turning(t: Floats, mag: Floats) -> Reason | None:
@@ -240,12 +296,12 @@ def _fitted(fit: _Polynomial, blocks: _Blocks, temp_c: Floats, base: TriadCalibr
         info(
             "calibration.bias_over_temperature", spread_dps=to_dps(spread), low_c=span[0], high_c=span[1], degree=degree
         ),
-        *_hysteresis(blocks, fit),
+        *_hysteresis(blocks, fit, "deg/s"),
     )
-    return Fitted(calibration, blocks.rate, fit.residuals, np.ones(len(blocks.rate), dtype=bool), remarks)
+    return Fitted(calibration, blocks.rate, fit.residuals, np.ones(len(blocks.rate), dtype=bool), remarks, blocks.soak)
 
 
-def _hysteresis(blocks: _Blocks, fit: _Polynomial) -> tuple[str, ...]:
+def _hysteresis(blocks: _Blocks, fit: _Polynomial, unit: str) -> tuple[str, ...]:
     """Say where warming and cooling give another bias at the same temperature."""
     rising = np.gradient(blocks.powers[:, 1]) > 0.0
     if min(rising.sum(), (~rising).sum()) < FEWEST // 2:
@@ -256,6 +312,6 @@ def _hysteresis(blocks: _Blocks, fit: _Polynomial) -> tuple[str, ...]:
     if not (apart > SURE * np.sqrt(covariance[-1, -1])).any():
         return ()
     return (
-        f"Warming and cooling differ by {to_dps(float(apart.max())):.2g} °/s at the same temperature (hysteresis, or a "
-        "thermometer that lags); a polynomial cannot follow that.",
+        f"Warming and cooling differ by {from_si(float(apart.max()), unit):.2g} {written(unit)} at the same "
+        "temperature (hysteresis, or a thermometer that lags); a polynomial cannot follow that.",
     )
