@@ -64,7 +64,7 @@ docs: $(VENV)/.docs  ## the site in site/index.html, which needs neither a serve
 	@echo 'The site is in site/index.html.'
 
 papers: setup  ## the five papers' runs, docs/papers.md and the README's table: some minutes
-	$(BIN)/plumbob demo all --out reproduced --force
+	$(BIN)/plumbob reproduce all --out reproduced --force
 	$(BIN)/python website/papers.py reproduced/outcomes.json
 
 pictures: setup page  ## the pictures of README and docs, taken in Chromium of the pages themselves

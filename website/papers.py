@@ -22,8 +22,8 @@ HEAD = """\
 Made by `make papers` from a run, and from the lists of items in the code.
 
 ```text
-plumbob demo all                    # some minutes on two cores; one paper: plumbob demo buoy
-plumbob demo buoy --lang zh         # the page in Chinese
+plumbob reproduce all               # some minutes on two cores; one paper: plumbob reproduce buoy
+plumbob reproduce --render reproduced/outcomes.json --lang zh    # its pages in Chinese, without another run
 ```
 
 Five papers describe systems that Plumbob runs whole: the rig's bytes are emulated and recorded, a session decodes them,
@@ -67,13 +67,16 @@ _BEGIN, _END = "<!-- papers: made by make papers -->\n", "<!-- end of papers -->
 
 def readme(text: str, made: str) -> str:
     """README with its table made from the text of docs/papers.md."""
-    lines = ["| paper | figure | printed | its method, corrected | Plumbob |", "| --- | --- | ---: | ---: | ---: |"]
+    lines = ["| paper | figure | printed | its method, corrected | reached | Plumbob | with |",
+             "| --- | --- | ---: | ---: | --- | ---: | --- |"]  # fmt: skip
     for (name, key), told in SHOWN.items():
         cells = next(line for line in _section(made, name).splitlines() if line.startswith(f"| `{key}` |")).split(" | ")
         unit, values = cells[3], [cell.partition(" (")[0] for cell in cells[4:7]]
         near = unit if unit == "°" else f" {unit}"
         shown_s = [value if unit == "–" or not value[-1].isdigit() else value + near for value in values]
-        lines.append(f"| {name} | {told} | {' | '.join(shown_s)} |".replace("| - |", "| – |"))
+        paper, faithful, best = shown_s
+        row = name, told, paper, faithful, cells[7].partition(":")[0], best, cells[9].removesuffix(" |")
+        lines.append(f"| {' | '.join(row)} |".replace("| - |", "| – |"))
     head, _, rest = text.partition(_BEGIN)
     return head + _BEGIN + "\n".join(lines) + "\n" + _END + rest.partition(_END)[2]
 
@@ -156,7 +159,7 @@ def _done(one: PaperItem) -> str:
 def _ours(one: Mapping[str, Any], which: str) -> str:
     low, high = one[f"{which}_bar"]
     bar = (-math.inf if low is None else low, math.inf if high is None else high)
-    return cell(one[which], bar, one["digits"])
+    return cell(one[which], bar, one["digits"], one["error"])
 
 
 def _verdict(one: Mapping[str, Any]) -> list[str]:

@@ -104,7 +104,7 @@ def stage_of(line):
     return max(fits, key=lambda n: len(STAGES[n]))
 
 
-EVERYTHING = {"benchmark", "demo"}
+EVERYTHING = {"benchmark", "demo", "reproduce"}
 """Verbs whose task is to try all there is."""
 
 

@@ -32,7 +32,7 @@ from plumbob import (
     replay,
     simulate,
 )
-from plumbob.arm.array.paper import paper
+from plumbob.arm.array.paper import teaching_arm
 from plumbob.calibration.calibration import Capture, card_of
 from plumbob.calibration.fit import Fitted, Mounted
 from plumbob.cli.main import main
@@ -201,7 +201,7 @@ SYSTEMS = {  # what the page of next steps says of the file of each
     "fin": rates("moving_average", params={"samples": 1}),
     "buoy": lambda file: plumbob.estimate(file, "mahony", params={"kp": 0.5, "ki": 0.03, "gate": "0.08 g"}).track,
     "trackball": rates("scalar", params={"walk": "0.01 deg/s", "noise": "0.1 deg/s"}, drift="chen2013"),
-    "arm": lambda file: paper(opened_array(file), frame="NED"),
+    "arm": lambda file: teaching_arm(opened_array(file), frame="NED"),
     "rod": lambda file: plumbob.estimate(file, "ekf7", params={"hard_switch": True}).track,
 }
 

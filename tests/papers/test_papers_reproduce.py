@@ -2,7 +2,6 @@
 
 import copy
 import math
-import pickle
 import re
 import subprocess
 import sys
@@ -15,7 +14,7 @@ import plumbob
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError
 from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import Outcome, table
-from plumbob.papers.reproduce import DEFINITIONS, NAMES, claims, reproduce
+from plumbob.papers.reproduce import NAMES, claims, reproduce
 from plumbob.papers.studies import Study
 from plumbob.reporting.content import Both, said
 from plumbob.reporting.report import Report
@@ -77,7 +76,7 @@ def test_an_outcome_and_a_text_in_both_languages_reach_another_process_whole():
     assert (both, said(both, "en"), said(both, "zh")) == ("error", "error", "误差")
     assert said(str(both), "zh") == "误差"  # a plot's label goes through str
     (row,) = table([outcome(best=0.5, best_bar=(-math.inf, 1.0), faithful=0.012345)]).rows
-    assert row == ["Fig 8", "error", "°", "9.60", "0.0123", "0.500 (≤ 1)", "yes", "kept", ""]
+    assert row == ["error", "Fig 8", "°", "9.60", "0.0123", "0.500 (≤ 1)", "yes", "kept", ""]
     page = Report(both, facts=[(both, both)], remarks=[both], tables=[table([outcome()])]).page(lang="zh")
     assert "error" not in page.partition("</style>")[2]
     assert page.count("误差") == 6  # title twice, name and value, remark, row of the table
@@ -122,20 +121,6 @@ def alone(monkeypatch, code):
 
     monkeypatch.setattr(subprocess, "Popen", start)
     return started
-
-
-def test_papers_side_by_side_give_their_outcomes_however_long(tmp_path, monkeypatch):
-    """1 MiB is more than a pipe holds."""
-    long = pickle.dumps([outcome(reason=Both("noise", "噪" * 200_000))])
-    (tmp_path / "found").write_text(long.hex())
-    read = f"open({str(tmp_path / 'found')!r}).read()"
-    alone(monkeypatch, f"sys.stderr.write('step\\t' + name + ': a\\t0\\t1\\nfound\\t' + {read} + '\\n')")
-    steps = []
-    found = reproduce("rod", "fin", out=tmp_path / "pages", progress=lambda *step: steps.append(step))
-    assert list(found.outcomes) == ["fin", "rod"]
-    assert found.outcomes["rod"] == [outcome(reason=Both("noise", "噪" * 200_000))]
-    assert found.report().remarks == DEFINITIONS
-    assert sorted(steps) == [("fin: a", 0, 1), ("rod: a", 0, 1)]
 
 
 @pytest.mark.parametrize(("end", "told"), [

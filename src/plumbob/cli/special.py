@@ -281,10 +281,7 @@ def view(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 
 def demo(args: argparse.Namespace, verb: Verb, call: Call) -> int:
-    """Run the buoy's line, or whole papers."""
-    if getattr(args, "papers", []):
-        results = call(progress=lambda what, done, of: common.note(f"{what} ({done}/{of})"))  # a step takes minutes
-        return show(args, verb, results, f"{'pages':12} {results.folder / 'index.html'}")
+    """Run the buoy's line."""
     from plumbob.cli.main import main
     from plumbob.papers.demo import FILES
     from plumbob.papers.demo import demo as run_line

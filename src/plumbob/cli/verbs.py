@@ -481,19 +481,21 @@ UNITS: Final = {
 }  # fmt: skip
 KNOWLEDGE: Final = {
     "demo": Verb(
-        "an emulated buoy, calibrated, recorded, estimated and judged, in a minute; or the five papers' systems",
-        "start.md", "plumbob demo --out demo-out", "reproduce", run="demo", outputs=(),
-        needs=dict.fromkeys(("seed", "lang", "jobs"), ("papers",)), apart={"papers": ("view", "duration")},
+        "an emulated buoy, calibrated, recorded, estimated and judged, in a minute",
+        "start.md", "plumbob demo --out demo-out", "papers.demo.demo", run="demo", outputs=(),
+        hidden=("folder", "duration", "say"),
         about="Emulate the drifting buoy of the paper: calibrate its unit by hand, record it in waves, estimate, "
-        "replay with other filters, compare with the truth. Exit code 1 where the recording is not what was sent.\n\n"
-        "With names of papers, or all: run their systems whole, and set their figures beside the papers'.",
+        "replay with other filters, compare with the truth. Exit code 1 where the recording is not what was sent.",
         more={
-            "papers": ("", "papers whose systems are run whole instead: arm, buoy, fin, rod, trackball, or all"),
-            "out": ("", "folder to write (demo-out, and of papers reproduced)"),
+            "out": ("FOLDER", "folder to write (demo-out)"),
             "duration": ("TIME", "of the buoy's sea (600s)"),
             "view": ("", "then show the emulated buoy on the live page: in a browser until Ctrl-C, or for 20 s where "
                      "there is none"),
         },
+    ),
+    "reproduce": Verb(
+        "the systems of five papers whole, and their figures beside the papers'",
+        "papers.md", "plumbob reproduce buoy", outputs=(),
     ),
     "list": Verb(
         "list filters, devices, rigs, scenarios, or the references of filters",

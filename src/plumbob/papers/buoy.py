@@ -178,10 +178,8 @@ def refusal_shares(study: Study, name: str, count: int) -> tuple[float, float]:
     rightly = within = 0
     for seed in study.seeds(count):
         unit = draw_unit(seed)
-        capture, table = (
-            simulate_unit(scenario, unit, seed, 10.0, **how).imu,
-            simulate_unit("table36", unit, seed, 25.0),
-        )
+        table = simulate_unit("table36", unit, seed, 25.0)
+        capture = simulate_unit(scenario, unit, seed, 10.0, **how).imu
         try:
             pb.calibrate(capture, "mag")
         except pb.errors.CalibrationError as error:
@@ -224,12 +222,10 @@ def unit_part(study: Study) -> tuple[Any, dict[str, Any]]:
     wrong = reference_error(seed)
     looks = {"before": imu, **{way: correct(imu) for way, correct in ways.items()}}
     errors = {way: static_errors(of, table.truth, wrong) for way, of in looks.items()}
-    study.rows(
-        {
-            **{f"unit.before.{name}": largest(errors["before"])[i] for i, name in enumerate(ANGLES)},
-            **{f"unit.{name}": tuple(largest(errors[way])[i] for way in ways) for i, name in enumerate(ANGLES)},
-        }
-    )
+    study.rows({
+        **{f"unit.before.{name}": largest(errors["before"])[i] for i, name in enumerate(ANGLES)},
+        **{f"unit.{name}": tuple(largest(errors[way])[i] for way in ways) for i, name in enumerate(ANGLES)},
+    })  # fmt: skip
     colours = {"before": "red", "paper": "blue", "ours": "green"}
     heading = 10.0 * np.arange(36.0)
     panels = [[PlotCurve(heading, of[:, i], colours[way], mark="o") for way, of in errors.items()] for i in range(3)]
@@ -246,16 +242,13 @@ def modules_part(study: Study, count: int, captures: int) -> Any:
     high = {name: np.quantile(of, 0.95, axis=0, method="higher") for name, of in by.items()}
     share = 100.0 * np.mean(errors.max(axis=2) <= CLAIM, axis=0)
     middle = np.median(errors, axis=0)
-    study.rows(
-        {
-            **{f"static.before.{name}": middle[0, i] for i, name in enumerate(ANGLES)},
-            **{f"static.{name}": (high["0.05"][1, i], high["0.05"][3, i]) for i, name in enumerate(ANGLES)},
-            "static.share": (share[1], share[3]),
-            "static.alone": high["0.05"][2, 0],
-            **{f"static.iron.{name}": (high[name][1, 0], high[name][3, 0]) for name in ("0", "0.1")},
-        },
-        units=count, few=count // 4,
-    )  # fmt: skip
+    study.rows({
+        **{f"static.before.{name}": middle[0, i] for i, name in enumerate(ANGLES)},
+        **{f"static.{name}": (high["0.05"][1, i], high["0.05"][3, i]) for i, name in enumerate(ANGLES)},
+        "static.share": (share[1], share[3]),
+        "static.alone": high["0.05"][2, 0],
+        **{f"static.iron.{name}": (high[name][1, 0], high[name][3, 0]) for name in ("0", "0.1")},
+    }, units=count, few=count // 4)  # fmt: skip
     for name, of in by.items():
         cells = {
             way: [*np.median(of, axis=0)[k], *high[name][k], 100.0 * np.mean(of[:, k].max(axis=1) <= CLAIM)]
@@ -283,15 +276,13 @@ def slide_part(study: Study, unit: Any, ways: Mapping[str, Any], count: int) -> 
         ends = [[at, at] for limit in printed for at in (-limit, limit)]
         panels.append([*lines, *(PlotCurve([imu.t[0], imu.t[-1]], end, "muted", "dotted") for end in ends)])
     study.draw("figure_8", *panels)
-    study.rows(
-        {
-            "boot.bias": largest(pb.units.to_dps(ways["paper"](imu).gyr[:1] - imu.gyr[:1])).max(),
-            "boot.kept": largest(biased)[1:].max(),
-            "boot.first": tuple(np.abs(errors[name][0, 1:]).max() for name in ("gated", "mekf")),
-            **{f"slide.unit.{name}": tuple(largest(errors[way])[i] for way in ("gated", "mekf"))
-               for i, name in ((2, "roll"), (1, "pitch"))},
-        }
-    )  # fmt: skip
+    study.rows({
+        "boot.bias": largest(pb.units.to_dps(ways["paper"](imu).gyr[:1] - imu.gyr[:1])).max(),
+        "boot.kept": largest(biased)[1:].max(),
+        "boot.first": tuple(np.abs(errors[name][0, 1:]).max() for name in ("gated", "mekf")),
+        **{f"slide.unit.{name}": tuple(largest(errors[way])[i] for way in ("gated", "mekf"))
+           for i, name in ((2, "roll"), (1, "pitch"))},
+    })  # fmt: skip
     study.step()
     slid: dict[tuple[float, float], dict[str, Any]] = {pair: {name: [] for name in SLID} for pair in STROKES}
     for number in study.seeds(count):
@@ -306,25 +297,20 @@ def slide_part(study: Study, unit: Any, ways: Mapping[str, Any], count: int) -> 
     taken = 100.0 * (1.0 - first["gated"] / first["open"])
     still: Any = pb.simulation.draw_module(PARTS, study.seed).calibrated()
     scan = {pair: [strongest(still, study.seed, pair, kp) for kp in KPS] for pair in ((3.0, 0.8), (1.5, 0.6))}
-    study.rows(
-        {
-            **{f"slide.open.{name}": np.median(first["open"][:, i]) for i, name in enumerate(("roll", "pitch"))},
-            **{f"slide.gated.{name}": (first["gated"][:, i].max(), first["mekf"][:, i].max())
-               for i, name in enumerate(("roll", "pitch"))},
-            **{f"slide.reduction.{name}": np.median(taken[:, i]) for i, name in enumerate(("roll", "pitch"))},
-            **{"slide.new.{:g}-{:g}".format(*pair): (of["gated"].max(), of["mekf"].max()) for pair, of in most.items()},
-            "slide.bound": max(strongest(still, study.seed, (3.0, each), KP)[0] for each in LONGER),
-            "slide.gain": float(np.interp(9.6, [roll for roll, _ in scan[3.0, 0.8]], KPS, right=np.nan)),
-        },
-        units=count, bound=float(pb.units.to_deg(KP * 3.0 / G0)),
-    )  # fmt: skip
+    study.rows({
+        **{f"slide.open.{name}": np.median(first["open"][:, i]) for i, name in enumerate(("roll", "pitch"))},
+        **{f"slide.gated.{name}": (first["gated"][:, i].max(), first["mekf"][:, i].max())
+           for i, name in enumerate(("roll", "pitch"))},
+        **{f"slide.reduction.{name}": np.median(taken[:, i]) for i, name in enumerate(("roll", "pitch"))},
+        **{"slide.new.{:g}-{:g}".format(*pair): (of["gated"].max(), of["mekf"].max()) for pair, of in most.items()},
+        "slide.bound": max(strongest(still, study.seed, (3.0, each), KP)[0] for each in LONGER),
+        "slide.gain": float(np.interp(9.6, [roll for roll, _ in scan[3.0, 0.8]], KPS, right=np.nan)),
+    }, units=count, bound=float(pb.units.to_deg(KP * 3.0 / G0)))  # fmt: skip
     for key, of in (("median", np.median), ("worst", np.max)):
         cells = {name: [" / ".join(f"{v:.2f}" for v in of(by[name], axis=0)) for by in most.values()] for name in SLID}
         study.table(f"slide_{key}", cells, units=count)
     rolls = [[roll for roll, _ in of] for of in scan.values()]
-    study.draw(
-        "gains", [PlotCurve(KPS, of, colour, mark="o") for of, colour in zip(rolls, ("red", "blue"), strict=True)]
-    )
+    study.draw("gains", [PlotCurve(KPS, *of, mark="o") for of in zip(rolls, ("red", "blue"), strict=True)])
     return max(by["gated"].max() for by in most.values()), max(by["mekf"].max() for by in most.values())
 
 
@@ -341,10 +327,9 @@ def device_part(study: Study) -> None:
     The rig draws the unit, without soft iron across the axes; its card is by six parameters, as the paper's.
     """
     study.step()
-    how: dict[str, Any] = {"edges": "on", "wobble": "5 deg", "dwell": REST, "move": MOVE}
-    taken = study.recorded(
-        "buoy", "device-capture", session=SESSION.format(seed=study.seed), scenario="faces", set=how, duration="88 s"
-    )
+    poses: dict[str, Any] = {"edges": "on", "wobble": "5 deg", "dwell": REST, "move": MOVE}
+    faces: dict[str, Any] = {"scenario": "faces", "set": poses, "duration": "88 s"}
+    taken = study.recorded("buoy", "device-capture", session=SESSION.format(seed=study.seed), **faces)
     capture: Any = pb.read(taken.recording).imu
     card: Any = None
     ways: tuple[tuple[str, Any], ...] = (("accel", {"shape": "axes"}), ("gyro", {}), ("mag", {"shape": "axes"}))
@@ -352,6 +337,7 @@ def device_part(study: Study) -> None:
         card = pb.calibrate(capture, kind, calibration=card, **options).card
     image = study.folder / "flash.bin"
     slide = {"peak_speed": STROKES[0][0], "stroke": STROKES[0][1]}
+    study.rows({"live.same": study.live(study.recorded("buoy", "line", unit="random", duration=60.0))})
     taken = study.recorded("buoy_attitude", "device", scenario="slide", set=slide, calibration=card, flash_log=image)
     data = taken.capture.read_bytes()
     truth: Any = pb.read(taken.truth).track
@@ -368,24 +354,22 @@ def device_part(study: Study) -> None:
     draw = {name: part["ma"] * duty[part["duty"]] for name, part in parts.items()}
     minutes = log["bytes"] / log["record"] / log["rate"] / 60.0
     burst = log["burst_s"] / log["burst_every_s"]
-    study.rows(
-        {
-            "line.rate": float((clock.size - 1) / clock[-1]),
-            "events.missed": float(said["missed"].max()),
-            "log.same": 100.0
-            * np.mean(np.frombuffer(stored, np.uint8) == np.frombuffer(data[: len(stored)], np.uint8)),
-            "device.roll": most[2],
-            "device.pitch": most[1],
-            "events.idle": 100.0 * (1.0 - busy),
-            "log.minutes": minutes,
-            "log.bytes": log["record"] * log["rate"] * 86400.0 * 1e-6,
-            "log.years": minutes * log["erases"] / (60.0 * 24.0 * 365.25),
-            "energy.current": sum(draw.values()),
-            "energy.days": log["battery_mah"] / sum(draw.values()) / 24.0,
-            "energy.burst": log["battery_mah"] / (sum(draw.values()) * burst + log["asleep_ma"]) / 24.0 / 30.44,
-            "log.burst": minutes / burst / 60.0 / 24.0,
-        }
-    )
+    study.rows({
+        "line.rate": float((clock.size - 1) / clock[-1]),
+        "events.missed": float(said["missed"].max()),
+        "log.same": 100.0
+        * np.mean(np.frombuffer(stored, np.uint8) == np.frombuffer(data[: len(stored)], np.uint8)),
+        "device.roll": most[2],
+        "device.pitch": most[1],
+        "events.idle": 100.0 * (1.0 - busy),
+        "log.minutes": minutes,
+        "log.bytes": log["record"] * log["rate"] * 86400.0 * 1e-6,
+        "log.years": minutes * log["erases"] / (60.0 * 24.0 * 365.25),
+        "energy.current": sum(draw.values()),
+        "energy.days": log["battery_mah"] / sum(draw.values()) / 24.0,
+        "energy.burst": log["battery_mah"] / (sum(draw.values()) * burst + log["asleep_ma"]) / 24.0 / 30.44,
+        "log.burst": minutes / burst / 60.0 / 24.0,
+    })  # fmt: skip
     cells = [[study.text(name), part["ma"], 100.0 * duty[part["duty"]], draw[name], part["source"]]
              for name, part in parts.items()]  # fmt: skip
     study.table("energy", cells)
@@ -421,15 +405,11 @@ def sea_part(study: Study, unit: Any, ways: Mapping[str, Any], seas: int, durati
             if name in ("gated", "mekf"):
                 worst[name == "mekf"] = max(worst[name == "mekf"], largest(e).max())
     median = {name: np.median(of, axis=0) for name, of in rows.items()}
-    study.rows(
-        {
-            **{f"sea.{name}": (median["gated"][i], median["mekf"][i]) for i, name in enumerate(ANGLES[::-1])},
-            **{f"sea.unit.{name}": (live_rms["gated"][i], live_rms["mekf"][i]) for i, name in enumerate(ANGLES[::-1])},
-            "sea.output": (None, float(lines / imu.t[-1])),
-            "sea.replay": (None, 100.0 * again.comparison.equal),
-        },
-        seas=seas,
-    )
+    study.rows({
+        **{f"sea.{name}": (median["gated"][i], median["mekf"][i]) for i, name in enumerate(ANGLES[::-1])},
+        **{f"sea.unit.{name}": (live_rms["gated"][i], live_rms["mekf"][i]) for i, name in enumerate(ANGLES[::-1])},
+        "sea.output": (None, float(lines / imu.t[-1])),
+    }, seas=seas)  # fmt: skip
     study.table("sea", {name: [*median[name], *live_rms[name]] for name in METHODS}, seas=seas)
     last, shown = imu.t >= imu.t[-1] - 60.0, (("compass", "soft"), ("gated", "blue"), ("mekf", "green"))
     roll = pb.units.to_deg(pb.rotations.euler_zyx_from_quat(made.truth.q_nb)[:, 2])

@@ -22,12 +22,8 @@ from plumbob.evaluation.evaluation import Evaluation
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.live import emulated
 from plumbob.live.replay import replay
-from plumbob.live.runner import run_stream
-from plumbob.live.session_toml import load_session
-from plumbob.live.sinks import RecordingSink, TextSink
-from plumbob.live.sources import open_source
 from plumbob.live.stream import Stream
-from plumbob.papers.studies import Study
+from plumbob.papers.studies import Study, record_line
 from plumbob.protocols.decode import Counts
 from plumbob.reporting.evaluation import side_by_side
 from plumbob.reporting.report import Report
@@ -48,7 +44,6 @@ SPEED: Final = 60
 SETTLE: Final = 120.0
 """Left out of the errors, s: what a calibration by hand does not find (sensitivity to g) is learned as a bias first."""
 SETTLE_SHARE: Final = 0.2  # of a shorter sea
-DISK: Final = 120.0  # longest wait for the disk of a busy machine at the end, s
 _SAME_TIME: Final = 1e-6  # s: the buoy's clock counts microseconds
 
 
@@ -88,10 +83,9 @@ def demo(folder: Path, duration: float, say: Callable[[str], object], progress: 
     tracks, same = _replayed(folder, sent.imu, progress)
     say(f"4 replayed    {same} live attitudes come out again, every bit")
     evaluations = {name: evaluate(track, sent.track, settle=settle) for name, track in tracks.items()}
-    calibration = calibration_told(card.name)
-    facts = {"scenario": sent.track.source, "sensors": sent.imu.meta.device, "calibration": calibration}
+    facts = [("scenario", sent.track.source), ("sensors", sent.imu.meta.device)]
     title = "A buoy in waves, five ways to its attitude, and one without calibration"
-    report = side_by_side(evaluations, title=title, facts=list(facts.items()))
+    report = side_by_side(evaluations, title=title, facts=[*facts, ("calibration", calibration_told(card.name))])
     say(f"5 evaluated   after {settle:.3g} s of settling, in {time.perf_counter() - started:.1f} s")
     page = report.write_html(folder / PAGE, overwrite=True)
     return Demo(page, folder / CERTIFICATE, report, evaluations)
@@ -119,13 +113,7 @@ def _record(folder: Path, port: str, device: str) -> Stream:
         (folder / name).unlink(missing_ok=True)
     paths = {"card": CARD, "recording": folder / RECORDING, "text": folder / TEXT}
     content = packaged("papers/demo.session.toml").format(port=port, speed=SPEED, device=device, **paths)
-    session = load_session(write_text(folder / SESSION_FILE, content, overwrite=True))
-    assert session.record and session.output.text
-    line, recording_sink = Stream(session), RecordingSink(session, session.record)
-    text = TextSink(session.output.text, session.output.every)
-    run_stream(line, open_source(session.source), sinks=[text], recording=recording_sink, until_lost=True)
-    recording_sink.recorder.close(DISK)
-    return line
+    return record_line(write_text(folder / SESSION_FILE, content, overwrite=True))
 
 
 def _replayed(folder: Path, sent: ImuData, progress: Progress | None) -> tuple[dict[str, AttitudeTrack], int]:

@@ -7,12 +7,12 @@ with a format after a colon if need be, stands for a value that the code gives. 
     Its title, what it is about, and the keys of its main figures.
 ``text``, ``texts``
     Texts by key, and those that stand for the values of a name.
-``outcome``, ``group``
-    Figures by key: place, noun, unit, printed value, bars, reason; and what all have whose keys begin alike: the
-    longest beginning counts.
+``outcome``, ``group``, ``each``
+    Figures by key: place, noun, unit, printed value, bars, reason; what all have whose keys begin alike: the longest
+    beginning counts; and words by whose name in braces a key stands for several, whose numbers are lists then.
 ``part``, ``table``, ``figure``
-    Parts of the page: title, facts and remarks; title, head and fixed rows; caption, names of the
-    lines, height, and labels and limits of the axes.
+    Parts of the page: title, facts and remarks; title, head and fixed rows; caption, names of the lines, height, and
+    labels and limits of the axes. What a table or figure does not say is that of the one that it is ``like``.
 ``items``
     What the paper describes, and what became of it: rows of place, noun, where it is done, and why not.
 """
@@ -20,7 +20,7 @@ with a format after a colon if need be, stands for a value that the code gives. 
 import re
 import string
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
@@ -57,6 +57,27 @@ def filled(template: Any, values: Mapping[str, Any]) -> Any:
     return Both(_format(en, (), values), _format(zh, (), chinese))
 
 
+def _each(rows: Mapping[str, Any], place: str, names: Mapping[str, Sequence[str]]) -> Iterator[tuple[str, Any]]:
+    """Rows, those with a place in their key once for each name; of a list of numbers or bars each has its own."""
+
+    def value_for(field: str, value: Any, k: int, words: Sequence[str]) -> Any:
+        if not isinstance(value, list) or (field.endswith("_bar") and not isinstance(value[0], list)):
+            return value
+        if isinstance(value[0], str):
+            return [text.replace(place, word) for text, word in zip(value, words, strict=True)]
+        return value[k]
+
+    for key, row in rows.items():
+        if place not in key:
+            yield key, row
+        else:
+            for k, (name, words) in enumerate(names.items()):
+                yield (
+                    key.replace(place, name),
+                    {field: value_for(field, value, k, words) for field, value in row.items()},
+                )
+
+
 class Description:
     """A paper's description; its name is that of the paper, and of its file."""
 
@@ -65,8 +86,15 @@ class Description:
 
     @cached_property
     def content(self) -> dict[str, Any]:
-        """The file."""
-        return tomllib.loads(packaged(f"papers/{self.name}.toml"))
+        """The file, with what stands for several written out."""
+        content = tomllib.loads(packaged(f"papers/{self.name}.toml"))
+        for words, names in content.get("each", {}).items():
+            content["outcome"] = dict(_each(content["outcome"], f"{{{words}}}", names))
+        for kind in ("table", "figure"):
+            for entry in content[kind].values():
+                base = content[kind][entry.pop("like")] if "like" in entry else {}
+                entry.update({name: value for name, value in base.items() if name not in entry})
+        return content
 
     @property
     def title(self) -> Both:
@@ -103,20 +131,19 @@ class Description:
         """What the paper prints for a figure."""
         return self.content["outcome"][key]["paper"]
 
-    def row(self, key: str, **given: Any) -> Outcome:
+    def row(self, key: str, /, **given: Any) -> Outcome:
         """A figure of the table ``outcome``: fields of `Outcome` that are computed, and values of its texts."""
         groups = self.content.get("group", {})
         group = max((prefix for prefix in groups if key.startswith(prefix)), key=len, default=None)
         row = {**groups.get(group, {}), **self.content["outcome"][key]}
         fields = {name: given.pop(name) for name in tuple(given) if name in Outcome.__dataclass_fields__}
         for name, value in row.items():
-            if name.endswith("_bar"):
-                fields.setdefault(name, tuple(value))
-            else:
-                fields.setdefault(name, filled(value, given) if isinstance(value, str | list) else value)
-        return Outcome(**{"where": "", **fields, "key": key})
+            texts = isinstance(value, str | list) and not name.endswith("_bar")
+            fields.setdefault(name, filled(value, given) if texts else value)
+        bars = {name: tuple(value) for name, value in fields.items() if name.endswith("_bar")}
+        return Outcome(**{"where": "", **fields, **bars, "key": key})
 
-    def part(self, key: str, **given: Any) -> Report:
+    def part(self, key: str, /, **given: Any) -> Report:
         """A part of the page: fields of `Report` that are computed, and values of its texts."""
         part = self.content["part"][key]
         fields = {name: given.pop(name) for name in tuple(given) if name in Report.__dataclass_fields__}

@@ -65,10 +65,9 @@ def table_card(study: Study, seed: int) -> Any:
     how: dict[str, Any] = {"sensors": PARTS, "unit": "random", "seed": seed, "rate": 100.0, "peak_rate": "80 deg/s"}
     made: Any = pb.simulate("ratetable", frame="NED", **how)
     t, rate = made.imu.t, np.round(pb.units.to_dps(made.kinematics.rate_b), 6)
-    changes = np.flatnonzero(np.any(np.diff(rate, axis=0) != 0.0, axis=1)) + 1
-    held = [part for part in np.split(np.arange(t.size), changes) if part.size > 300]
+    held = np.split(np.arange(t.size), np.flatnonzero(np.diff(rate, axis=0).any(axis=1)) + 1)
+    rows = [",".join(f"{v:.6f}" for v in (t[part[0]], t[part[-1]], *rate[part[0]])) for part in held if part.size > 300]
     plan = study.folder / f"table-{seed}.csv"
-    rows = [",".join(f"{v:.6f}" for v in (t[part[0]], t[part[-1]], *rate[part[0]])) for part in held]
     plan.write_text("\n".join(["from_s,to_s,rate_x_dps,rate_y_dps,rate_z_dps", *rows]) + "\n", encoding="utf-8")
     return pb.calibrate(made.imu, "table", plan=plan).card
 
@@ -105,17 +104,13 @@ def attitude_part(study: Study, swims: int, duration: float) -> None:
     study.step()
     runs = np.array([drawn_swim(study, seed, duration) for seed in study.seeds(swims)])
     plain, ours, ideal = np.median(runs, axis=0)
-    study.rows(
-        {
-            "live.same": float(again.comparison.equal),
-            "live.text": float(np.array_equal(back.q_nb, again.track.q_nb)),
-            **{f"swim.{name}": (plain[i], ours[i]) for i, name in enumerate(ANGLES)},
-            **{f"ideal.{name}": (None, ideal[i]) for i, name in enumerate(ANGLES)},
-            **{f"free.{name}": (largest(apart)[i], largest(free)[i]) for i, name in enumerate(ANGLES[:2])},
-            "coning": (None, pb.units.to_deg(turned).max()),
-        },
-        swims=swims,
-    )
+    study.rows({
+        "live.text": float(np.array_equal(back.q_nb, again.track.q_nb)),
+        **{f"swim.{name}": (plain[i], ours[i]) for i, name in enumerate(ANGLES)},
+        **{f"ideal.{name}": (None, ideal[i]) for i, name in enumerate(ANGLES)},
+        **{f"free.{name}": (largest(apart)[i], largest(free)[i]) for i, name in enumerate(ANGLES[:2])},
+        "coning": (None, pb.units.to_deg(turned).max()),
+    }, swims=swims)  # fmt: skip
     columns = np.array([largest(free), largest(errors), ideal, plain, ours])
     study.table("largest_error_in", {name: columns[:, i] for i, name in enumerate(ANGLES)}, swims=swims)
     t, colours = again.imu.t, ("blue", "red", "green")
@@ -156,11 +151,10 @@ def chain_part(study: Study, still: Any, length: float) -> None:
     true, said = gyr(made.imu), gyr(imu)
     at_end = (np.abs(said[:, :2]) >= 100.0).any(axis=1) | (np.abs(said[:, 2]) >= 300.0)
     flagged = (imu.flags & pb.flags.GYR_CLIPPED) != 0
-    first = imu.t <= 2.0
-    panels = (
-        [PlotCurve(imu.t[first], true[first, i], "muted", "dashed"), PlotCurve(imu.t[first], said[first, i], colour)]
-        for i, colour in enumerate(("blue", "red"))
-    )
+    first, panels = imu.t <= 2.0, []
+    for i, colour in enumerate(("blue", "red")):
+        both = (true, "muted", "dashed"), (said, colour, "solid")
+        panels.append([PlotCurve(imu.t[first], of[first, i], *look) for of, *look in both])  # type: ignore[arg-type]
     study.draw("rates_at_1", *panels)
     truth: Any = pb.read(taken.truth).track
     clip_error = largest(errors_deg(integrate(imu), truth)).max()
@@ -172,11 +166,8 @@ def chain_part(study: Study, still: Any, length: float) -> None:
         made = pb.simulate(Turn(), frame="NED", sensors=part, unit="calibrated", seed=study.seed, duration=length)
         turned = through_bytes(study, f"turn-{corner:g}", made)
         yaw[corner] = pb.units.to_deg(integrate(turned).yaw)
-    passed: Any = pb.read(
-        study.recorded(
-            "fin", "still-high-pass", high_pass=high, scenario="static", unit="calibrated", duration=length
-        ).recording
-    ).imu
+    how = {"high_pass": high, "scenario": "static", "unit": "calibrated", "duration": length}
+    passed: Any = pb.read(study.recorded("fin", "still-high-pass", **how).recording).imu
     n = np.unique(np.append(np.geomspace(1, len(still) // 2, 80).astype(np.int64), min(25_000, len(still) // 2)))
     tau, use = n / RATE, (n >= 2.0 * RATE) & (n <= 20.0 * RATE)
     dev = [pb.noise.deviation(np.ascontiguousarray(gyr(of)[:, 2]), n) for of in (still, passed)]
@@ -186,16 +177,14 @@ def chain_part(study: Study, still: Any, length: float) -> None:
     held = [PlotCurve(turned.t, of, colour, width=1.2) for of, colour in zip(yaw.values(), colours, strict=True)]
     plots = [PlotCurve(tau, of, colour, width=1.2) for of, colour in zip(dev, ("blue", "green"), strict=True)]
     study.draw("what_a_high", held, plots)
-    study.rows(
-        {
-            "clip.missed": (None, np.sum(at_end & ~flagged)),
-            "clip.share": 100.0 * np.mean(flagged),
-            "clip.error": clip_error,
-            "highpass.hold": (yaw[CORNERS[0]][-1], yaw[0.0][-1]),
-            "highpass.slope": (slopes[1], slopes[0]),
-            "highpass.sigma": (late[1], late[0]),
-        }
-    )
+    study.rows({
+        "clip.missed": (None, np.sum(at_end & ~flagged)),
+        "clip.share": 100.0 * np.mean(flagged),
+        "clip.error": clip_error,
+        "highpass.hold": (yaw[CORNERS[0]][-1], yaw[0.0][-1]),
+        "highpass.slope": (slopes[1], slopes[0]),
+        "highpass.sigma": (late[1], late[0]),
+    })  # fmt: skip
     study.step()
     temperature_part(study, unit)
 
@@ -204,10 +193,8 @@ def temperature_part(study: Study, unit: Any) -> None:
     """Warm up twice from cold at 100 Hz; the first record makes the card, the second is scored."""
     warm = replace(unit, gyr=replace(unit.gyr, bias_per_k=pb.units.dps(TEMPCO)))
     how: dict[str, Any] = {"frame": "NED", "sensors": warm, "unit": "random", "rate": 100.0, "warm_up": "15 K, 120 s"}
-    first, second = (
-        through_bytes(study, f"warm-{k}", pb.simulate("static", seed=study.seed + k, duration=duration, **how))
-        for k, duration in enumerate((600.0, LENGTH))
-    )
+    made = [pb.simulate("static", seed=study.seed + k, duration=s, **how) for k, s in enumerate((600.0, LENGTH))]
+    first, second = (through_bytes(study, f"warm-{k}", of) for k, of in enumerate(made))
     card: Any = pb.calibrate(first, "temperature", device=first.meta.device).card
     records = (second, pb.apply_card(card, second))
     means = [gyr(imu)[: 500 * (len(imu) // 500)].reshape(-1, 500, 3).mean(axis=1) for imu in records]
@@ -261,12 +248,12 @@ def experiment_part(study: Study, length: float) -> Any:
     """Figures 4 and 5 and Table 1, from the data sheets' noise, and from a unit in which the table was planted."""
     study.step()
     sheet = study.recorded("fin", "static-parts", scenario="static", duration=length, unit="calibrated")
+    study.rows({"live.same": study.live(sheet)})
     study.step()
     planted = {letter: np.array(of) / (SIGMA if letter == "B" else 1.0) for letter, of in PRINTED.items()}
     rates = draw_noise(planted, np.random.default_rng([study.seed, 0]), round(RATE * length))
-    rest = pb.simulate(
-        "static", frame="NED", seed=study.seed, sensors="ideal", unit="calibrated", rate=RATE, duration=length
-    )
+    how: dict[str, Any] = {"sensors": "ideal", "unit": "calibrated", "rate": RATE, "duration": length}
+    rest = pb.simulate("static", frame="NED", seed=study.seed, **how)
     sent = study.sent("fin", "static-table", replace(rest, imu=rest.imu.corrected(meta=rest.imu.meta, gyr=rates)))
     records = {"sheet": analysed(study, sheet.recording), "planted": analysed(study, sent.recording)}
     study.rows({"text.lost": max(lost for _, lost in records.values())})
@@ -281,24 +268,17 @@ def experiment_part(study: Study, length: float) -> Any:
                 study.rows({f"{name}.{letter}.{axis}": figures}, limit=limit)
     colours = ("blue", "red", "green")
     hour = UNITS["N"]
-    curves = [
-        [
-            PlotCurve(*thin(a.curve.tau, a.curve.dev / hour), colour)
-            for a, colour in zip(noise.analyses, colours, strict=True)
-        ]
-        for noise, _ in records.values()
-    ]
-    study.draw("figure_4", *curves)
+    study.draw("figure_4", *(
+        [PlotCurve(*thin(a.curve.tau, a.curve.dev / hour), colour)
+         for a, colour in zip(noise.analyses, colours, strict=True)] for noise, _ in records.values()
+    ))  # fmt: skip
     panels = []
     for noise, _ in records.values():
         a = noise.analyses[2]
         tau, use = np.geomspace(a.curve.tau[0], a.curve.tau[-1], 200), a.curve.edf >= 2.0
         low, high = (thin(a.curve.tau[use], of[use] / hour)[1] for of in (a.curve.lo, a.curve.hi))
-        lines = [
-            PlotCurve(thin(a.curve.tau[use], a.curve.dev[use])[0], low, "blue", to=high),
-            PlotCurve(*thin(a.curve.tau, a.curve.dev / hour)),
-        ]
-        lines.append(PlotCurve(tau, a.model(tau) / hour, "green"))
+        lines = [PlotCurve(thin(a.curve.tau[use], a.curve.dev[use])[0], low, "blue", to=high)]
+        lines += [PlotCurve(*thin(a.curve.tau, a.curve.dev / hour)), PlotCurve(tau, a.model(tau) / hour, "green")]
         for letter, power, size in (("Q", -1.0, math.sqrt(3.0)), ("N", -0.5, 1.0), ("B", 0.0, SIGMA)):
             if letter in a.lines.terms:
                 lines.append(PlotCurve(tau, size * a.lines.terms[letter].value * tau**power / hour, "red", "dashed"))
@@ -328,21 +308,17 @@ def scatter_part(study: Study, records: int) -> None:
     measured = {name: 100.0 * of.std(axis=1) / of.mean(axis=1) for name, of in by.items()}
     formula = [100.0 * percent_error(n / RATE) for n in FACTORS]
     theory = 100.0 / np.sqrt(2.0 * pb.noise.edf("oadev", 0.0, COUNT, FACTORS))
-    study.rows(
-        {"eq7": formula[2], **{f"eq7.{name}": (formula[0], of[0]) for name, of in measured.items()}}, records=records
-    )
-    study.table("is_eq_7", {"formula": formula, "theory": theory, **measured}, records=records)
+    study.values["records"] = records
+    study.rows({"eq7": formula[2], **{f"eq7.{name}": (formula[0], of[0]) for name, of in measured.items()}})
+    study.table("is_eq_7", {"formula": formula, "theory": theory, **measured})
 
 
 def regimes_part(study: Study, runs: int) -> None:
     """Estimators over records of three regimes whose truth is known."""
     study.step()
     rng, step = np.random.default_rng([study.seed, 3]), 1.0 / RATE
-    analyses = [
-        pb.noise.analyse(np.ascontiguousarray(rates), step)
-        for _ in range(-(-runs // 3))
-        for rates in draw_noise(THREE, rng).T
-    ]
+    records = [rates for _ in range(-(-runs // 3)) for rates in draw_noise(THREE, rng).T]
+    analyses = [pb.noise.analyse(np.ascontiguousarray(rates), step) for rates in records]
     ways: dict[str, Callable[[Any, str], Any]] = {
         "lines": lambda a, letter: a.lines.terms.get(letter),
         "squares": lambda a, letter: a.least_squares.terms.get(letter),
@@ -355,30 +331,20 @@ def regimes_part(study: Study, runs: int) -> None:
             terms = [term for a in analyses if (term := way(a, letter)) is not None]
             values = np.array([term.value for term in terms]) / true
             share = percent_error(READ_AT[letter])
-            ends = (
-                [(v * (1.0 - share), v * (1.0 + share)) for v in values]
-                if name == "lines"
-                else [(c.lo / true, c.hi / true) for c in terms]
-            )
+            ends = [(c.lo / true, c.hi / true) for c in terms]
+            if name == "lines":
+                ends = [(v * (1.0 - share), v * (1.0 + share)) for v in values]
             inside = float(np.mean([low <= 1.0 <= high for low, high in ends]))
-            scores.setdefault(name, {})[letter] = (
-                100.0 * (values.mean() - 1.0),
-                100.0 * values.std(),
-                inside,
-                len(terms) / len(analyses),
-            )
+            figures = 100.0 * (values.mean() - 1.0), 100.0 * values.std(), inside, len(terms) / len(analyses)
+            scores.setdefault(name, {})[letter] = figures
     line, best = scores["lines"], scores["likelihood"]
-    study.rows(
-        {
-            **{f"three.{letter}.bias": (abs(line[letter][0]), abs(best[letter][0])) for letter in "QNB"},
-            **{f"three.{letter}.cover": (line[letter][2], best[letter][2]) for letter in "QNB"},
-            "three.B.scatter": (line["B"][1], best["B"][1]),
-        },
-        runs=runs, sd=best["B"][1] / math.sqrt(len(analyses)),
-    )  # fmt: skip
-    cells = {
-        name: [" / ".join(f"{of[letter][k]:.2f}" for letter in "QNB") for k in range(4)] for name, of in scores.items()
-    }
+    study.rows({
+        **{f"three.{letter}.bias": (abs(line[letter][0]), abs(best[letter][0])) for letter in "QNB"},
+        **{f"three.{letter}.cover": (line[letter][2], best[letter][2]) for letter in "QNB"},
+        "three.B.scatter": (line["B"][1], best["B"][1]),
+    }, runs=runs, sd=best["B"][1] / math.sqrt(len(analyses)))  # fmt: skip
+    cells = {name: [" / ".join(f"{of[letter][k]:.2f}" for letter in "QNB") for k in range(4)]
+             for name, of in scores.items()}  # fmt: skip
     study.table("estimators_on_records", cells, runs=runs)
 
 

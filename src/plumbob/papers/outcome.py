@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final, NamedTuple
 
 from plumbob.core.errors import ParameterError
@@ -30,7 +30,8 @@ class Outcome:
     stated or assumed on the page; `best`: by the method that Plumbob recommends; `faithful_bar`, `best_bar`: least and
     greatest value that are to be met, `OPEN` where there is none; `reach`: when `faithful` reaches a printed number:
     "<=" or ">=" it, or a largest distance from it; `by`: with which units and runs; `reason`: why the paper's figure is
-    not reached, or why a bar is missed, one sentence without a full stop; `digits`: significant digits that are shown.
+    not reached, or why a bar is missed, one sentence without a full stop; `error`: standard error of a mean over seeds,
+    twice which is allowed; `digits`: significant digits that are shown.
     """
 
     key: str
@@ -45,6 +46,7 @@ class Outcome:
     reach: float | str = "<="
     by: Both = _UNSAID
     reason: Both | None = None
+    error: float = 0.0
     reproducible: bool = True
     digits: int = 3
 
@@ -62,7 +64,8 @@ class Outcome:
     def met(self) -> bool:
         """Whether every bar is met; NaN meets none."""
         pairs = ((self.faithful, self.faithful_bar), (self.best, self.best_bar))
-        return all(value is None or bar == OPEN or bar[0] <= value <= bar[1] for value, bar in pairs)
+        more = 2.0 * self.error
+        return all(value is None or bar == OPEN or bar[0] - more <= value <= bar[1] + more for value, bar in pairs)
 
     @property
     def reached(self) -> bool | None:
@@ -72,7 +75,8 @@ class Outcome:
         if not isinstance(self.paper, int | float) or self.faithful is None:
             return None
         if isinstance(self.reach, str):
-            return self.faithful <= self.paper if self.reach == "<=" else self.faithful >= self.paper
+            above = self.faithful - self.paper
+            return above <= 2.0 * self.error if self.reach == "<=" else above >= -2.0 * self.error
         return abs(self.faithful - self.paper) <= self.reach
 
     @property
@@ -103,6 +107,7 @@ class Outcome:
             "paper": self.paper,
             **{name: value if value is not None and math.isfinite(value) else None for name, value in values.items()},
             "digits": self.digits,
+            "error": self.error,
             **{name: [end if math.isfinite(end) else None for end in bar] for name, bar in bars.items()},
             "reached": self.reached,
             "met": self.met,
@@ -114,12 +119,13 @@ class Outcome:
 
     def row(self) -> list[str]:
         """Cells under `HEAD`."""
-        values = (cell(self.faithful, self.faithful_bar, self.digits), cell(self.best, self.best_bar, self.digits))
-        return [self.where or "-", self.what, self.unit or "-", shown(self.paper, self.digits), *values, *self.verdict]
+        pairs = ((self.faithful, self.faithful_bar), (self.best, self.best_bar))
+        values = [cell(value, bar, self.digits, self.error) for value, bar in pairs]
+        return [self.what, self.where or "-", self.unit or "-", shown(self.paper, self.digits), *values, *self.verdict]
 
 
 HEAD: Final = (
-    Both("where", "出处"), Both("figure", "指标"), Both("unit", "单位"), Both("paper", "论文"),
+    Both("figure", "指标"), Both("where", "出处"), Both("unit", "单位"), Both("paper", "论文"),
     Both("its method", "按论文"), Both("ours", "本系统"), Both("reached", "达到论文值"), Both("bar", "限值"),
     Both("with", "条件"),
 )  # fmt: skip
@@ -143,16 +149,17 @@ def shown(value: float | str | None, digits: int) -> str:
     return f"{value:.{max(digits - 1 - math.floor(math.log10(abs(value))), 0)}f}"
 
 
-def cell(value: float | None, bar: Bar, digits: int) -> str:
-    """Value as it is read, with its bar in brackets; an equals sign where the bar is one number."""
-    low, high = bar
+def cell(value: float | None, bar: Bar, digits: int, error: float = 0.0) -> str:
+    """Value as it is read, with its bar in brackets, ± twice its error; an equals sign where the bar is one number."""
+    (low, high), more = bar, f" ± {2.0 * error:.2g}" if error else ""
     if value is None or bar == OPEN:
         return shown(value, digits)
     if f"{low:g}" == f"{high:g}":  # exact
         return f"{f'{low:g}' if low <= value <= high else shown(value, digits)} (= {low:g})"
     if low == -math.inf:
-        return f"{shown(value, digits)} (≤ {high:g})"
-    return f"{shown(value, digits)} (≥ {low:g})" if high == math.inf else f"{shown(value, digits)} ({low:g} … {high:g})"
+        return f"{shown(value, digits)} (≤ {high:g}{more})"
+    ends = f"≥ {low:g}{more}" if high == math.inf else f"{low:g} … {high:g}"
+    return f"{shown(value, digits)} ({ends})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,6 +174,15 @@ class PaperItem:
     what: str
     by: str = ""
     reason: str = ""
+
+    @property
+    def state(self) -> str:
+        """Whether it is done, done in part, or not."""
+        return "not" if not self.by else "partly" if self.reason else "done"
+
+    def summary(self) -> dict[str, str]:
+        """What JSON has of it."""
+        return {**asdict(self), "state": self.state}
 
 
 class Paper(NamedTuple):

@@ -1,14 +1,15 @@
-"""The papers' runs, one or all: `plumbob demo NAME`, and `plumbob.reproduce`."""
+"""The papers' runs, one or all: `plumbob reproduce NAME`, and `plumbob.reproduce`."""
 
 import json
 import os
-import pickle
 import subprocess
 import sys
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
 from threading import Event, Lock
@@ -28,15 +29,19 @@ from plumbob.reporting.report import Report
 
 NAMES: Final = tuple(PAPERS)  # papers by the names of their rigs
 STEP: Final = "step"  # first word of a line by which a paper's process says how far it is
-FOUND: Final = "found"  # first word of the line by which it says what it found
+OUTCOMES: Final = "outcomes.json"
 _KILLED: Final = 9
 _LONGEST: Final = ("arm", "buoy", "fin", "rod", "trackball")  # side by side, those that take long begin
 
-_ABOUT: Final = Both("about", "内容")
+_RUN: Final = Both("Run", "运行条件")
+_COUNTS: Final = Both("outcomes", "指标")
+_ABOUT, _COMMAND, _MADE = Both("about", "内容"), Both("command", "命令"), Both("made", "生成")
 DEFINITIONS: Final = (
     Both("Paper: as printed. Its method: by the paper's method, its misprints corrected. Ours: by the method that "
-         "Plumbob recommends. In brackets: the bar that must be kept.",
-         "论文：原文数值。按论文：改正印刷错误后按论文方法所得。本系统：Plumbob 推荐方法所得。括号内为须满足的限值。"),
+         "Plumbob recommends. In brackets: the bar that must be kept; ±: twice the standard error of a mean, which is "
+         "allowed.",
+         "论文：原文数值。按论文：改正印刷错误后按论文方法所得。本系统：Plumbob 推荐方法所得。括号内为须满足的限值；"
+         "± 为均值的两倍标准误差，允许在内。"),
     Both("Reached: whether the paper's own method gives the printed figure here; not stated where it prints none. "
          "Bar: whether our own limits are kept. With: units and runs that the figure is of.",
          "达到论文值：按论文方法能否得到原文数值；原文无数值者为未给出。限值：是否满足自设限值。条件：所用单元与次数。"),
@@ -66,23 +71,27 @@ class Reproduction:
     def report(self) -> Report:
         """All outcomes, a part for each paper."""
         parts = [Report(PAPERS[name].title, tables=[table(outcomes)]) for name, outcomes in self.outcomes.items()]
-        facts = [("made by", f"plumbob {__version__}"), (Both("seed", "随机种子"), f"{self.seed}")]
-        facts.append((Both("outcomes", "指标"), self._counts()))
+        facts = [("made by", f"plumbob {__version__}"), (Both("seed", "随机种子"), f"{self.seed}"),
+                 (_COUNTS, self._counts()), (Both("folder", "文件夹"), f"{self.folder}")]  # fmt: skip
         return Report(Both("Five papers, reproduced", "五篇论文的复现"), facts=facts, parts=parts, remarks=DEFINITIONS)
 
-    def index(self) -> Report:
-        """What `index.html` has: counts, then the main figures of each paper, all of them folded away."""
+    def index(self, lang: str = "en") -> Report:
+        """What `index.html` has: counts, and of each paper a figure and three numbers."""
         names = Both("paper", "论文"), Both("figures", "指标"), YES, NO, NOT_STATED, MISSED
-        rows = [[PAPERS[name].title, *map(str, counts(outcomes))] for name, outcomes in self.outcomes.items()]
-        parts = [
-            Report(PAPERS[name].title, facts=[(_ABOUT, PAPERS[name].about)], tables=_first_tables(name, outcomes))
-            for name, outcomes in self.outcomes.items()
-        ]
-        links = [(PAPERS[name].title, f"{name}.html") for name in self.outcomes]
-        counted_up = Table("", names, rows)
+        rows = [[name, *map(str, counts(outcomes))] for name, outcomes in self.outcomes.items()]
+        links = [(PAPERS[name].title, page_name(name, lang)) for name in self.outcomes]
+        parts = [self._card(name, outcomes) for name, outcomes in self.outcomes.items()]
         return replace(
-            self.report(), tables=[counted_up], parts=parts, links=links, remarks=(), definitions=DEFINITIONS
-        )
+            self.report(), tables=[Table("", names, rows)], parts=parts, links=links, remarks=(),
+            definitions=DEFINITIONS,
+        )  # fmt: skip
+
+    def _card(self, name: str, outcomes: Sequence[Outcome]) -> Report:
+        study, by_key, paper = restored(self.folder, name), {o.key: o for o in outcomes}, PAPERS[name].content["paper"]
+        facts = [(_ABOUT, PAPERS[name].about), (_COUNTS, _counted(outcomes)), (_MADE, study.made)]
+        rows = [by_key[key].row()[:1] + by_key[key].row()[2:8] for key in paper["front"]]
+        numbers = Table("", HEAD[:1] + HEAD[2:8], rows, words=(1, 5, 6))
+        return Report(PAPERS[name].title, facts=facts, tables=[numbers], figures=[study.figures[paper["cover"]]])
 
     def text(self) -> str:
         """Every table, for a terminal."""
@@ -91,7 +100,8 @@ class Reproduction:
     def summary(self) -> dict[str, Any]:
         """What JSON has of it."""
         papers = {name: [outcome.summary() for outcome in outcomes] for name, outcomes in self.outcomes.items()}
-        return {"seed": self.seed, "version": __version__, "met": self.met, "papers": papers}
+        items = {name: [item.summary() for item in PAPERS[name].items] for name in papers}
+        return {"seed": self.seed, "version": __version__, "met": self.met, "papers": papers, "items": items}
 
     def _counts(self) -> Both:
         return _counted([outcome for outcomes in self.outcomes.values() for outcome in outcomes])
@@ -99,18 +109,29 @@ class Reproduction:
 
 def _counted(outcomes: Sequence[Outcome]) -> Both:
     every, yes, no, _, missed = counts(outcomes)
-    return Both(
-        f"{counted(every, 'figure')}: {yes} of the paper's reached by its method, {no} not; {missed} bars missed",
-        f"共 {every} 项：按论文方法达到 {yes} 项，未达到 {no} 项；{missed} 项限值未满足",
-    )
+    en = f"{counted(every, 'figure')}: {yes} of the paper's reached by its method, {no} not; {missed} bars missed"
+    return Both(en, f"共 {every} 项：按论文方法达到 {yes} 项，未达到 {no} 项；{missed} 项限值未满足")
+
+
+def page_name(name: str, lang: str) -> str:
+    """Name of a page in a language."""
+    return f"{name}.html" if lang == "en" else f"{name}.{lang}.html"
+
+
+def restored(folder: Path, name: str, seed: int | None = None) -> Study:
+    """What a run of a paper kept in a folder."""
+    study = Study.restored(name, folder / name, seed)
+    if study is None:
+        raise DecodeError(f"{folder / name} has no run of this version of Plumbob; run the paper again.")
+    return study
 
 
 def _first_tables(name: str, outcomes: Sequence[Outcome]) -> list[Table]:
-    """Main figures, what cannot be had, and all figures, which a page folds away."""
+    """Main figures, what cannot be had, and claims, items and all figures, which a page folds away."""
     lists = [part for part in (not_had(outcomes), claims(outcomes)) if part]
     title = Both(f"All {len(outcomes)} figures with their bars", f"全部 {len(outcomes)} 项指标及限值")
     every = replace(table(outcomes, title), detail="all")
-    return [main_figures(name, outcomes), *lists, every]
+    return [main_figures(name, outcomes), *lists, items(name), every]
 
 
 def reproduce(
@@ -119,26 +140,31 @@ def reproduce(
     out: str | Path = "reproduced",
     lang: str = "en",
     jobs: int = 2,
+    render: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Reproduction:
     """Run papers whole, from emulated bytes to their tables and figures, and write a page for each.
 
+    A run that was ended goes on with the papers that it had not done, where the folder and the seed are the same.
+
     Parameters
     ----------
     *papers : str
-        Some of `NAMES`; none, or ``"all"``: all five.
+        Some of fin, buoy, trackball, arm and rod; none, or ``"all"``: all five.
     seed : int
         Of everything that is left to chance; the same seed gives the same bits on the same machine.
     out : path
         Folder, made where it is not there: ``index.html``, ``outcomes.json``, a page for each paper, and a folder with
         its bytes, sessions, recordings and cards.
     lang : {"en", "zh"}
-        Language of the pages.
+        Language of the pages: ``index.html``, in Chinese ``index.zh.html``, and so on.
     jobs : int
         How many papers run side by side, each in a process of its own.
+    render : path, optional
+        ``outcomes.json`` of a run, whose pages are written again, as in another language, without another run.
     overwrite : bool
-        Whether files in `out` may be replaced.
+        Whether all is run again, and files in `out` may be replaced.
     progress : callable, optional
         Called with a paper and what it does, how many steps are done, and of how many.
 
@@ -159,14 +185,54 @@ def reproduce(
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
             raise ParameterError(f"{named} must be a whole number of at least {least}, but it is {check.said(value)}.")
     needed("matplotlib.figure", "the pages' figures", "plumbob[plot]")  # now, not after minutes
-    folder = _folder(check.path("out", out), overwrite=overwrite)
-    if len(chosen) == 1:
-        outcomes = {chosen[0]: run_paper(chosen[0], folder, seed, lang, progress)}
+    if render is not None:
+        file = check.path("render", render)
+        seed, done = _read_outcomes(file)
+        return _written({name: restored(file.parent, name, seed) for name in done}, file.parent, seed, lang)
+    folder = _folder(check.path("out", out), seed, overwrite=overwrite)
+    studies = {} if overwrite else {n: s for n in chosen if (s := Study.restored(n, folder / n, seed)) is not None}
+    _write_outcomes(Reproduction(seed, {}, folder))
+    remaining = [name for name in chosen if name not in studies]
+    if len(remaining) == 1:
+        run_paper(remaining[0], folder, seed, progress)
     else:
-        outcomes = _side_by_side(chosen, folder, seed, lang, jobs, progress)
+        _side_by_side(remaining, folder, seed, jobs, progress)
+    return _written({name: restored(folder, name, seed) for name in chosen}, folder, seed, lang)
+
+
+def _write_outcomes(reproduction: Reproduction) -> None:
+    text = json.dumps(reproduction.summary(), indent=1) + "\n"
+    write_text(reproduction.folder / OUTCOMES, text, overwrite=True)
+
+
+def _read_outcomes(file: Path) -> tuple[int, list[str]]:
+    """Seed of a run, and the papers of it that are done."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        return content["seed"], [name for name in NAMES if name in content["papers"]]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DecodeError(f"{file} is not the {OUTCOMES} of a run of papers: {error}.") from error
+
+
+def _written(studies: Mapping[str, Study], folder: Path, seed: int, lang: str) -> Reproduction:
+    """Write the pages of studies, and what they say together."""
+    outcomes: dict[str, Sequence[Outcome]] = {}
+    for name, study in studies.items():
+        paper = study.paper()
+        report, outcomes[name] = paper.report, paper.outcomes
+        made = Report(_RUN, facts=[(_COMMAND, study.command), (_MADE, study.made), *report.facts])
+        report = replace(report, facts=(), parts=[*report.parts, made])
+        page = replace(
+            report,
+            facts=[(_ABOUT, PAPERS[name].about), (_COUNTS, _counted(paper.outcomes))],
+            tables=[*_first_tables(name, paper.outcomes), *report.tables],
+            links=[(Both("all papers", "全部论文"), page_name("index", lang)), *report.links, *part_links(report)],
+            definitions=[*DEFINITIONS, *report.definitions],
+        )
+        page.write_html(folder / page_name(name, lang), lang=lang, overwrite=True)
     reproduction = Reproduction(seed, outcomes, folder)
-    reproduction.index().write_html(folder / "index.html", lang=lang, overwrite=True)
-    write_text(folder / "outcomes.json", json.dumps(reproduction.summary(), indent=1) + "\n", overwrite=True)
+    reproduction.index(lang).write_html(folder / page_name("index", lang), lang=lang, overwrite=True)
+    _write_outcomes(reproduction)
     return reproduction
 
 
@@ -176,63 +242,52 @@ def _chosen(papers: Sequence[str]) -> list[str]:
     return list(NAMES) if not papers or "all" in papers else [name for name in NAMES if name in papers]
 
 
-def _folder(folder: Path, *, overwrite: bool) -> Path:
+def _folder(folder: Path, seed: int, *, overwrite: bool) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         filled = any(folder.iterdir())
     except OSError as error:
         raise DecodeError(f"{folder} cannot be the folder of the pages: {error.strerror}.") from error
-    if filled and not overwrite:
+    begun = (folder / OUTCOMES).is_file() and _read_outcomes(folder / OUTCOMES)[0] == seed
+    if filled and not overwrite and not begun:
         raise ParameterError(
-            f"{folder} is not empty; name another folder, or allow its files to be replaced (--force)."
+            f"{folder} is not empty, and not of a run of this seed; name another folder, or allow its files to be "
+            "replaced (--force)."
         )
     return folder
 
 
-def run_paper(name: str, folder: Path, seed: int, lang: str, progress: Progress | None) -> Sequence[Outcome]:
-    """Run a paper in this process, and write its page and its outcomes."""
-    subfolder = folder / name
+def run_paper(name: str, folder: Path, seed: int, progress: Progress | None) -> None:
+    """Run a paper in this process, and keep what it measured."""
+    subfolder, started = folder / name, time.perf_counter()
     subfolder.mkdir(exist_ok=True)
 
     def on_step(what: str, done: int, of: int) -> None:
         if progress is not None:
             progress(f"{name}: {what}", done, of)
 
-    module = import_module(f"plumbob.papers.{name}")
     study = Study(name, subfolder, seed, on_step)
-    module.measure(study)
-    paper = study.paper()
-    report = paper.report
-    page = replace(
-        report,
-        facts=[(_ABOUT, PAPERS[name].about), (Both("outcomes", "指标"), _counted(paper.outcomes)), *report.facts],
-        tables=[*_first_tables(name, paper.outcomes), *report.tables],
-        links=[(Both("all papers", "全部论文"), "index.html"), *report.links, *part_links(report)],
-        definitions=[*DEFINITIONS, *report.definitions],
-    )
-    page.write_html(folder / f"{name}.html", lang=lang, overwrite=True)
-    return paper.outcomes
+    import_module(f"plumbob.papers.{name}").measure(study)
+    study.save(f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {time.perf_counter() - started:.0f} s")
 
 
-def _side_by_side(
-    names: Sequence[str], folder: Path, seed: int, lang: str, jobs: int, progress: Progress | None
-) -> dict[str, Sequence[Outcome]]:
+def _side_by_side(names: Sequence[str], folder: Path, seed: int, jobs: int, progress: Progress | None) -> None:
     """Run each paper in a process of its own; the first that fails ends all with its error."""
     running: list[subprocess.Popen[str]] = []
     starting, ending = Lock(), Event()
 
-    def run(name: str) -> Sequence[Outcome]:
+    def run(name: str) -> None:
         with starting:  # a process that starts while all are ended would be left alone
             if ending.is_set():
-                return ()
-            process = _alone(name, f"{folder}", f"{seed}", lang)
+                return
+            process = _alone(name, f"{folder}", f"{seed}")
             running.append(process)
-        return _listen(name, process, progress)
+        _listen(name, process, progress)
 
     with ThreadPoolExecutor(jobs) as pool:
-        futures = {name: pool.submit(run, name) for name in sorted(names, key=_LONGEST.index)}
+        futures = [pool.submit(run, name) for name in sorted(names, key=_LONGEST.index)]
         try:
-            for future in as_completed(futures.values()):
+            for future in as_completed(futures):
                 future.result()
         except BaseException:
             ending.set()
@@ -241,7 +296,6 @@ def _side_by_side(
                     process.kill()
                     process.wait()
             raise
-    return {name: futures[name].result() for name in names}
 
 
 def _alone(*words: str) -> subprocess.Popen[str]:
@@ -249,25 +303,19 @@ def _alone(*words: str) -> subprocess.Popen[str]:
     paths = os.pathsep.join(path or f"{Path.cwd()}" for path in sys.path)
     return subprocess.Popen(
         [sys.executable, "-P", "-m", "plumbob.papers.reproduce", *words],
-        env={**os.environ, "PYTHONPATH": paths, "PYTHONIOENCODING": "utf-8"},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        encoding="utf-8",
-    )
+        env={**os.environ, "PYTHONPATH": paths, "PYTHONIOENCODING": "utf-8"}, encoding="utf-8",
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+    )  # fmt: skip
 
 
-def _listen(name: str, process: subprocess.Popen[str], progress: Progress | None) -> Sequence[Outcome]:
-    """Hear a paper's process to its end: how far it is, what it found, or why it ended."""
-    outcomes: list[Outcome] = []
+def _listen(name: str, process: subprocess.Popen[str], progress: Progress | None) -> None:
+    """Hear a paper's process to its end: how far it is, or why it ended."""
     last: deque[str] = deque(maxlen=5)
     assert process.stderr is not None
     with process.stderr as lines:
         for line in lines:
             word, *args = line.rstrip("\n").split("\t")
-            if word == FOUND:
-                outcomes = pickle.loads(bytes.fromhex(args[0]))  # noqa: S301 (of a process of our own)
-            elif word != STEP:
+            if word != STEP:
                 last.append(line)
             elif progress is not None:
                 progress(args[0], int(args[1]), int(args[2]))
@@ -275,7 +323,6 @@ def _listen(name: str, process: subprocess.Popen[str], progress: Progress | None
         how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
         how += ", as a system does that is short of memory; try one job" if -code == _KILLED else ""
         raise DecodeError(f"{name} {how}: {''.join(last).strip()}" if last else f"{name} {how}.")
-    return outcomes
 
 
 def main_figures(name: str, outcomes: Sequence[Outcome]) -> Table:
@@ -294,7 +341,7 @@ def not_had(outcomes: Sequence[Outcome]) -> Table | None:
     for reason, group in why.items():
         first, more = group[0], len(group) - 1
         what = Both(f"{first.what}, and {more} more", f"{first.what.zh}，另 {more} 项") if more else first.what
-        rows.append([first.where or "-", what, *first.verdict[:2], reason])
+        rows.append([what, first.where or "-", *first.verdict[:2], reason])
     head = (HEAD[0], HEAD[1], *HEAD[6:8], Both("why", "原因"))
     title = Both("What cannot be had as the paper prints it, and why", "无法按论文原样复现的内容及原因")
     return Table(title, head, rows, words=(1, 2, 3, 4)) if rows else None
@@ -302,12 +349,18 @@ def not_had(outcomes: Sequence[Outcome]) -> Table | None:
 
 def claims(outcomes: Sequence[Outcome]) -> Table | None:
     """Table of the numbers that the paper prints, and what became of each; None where it prints none."""
-    rows = [[o.where or "-", o.what, shown(o.paper, o.digits), o.claim, o.by] for o in outcomes if o.claim is not None]
-    title = Both(
-        "Which of the paper's numbers are reproduced, refuted, or cannot be had", "论文数值：已复现、不成立或无法得到"
-    )
+    rows = [[o.what, o.where or "-", shown(o.paper, o.digits), o.claim, o.by] for o in outcomes if o.claim is not None]
+    title = Both("What became of each number of the paper", "论文数值：已复现、不成立或无法得到")
     head = (*HEAD[:2], HEAD[3], Both("claim", "结论"), HEAD[8])
     return Table(title, head, rows, words=(1, 3, 4), detail="all") if rows else None
+
+
+def items(name: str) -> Table:
+    """Table of what the paper describes, and what became of it."""
+    rows = [[o.where, o.what, o.state, " ".join(filter(None, (o.by, o.reason)))] for o in PAPERS[name].items]
+    done = f"{sum(row[2] == 'done' for row in rows)}/{len(rows)}"
+    head = (HEAD[1], Both("item", "内容"), Both("state", "状态"), Both("by", "实现或原因"))
+    return Table(Both(f"Items done: {done}", f"论文内容完成：{done}"), head, rows, words=(1, 2, 3), detail="all")
 
 
 def counts(outcomes: Sequence[Outcome]) -> Sequence[int]:
@@ -316,10 +369,10 @@ def counts(outcomes: Sequence[Outcome]) -> Sequence[int]:
     return [len(outcomes), *map(reached.count, (True, False, None)), sum(not outcome.met for outcome in outcomes)]
 
 
-def main(name: str, folder: str, seed: str, lang: str) -> int:
-    """Run a paper in a process of its own: ``python -m plumbob.papers.reproduce NAME FOLDER SEED LANG``.
+def main(name: str, folder: str, seed: str) -> int:
+    """Run a paper in a process of its own: ``python -m plumbob.papers.reproduce NAME FOLDER SEED``.
 
-    It says on standard error how far it is, a line for each step, and at the end what it found, in one line.
+    It says on standard error how far it is, a line for each step.
     """
 
     def say(*words: object) -> None:
@@ -327,11 +380,10 @@ def main(name: str, folder: str, seed: str, lang: str) -> int:
         sys.stderr.flush()
 
     try:
-        outcomes = run_paper(name, Path(folder), int(seed), lang, lambda *step: say(STEP, *step))
+        run_paper(name, Path(folder), int(seed), lambda *step: say(STEP, *step))
     except (PlumbobError, OSError) as error:
         say(error)
         return 1
-    say(FOUND, pickle.dumps(list(outcomes)).hex())
     return 0
 
 

@@ -56,11 +56,10 @@ def by_rotation(q_nr: Any) -> Any:
 
 def simulate_rod(seed: int, unit: str, duration: float = 600.0) -> Any:
     """A run of a seed: a unit drawn from the data sheet that warms up, or an "ideal" one with a bias at turn-on."""
+    how: dict[str, Any] = {"frame": "NED", "sensors": "adis16355", "seed": seed, "duration": duration}
     if unit == "drawn":
-        return pb.simulate(
-            "rod", frame="NED", sensors="adis16355", unit="random", seed=seed, duration=duration, warm_up=WARM_UP
-        )
-    made: Any = pb.simulate("rod", frame="NED", sensors="adis16355", unit="calibrated", seed=seed, duration=duration)
+        return pb.simulate("rod", unit="random", warm_up=WARM_UP, **how)
+    made: Any = pb.simulate("rod", unit="calibrated", **how)
     turn_on = pb.units.dps(TURN_ON * np.random.default_rng([seed, 2012]).standard_normal(3))
     return replace(made, imu=with_rates(made.imu, made.imu.gyr + turn_on))
 
@@ -77,9 +76,8 @@ def scores(t: Any, errors: Any) -> Any:
     """
     e = np.abs(errors[t >= SETTLE][:, [2, 1]])
     late = t[t >= SETTLE] >= SHAKEN
-    return np.concatenate(
-        (e[~late].max(axis=0), e[late].max(axis=0, initial=0.0), (e**2).mean(axis=0), [(e <= LIMIT).all(axis=1).mean()])
-    )
+    share = [(e <= LIMIT).all(axis=1).mean()]
+    return np.concatenate((e[~late].max(axis=0), e[late].max(axis=0, initial=0.0), (e**2).mean(axis=0), share))
 
 
 def jump(q_nb: Any, q_true: Any, rest: Any) -> float:
@@ -126,45 +124,36 @@ def seeds_part(study: Study, count: int, duration: float) -> None:
     study.step()
     ideal, ideal_jumps = over_seeds(study, "ideal", count, duration)
     mean = {name: of.mean(axis=0) for name, of in drawn.items()}
-    study.rows(
-        {
-            "accel.early": mean["accel"][:2].max(),
-            "accel.late": drawn["accel"][:, 2:4].max(axis=1).min(),
-            "gyro.largest": worst(drawn["gyro"]).mean(),
-            "gyro.kept": worst(drawn["gyro_kept"]).min(),
-            "fused.kept": (share_within(drawn["hard"]), share_within(drawn["smoother"])),
-            "fused.causal": (None, share_within(drawn["mekf_card"])),
-            **{f"fused.{name}": share_within(drawn[name]) for name in ("hard_reset", "narrow", "narrow_reset")},
-            **{
-                f"fused.{axis}.{when}": (mean["hard"][2 * k + i], mean["smoother"][2 * k + i])
-                for i, axis in enumerate(("roll", "pitch"))
-                for k, when in enumerate(("early", "late"))
-            },
-            "fused.worst": (worst(drawn["hard"]).max(), worst(drawn["smoother"]).max()),
-            "fused.soft": (None, worst(drawn["ekf7"]).max()),
-            "drift.ratio": tuple(np.median(worst(drawn["gyro"]) / worst(drawn[k])) for k in ("hard", "smoother")),
-            "switch.jump": (jumps["hard"], jumps["ekf7"]),
-            "ideal.kept": (share_within(ideal["hard"]), share_within(ideal["ekf7"])),
-            "ideal.causal": (None, share_within(ideal["mekf_card"])),
-            "ideal.worst": (worst(ideal["hard"]).max(), worst(ideal["smoother"]).max()),
-            "ideal.rms": tuple(np.sqrt(ideal[name][:, 4:6].mean(axis=0).max()) for name in ("hard", "smoother")),
-            "ideal.drift": tuple(np.median(worst(ideal["gyro"]) / worst(ideal[k])) for k in ("hard", "smoother")),
-            "ideal.jump": (ideal_jumps["hard"], ideal_jumps["ekf7"]),
-        },
-        seeds=count,
-    )
+    study.rows({
+        "accel.early": mean["accel"][:2].max(),
+        "accel.late": drawn["accel"][:, 2:4].max(axis=1).min(),
+        "gyro.largest": worst(drawn["gyro"]).mean(),
+        "gyro.kept": worst(drawn["gyro_kept"]).min(),
+        "fused.kept": (share_within(drawn["hard"]), share_within(drawn["smoother"])),
+        "fused.causal": (None, share_within(drawn["mekf_card"])),
+        **{f"fused.{name}": share_within(drawn[name]) for name in ("hard_reset", "narrow", "narrow_reset")},
+        **{f"fused.{name}": (mean["hard"][i], mean["smoother"][i])
+           for i, name in enumerate(("roll.early", "pitch.early", "roll.late", "pitch.late"))},
+        "fused.worst": (worst(drawn["hard"]).max(), worst(drawn["smoother"]).max()),
+        "fused.soft": (None, worst(drawn["ekf7"]).max()),
+        "drift.ratio": tuple(np.median(worst(drawn["gyro"]) / worst(drawn[k])) for k in ("hard", "smoother")),
+        "switch.jump": (jumps["hard"], jumps["ekf7"]),
+        "ideal.kept": (share_within(ideal["hard"]), share_within(ideal["ekf7"])),
+        "ideal.causal": (None, share_within(ideal["mekf_card"])),
+        "ideal.worst": (worst(ideal["hard"]).max(), worst(ideal["smoother"]).max()),
+        "ideal.rms": tuple(np.sqrt(ideal[name][:, 4:6].mean(axis=0).max()) for name in ("hard", "smoother")),
+        "ideal.drift": tuple(np.median(worst(ideal["gyro"]) / worst(ideal[k])) for k in ("hard", "smoother")),
+        "ideal.jump": (ideal_jumps["hard"], ideal_jumps["ekf7"]),
+    }, seeds=count)  # fmt: skip
     for unit, scored in (("drawn", drawn), ("ideal", ideal)):
-        cells = {
-            name: [*of[:, :4].mean(axis=0), 100.0 * of[:, 6].mean(), worst(of).max(), share_within(of)]
-            for name, of in scored.items()
-        }
+        cells = {name: [*of[:, :4].mean(axis=0), 100.0 * of[:, 6].mean(), worst(of).max(), share_within(of)]
+                 for name, of in scored.items()}  # fmt: skip
         study.table(f"methods_{unit}", cells, seeds=count)
     places = [(worst(of), np.full(count, len(METHODS) - k)) for k, of in enumerate(drawn.values())]
     names = study.names("methods_drawn", seeds=count)
-    seeds = [
-        PlotCurve(x, y, dash="none", mark="|", label=names[name]) for (x, y), name in zip(places, METHODS, strict=True)
-    ]
-    study.draw("largest_error_of", seeds)
+    labelled = zip(places, METHODS, strict=True)
+    lines = [PlotCurve(x, y, dash="none", mark="|", label=names[name]) for (x, y), name in labelled]
+    study.draw("largest_error_of", lines)
 
 
 def recorded_part(study: Study, duration: float) -> None:
@@ -172,6 +161,7 @@ def recorded_part(study: Study, duration: float) -> None:
     study.step()
     how: dict[str, Any] = {"unit": "random", "warm_up": WARM_UP, "mount_error": "0.2 deg", "duration": duration}
     taken = study.recorded("rod", "rod", session=SESSION.format(seed=study.seed), **how)
+    study.rows({"live.same": study.live(taken)})
     runs = {name: pb.estimate(taken.recording, METHODS[name][0], params=METHODS[name][1]) for name in RECORDED}
     tracks: dict[str, Any] = {name: run.track for name, run in runs.items()}
     truth: Any = pb.read(taken.truth).track
@@ -188,21 +178,15 @@ def recorded_part(study: Study, duration: float) -> None:
     drift = pb.units.to_dps(soft.bias_b) - bias
     tilt = reference[use][:, 1:]
     share = [100.0 * (rms(tilt) / rms(differences[name][:, 1:])) ** 2 for name in ("hard", "smoother")]
-    study.rows(
-        {
-            "chain.synchronous": 100.0 * np.isfinite(ahrs.q_nb).all(axis=1).mean(),
-            **{
-                f"bytes.{by}.{axis}": (of["hard"][i], of["smoother"][i])
-                for by, of in (("ahrs", apart), ("truth", most))
-                for i, axis in ((2, "roll"), (1, "pitch"))
-            },
-            "bytes.accel": most["accel"][1:].max(),
-            "bytes.gyro": most["gyro_kept"][1:].max(),
-            "bytes.share.reference": tuple(share),
-            "bytes.bias": (None, rms(drift[late])),
-        },
-        was=rms(bias[late]),
-    )
+    study.rows({
+        "chain.synchronous": 100.0 * np.isfinite(ahrs.q_nb).all(axis=1).mean(),
+        **{f"bytes.{by}.{axis}": (of["hard"][i], of["smoother"][i])
+           for by, of in (("ahrs", apart), ("truth", most)) for i, axis in ((2, "roll"), (1, "pitch"))},
+        "bytes.accel": most["accel"][1:].max(),
+        "bytes.gyro": most["gyro_kept"][1:].max(),
+        "bytes.share.reference": tuple(share),
+        "bytes.bias": (None, rms(drift[late])),
+    }, was=rms(bias[late]))  # fmt: skip
     rest = (soft.flags & pb.flags.AT_REST) != 0
     study.values.update(mean=100.0 * rest.mean(), seeds=SEEDS)
     parts = {"truth": against, "ahrs": {name: differences[name] for name in ("hard", "ekf7", "mekf", "smoother")}}

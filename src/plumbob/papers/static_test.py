@@ -60,25 +60,18 @@ class StaticTest(Reported):
     @property
     def remarks(self) -> tuple[str, ...]:
         """What to know about it, each a line."""
-        removed = [
-            f"heading {which}: a constant offset of {to_deg(e.alignment.heading):+.2f}° was removed"
-            for which, e in (("before", self.before), ("after", self.after))
-            if e.alignment.heading is not None
-        ]
+        offsets = {name: e.alignment.heading for name, e in (("before", self.before), ("after", self.after))}
+        removed = [f"heading {name}: a constant offset of {to_deg(offset):+.2f}° was removed"
+                   for name, offset in offsets.items() if offset is not None]  # fmt: skip
         made = f"after: {self.after.estimate.source}"
         return (made, *removed, *dict.fromkeys(map(str, (*self.after.not_scored.values(), *self.after.notes))))
 
     def summary(self) -> dict[str, Any]:
         """Ready for JSON: degrees and seconds; None where there is no figure."""
         columns = {"reference_deg": self.reference} | {f"{e}_deg": self.errors(e) for e in ("before", "after")}
-        return {
-            "rests": [
-                {"from_s": first, "to_s": last, **{name: _degrees(angles[i]) for name, angles in columns.items()}}
-                for i, (first, last) in enumerate(self.spans.tolist())
-            ],
-            "summary": self._summary(),
-            "remarks": list(self.remarks),
-        }
+        rests = [{"from_s": first, "to_s": last, **{name: _degrees(angles[i]) for name, angles in columns.items()}}
+                 for i, (first, last) in enumerate(self.spans.tolist())]  # fmt: skip
+        return {"rests": rests, "summary": self._summary(), "remarks": list(self.remarks)}
 
     def facts(self) -> Mapping[str, str]:
         """Rests, and the root mean square of each error that is left, degrees."""
@@ -89,35 +82,22 @@ class StaticTest(Reported):
         """Errors of all rests, the largest and the root mean square below; `facts` say where they come from."""
         largest = [[name, *map(_cell, stats.values())] for name, stats in self._summary().items()]
         values = to_deg(np.hstack((self.reference, self.errors("before"), self.errors("after")))).tolist()
-        rows = [
-            [str(i), f"{span.mean():.1f}", *map(_cell, row)]
-            for i, (span, row) in enumerate(zip(self.spans, values, strict=True), start=1)
-        ]
+        rows = [[f"{i}", f"{span.mean():.1f}", *map(_cell, row)]
+                for i, (span, row) in enumerate(zip(self.spans, values, strict=True), start=1)]  # fmt: skip
         errors = ["", "max |e| before", "max |e| after", "rms before", "rms after"]
         head = ["rest", "at [s]", *ANGLES, "before yaw", *ANGLES[1:], "after yaw", *ANGLES[1:]]
-        return Report(
-            "Static test",
-            facts=facts,
-            tables=[
-                Table(f"Errors at rest [°], {len(self.spans)} rests", errors, largest),
-                Table("Attitude of the reference, errors before and after calibration [°]", head, rows),
-            ],
-            remarks=self.remarks,
-            figures=[_drawing(self)],
-            definitions=_DEFINITIONS,
-        )
+        tables = [Table(f"Errors at rest [°], {len(self.spans)} rests", errors, largest),
+                  Table("Attitude of the reference, errors before and after calibration [°]", head, rows)]  # fmt: skip
+        figures = [_drawing(self)]
+        return Report("Static test", facts, tables, self.remarks, figures=figures, definitions=_DEFINITIONS)
 
     def _summary(self) -> dict[str, dict[str, float | None]]:
         """Largest error and root mean square of each angle, degrees."""
         both = (("before", self.before), ("after", self.after))
-        return {
-            angle: {
-                f"{figure}_{which}_deg": to_deg(getattr(e.stats[angle], name)) if angle in e.stats else None
-                for figure, name in (("max", "max_abs"), ("rms", "rmse"))
-                for which, e in both
-            }
-            for angle in ANGLES
-        }
+        pairs = [(f"{figure}_{which}_deg", e.stats, name)
+                 for figure, name in (("max", "max_abs"), ("rms", "rmse")) for which, e in both]  # fmt: skip
+        return {angle: {key: to_deg(getattr(of[angle], name)) if angle in of else None for key, of, name in pairs}
+                for angle in ANGLES}  # fmt: skip
 
 
 def _cell(angle: float | None) -> str:
@@ -185,17 +165,11 @@ def static_test(
             )
         )
     poses, spans = [rests[i] for i in covered], spans[covered]
-    truth = AttitudeTrack(
-        t=spans.mean(axis=1),
-        q_nb=np.stack([mean for mean in means if mean is not None]),
-        frame=target.frame,
-        north=target.north,
-        source=target.source,
-    )
-    before, after = (
-        evaluate(_tilt_and_compass(used, poses, truth), truth, align=align, declination=declination)
-        for used in (imu, apply_card(card, imu))
-    )
+    frame: dict[str, Any] = {"frame": target.frame, "north": target.north, "source": target.source}
+    q_nb = np.stack([mean for mean in means if mean is not None])
+    truth = AttitudeTrack(t=spans.mean(axis=1), q_nb=q_nb, **frame)
+    looks = (_tilt_and_compass(used, poses, truth) for used in (imu, apply_card(card, imu)))
+    before, after = (evaluate(look, truth, align=align, declination=declination) for look in looks)
     return StaticTest(spans, before, after)
 
 

@@ -1,32 +1,45 @@
 """What a study of a paper works with: its rig's bytes, seeds and errors; its rows, texts and drawings are data.
 
 ``<name>.toml`` beside the study says what each figure is, where it stands in the paper and which bar it has, and what
-the page shows; the study measures. `Study.rows`, `Study.table` and `Study.draw` take what it measured, by key.
+the page shows; the study measures. `Study.rows`, `Study.table` and `Study.draw` take what it measured, by key; it is
+kept in a file, from which the page is made, also in another language, without another run.
 """
 
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from plumbob.core import __version__, check
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import write_text
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack
+from plumbob.data.array import PRESETS
 from plumbob.data.recording import Recording
 from plumbob.evaluation.metrics import euler_errors
 from plumbob.files import write
-from plumbob.live.emulated import emulate
+from plumbob.live.emulated import emulate, running_rig
 from plumbob.live.record import record
+from plumbob.live.replay import replay
 from plumbob.live.rigs.rig import columns_for
+from plumbob.live.runner import run_stream
+from plumbob.live.session_toml import load_session
+from plumbob.live.sinks import RecordingSink, TextSink
+from plumbob.live.sources import open_source
+from plumbob.live.stream import Stream
 from plumbob.papers.description import PAPERS, filled
 from plumbob.papers.outcome import Outcome, Paper
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import find_format
+from plumbob.reporting.arm import stick_figure
+from plumbob.reporting.catalogue import start
 from plumbob.reporting.content import COLOURS, MUTED, Both, Scene, Table
 from plumbob.reporting.report import Report
 from plumbob.simulation import Simulation
@@ -36,6 +49,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 ANGLES: Final = ("yaw", "pitch", "roll")
+MOUNTS: Final = PRESETS["arm"]
 _COLUMNS: Final = 900  # points of a line that is drawn; of more, the least and the greatest of each column
 _DASHES: Final = {"dashed": "--", "dotted": ":", "solid": "-", "none": ""}
 
@@ -57,10 +71,17 @@ class PlotCurve(NamedTuple):
     to: Any = None
     label: str = ""
 
-    def draw(self, ax: "Axes") -> None:
-        """Draw it; a long one by its envelope."""
+    def thinned(self) -> "PlotCurve":
+        """It with the points that are drawn: a long line by its envelope."""
         from plumbob.reporting.drawing import envelope
 
+        x, y = np.asarray(self.x, float), np.asarray(self.y, float)
+        if self.to is None and x.size > 2 * _COLUMNS and (np.diff(x) > 0.0).all():
+            x, y = envelope(x, y, _COLUMNS, jump=180.0)
+        return self._replace(x=x, y=y)
+
+    def draw(self, ax: "Axes") -> None:
+        """Draw it."""
         x, y, colour = np.asarray(self.x, float), np.asarray(self.y, float), COLOURS[self.colour]
         if np.ndim(self.to) == 1:
             ax.fill_between(x, y, self.to, color=colour, alpha=0.3, linewidth=0.0, step="post")
@@ -69,8 +90,6 @@ class PlotCurve(NamedTuple):
             ax.text(-0.01, y[0], self.label, transform=ax.get_yaxis_transform(), ha="right", va="center")
         if self.to is not None:
             ax.errorbar(x, y, np.abs(self.to - y), fmt="none", ecolor=colour, capsize=2, linewidth=0.8)
-        if x.size > 2 * _COLUMNS and (np.diff(x) > 0.0).all():
-            x, y = envelope(x, y, _COLUMNS, jump=180.0)
         how: dict[str, Any] = {"linestyle": _DASHES[self.dash], "linewidth": self.width, "marker": self.mark}
         ax.plot(x, y, color=colour, markersize=2.5, solid_capstyle="butt", **how)
 
@@ -91,6 +110,31 @@ def largest(values: Any, axis: int | None = 0) -> Any:
     return np.max(np.abs(values), axis=axis)
 
 
+def plain(value: Any) -> Any:
+    """A value as JSON has it: arrays as lists, a text in two languages as a table of both."""
+    if isinstance(value, Both):
+        return {"en": value[:], "zh": value.zh}
+    if isinstance(value, Mapping):
+        return {name: plain(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+
+def record_line(file: Path) -> Stream:
+    """Run the line of a session until its other end has said everything; all is kept as the session says."""
+    session = load_session(file)
+    assert session.record and session.output.text
+    line, recording = Stream(session), RecordingSink(session, session.record)
+    text = TextSink(session.output.text, session.output.every)
+    run_stream(line, open_source(session.source), sinks=[text], recording=recording, until_lost=True)
+    recording.recorder.close(_DISK)
+    return line
+
+
+_DISK: Final = 120.0  # longest wait for the disk of a busy machine at the end, s
+_STEPS: Final = ("rows", "table", "draw", "scene")  # what a study is told, and its file holds
+_FILE: Final = "study.json"
 _SESSION = """\
 kind = "plumbob session"
 version = 1
@@ -110,13 +154,15 @@ class Taken(NamedTuple):
     `recording`: what its session recorded of its bytes, for `plumbob.read`, `plumbob.replay` and every verb; `truth`:
     what the simulator put into the frames, with the true attitude, for several units that of the first one, beside
     which those of the others are named after the units; `capture`, `session`: the bytes, and the session that says what
-    they mean.
+    they mean; `rig`, `how`: what was emulated.
     """
 
     recording: Path
     truth: Path
     capture: Path
     session: Path
+    rig: str = ""
+    how: Mapping[str, Any] = {}
 
 
 class Study:
@@ -133,8 +179,64 @@ class Study:
         self.name, self.description = name, PAPERS[name]
         self.values: dict[str, Any] = {"seed": seed}
         self.outcomes: dict[str, Outcome] = {}
+        self.made, self.command = "", f"plumbob reproduce {name} --seed {seed}"  # when, and how long it took; by what
+        self.figures: dict[str, Any] = {}
+        self._calls: list[Any] = []
         self._content: dict[str, list[tuple[str, Any]]] = {"table": [], "figure": [], "scene": []}
         self._done = 0
+
+    @classmethod
+    def restored(cls, name: str, folder: Path, seed: int | None = None) -> "Study | None":
+        """What `save` kept in a folder; None where it is not there, of another version, or of another seed."""
+        try:
+            text = (folder / _FILE).read_text(encoding="utf-8")
+            saved = json.loads(text, object_hook=lambda of: Both(**of) if of.keys() == {"en", "zh"} else of)
+        except (OSError, ValueError):
+            return None
+        if saved["version"] != __version__ or seed not in (None, saved["seed"]):
+            return None
+        study = cls(name, folder, saved["seed"])
+        study.values, study.made = saved["values"], saved["made"]
+        for step, args, more in saved["calls"]:
+            getattr(study, check.one_of("a step", step, _STEPS))(*args, **more)
+        return study
+
+    def save(self, made: str) -> None:
+        """Keep what was measured in the study's folder; `made`: when, and how long it took."""
+        self.made = made
+        content = {"version": __version__, "seed": self.seed, "made": made, "values": self.values, "calls": self._calls}
+        write_text(self.folder / _FILE, json.dumps(plain(content), ensure_ascii=False) + "\n", overwrite=True)
+
+    def live(self, taken: Taken, speed: float = 200.0) -> float:
+        """Share of the attitudes of a live line that are those of the same bytes in a file, to the bit, %.
+
+        The rig speaks again, so much faster than time, on a pseudo-terminal; what listens, and what reads the file, is
+        the session of `plumbob start`, which has the paper's method. None counts where a replay is not the live line.
+        """
+        home, words = self.folder / "live", []
+        for name, value in {"seed": self.seed, **taken.how}.items():
+            pairs = [f"{of}={v}" for of, v in value.items()] if isinstance(value, Mapping) else [f"{value}"]
+            words += [word for pair in pairs for word in (f"--{name.replace('_', '-')}", pair)]
+        rows = []
+        with running_rig(taken.rig, *words, "--speed", f"{speed:g}") as port:
+            start(taken.rig, home, port=port, overwrite=True)
+            started = (home / f"{taken.rig}.toml").read_text(encoding="utf-8")
+            head, _, rest = started.partition("[source]\n")
+            serial, _, rest = rest.partition("\n\n")
+            for kind, source in (
+                ("line", f'{serial}\nspeed = {speed:g}\ntime = "count"'),
+                ("file", f'kind = "file"\npath = "../{taken.capture.name}"'),
+            ):
+                recording = home / f"{taken.rig}-{kind}.mcap"
+                text = f"{head}[source]\n{source}\n\n{rest}"
+                text = text.replace(f'"{taken.rig}-{{utc}}', f'"{recording.with_suffix("")}')
+                for suffix in (".mcap", ".txt"):
+                    recording.with_suffix(suffix).unlink(missing_ok=True)
+                record_line(write_text(home / f"{kind}.session.toml", text, overwrite=True))
+                again: Any = replay(recording, check=True)
+                rows.append(again.track.q_nb if again.comparison.equal else again.track.q_nb[:0])
+        line, file = rows
+        return 100.0 * float(np.mean((line == file).all(axis=1))) if line.shape == file.shape and line.size else 0.0
 
     def step(self) -> None:
         """Say that the next of the steps begins that the file lists."""
@@ -155,7 +257,7 @@ class Study:
         """
         files = self._files(name)
         emulate(rig, **{"seed": self.seed, **how}, write=files.capture, truth=files.truth, overwrite=True)
-        return self._record(rig, name, session, text)
+        return self._record(rig, name, session, text)._replace(rig=rig, how=how)
 
     def sent(self, rig: str, name: str, said: Simulation, *, session: str = "", text: Path | None = None) -> Taken:
         """Send the samples of a simulation of your own in the frames of a rig of one unit, and record the bytes.
@@ -171,7 +273,9 @@ class Study:
         return self._record(rig, name, session, text)
 
     def _files(self, name: str) -> Taken:
-        return Taken(*(self.folder / f"{name}{end}" for end in (".mcap", ".truth.parquet", ".bin", ".session.toml")))
+        ends = ".mcap", ".truth.parquet", ".bin", ".session.toml"
+        recording, truth, capture, session = (self.folder / f"{name}{end}" for end in ends)
+        return Taken(recording, truth, capture, session)
 
     def _record(self, rig: str, name: str, session: str, text: Path | None = None) -> Taken:
         """Record the bytes that lie in the folder by a session."""
@@ -188,24 +292,26 @@ class Study:
         """A text of the file."""
         return self.description.text(key, **values)
 
-    def names(self, table: str, **values: Any) -> dict[str, str]:
+    def names(self, table: str, /, **values: Any) -> dict[str, str]:
         """Names of the rows of a table of the file."""
         return {key: filled(name, values) for key, name in self.description.content["table"][table]["names"].items()}
 
     def rows(self, figures: Mapping[str, Any], **more: Any) -> None:
         """Figures by key: by the paper's method, or a pair of that, which may be None, and ours; bars and texts."""
+        self._calls.append(("rows", [figures], more))
         for key, value in figures.items():
-            faithful, best = value if isinstance(value, tuple) else (value, None)
+            faithful, best = value if isinstance(value, list | tuple) else (value, None)
             numbers = {"faithful": None if faithful is None else float(faithful)}
             numbers["best"] = None if best is None else float(best)
-            self.outcomes[key] = self.description.row(key, **numbers, **more)
+            self.outcomes[key] = self.description.row(key, **{**self.values, **more}, **numbers)
 
     def table(self, key: str, rows: Mapping[str, Iterable[Any]] | Sequence[Iterable[Any]], **more: Any) -> None:
         """A table of the page: rows by the names that the file has for them, or with their names as first cells.
 
         Numbers are written by the file's ``form``, one or for each column; NaN is a dash.
         """
-        spec = self.description.content["table"][key]
+        self._calls.append(("table", [key, rows], more))
+        spec, more = self.description.content["table"][key], {**self.values, **more}
         if isinstance(rows, Mapping):
             names = self.names(key, **more)
             rows = [[names[row], *cells] for row, cells in rows.items()]
@@ -220,15 +326,23 @@ class Study:
         cells = [[cell(value, column) for column, value in enumerate(row)] for row in rows]
         self._content["table"].append((spec["part"], self.description.table(key, cells, **more)))
 
-    def draw(self, key: str, *panels: Sequence[PlotCurve], **more: Any) -> None:
+    def draw(self, key: str, *panels: Sequence[Any], **more: Any) -> None:
         """A figure of the page: the curves of each of its axes, which the file describes."""
+        curves = [[PlotCurve(*curve).thinned() for curve in panel] for panel in panels]
+        self._calls.append(("draw", [key, *curves], more))
         spec = self.description.content["figure"][key]
-        figure = self.description.figure(key, _drawing(spec, panels), **more)
+        figure = self.description.figure(key, _drawing(spec, curves), **{**self.values, **more})
+        self.figures[key] = figure = replace(figure, command=filled(spec.get("command", self.command), self.values))
         self._content["figure"].append((spec["part"], figure))
 
-    def scene(self, part: str, scene: Scene) -> None:
-        """A body that moves, in a part of the page."""
-        self._content["scene"].append((part, scene))
+    def scene(self, part: str, scene: Scene | Mapping[str, Any]) -> None:
+        """A body that moves, in a part of the page; a tenth of a millimetre is shown."""
+        of: Any = dict(vars(scene)) if isinstance(scene, Scene) else dict(scene)
+        of["t"], sets = np.round(of["t"], 4), ("points", "values", "shadow")
+        of |= {name: {key: np.round(value, 4) for key, value in dict(of[name]).items()} for name in sets}
+        pairs = {name: list(of[name].items()) for name in sets}  # whose names have their Chinese, as no key of JSON has
+        self._calls.append(("scene", [part, {**of, **pairs}], {}))
+        self._content["scene"].append((part, Scene(**of)))
 
     def paper(self) -> Paper:
         """The page, and every figure in the order of the file."""
@@ -279,4 +393,4 @@ def _drawing(spec: Mapping[str, Any], panels: Sequence[Sequence[PlotCurve]]) -> 
     return draw
 
 
-__all__ = ["ANGLES", "PlotCurve", "Scene", "Study", "Taken", "errors_deg", "largest", "rms"]
+__all__ = ["ANGLES", "MOUNTS", "PlotCurve", "Scene", "Study", "Taken", "errors_deg", "largest", "rms", "stick_figure"]

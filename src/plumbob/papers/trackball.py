@@ -118,20 +118,19 @@ def warm_up(study: Study, coefficient: float, count: int) -> tuple[float, float,
     ways = [pb.filter_rates(test, "moving_average", params=UNFILTERED.params, drift="chen2013") for test in tests]
     warm = {"gyr": np.tile(20.0 * per_k, (2, 1)), "temp_c": np.full(2, 45.0)}
     still = pb.ImuData(t=np.array([0.0, STEP]), **warm, meta=soak.meta)
-    left: Any = [
-        np.mean([way.imu.usable("gyr")[-LAST:] for way in ways]),
-        np.mean(pb.apply_card(card, still).usable("gyr")),
-    ]
+    left: Any = [np.mean([way.imu.usable("gyr")[-LAST:] for way in ways])]
+    left.append(np.mean(pb.apply_card(card, still).usable("gyr")))
     found: Any = card.gyr
     return tuple(pb.units.to_dps(np.array([raw, *left, found.bias_per_k[0, 0]])).tolist())
 
 
-def drift_part(study: Study, parts: int, noise: Any, soak_seconds: float) -> None:
+def drift_part(study: Study, parts: int, noise: Path, soak_seconds: float) -> None:
     """Parts that warm up, and a recorded soak."""
     by_part = {name: warm_up(study, true, parts) for name, true in PARTS.items()}
     for name, (raw, printed, own, _) in by_part.items():
         study.rows({f"drift.raw.{name}": raw, f"drift.left.{name}": (printed, abs(own))})
-    study.rows({"drift.k_t": (None, by_part["a"][3])})
+    turned = 60.0 / 250.0  # of the range, °/s: 0.2 % of it in its middle, nothing at its ends
+    study.rows({"drift.k_t": (None, by_part["a"][3]), "drift.bow": 0.002 * 250.0 * 4.0 * turned * (1.0 - turned)})
     study.table("mean_rate_at", [[f"{PARTS[name]:+.2f}".replace("-", "−"), *of] for name, of in by_part.items()])
     study.step()
     file = study.recorded("trackball", "soak", noise=noise, warm_up="20 K, 600 s", duration=soak_seconds).recording
@@ -139,14 +138,12 @@ def drift_part(study: Study, parts: int, noise: Any, soak_seconds: float) -> Non
         "measured": {}, "printed": {"drift": "chen2013"},
         "own": {"calibration": pb.calibrate(file, "temperature").card},
     }  # fmt: skip
-    rates = {
-        name: pb.filter_rates(file, "moving_average", params=UNFILTERED.params, rest=(0.0, 5.0), **how).imu.usable(
-            "gyr"
-        )
-        for name, how in ways.items()
-    }
-    last = round(0.1 * soak_seconds / STEP)
-    study.table("recorded_soak_of", {name: pb.units.to_dps(of[-last:].mean(axis=0)) for name, of in rates.items()})
+    last, means = round(0.1 * soak_seconds / STEP), {}
+    made: dict[str, Any] = {"params": UNFILTERED.params, "rest": (0.0, 5.0)}
+    for name, how in ways.items():
+        rate = pb.filter_rates(file, "moving_average", **made, **how).imu.usable("gyr")
+        means[name] = pb.units.to_dps(rate[-last:].mean(axis=0))
+    study.table("recorded_soak_of", means)
 
 
 def factors(taus: Iterable[float]) -> list[int]:
@@ -171,25 +168,19 @@ def ratios(records: Iterable[tuple[Any, Any]], taus: Sequence[float]) -> tuple[A
     return np.mean(after, axis=0) / raw, np.sqrt(raw[2:])
 
 
-def rest_part(study: Study, noise: Any) -> None:
+def rest_part(study: Study, noise: Path) -> None:
     """The recorded static test: Figures 1 and 2, the random sequence of x before and after the filter."""
     file = study.recorded("trackball", "static", noise=noise).recording
     raw: Any = pb.read(file).imu
-    ways = (UNFILTERED, scalar(AT_REST), TWO_STATES)
-    before, after, best = (
-        pb.filter_rates(file, way.filter, params=way.params, drift="chen2013", rest=(0.0, REST)).imu.usable("gyr")[:, 0]
-        for way in ways
-    )
-    to_dps = pb.units.to_dps
-    study.rows(
-        {"rest.before": to_dps(before.std()), "rest.after": (to_dps(after.std()), to_dps(best.std()))}, at_rest=AT_REST
-    )
-    constant = ", ".join(f"{value:.2f}".replace("-", "−") for value in to_dps(raw.gyr.mean(axis=0)))
-    study.values.update(constant=constant, at_rest=AT_REST, in_motion=IN_MOTION)
+    to_dps, rates = pb.units.to_dps, []
+    for way in (UNFILTERED, scalar(AT_REST), TWO_STATES):
+        made = pb.filter_rates(file, way.filter, params=way.params, drift="chen2013", rest=(0.0, REST))
+        rates.append(made.imu.usable("gyr")[:, 0])
+    before, after, best = rates
+    study.rows({"rest.before": to_dps(before.std()), "rest.after": (to_dps(after.std()), to_dps(best.std()))})
+    study.values["constant"] = ", ".join(f"{v:.2f}".replace("-", "−") for v in to_dps(raw.gyr.mean(axis=0)))
     study.draw("figure_1", [PlotCurve(raw.t, to_dps(before))])
-    study.draw(
-        "figure_2", [PlotCurve(raw.t, to_dps(best), "green"), PlotCurve(raw.t, to_dps(after), "red")], at_rest=AT_REST
-    )
+    study.draw("figure_2", [PlotCurve(raw.t, to_dps(best), "green"), PlotCurve(raw.t, to_dps(after), "red")])
     compared = [pb.noise.curve(of, STEP, np.array(factors(TAUS))) for of in (before, after)]
     study.values["curves"] = [
         PlotCurve(TAUS, to_dps(of.dev), colour, dash, mark="o", to=to_dps(np.array([of.lo, of.hi])))
@@ -214,44 +205,34 @@ def statistics_part(study: Study, seeds: Mapping[str, int], long_seconds: float)
     terms = pb.noise.analyse(np.ascontiguousarray(hours[0][1][:, 0]), STEP).terms
     row, adev, long_adev = RATIOS.index(AT_REST), np.sqrt(short[:, 2:]), np.sqrt(long[:, 2:])
     n, b = 60.0 * pb.units.to_deg(terms["N"].value), 3600.0 * pb.units.to_deg(terms["B"].value)
-    study.rows(
-        {
-            **{f"rest.variance.q{-round(math.log10(q))}": white[k] / theory[k] for k, q in enumerate(RATIOS)},
-            **{f"allan.ratio.{tau:g}": adev[row, k] for k, tau in enumerate(TAUS)},
-            "allan.scatter": single[:, -1].std() / single[:, -1].mean(),
-            **{f"allan.long.{tau:g}": long_adev[row, LONG_TAUS.index(tau)] for tau in (100.0, 600.0)},
-            "allan.angle": math.sqrt(short[row, 1]),
-            "fit.negative": 100.0 * np.mean((plain < 0.0).any(axis=0)),
-            "noise.white": (None, n),
-            "noise.flicker": (None, b),
-        },
-        at_rest=AT_REST, **seeds,
-    )  # fmt: skip
-    study.values.update(
-        adev=100 * long_adev[row, 3], scatter=study.outcomes["allan.scatter"].faithful, white_n=n, flicker=b
-    )
-    cells = [
-        [f"{q:g}", gain(q), theory[k], white[k], short[k, 0], math.sqrt(short[k, 1])] for k, q in enumerate(RATIOS)
-    ]
-    study.table("at_rest_samples", cells, samples=SAMPLES)
+    study.rows({
+        **{f"rest.variance.q{-round(math.log10(q))}": white[k] / theory[k] for k, q in enumerate(RATIOS)},
+        **{f"allan.ratio.{tau:g}": adev[row, k] for k, tau in enumerate(TAUS)},
+        "allan.scatter": single[:, -1].std() / single[:, -1].mean(),
+        **{f"allan.long.{tau:g}": long_adev[row, LONG_TAUS.index(tau)] for tau in (100.0, 600.0)},
+        "allan.angle": math.sqrt(short[row, 1]),
+        "fit.negative": 100.0 * np.mean((plain < 0.0).any(axis=0)),
+        "noise.white": (None, n),
+        "noise.flicker": (None, b),
+    })  # fmt: skip
+    scatter = study.outcomes["allan.scatter"].faithful
+    study.values.update(adev=100 * long_adev[row, 3], scatter=scatter, white_n=n, flicker=b)
+    columns = (map(gain, RATIOS), theory, white, short[:, 0], np.sqrt(short[:, 1]))
+    study.table("at_rest_samples", [[f"{q:g}", *of] for q, *of in zip(RATIOS, *columns, strict=True)], samples=SAMPLES)
     for name, ratio, dev in (("allan_short", adev, before), ("allan_long", long_adev, long_before)):
-        cells = [
-            [study.text("before_s"), *pb.units.to_dps(dev)],
-            *([f"Q/R = {q:g}", *ratio[k]] for k, q in enumerate(RATIOS)),
-        ]
-        study.table(name, cells)
+        rows = [[f"Q/R = {q:g}", *ratio[k]] for k, q in enumerate(RATIOS)]
+        study.table(name, [[study.text("before_s"), *pb.units.to_dps(dev)], *rows])
     colours = ("sky", "amber", "red", "pink", "olive")
     by_ratio = [PlotCurve(TAUS, adev[k], colour, mark="o") for k, colour in enumerate(colours)]
-    study.draw("figure_3", study.values.pop("curves"), by_ratio, at_rest=AT_REST)
+    study.draw("figure_3", study.values.pop("curves"), by_ratio)
 
 
 def white_left(seed: int, duration: float = 10_000.0) -> Any:
     """Share (k,) of the variance of white noise that each filter leaves once it has settled, to 1 %."""
     t, rate = at_rest(seed, duration, flicker=np.zeros(3))
     settled = {q: math.ceil(5.0 / gain(q)) for q in RATIOS}
-    return np.array([np.mean(scalar(q).smooth(t, rate)[start:] ** 2) for q, start in settled.items()]) / np.mean(
-        rate**2
-    )
+    squares_of = [np.mean(scalar(q).smooth(t, rate)[start:] ** 2) for q, start in settled.items()]
+    return np.array(squares_of) / np.mean(rate**2)
 
 
 def turn_table(seed: int, scale: float) -> tuple[Any, Any, Any, Any]:
@@ -309,23 +290,18 @@ def turntable_part(study: Study, count: int, gains: Sequence[float]) -> None:
     k, least = best_gain(study, count, gains)
     filtered, two, removed = rows[f"scalar {IN_MOTION:g}"], rows["two states"], rows["unfiltered"]
     names = ("ramp.rms", "hold.rms", "hold.late", "ramp.mean", "hold.mean", "ramp.angle")
-    study.rows(
-        {
-            "ramp.removed": removed[0],
-            **{name: (filtered[i], two[i]) for i, name in enumerate(names)},
-            **{f"ramp.lag.q{-round(math.log10(q))}": rows[f"scalar {q:g}"][6] for q in RATIOS[:4]},
-            "ramp.lag": (None, two[6]),
-            "ramp.gain": least,
-            "ramp.misled": wrong[f"scalar {IN_MOTION:g}"][0],
-            "drift.gain": (wrong[f"scalar {IN_MOTION:g}"][4], study.values["held"]),
-        },
-        in_motion=IN_MOTION, ramp_rms=rows["measured"][0], removed_ramp_rms=removed[0], table=count,
-    )  # fmt: skip
+    study.rows({
+        "ramp.removed": removed[0],
+        **{name: (filtered[i], two[i]) for i, name in enumerate(names)},
+        **{f"ramp.lag.q{-round(math.log10(q))}": rows[f"scalar {q:g}"][6] for q in RATIOS[:4]},
+        "ramp.lag": (None, two[6]),
+        "ramp.gain": least,
+        "ramp.misled": wrong[f"scalar {IN_MOTION:g}"][0],
+        "drift.gain": (wrong[f"scalar {IN_MOTION:g}"][4], study.values["held"]),
+    }, ramp_rms=rows["measured"][0], removed_ramp_rms=removed[0])  # fmt: skip
     study.values.update(gain=k, run_gain=least)
-    lags = {
-        "measured": math.nan,
-        **{name: pb.units.to_deg(SLOPE) * STEP * late for name, (_, late) in on_table().items()},
-    }
+    lags = {name: pb.units.to_deg(SLOPE) * STEP * late for name, (_, late) in on_table().items()}
+    lags["measured"] = math.nan
     for scale, by in (("right", rows), ("wrong", wrong)):
         study.table(f"turntable_{scale}", {name: [*of[:5], of[6], lags[name], of[5]] for name, of in by.items()})
 
@@ -337,7 +313,7 @@ def filtered_rates(file: Path, name: str, card: Path) -> Any:
     return pb.filter_rates(file, way.filter, params=way.params, rest=(0.0, REST), **how)
 
 
-def recorded_part(study: Study, noise: Any) -> None:
+def recorded_part(study: Study, noise: Path) -> None:
     """The recorded turntable and the recorded ball, with the card of a rate table."""
     to_dps, to_deg = pb.units.to_dps, pb.units.to_deg
     study.step()
@@ -359,13 +335,11 @@ def recorded_part(study: Study, noise: Any) -> None:
         track: Any = pb.estimate(by_line[name].recording, "integrate", frame="NED", init="level").track
         heading[name] = to_deg(np.unwrap(track.yaw) - np.unwrap(truth.yaw))[begin]
     ends = [abs(heading[name][SAMPLES - 1]) for name in ("calibrated, paper's filter", "calibrated")]
-    study.rows(
-        {
-            "bytes.ramp": (rms(error["paper"][:SAMPLES]), rms(error["best"][:SAMPLES])),
-            "bytes.hold": (rms(error["paper"][SAMPLES:]), rms(error["best"][SAMPLES:])),
-            "bytes.heading": tuple(ends),
-        }
-    )
+    study.rows({
+        "bytes.ramp": (rms(error["paper"][:SAMPLES]), rms(error["best"][:SAMPLES])),
+        "bytes.hold": (rms(error["paper"][SAMPLES:]), rms(error["best"][SAMPLES:])),
+        "bytes.heading": tuple(ends),
+    })  # fmt: skip
     study.values.update(behind=ends[0], calibrated=ends[1], held=abs(error["best"][SAMPLES:].mean()))
     raw = to_dps(imu.gyr[begin, 2])
     for key, part in (("figure_4", slice(0, SAMPLES)), ("figure_5", slice(SAMPLES, 2 * SAMPLES))):
@@ -378,7 +352,9 @@ def recorded_part(study: Study, noise: Any) -> None:
     panels = ([PlotCurve(t, of[name], colour) for name, colour in lines.items()] for of in (mean, heading))
     study.draw("lag_of_the", *panels)
     study.step()
-    ball_part(study, study.recorded("trackball", "ball", noise=noise, scenario="ball", set={"lead": REST}), card)
+    taken = study.recorded("trackball", "ball", noise=noise, scenario="ball", set={"lead": REST})
+    study.rows({"live.same": study.live(taken)})
+    ball_part(study, taken, card)
 
 
 def angle_between(one: Any, other: Any) -> Any:
@@ -395,13 +371,11 @@ def ball_part(study: Study, taken: Any, card: Path) -> None:
     def touching(track: Any) -> Any:
         return pb.rotations.quat_rotate(pb.rotations.quat_conjugate(track.q_nb[begin]), np.array([0.0, 0.0, 1.0]))
 
-    given = {"measured": taken.recording} | {
-        name: filtered_rates(taken.recording, name, card).recording for name in LINES
-    }
-    tracks = {"true": touching(truth)} | {
-        name: touching(pb.estimate(rates, "integrate", frame="NED", init="level").track)
-        for name, rates in given.items()
-    }
+    given = {"measured": taken.recording}
+    given |= {name: filtered_rates(taken.recording, name, card).recording for name in LINES}
+    tracks = {"true": touching(truth)}
+    for name, rates in given.items():
+        tracks[name] = touching(pb.estimate(rates, "integrate", frame="NED", init="level").track)
     away = {name: angle_between(track, tracks["true"]) for name, track in tracks.items()}
     study.rows({"ball.track": (rms(away["paper"]), rms(away["calibrated"]))})
     study.table("error_of_the", {name: [rms(away[name]), away[name].max(), away[name][-1]] for name in given})
@@ -433,8 +407,9 @@ def measure(
     gains: Sequence[float] = GAINS,
 ) -> None:  # fmt: skip
     """Measure every figure of the paper."""
-    noise = simulate_unit(0, STEP * 2, flicker=np.full(3, FLICKER)).noise
-    study.values.update(seeds)
+    noise = study.folder / "noise.json"
+    simulate_unit(0, STEP * 2, flicker=np.full(3, FLICKER)).noise.save(noise, overwrite=True)
+    study.values.update(seeds, at_rest=AT_REST, in_motion=IN_MOTION)
     study.step()
     drift_part(study, seeds["part"], noise, soak_seconds)
     study.step()

@@ -137,14 +137,11 @@ class Figure:
     # names of lines, their colours, and "solid", "dashed", "dotted" or "block"
     key: Sequence[tuple[str, str, str]] = ()
     height: float = 2.4  # inches
+    command: str = ""  # that makes what is drawn, on a page only
 
 
 _FRAMES: Final = 1500
-
-
 _RATE: Final = 30.0  # frames per second, which look smooth
-
-
 _DIGITS: Final = 4  # of lengths in m: a tenth of a millimetre
 
 

@@ -95,18 +95,13 @@ def sets_of(array: ImuArray) -> Sets:
     if len(names) != 6:
         raise ShapeError(f"the paper's array has six units, but this one has {len(names)}.")
     plus, minus, parity = {}, {}, {}
-    for axis in range(3):
-        for name, sign in ((names[axis], 1.0), (names[axis + 3], -1.0)):
-            if not sign * array.mounts[name].dcm[axis, axis] > 0.999:
-                raise ShapeError(
-                    f"axis {'xyz'[axis]} of unit '{name}' must point along {'-+'[sign > 0]}{'xyz'[axis]} of the body; "
-                    "turn its mount."
-                )
+    for k, name in enumerate(names):
+        axis, place = k % 3, f"{'+-'[k > 2]}{'xyz'[k % 3]}"
+        if not (1.0 - 2.0 * (k > 2)) * array.mounts[name].dcm[axis, axis] > 0.999:
+            raise ShapeError(f"axis {place[1]} of unit '{name}' must point along {place} of the body; turn its mount.")
     for triad in TRIADS:
-        high, low = (
-            np.stack([axis_values(array.units[names[axis + at]], triad)[:, axis] for axis in range(3)], axis=1)
-            for at in (0, 3)
-        )
+        rows = [axis_values(array.units[name], triad)[:, k % 3] for k, name in enumerate(names)]
+        high, low = np.stack(rows[:3], axis=1), np.stack(rows[3:], axis=1)
         plus[triad], minus[triad], parity[triad] = high, -low, 0.5 * (high + low)
     return Sets(plus, minus, parity)
 
@@ -328,7 +323,7 @@ class ArrayFilter:
         )
 
 
-def paper(
+def teaching_arm(
     array: ImuArray, *, frame: Frame | str, scheme: Scheme | None = None, start: Floats | None = None
 ) -> AttitudeTrack:
     """Attitude of the teaching-arm paper's array of six units, by its own scheme or one with other switches.
