@@ -559,7 +559,7 @@ def test_blanks_where_another_sensor_has_its_row(tmp_path):
 
 
 def test_several_samples_in_a_line_and_a_toml_of_another_kind_are_refused(tmp_path):
-    line = '{"t":1,"acc":[{"x":0.1,"y":0.2,"z":9.8},{"x":0.1,"y":0.2,"z":9.7}]}\n'
+    line = '{"t":1,"acc":[{"x":0.1,"y":0.2,"z":9.8},{"x":0.1,"y":0.2,"z":9.7}],"gyr":[{"x":0,"y":0,"z":0}]}\n'
     (tmp_path / "a.jsonl").write_text(line * 9)
     refused(plumbob.profile, tmp_path / "a.jsonl", match="holds several samples: .*Write a row for each sample")
     path = tmp_path / "arm.csv"

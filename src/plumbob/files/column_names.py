@@ -6,6 +6,7 @@ unit of another quantity than the words say makes a column nothing that is used.
 
 import re
 import tomllib
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -59,7 +60,7 @@ class ColumnName:
     def sensor(self) -> str:
         """``gyr``, ``acc``, ``mag``, ``linear`` for acceleration without gravity, ``other``, or empty if unknown."""
         of = [kind for kind in _ALL if self.unit_as(kind)]
-        by_word = _by_word(self.base)
+        by_word = _by_word(re.sub(r"\btotal\b ?", "", self.base) if self.axis else self.base)  # with gravity
         if by_word in QUANTITY_BY_TRIAD:
             fits = not of or QUANTITY_BY_TRIAD[by_word] in of
             return by_word if fits and (of or not self.stated or _may_be_counts(self.unit)) else "other"
@@ -74,9 +75,9 @@ class ColumnName:
 
     @property
     def by_unit(self) -> str:
-        """Sensor whose unit is stated, where there is an axis and the words are not known."""
+        """Sensor whose unit is said, where there is an axis and the words are not known."""
         triads = {name for name, kind in QUANTITY_BY_TRIAD.items() if self.unit_as(kind)}
-        return triads.pop() if self.axis and self.stated and not self.sensor and len(triads) == 1 else ""
+        return triads.pop() if self.axis and not self.sensor and len(triads) == 1 else ""
 
     @property
     def is_time(self) -> bool:
@@ -147,6 +148,8 @@ _INDEX: Final = r"([\dxyzwXYZ])(?:[ -]?axis)?"
 def taken_apart(name: str, unit: str = "") -> ColumnName:
     """Take a name apart, which pandas may write as ``('acc', 'x')``; `unit` is what a row of units has below it."""
     name = " ".join(re.findall("'(.*?)'", name)) if name.startswith("('") else name
+    if beside := re.match(r'"?([^"|]+)"?\|"?([^"|]*)"?\|', name):  # and its unit, range and rate
+        name, unit = beside[1], unit or beside[2]
     index = re.findall(rf"[\[(]{_INDEX}[\])]", name)
     brackets = [text for text in _BRACKETS.findall(name) if not re.fullmatch(_INDEX, text)]
     inner = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", unit)
@@ -156,10 +159,13 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
     said = next(filter(is_unit, texts), texts[0] if texts else "")
     stated = (inner[1] if inner else unit.strip() or said).strip()
     stated = re.sub(r":(double|float|u?int)\d*$", "", stated)  # of a type, no word
-    stated = "" if re.fullmatch(r"x[0-9A-Fa-f]{4}", stated) else stated
+    stated = "" if re.fullmatch(r"x[0-9A-Fa-f]{4}", stated) else re.sub(r"^c(enti)?(?=deg)", "0.01 ", stated)
     stated, scale = _scaled(stated)
     plain = plain[: tail.start()] if tail else plain
     plain = re.sub("[µμ]", "u", plain.replace("²", "2").replace("°", "deg"))
+    plain = _MARKED.sub(
+        lambda letter: _BARE_LETTERS.get(letter[0]) or unicodedata.normalize("NFD", letter[0])[0], plain
+    )
     words = [word.lower() for word in _WORD.findall(plain)]
     suffix = ""
     if len(words) > 1 and words[-1] in {"lsb", "raw", "counts", "adc"}:
@@ -173,9 +179,13 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
                 break
     if not stated and not suffix and words and canonical(time := _SUFFIXES.get(words[-1], ""), Quantity.TIME):
         suffix = time
-    base, axis = _split_axis(words)
-    axis = index[-1].lower() if index and not axis else axis
+    in_words = not index or not {*"xyz"}.isdisjoint(words)
+    base, axis = _split_axis(words) if in_words else (" ".join(words), index[-1].lower())
     return ColumnName(base, axis, stated or suffix, bool(stated), scale)
+
+
+_MARKED: Final = re.compile("[À-ÖØ-öø-ɏẠ-ỹ]")  # Latin letters with marks
+_BARE_LETTERS: Final = {"ı": "i", "ł": "l", "Ł": "L", "ø": "o", "Ø": "O", "đ": "d"}  # of those that do not come apart
 
 
 def is_unit(text: str) -> bool:

@@ -45,6 +45,7 @@ _STAMP: Final = re.compile(
     rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:[T_-]| +))?{_CLOCK} *(?:{_ZONE}|(?-i:[A-Z]{{3,4}}))?", re.IGNORECASE
 )
 _BASIC: Final = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-](\d\d)(\d\d)(\d\d)(?!\d)")
+_ORDINAL: Final = re.compile(r"^(?:(\d{4})[-:/ ])?([0-3]\d\d)[T:/ ](?=\d\d:\d\d:\d\d(?!\d))")
 _WORDED: Final = re.compile(
     rf"(?:[a-z]{{3,9}},? )?(?P<month>{_MONTH}) +(?P<day>\d{{1,2}}),? +"
     r"(?:(?P<year>\d{4}),? +(?P<clock>.+)|(?P<inner>\S+(?: [ap]m)?(?: \S+)?) +(?P<last>\d{4}))",
@@ -73,12 +74,18 @@ def is_time_of_day(cell: str) -> bool:
 
 def _matched(cell: str) -> re.Match[str] | None:
     """A cell taken apart; of the basic form, as 20240501T123005 or 123005.25, or with words, as of the extended one."""
-    cell = _DIGITS.sub(r"\1:\2:\3", cell.strip())
+    cell = _ORDINAL.sub(_day_of_year, _DIGITS.sub(r"\1:\2:\3", cell.strip()))
     if cell[:1].isalpha() and (said := _WORDED.fullmatch(cell)):
         clock = said["clock"] or said["inner"]
         cell = f"{said['day']}-{said['month']}-{said['year'] or said['last']} {clock}"
     cell = re.sub(r"^[^\W\d_]{2,9}\.?,? (?=\d)| \(.*\)$", "", cell)  # of the day of the week, and of a zone
     return _STAMP.fullmatch(_BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell, count=1))
+
+
+def _day_of_year(date_: re.Match[str]) -> str:
+    """Date of a day of the year, or days that are counted where the year is not said."""
+    year, day = date_[1], int(date_[2])
+    return f"{date.fromordinal(date(int(year), 1, 1).toordinal() + day - 1)} " if year and day else f"{day} days "
 
 
 def has_zone(cell: str) -> bool:

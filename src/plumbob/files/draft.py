@@ -239,12 +239,14 @@ def _by_sensor(sample: Sample, answers: Mapping[str, Any]) -> list[Sample]:
         return [sample, *sample.others]
     parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
     values = [i for i, part in enumerate(parts) if part.axis and not (part.sensor or part.by_unit)]
-    values = values if any(sample.names) else list(range(sample.width))[-3:]
+    numeric = [i for i in range(sample.width) if np.isfinite(sample.numbers(i)).any()]
+    values = values if any(sample.names) else numeric[-3:]
     for i in range(sample.width) if len(values) == len("xyz") else ():
         words = dict.fromkeys(sample.cells(i))
         if len(words) > _MOST_SENSORS:
             continue
         units = _android_units(sample, i, values) if i not in values else {}
+        units = units or {word: (sensor, word) for word in words if (sensor := _measured_in(word))}
         axes = [word for word in words if taken_apart(word).axis in {*"xyz"} and taken_apart(word).sensor]
         if len(axes) >= len("xyz"):
             raise DecodeError(f"a row holds several samples of an axis: {', '.join(axes)}. Write a row for each.")
@@ -258,6 +260,11 @@ def _by_sensor(sample: Sample, answers: Mapping[str, Any]) -> list[Sample]:
                 for word, sensor in sensors.items()
             ]
     return []
+
+
+def _measured_in(word: str) -> str:
+    """Sensor that a unit behind a row is of; empty for another word."""
+    return next((name for name, kind in QUANTITY_BY_TRIAD.items() if canonical(word, kind)), "")
 
 
 def _matching_rows(sample: Sample, column: int, word: str) -> Sample:
@@ -524,7 +531,7 @@ class _DraftWriter:
         named = is_file_of_it or (bool(part.axis) and bool(part.sensor or part.by_unit))
         by = "by their names" if named else "by their size or turning; [] if they are none"
         turns = name == "gyr" and data.turns[1] is not None and data.turns[1].tells
-        sure = named or turns or data.is_sure_by_size()
+        sure = named or (turns and not data.is_dealt_anew) or data.is_sure_by_size()
         sure = sure and (named or name != "mag" or min(map(data.spread, data.triads.values())) > TURNED)
         self._set("columns", data.refs(columns), f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
         if name == "acc" and data.plus:

@@ -116,13 +116,13 @@ class ColumnEvidence:
         refs = answers.get("reference.columns", ())
         angles |= {name: self._place("reference.columns", ref) for name, ref in zip(ANGLES, refs, strict=False)}
         self.angles = () if self.quaternion or len(angles) < len(ANGLES) else tuple(angles[name] for name in ANGLES)
+        self.is_dealt_anew = False  # whether answers contradict how columns without names were dealt out
         self.plus: tuple[int, ...] = ()  # columns that are added to the accelerometer's
         # angles and unit quaternions whose order nothing says
         self._unordered = {i for i, name in enumerate(self.names) if not sample.names and name.startswith("angle")}
         self.triads = self._named_triads() or (self._sized_triads() if self._is_nameless() else {})
-        self.triads = {name: of for name, of in (self.triads | self._answered_triads()).items() if of}
-        if "acc.plus" in self.answers and "acc" in self.triads and not self.plus:
-            self._add(self.triads["acc"], tuple(self._place("acc.plus", ref) for ref in self.answers["acc.plus"]))
+        self.triads = {name: of for name, of in self._answered_triads().items() if of}
+        self._add_answered()
         heat = [i for i in self.free() if TEMPERATURE.fullmatch(self.parts[i].base)]
         said = [i for i in heat if "temperature.unit" in answers or self.parts[i].unit_as(Quantity.TEMPERATURE)]
         self.temperature = next((i for i in heat if i in said or self.usual_degc(i).unit), None)
@@ -150,7 +150,10 @@ class ColumnEvidence:
         return places[0]
 
     def _answered_triads(self) -> dict[str, tuple[int, ...]]:
-        """Triads whose columns are answered; an empty list leaves one out, and of nameless columns no other is left."""
+        """Triads whose columns are answered; an empty list leaves one out.
+
+        Of nameless columns, those that others would have had are dealt out anew, and are asked.
+        """
         keys = {name: f"{name}.columns" for name in TRIADS}
         answered = {
             name: tuple(self._place(key, ref) for ref in self.answers[key])
@@ -158,8 +161,11 @@ class ColumnEvidence:
             if key in self.answers and (name in self.triads or not self.stream)
         }
         is_other = any(of and of != self.triads.get(name) for name, of in answered.items())
-        others = set(self.triads) - set(answered) if is_other and self._is_nameless() else set()
-        return dict.fromkeys(others, ()) | answered
+        if not (is_other and self._is_nameless()):
+            return self.triads | answered
+        self.triads, self.is_dealt_anew = answered, True
+        self._add_answered()
+        return self._sized_triads() | answered
 
     def _time_columns(self) -> tuple[int, ...]:
         """Columns of time: stamps, or numbers that rise from row to row; those with a unit and a name come first."""
@@ -300,6 +306,11 @@ class ColumnEvidence:
                     return triads | {"acc": (i, i + 1, i + 2)}
         return triads
 
+    def _add_answered(self) -> None:
+        """Add the columns that an answer names."""
+        if "acc.plus" in self.answers and self.triads.get("acc") and not self.plus:
+            self._add(self.triads["acc"], tuple(self._place("acc.plus", ref) for ref in self.answers["acc.plus"]))
+
     def _add(self, acc: Sequence[int], plus: tuple[int, ...]) -> None:
         """Add columns to those of the accelerometer."""
         self.plus = plus
@@ -382,8 +393,10 @@ class ColumnEvidence:
             is_field = field_unit(size).unit and np.ptp(self.vectors(three), axis=0).all()
             triads = ({"acc": three} if at_rest else {"mag": three} if is_field else {}) | triads
         others = [three for three in threes if three not in triads.values()]
-        turning = self._turning(others, self.vectors(triads["acc"])) if "acc" in triads and len(others) > 1 else []
-        names = [name for name in ("gyr", "acc", "mag") if name not in triads]
+        acc = self.triads.get("acc") or triads.get("acc")
+        turning = self._turning(others, self.vectors(acc)) if acc and len(others) > 1 else []
+        names = [name for name in ("gyr", "acc", "mag") if name not in triads | self.triads]
+        names = [name for name in names if name != "mag"] if self.is_dealt_anew else names  # a field has its size
         return triads | dict(zip(names, sorted(others, key=lambda three: three not in turning), strict=False))
 
     def _require_one_unit(self, columns: Sequence[int]) -> None:
@@ -441,7 +454,7 @@ class ColumnEvidence:
     def is_sure_by_size(self) -> bool:
         """Whether triads without names are surely these: gravity, perhaps the Earth's field, one that is neither."""
         acc, mag, gyr = (self.triads.get(name) for name in ("acc", "mag", "gyr"))
-        if acc is None or len(self._varying()) >= len("xyz"):
+        if acc is None or self.is_dealt_anew or len(self._varying()) >= len("xyz"):
             return False
         is_normal = bool(np.ptp(self._norms(acc)) < 1e-3 * self.size(acc))  # directions, which no sensor measures
         steady = self._has_gravity(acc) and not (self._steady(gyr) if gyr else is_normal)

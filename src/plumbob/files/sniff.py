@@ -30,6 +30,7 @@ from plumbob.files.text_table import (
     LEFT_OUT_MOST,
     NUMBER,
     TOKEN,
+    all_words,
     among_words,
     are_objects,
     cells_apart,
@@ -149,7 +150,13 @@ def read_sample(path: Path) -> Sample:
         if is_known and 4 * table.readable > 3 * len(table.rows) * len(table.rows[0]):
             named.append(table)
     best = max(named or tables, key=lambda table: table.score, default=_SniffedTable(",", ".", 0, [], 0, []))
-    if not named and (kinds := _worded(lines, encoding)):
+    try:
+        kinds = [] if named else _worded(lines, encoding)
+    except DecodeError:
+        if 2 * len(best.rows) < sum(map(bool, map(str.strip, tried))):  # a table may have what lines of words lack
+            raise
+        kinds = []
+    if kinds:
         return replace(kinds[0], others=tuple(kinds[1:]))
     if len(best.rows) < FEWEST:
         first = next((line for line in lines if line.strip()), "")
@@ -271,29 +278,35 @@ def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
     counts = Counter(text for text in tried if text.count("#") > 1).most_common(_MOST_KINDS)
     kinds = [text for text, count in counts if 2 * count > counts[0][1] or text[0] in "$#!"]
     labelled = all(_is_among_words(text.split("#")) for text in kinds)
-    if not kinds or not labelled or sum(count for text, count in counts if text in kinds) < 0.5 * len(tried):
+    covered, several = sum(tried.count(text) for text in kinds), sum(text.count("#") > 1 for text in tried)
+    if not kinds or not labelled or covered < max(0.5 * several, 0.25 * len(tried)):
         return []
-    samples: list[Sample] = []
-    for text in kinds:
-        body = bodies[tried.index(text)]
-        width, word = len(among_words(body)), among_words(body)[-1]
-        rows = [row for row in map(among_words, bodies) if len(row) == width and row[-1] == word]
-        where = (width, word) if word and tried.count(text) < len(tried) else ()
-        checked = all(
-            line != plain for line, plain in zip(lines, bodies, strict=True) if among_words(plain)[-1] == word
-        )
-        layout = TextLayout(" ", encoding=encoding, names=False, words=True, where=where, checksum=checked)
-        names, units = _fields(word.strip("$#!"), width - 1, lines) or _labels(TOKEN.split(body))
-        if "x" in names[names.index("z") + 1 if "z" in names else len(names) :]:
-            raise DecodeError(f"a line holds several samples: {excerpt(body)}. Write a row for each sample.")
-        sample = Sample(layout, names, units, by_name=False, rows=rows, facts={})
-        alike = [other for other in samples if other.layout == layout]
-        if any((other.names, other.units) != (names, units) for other in alike):
-            raise DecodeError(
-                f"lines of several sensors begin alike, as {excerpt(body)}. Write what they measure into each."
-            )
-        samples += [] if alike or len(rows) < FEWEST else [sample]
-    return [sample for sample in samples if sample.names] or samples
+    firsts = [bodies[tried.index(text)] for text in kinds]
+    is_alone = sum(map(tried.count, kinds)) == len(tried) and len(kinds) == 1
+    for mark_of in (_first_word, all_words):  # the latter where lines of several sensors begin alike
+        marks, samples = [*map(mark_of, bodies)], list[Sample]()
+        for body in firsts:
+            mark, width = marks[bodies.index(body)], len(among_words(body))
+            of_kind = [i for i, word in enumerate(marks) if word == mark]
+            where = (width, mark) if mark and not is_alone else ()
+            checked = all(lines[i] != bodies[i] for i in of_kind)
+            layout = TextLayout(" ", encoding=encoding, names=False, words=True, where=where, checksum=checked)
+            names, units = _fields(_first_word(body).strip("$#!"), width - 1, lines) or _labels(TOKEN.split(body))
+            if "x" in names[names.index("z") + 1 if "z" in names else len(names) :]:
+                raise DecodeError(f"a line holds several samples: {excerpt(body)}. Write a row for each sample.")
+            rows = [row for i in of_kind if len(row := among_words(bodies[i])) == width]
+            sample = Sample(layout, names, units, by_name=False, rows=rows, facts={})
+            alike = [other for other in samples if other.layout == layout]
+            if any((other.names, other.units) != (names, units) for other in alike):
+                break
+            samples += [] if alike or len(rows) < FEWEST else [sample]
+        else:
+            return [sample for sample in samples if sample.names] or samples
+    raise DecodeError(f"lines of several sensors begin alike, as {excerpt(body)}. Write what they measure into each.")
+
+
+def _first_word(row: str) -> str:
+    return among_words(row)[-1]
 
 
 def _fields(word: str, width: int, lines: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
@@ -333,6 +346,8 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         bare = " ".join(word.split()[-len(other.split()) :]) if other else word
         if (part := taken_apart(bare)).is_time or (part.sensor and part.base == taken_apart(other).base):
             words[i] = bare
+        elif not i and not part.sensor and taken_apart(word.split()[-1] if word else "").is_time:
+            words[i] = word.split()[-1]
     for word in words[:-1]:
         axis = (len("xyz") if taken_apart(word).axis else 0) if word else axis + 1
         names.append(word or ("xyz"[axis] if any(names) and axis < 3 else ""))
@@ -433,6 +448,7 @@ def _known_cells(cells: Sequence[str], separator: str, decimal: str) -> int:
     numbers = sum((number(cell) or groups(cell)) is not None or _numbers_in(cell, decimal) for cell in said)
     readable = numbers + sum(cell in MISSING or is_clocklike(cell) for cell in said)
     is_row = numbers >= 1 and 2 * readable >= len(said) and readable + len(cells) - len(said) >= 2
+    is_row = is_row or (separator != " " and numbers > 1 and 3 * readable >= len(said))  # a number among its names
     return readable + len(cells) - len(said) if is_row else 0
 
 
@@ -450,13 +466,15 @@ def _forms(table: _SniffedTable, names: Sequence[str]) -> tuple[str, ...]:
     for column, name in zip(zip(*table.rows[:TRIED], strict=True), (*names, *[""] * len(table.rows[0])), strict=False):
         said = [cell.strip() for cell in column if cell.strip() not in {*MISSING, "[]", "()"}]
         sizes = Counter(len(vector(cell, table.decimal)) for cell in said).most_common(1) or [(0, 0)]
-        units = Counter(number_and_unit(cell)[1] for cell in said).most_common(1) or [("", 0)]
-        bracketed = any(cell[:1] in set('[({"') for cell in said) or bool(taken_apart(f"{name} x").sensor)
+        units = Counter(unit for number, unit in map(number_and_unit, said) if number).most_common(1) or [("", 0)]
+        bracketed = any(cell[:1] in set('[({"xX') for cell in said) or bool(taken_apart(f"{name} x").sensor)
         is_vector = sizes[0][0] > 1 and sizes[0][1] > 0.5 * len(said) and bracketed
         has_unit = units[0][1] > 0.5 * len(said) and is_unit(units[0][0])
         words = _WORDS_BEFORE.match(said[0]) if said and not forms else None
-        before = f"{words[0]}#" if words and all(_is_number(cell.removeprefix(words[0])) for cell in said) else ""
-        forms.append(f"[{sizes[0][0]}]" if is_vector else units[0][0] if has_unit else before)
+        before, behind = words[0] if words else "", units[0][0] if re.fullmatch(r"[^\w\s#%]+", units[0][0]) else ""
+        bare = [cell.removeprefix(before).removesuffix(behind) for cell in said] if before or behind else []
+        around = f"{before}#{behind}" if bare and all(map(_is_number, bare)) else ""
+        forms.append(f"[{sizes[0][0]}]" if is_vector else units[0][0] if has_unit else around)
     is_split = any(re.match(r"[\[({].*[,; ]", cell) for row in table.rows[:TRIED] for cell in row)
     return tuple(forms) if any(forms) or is_split else ()
 
@@ -500,6 +518,12 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
     described = [fact for _, line in before for fact in _in_json(line)] if not names else []
     listed = [tuple(words) for words in described if isinstance(words, list) and len(words) == width]
     full = max(listed, key=_known_names, default=full)
+    if _known_names({*full}) < len("xy"):
+        full = _listed_above([line for _, line in before[: place if names else None]], names, width) or full
+        full = full or _constant_words(table.rows)
+    counts = [_value(cell.strip(), ".") for cell in table.rows[0] if cell.strip()]
+    if names and min(counts) == max(counts) >= len(table.rows) - 1 > FEWEST:  # of samples, below the names
+        last, table = table.lines[0], replace(table, rows=table.rows[1:], lines=table.lines[1:])
     bare = line.lstrip("#%/ ")
     marked = names and bare != line
     skip = at if names else table.first if any(not line.startswith(_COMMENTS) for _, line in before) else 0
@@ -517,18 +541,44 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
         mark=line[: len(line) - len(bare)] if marked else "",
     )
     preamble = [line for k, (_, line) in enumerate(before) if not names or k not in {place, *rows_of_units}]
-    by_name, rows = by_name and full == names, table.rows
-    if forms := _forms(table, full):
-        layout = replace(layout, cells=forms)
-        rows = [cells_apart(row, layout, i + 1) for i, row in zip(table.lines, rows, strict=True)]
-        width = Counter(map(len, rows)).most_common(1)[0][0]
-        rows = [row for row in rows if len(row) == width]
-        beside = ["" if form.startswith("[") else form for form in forms]
-        stated = [unit or form for unit, form in zip((*units, *[""] * len(forms)), beside, strict=False)]
-        units = tuple(re.sub(r"\[\d+\]$", "", unit) for unit in names_apart(stated, forms))
-        full = names_apart(full, (*forms, *[""] * len(full)))
     facts = {key: fact for said in described if isinstance(said, dict) for key, fact in said.items()}
-    return Sample(layout, full, units, by_name, rows, facts or _facts(preamble))
+    sample = Sample(layout, full, units, by_name and full == names, table.rows, facts or _facts(preamble))
+    return _apart(sample, _forms(table, full), table.lines)
+
+
+def _apart(sample: Sample, forms: tuple[str, ...], lines: Sequence[int]) -> Sample:
+    """The same with each number of its cells in one of its own."""
+    if not forms:
+        return sample
+    layout = replace(sample.layout, cells=forms)
+    rows = [cells_apart(row, layout, i + 1) for i, row in zip(lines, sample.rows, strict=True)]
+    width = Counter(map(len, rows)).most_common(1)[0][0]
+    beside = ["" if form.startswith("[") else form for form in forms]
+    stated = [unit or form for unit, form in zip((*sample.units, *[""] * len(forms)), beside, strict=False)]
+    units = tuple(re.sub(r"\[\d+\]$", "", unit) for unit in names_apart(stated, forms))
+    names = names_apart(sample.names, (*forms, *[""] * len(sample.names)))
+    return replace(sample, layout=layout, names=names, units=units, rows=[row for row in rows if len(row) == width])
+
+
+def _listed_above(lines: Sequence[str], names: Sequence[str], width: int) -> tuple[str, ...]:
+    """Names that stand in a line each above a table, with or without a line of the unit below each; or nothing."""
+    columns = len([*filter(None, names)]) or width
+    listed: dict[tuple[str, ...], float] = {}
+    for step, count in product((2, 1), (columns, columns - 1)):
+        above = lines[-step * count :] if len(lines) >= step * count else []
+        named, units = above[::step], above[1::2] if step > 1 else []
+        understood = (_known_names(named) + sum(map(is_unit, units))) / max(1, len(above))
+        beside = [f"{name} [{unit}]" for name, unit in zip(named, units, strict=True)] if units else named
+        listed[*([*names[:1], "time"][:1] * (columns - count)), *beside] = understood * (understood >= 0.5)
+    return max(listed, key=lambda some: (listed[some], len(some))) if any(listed.values()) else ()
+
+
+def _constant_words(rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Names in cells before those of numbers, which are the same in all rows; nothing where they are not known."""
+    constant = [cells[0].strip() if len({*cells}) == 1 else "" for cells in zip(*rows, strict=True)]
+    words = ["" if _is_number(word) else word for word in constant]
+    names = ["", *(word if not below else "" for word, below in pairwise(words))]
+    return tuple(names) if _known_names({*names}) > len("xyz") else ()
 
 
 def _start_and_rate(lines: Sequence[str]) -> dict[str, str]:
@@ -557,7 +607,7 @@ def _facts(lines: Sequence[str]) -> dict[str, str]:
     """What lines of keys and values say, as ``OutputRate:,60Hz`` and ``tscale,0.004``."""
     facts: dict[str, str] = {}
     for line in lines:
-        match = re.match(r"\W*([\w .()/-]+?)\s*[:=,]+[\s,]*(.*)", line.lstrip("#%/ ").strip())
+        match = re.match(r"\W*([\w .()\[\]/-]+?)\s*[:=,]+[\s,]*(.*)", line.lstrip("#%/ ").strip())
         key, value = (match[1], match[2]) if match else (line.strip(), "")
         facts.setdefault(key.strip().lower(), re.sub(r"[,;\s]+", " ", value).strip())
     return facts

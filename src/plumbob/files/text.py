@@ -8,7 +8,7 @@ import codecs
 import csv
 import math
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from fnmatch import fnmatch
@@ -62,6 +62,8 @@ from plumbob.rotations import (
 
 _FIRST_LINE_BYTES = 4096
 _ROUNDED = 0.01  # how far the norm of a quaternion of two decimals is off 1 at most
+_Clock = tuple[Floats, int, tuple[Finding, ...], Callable[[], Floats]]
+"""Times, s, the UTC of the first, ns or 0, what was done to have them, and the stamps as they are, ns."""
 _UPTIME = float(1 << 22)  # 48 days, s: multiples are left out of a clock that began at an unknown instant
 
 
@@ -98,9 +100,9 @@ def _read_one(file: Path, declared: Profile, note: Note) -> Recording:
 def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -> Recording:
     """Recording of a table, whose columns are used up, by its profile; `note` says which. Errors as in `read_text`."""
     table = _oldest_first(profile, _without_end(profile, table))
-    t, t0_ns, clock = _time(profile, table)
+    t, t0_ns, clock, stamps_ns = _time(profile, table)
     track, lost = _track(profile.reference, table, t, profile.turn) if profile.reference else (None, [])
-    imu, clock = _in_turns(*_imu(profile, table, t, t0_ns, clock)) if profile.triads else (None, clock)
+    imu, clock = _in_turns(*_imu(profile, table, t, t0_ns, clock), stamps_ns) if profile.triads else (None, clock)
     changes = (*table.notes, *clock, *lost, *_changes(profile, t0_ns))
     notes = (*lasting(as_findings("notes", profile.notes)), note, *changes)
     return Recording(imu=imu, track=track, name=name, notes=notes)
@@ -142,15 +144,22 @@ def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
     return replace(table, columns=columns, zero=zero, texts=texts, notes=notes, line_of=lambda row: line_of(last - row))
 
 
-def _in_turns(imu: ImuData, notes: tuple[Finding, ...]) -> tuple[ImuData, tuple[Finding, ...]]:
-    """Samples on one time line where gyroscope and accelerometer have rows of their own; others as they are."""
+def _in_turns(
+    imu: ImuData, notes: tuple[Finding, ...], stamps_ns: Callable[[], Floats]
+) -> tuple[ImuData, tuple[Finding, ...]]:
+    """Samples on one time line where gyroscope and accelerometer have rows of their own; others as they are.
+
+    Each has the clock that its own stamps give: two rows with one stamp are of one time.
+    """
     rows = {name: known_rows(getattr(imu, name)) for name in imu.triads}
     both = rows["gyr"] & rows["acc"] if {"gyr", "acc"} <= set(rows) else np.ones(1, dtype=np.bool_)
     if 2 * np.count_nonzero(both) >= min(map(np.count_nonzero, (rows.get("gyr", both), rows.get("acc", both)))):
         return imu, notes
-    streams = {name: Readings(imu.t_ns[valid], getattr(imu, name)[valid]) for name, valid in rows.items()}
+    stamps = np.rint(stamps_ns()).astype(np.int64)
+    streams = {name: Readings(stamps[valid], getattr(imu, name)[valid]) for name, valid in rows.items()}
     made = joined(streams, meta=imu.meta, epoch_ns=imu.meta.t0_ns or None)
-    return made.imu, (*notes, warning("reading.rows_in_turns"), *made.notes)
+    of_rows = tuple(finding for finding in notes if not finding.code.startswith("reading.clock_"))
+    return made.imu, (*of_rows, warning("reading.rows_in_turns"), *made.notes)
 
 
 def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profile, Finding]:
@@ -177,12 +186,11 @@ def text_profile(file: Path, given: Profile | str | Path | None) -> tuple[Profil
     return load_profile(profiles[0]), info("source.profile_beside", name=profiles[0].name)
 
 
-def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[Finding, ...]]:
-    """Times, s, the UTC of the first, ns or 0, and what was done to have them."""
+def _time(profile: Profile, table: TextTable) -> _Clock:
     source = profile.time
     if source.rate:
         places = np.arange(table.rows) if table.places is None else table.places
-        return places / source.rate, 0, ()
+        return places / source.rate, 0, (), lambda: np.asarray(places * 1e9 / source.rate)
     if source.are_stamps:
         return _of_stamps(source, table)
     factor = units.unit(source.unit).factor * source.unit_per_count
@@ -192,28 +200,34 @@ def _time(profile: Profile, table: TextTable) -> tuple[Floats, int, tuple[Findin
     larger = source.seconds if source.week is None else source.week
     if larger is not None:
         counts, is_gps = table.columns[larger], source.week is not None
-        line = time_line((counts - counts[0]) * (WEEK if is_gps else 1) * 1e9 + stamps * 1e9 * factor, 1.0, table.place)
+        raw = (counts - counts[0]) * (WEEK if is_gps else 1) * 1e9 + stamps * 1e9 * factor
+        line = time_line(raw, 1.0, table.place)
         first = int(line.t_ns[0])
         start = utc_of_gps(int(counts[0]), first) if is_gps else int(counts[0]) * 10**9 + first
-        return (line.t_ns - first) / 1e9, start if is_gps or source.epoch else 0, line.notes
+        return (
+            (line.t_ns - first) / 1e9,
+            start if is_gps or source.epoch else 0,
+            line.notes,
+            lambda: np.asarray(raw - first),
+        )
     first = stamps[0] * factor
     if not source.epoch and first >= _UPTIME and not CENTURY[0] < first < CENTURY[1]:  # no clock that somebody knows
         stamps = stamps - first // _UPTIME * _UPTIME / factor
     if (stamps[1:] > stamps[:-1]).all() and source.unit_per_count == 1.0:
-        return inside(stamps, source.unit), t0_ns, ()
+        return inside(stamps, source.unit), t0_ns, (), lambda: np.asarray(stamps * (1e9 * factor))
     line = time_line(stamps, 1e9 * factor, table.place)
-    return line.t_ns / 1e9, t0_ns, line.notes
+    return line.t_ns / 1e9, t0_ns, line.notes, lambda: np.asarray(stamps * (1e9 * factor))
 
 
-def _of_stamps(source: TimeSource, table: TextTable) -> tuple[Floats, int, tuple[Finding, ...]]:
+def _of_stamps(source: TimeSource, table: TextTable) -> _Clock:
     try:
         t, t0_ns = to_seconds([table.texts[ref] for ref in source.columns], source.zone)
     except StampError as error:
         raise DecodeError(f"line {table.line_of(error.row)}: {error}") from error
     if (np.diff(t) > 0.0).all():
-        return t, t0_ns, ()
+        return t, t0_ns, (), lambda: np.asarray(t * 1e9)
     line = time_line(to_ns(t), 1.0, table.place)
-    return line.t_ns / 1e9, t0_ns, line.notes
+    return line.t_ns / 1e9, t0_ns, line.notes, lambda: np.asarray(t * 1e9)
 
 
 def _imu(

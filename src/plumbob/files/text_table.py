@@ -37,9 +37,14 @@ TOKEN: Final = re.compile(
 )  # A number or a clock time among words; not a digit of a name, an exponent or a code
 
 
+_NO_WORDS: Final = re.compile(
+    r"</[^<>]*>|\b[A-Z]\w*\((?=\w+[=:])|:\s*\"[^\"]*\"|[\]\[{}\"':=,;|<>]|->|^\s*\)|\(\s*$"
+)  # what separates, closes an element of XML or makes an object
+
+
 def label(text: str) -> str:
     """Words of what stands before a number, without what separates, as in ``"accel":{"x":`` and ``], Gyr (dps) [``."""
-    words = " ".join(re.sub(r":\s*\"[^\"]*\"|[\]\[{}\"':=,;|<>]|->|^\s*\)|\(\s*$", " ", text).split())
+    words = " ".join(_NO_WORDS.sub(" ", text).split())
     return words if re.search(r"\w", words) else ""
 
 
@@ -51,11 +56,23 @@ def among_words(row: str) -> list[str]:
     return [*(number[0] for number in numbers), label(row[before : first.start()]) if first else ""]
 
 
+def all_words(row: str) -> str:
+    """What a row of words and numbers says without these, by which lines differ that begin alike."""
+    return label(TOKEN.sub(" ", row))
+
+
+_AXIS_BELOW_AXIS: Final = re.compile(
+    r"^([^\n\d:=]*?)(x)([ \t]*[:=][^\n:=]*)(\n+)\1(y)([ \t]*[:=][^\n:=]*)(\n+)\1(z)([ \t]*[:=][^\n:=]*)$",
+    re.MULTILINE | re.IGNORECASE,
+)  # whose line ends end the joined line, so that lines are counted as in the file
+_GLUED: Final = re.compile(r"^(?:[A-Za-z]+[-+]?(?:\d+(?:\.\d*)?|\.\d+)[ \t,;]*){3,}$", re.MULTILINE)  # as AX0.1AY-0.2
 _BELOW_TITLE: Final = re.compile(r"^([^\W\d][^\n]*?):?[ \t]*(\n+)(?=[ \t]*[xX] ?[:=])", re.MULTILINE)
 
 
 def titled(text: str) -> str:
-    """Text with the titles of axes, as ``Gyro:`` above ``X: 0.1 Y: 0.2 Z: 0.3``, before them on their line."""
+    """Text with three axes in one line, and their title, as ``Gyro:`` above ``X: 0.1 Y: 0.2 Z: 0.3``, before them."""
+    text = _GLUED.sub(lambda row: re.sub(r"(?<=\d)(?=[A-Za-z])|(?<=[A-Za-z])(?=[-+.\d])", " ", row[0]), text)
+    text = _AXIS_BELOW_AXIS.sub(r"\1\2\3 \1\5\6 \1\8\9\4\7", text)
     return _BELOW_TITLE.sub(lambda row: row[0] if TOKEN.search(row[1]) else f"{row[2]}{row[1]}: ", text)
 
 
@@ -69,7 +86,7 @@ def single_blanks(text: str) -> str:
 
 def are_objects(text: str) -> bool:
     """Whether a text is meant as JSON: an object or an array, or an object in each line; or as printed messages."""
-    return re.match(r"\s*(\[\s*)?\{\s*\"", text) is not None or len(_printed(text)) > 2
+    return re.match(r"\s*(\[\s*)?\{\s*\"|\s*\[\s*\[[^][]*\]\s*,", text) is not None or len(_printed(text)) > 2
 
 
 _BETWEEN: Final = re.compile(r"^---\s*$", re.MULTILINE)
@@ -163,8 +180,15 @@ _IN_LINES: Final = re.compile(r"\s*\{.*\}[ \r]*\n\s*\{")
 
 def _collect(key: str, value: Any, tables: dict[str, list[dict[str, str]]], facts: dict[str, str]) -> None:
     """Find arrays of rows in JSON, and what it says once."""
-    if isinstance(value, list) and value and isinstance(value[0], dict):
-        tables[key] = [flat_cells("", item) for item in value]
+    entries = list(value.values()) if isinstance(value, dict) else []
+    alike = len(entries) > 1 and all(isinstance(entry, dict) and entry.keys() == entries[0].keys() for entry in entries)
+    if isinstance(value, list) and value and isinstance(value[0], dict | list):
+        tables[key] = [row for item in value for row in _samples(item)]
+    elif alike and all(map(str.isdigit, entries[0])) and len(entries[0]) > len("xyzw"):  # columns of numbered rows
+        numbered = zip(*(entry.values() for entry in entries), strict=True)
+        tables[key] = [flat_cells("", dict(zip(value, row, strict=True))) for row in numbered]
+    elif alike and len(entries) > max(_FEWEST_ENTRIES, len(entries[0])):  # rows under a key each
+        tables[key] = [row for entry in entries for row in _samples(entry)]
     elif isinstance(value, dict):
         lists = {name: item for name, item in value.items() if isinstance(item, list) and item}
         titles = []  # names of columns, with their units in brackets, in an array beside them
@@ -187,6 +211,31 @@ def _collect(key: str, value: Any, tables: dict[str, list[dict[str, str]]], fact
                 _collect(f"{key}/{name}", item, tables, facts)
     elif not isinstance(value, list):
         facts |= flat_cells(key.rpartition("/")[2], value)
+
+
+_FEWEST_ENTRIES: Final = 20  # of an object, above which they are rows and no sensors
+
+
+def _samples(entry: Any) -> list[dict[str, str]]:
+    """Cells of an object, of each sample where it holds arrays of several, which share what it says once."""
+    counts = {*_counts(entry)}
+    rows = [_single(entry, k) for k in range(counts.pop())] if len(counts) == 1 else [entry]
+    return [flat_cells("", row) for row in rows]
+
+
+def _counts(value: Any) -> Iterator[int]:
+    """Lengths of the arrays of objects in an object."""
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        yield len(value)
+    elif isinstance(value, dict):
+        yield from chain.from_iterable(map(_counts, value.values()))
+
+
+def _single(value: Any, k: int) -> Any:
+    """An object with one entry of each array of objects in it."""
+    if isinstance(value, dict):
+        return {name: _single(item, k) for name, item in value.items()}
+    return value[k] if isinstance(value, list) and value and isinstance(value[0], dict) else value
 
 
 def flat_cells(name: str, value: Any) -> dict[str, str]:
@@ -350,12 +399,13 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
     if '"' not in row or row.lstrip().startswith("{"):
         return row.split(separator)
     try:
-        return next(csv.reader([row], delimiter=separator, strict=True))
+        return next(csv.reader([row], delimiter=separator, strict='"|"' not in row))  # as of names beside their units
     except csv.Error as error:
         raise DecodeError(f"line {line}: {excerpt(row)} cannot be split into cells ({one_line(error)}).") from error
 
 
-_IN_BRACKETS: Final = re.compile(r"[\[({][-+\d.,;\seEnaN]*[\])}]")
+_IN_BRACKETS: Final = re.compile(r"[\[({][-+\d.,;\seEnaNxyzXYZ:=]*[\])}]")
+_OF_AXIS: Final = re.compile(r"[\"']?\b([xyz])\b[\"']?\s*[=:]\s*", re.IGNORECASE)
 _APART: Final = re.compile(r"[\s,;]")
 _VECTOR: Final = re.compile(r"\[(\d+)\]")
 _SAID_NUMBER: Final = re.compile(r"[-+]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][-+]?\d+)?")
@@ -375,8 +425,14 @@ def split_vectors(row: str, separator: str, line: int) -> list[str]:
 
 
 def vector(cell: str, decimal: str) -> list[str]:
-    """Numbers of a cell with two in brackets, as ``[0.1, -0.2, 9.8]``, or three without, or more; none of another."""
+    """Numbers of a cell with two in brackets, as ``[0.1, -0.2, 9.8]``, or three without, or more; none of another.
+
+    Axes may be named, as in ``x=0.1 y=-0.2 z=9.8``.
+    """
     cell = cell.strip(" \t\"'")
+    if "".join(_OF_AXIS.findall(cell)).lower() == "xyz":
+        cell = _OF_AXIS.sub(" ", cell)
+        cell = cell.strip() if cell[0] == " " else cell
     inner, fewest = cell.strip("[](){},; "), 2 if cell[:1] in {"[", "(", "{"} else 3
     if not _APART.search(inner):
         return []
@@ -405,8 +461,9 @@ def cells_apart(cells: Sequence[str], layout: TextLayout, line: int) -> list[str
     numbers: list[str] = []
     for place, (cell, form) in enumerate(zip(cells, layout.cells, strict=True), 1):
         number, unit = number_and_unit(cell)
-        if form.endswith("#"):
-            numbers.append(cell.removeprefix(form[:-1]))
+        if "#" in form:
+            before, _, behind = form.rpartition("#")
+            numbers.append(cell.strip().removeprefix(before).removesuffix(behind))
         elif size := _VECTOR.fullmatch(form):
             numbers += vector(cell, layout.decimal) or [cell.strip(" []()")] + [""] * (int(size[1]) - 1)
         elif form and number and unit != form and unit and not form.startswith(unit):
@@ -739,7 +796,7 @@ def _body(source: bytes | Path, layout: TextLayout) -> Body:
     encoding = layout.encoding
     blocks = text_blocks(source, encoding)
     first, has_more = next(blocks), next(blocks, None) is not None
-    has_titles = layout.words and _BELOW_TITLE.search(first) is not None
+    has_titles = layout.words and titled(first) != first
     if not (layout.separator == JSON or layout.channels or layout.cells or layout.end or has_titles):
         try:
             return Body(again, find_head(first, layout), layout)
@@ -766,7 +823,8 @@ def belongs(row: str, names: Sequence[str], layout: TextLayout) -> bool:
     place = names.index(ref) if isinstance(ref, str) else ref - 1
     body = row.split("*", 1)[0] if layout.checksum else row
     cells = among_words(body) if layout.words else body.split(None if layout.separator == " " else layout.separator)
-    return cells[min(place, len(cells) - 1)].strip() == word  # words stand last, also in a row that lacks numbers
+    is_alike = cells[min(place, len(cells) - 1)].strip() == word  # words stand last, also in a row that lacks numbers
+    return is_alike or (layout.words and all_words(body) == word)
 
 
 def row_cells(row: str, layout: TextLayout, line: int) -> list[str]:

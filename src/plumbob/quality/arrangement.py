@@ -190,7 +190,7 @@ class _ArrangementSearch:
     def __init__(self, rate: Floats, vector: Floats, size: int, offset: float) -> None:
         self.rate, self.vector, self.size = rate, vector, size
         self.block = max(4, round(min(_BLOCK, len(rate) * BIN / 10.0) / (size * BIN)))
-        grams = self._blocks(0)
+        grams = self._blocks(scalars(rate, vector, size, 0))
         turned = float(np.einsum("bii->", grams[:, 12:15, 12:15]))
         changed = np.einsum("bii->b", grams[:, 16:, 16:])
         self.scale = float(np.sqrt(changed.sum() / turned)) if turned > 0.0 else 0.0
@@ -214,7 +214,7 @@ class _ArrangementSearch:
         both = np.concatenate([np.where(sign * p[..., 0] > 0.0, rss, change) for sign in (1.0, -1.0)])
         residual = (both / np.maximum(change, 1e-300)).T  # part of the change that is left, (shifts, 48)
         at = residual.argmin(axis=0)
-        cut = {int(i): self._blocks(int(shifts[i])) for i in np.unique(at)}
+        cut = {int(i): self._blocks(scalars(self.rate, self.vector, self.size, int(shifts[i]))) for i in np.unique(at)}
         count = min(map(len, cut.values()))
         moments = np.empty((len(at), count, FREE + 1, FREE + 1))
         for i, blocks in cut.items():
@@ -268,9 +268,8 @@ class _ArrangementSearch:
             offset=length * p[4:7] / max(float(p[0]), 1e-3 * self.scale),
         )  # fmt: skip
 
-    def _blocks(self, shift: int) -> Floats:
-        """Gram matrices (blocks, 19, 19) of the scalars, with the rates moved by whole bins."""
-        row = scalars(self.rate, self.vector, self.size, shift)
+    def _blocks(self, row: Floats) -> Floats:
+        """Gram matrices (blocks, 19, 19) of the scalars of windows."""
         count = max(1, row.shape[1] // self.block) * self.block
         row = np.pad(row, ((0, 0), (0, max(0, count - row.shape[1]))))[:, :count]
         cut = row.reshape(SCALARS, -1, self.block).swapaxes(0, 1)
@@ -278,9 +277,8 @@ class _ArrangementSearch:
 
     def _gram(self, row: Floats, weights: Floats) -> Floats:
         """Gram matrices (n, 19, 19) of all windows, by the weights of blocks."""
-        count = min(max(1, row.shape[1] // self.block), len(weights[0])) * self.block
-        row = row[:, :count]
-        return np.array([(row * np.repeat(weight, self.block)[: row.shape[1]]) @ row.T for weight in weights])
+        grams = self._blocks(row)[: len(weights[0])]
+        return np.asarray(np.tensordot(weights[:, : len(grams)], grams, 1))
 
     def delays(self, rates: Samples, edges: Floats, n: int, start: float) -> tuple[list[float], list[float]]:
         """Delay of an arrangement and its standard deviation, s, by all blocks and by either half of them.

@@ -148,13 +148,17 @@ class Diagnosis(Reported):
 
     @property
     def wrong(self) -> bool:
-        """Whether something contradicts what the recording is read as."""
-        return any(finding.wrong for finding in self.findings)
+        """Whether something contradicts what the recording is read as, or an axis is dead."""
+        return bool(self._faults())
+
+    def _faults(self) -> list[str]:
+        """Questions whose answers are wrong, and axes that never change while the others do."""
+        dead = [f"{it.values['sensor']} {it.values['axis']}" for it in self.remarks if it.code == "samples.stuck_axis"]
+        return [f"{it.sensor} {it.question}" for it in self.findings if it.wrong] + dead
 
     def facts(self) -> Mapping[str, str]:
         """The recording, and what is wrong."""
-        wrong = [f"{finding.sensor} {finding.question}" for finding in self.findings if finding.wrong]
-        return {"recording": self.name, "wrong": ", ".join(wrong) or "nothing found"}
+        return {"recording": self.name, "wrong": ", ".join(self._faults()) or "nothing found"}
 
     def summary(self) -> dict[str, Any]:
         """All that is known, as JSON can hold it."""
