@@ -5,6 +5,7 @@ import math
 import os
 import re
 import shlex
+import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -274,3 +275,12 @@ def test_a_parameter_has_unit_default_range_and_meaning(listed):
     ):
         assert [mahony[name][key] for key in ("range_text", "low", "high")] == [text, low, high]
     assert [mahony["kp"][key] for key in ("unit", "default")] == ["1/s", 0.5]
+
+
+def test_ctrl_c_while_a_class_is_made_ends_it_in_a_line(capsys):
+    class Interrupting:
+        def __set_name__(self, owner, name):  # what it raises is wrapped before Python 3.12
+            os.kill(os.getpid(), signal.SIGINT)
+
+    assert main(["demo"], lambda words: type("Made", (), {"of": Interrupting()})) == 130
+    assert capsys.readouterr().err == "plumbob demo: ended by Ctrl-C.\n"

@@ -91,10 +91,8 @@ def _joined(words: Sequence[str]) -> list[str]:
     """Words with each option and its negative value as one: argparse takes -33.9,151.2 for another option."""
     joined: list[str] = []
     for word in words:
-        if joined and re.match(r"-\.?\d", word) and re.fullmatch(r"--[a-z-]+", joined[-1]):
-            joined[-1] += f"={word}"
-        else:
-            joined.append(word)
+        is_value = joined and re.match(r"-\.?\d", word) and re.fullmatch(r"--[a-z-]+", joined[-1])
+        joined.append(f"{joined.pop()}={word}" if is_value else word)
     return joined
 
 
@@ -141,8 +139,7 @@ def main(
         if sys.stdout:
             sys.stdout.flush()
     except _SignalledError as ended:
-        ended.is_heard = True
-        return _ended(program, args, ended.args[0])
+        return _ended(program, args, ended)
     except BrokenPipeError:  # the reader of a pipe went away; that is its right
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -150,7 +147,9 @@ def main(
         text = str(error) if isinstance(error, PlumbobError) else _words(error)
         print(f"{program} {args.verb}: {visible(text, _LAYOUT)}", file=sys.stderr)
         return 1
-    except Exception:
+    except Exception as error:
+        if isinstance(error.__cause__, _SignalledError):  # a class that is made while modules are imported wraps it
+            return _ended(program, args, error.__cause__)
         import traceback
 
         traceback.print_exc()
@@ -185,13 +184,13 @@ def _raise(number: int, _frame: FrameType | None) -> NoReturn:
     raise _SignalledError(number)
 
 
-def _ended(program: str, args: argparse.Namespace, number: int) -> int:
+def _ended(program: str, args: argparse.Namespace, ended: _SignalledError) -> int:
     """Say by what the verb was ended, and which of its files it had not written; its exit code is the shell's."""
+    ended.is_heard, number = True, ended.args[0]
     how = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
-    lacking = ", ".join(map(str, common.unwritten(args)))
-    lost = f"; not written: {lacking}" if lacking else ""
+    lost = f"; not written: {lacking}" if (lacking := ", ".join(map(str, common.unwritten(args)))) else ""
     print(f"{program} {args.verb}: ended by {how}{visible(lost)}.", file=sys.stderr)
-    return 128 + number
+    return 128 + int(number)
 
 
 class _Visible(NamedTuple):
