@@ -111,7 +111,7 @@ class ColumnEvidence:
             name: i
             for i, (base, part) in enumerate(zip(bases, self.parts, strict=True))
             for name in ([] if self.quaternion or part.sensor == "other" else ANGLES)
-            if base == name or (name in base.split() and part.unit_as(Quantity.ANGLE))
+            if (name in base.split() if part.unit_as(Quantity.ANGLE) else base == name and not part.unit)
         }
         refs = answers.get("reference.columns", ())
         angles |= {name: self._place("reference.columns", ref) for name, ref in zip(ANGLES, refs, strict=False)}
