@@ -240,10 +240,10 @@ def _unit_word(text: str, plain: str, count: int) -> str:
 def _split_axis(words: list[str]) -> tuple[str, str]:
     """What is left of a name without its axis, and the axis: a word of its own, or the last letter or digit."""
     for letters in ({"x", "y", "z"}, {*COMPONENTS}):
-        for i, word in enumerate(words):
+        for i in (i for i, word in enumerate(words) if word in letters):
             rest = " ".join(words[:i] + words[i + 1 :])
-            if word in letters and (word in "xyz" or _QUATERNION.fullmatch(rest)):
-                return rest, COMPONENTS[word]
+            if words[i] in "xyz" or _QUATERNION.fullmatch(rest):
+                return rest, COMPONENTS[words[i]]
     if words and len(words[-1]) == 1 and words[-1].isdigit() and len(words) > 1:
         return " ".join(words[:-1]), words[-1]
     directions = _ROLLS if re.search(r"\b(rate|rates|gyr\w*|speed|velocity)\b", " ".join(words)) else _DIRECTIONS

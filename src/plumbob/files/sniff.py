@@ -655,7 +655,7 @@ def _names(cells: Sequence[str], table: _SniffedTable) -> tuple[str, ...]:
     return {0: names, 1: ("", *names), -1: names[1:], None: ()}[moved]
 
 
-_PRINTED: Final = re.compile(r'.*%\w+\((\w+)\)"?')  # a name in its form, as 3-Space sensors write: %float(RawGyroX)
+_PRINTED: Final = re.compile(r'^.*%\w+\((\w+)\)"?')  # a name in its form, as 3-Space sensors write: %float(RawGyroX)
 _TITLE: Final = re.compile(r"\W*(headers?|names?|columns?|fields?|channels?)\W*", re.IGNORECASE)
 
 
