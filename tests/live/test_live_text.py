@@ -72,6 +72,14 @@ def quaternion(k, rate):
                     f"{cells(np.radians(gyr), 5)}")  # fmt: skip
 
 
+def below_titles(k, rate):
+    return [
+        line
+        for title, triad in zip(("Accelerometer", "Gyroscope"), measured(k, rate)[:2], strict=True)
+        for line in ("", f"{title}:", *(f" {axis} = {value:.3f}" for axis, value in zip("XYZ", triad, strict=True)))
+    ]
+
+
 def prefixes(k, rate):
     acc, gyr, _ = measured(k, rate)
     stamp = round(k / rate * 1000)
@@ -88,6 +96,7 @@ FORMS = {
     "checksum": {"line": angles, "stamped": False},
     "quaternion": {"line": quaternion, "stamped": False},
     "prefix per sensor": {"line": prefixes, "answers": UNITS | {"time.unit": "ms"}},
+    "an axis a line below its title": {"line": below_titles, "answers": UNITS, "stamped": False},
     "1 kHz": {"line": lambda k, rate: csv(k, rate, 1e6), "head": ["micros" + NAMES[0][6:]], "rate": 1000.0},
     "cut at random": {"line": csv, "head": NAMES, "cut": 40},
     "reboot": {"line": csv, "head": [*BANNER, *NAMES], "reboot": 0.7},
@@ -286,6 +295,17 @@ def test_rows_do_not_depend_on_how_the_bytes_are_cut(end):
     np.testing.assert_array_equal(at_once["gyr.y"], np.radians(np.arange(100) + 0.25))
     counts = decoder.counts
     assert counts.framed + counts.junk + counts.pending == counts.received == len(text)
+
+
+def test_axes_below_titles_do_not_depend_on_how_the_bytes_are_cut(tmp_path):
+    text = "".join(f"{line}\n" for k in range(100) for line in below_titles(k, 100.0))
+    (tmp_path / "a.txt").write_text(text)
+    answers = ANSWERS | UNITS | {"time.rate": "100 Hz"}
+    profile = plumbob.profile(tmp_path / "a.txt", accept=True, answers=answers).text
+    at_once, in_pieces = (decoded(text, profile, sizes=sizes)[0] for sizes in (None, [1, 5, 2, 60, 9, 33]))
+    for name, column in at_once.items():
+        np.testing.assert_array_equal(in_pieces[name], column)
+    assert len(at_once["gyr.x"]) == 100
 
 
 def test_bad_lines_are_left_out_counted_and_named():

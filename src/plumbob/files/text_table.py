@@ -76,6 +76,14 @@ def titled(text: str) -> str:
     return _BELOW_TITLE.sub(lambda row: row[0] if TOKEN.search(row[1]) else f"{row[2]}{row[1]}: ", text)
 
 
+_OPEN: Final = re.compile(r"[ \t]*|[^\W\d]\D*|[^\d:=]*[xyXY][ \t]*[:=][^:=]*")
+
+
+def is_open(row: str) -> bool:
+    """Whether `titled` may join the line that comes to this one: a title, the first or second axis, or nothing."""
+    return _OPEN.fullmatch(row) is not None
+
+
 def single_blanks(text: str) -> str:
     """Text with runs of blanks and tabs made one blank, and none at the ends of its lines."""
     text = text.replace("\t", " ")

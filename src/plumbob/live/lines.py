@@ -43,6 +43,7 @@ _WORD: Final = (1 << 62) - 1  # bits of a clock that are looked at
 _MOST_BYTES: Final = 1 << 16  # bytes without a line end that are waited for; no logger writes such a row
 _REMEMBERED: Final = 20  # rows that tell whether the last one was cut, as of a file
 _MOST_NAMED: Final = 6
+_MOST_JOINED: Final = 8  # lines of which one row may be made
 _ALL_ODD: Final = 8
 _MEMORY: Final = 16
 
@@ -355,6 +356,7 @@ class LineDecoder:
         self.counts = Counts(frames={self._message.name: 0})
         parts = [part for _, part in form.profile.streams] or [form.profile]
         self._sensors = [_Rows(part, self._message) for part in parts]
+        self._has_words = any(part.layout.words for part in parts)
         is_timed = self._message.of_role("clock") is not None
         self._clock = _Clock(self._sensors[0], spread=len(parts) == 1) if is_timed else None
         lead = next((i for i, part in enumerate(parts) if "gyr" in part.triads), 0)
@@ -387,7 +389,7 @@ class LineDecoder:
         self._pending += data
         end = max(self._pending.rfind(b"\n"), self._pending.rfind(b"\r")) + 1
         end = len(self._pending) if not end and len(self._pending) > _MOST_BYTES else end
-        return self._frames(self._taken(end))
+        return self._frames(self._taken(self._closed(end)))
 
     def finish(self) -> dict[str, Frames]:
         """Say that the stream has ended, or was interrupted: the last line counts unless it is cut."""
@@ -403,12 +405,25 @@ class LineDecoder:
         self._midway = self.form.midway
         return self._frames([*samples, *(self._join.finish() if self._join else [])])
 
+    def _closed(self, end: int) -> int:
+        """Where what is pending up to a byte ends without lines to which others may be joined."""
+        lines = [*_LINE.finditer(self._pending[:end])][-_MOST_JOINED:] if self._has_words else []
+        for line in reversed(lines):
+            if not text_table.is_open(line[1].decode("latin-1")):
+                return line.end()
+        return lines[0].start() if lines else end
+
     def _taken(self, end: int) -> list[_Row]:
         """Samples of the lines up to a byte of what is pending."""
         part, self._pending = self._pending[:end], self._pending[end:]
-        for line in _LINE.finditer(part):
+        lines = [*_LINE.finditer(part)]
+        text = b"\n".join(line[1] for line in lines)
+        if self._has_words:
+            encoding = self._sensors[0].layout.encoding
+            text = text_table.titled(text.decode(encoding, "surrogateescape")).encode(encoding, "surrogateescape")
+        for line, row in zip(lines, text.split(b"\n"), strict=False):
             self._lines += 1
-            if not self._line(line[1], self._done + line.start()):
+            if not self._line(row, self._done + line.start()):
                 self.counts.junk += len(line[0])
         rows = sorted(chain.from_iterable(sensor.rows(i) for i, sensor in enumerate(self._sensors)))
         self._done += len(part)
