@@ -112,7 +112,7 @@ def test_the_trackball_preset_says_that_nothing_was_measured(captures, tmp_path)
     assert np.abs(to_dps(gyr.bias - hand(1).bias) + [0.5, 0.5, 0.6]).max() < 0.02
     at_rest = apply_card(CalibrationCard.load(tmp_path / "card.json"), files.read(captures / "still.parquet").imu).gyr
     assert np.abs(at_rest.mean(axis=0)).max() < dps(1e-3)  # the fit leaves out a part of a block: 4 of 1000 samples
-    assert "pass temp_c" in refused("calibrate", "gyro", captures / "hand.parquet", "--preset", "trackball")
+    assert "record temp_c too" in refused("calibrate", "gyro", captures / "hand.parquet", "--preset", "trackball")
 
 
 def test_captures_that_are_none_leave_no_card(tmp_path):
