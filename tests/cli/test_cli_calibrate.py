@@ -2,11 +2,12 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from plumbob import CalibrationCard, ImuData, ImuMeta, apply_card
+from plumbob import CalibrationCard, ImuData, ImuMeta, apply_card, calibrate
 from plumbob import files as io
 from plumbob.calibration.acc import normal_gravity
 from plumbob.calibration.predicted import REGIONS
@@ -286,6 +287,11 @@ def test_from_the_simulated_session_to_a_card_that_run_takes_or_a_refusal(tmp_pa
     assert gyr.method == "rate table, 42 plateaus, 21 parameters"
     assert gyr.quality.grade in {"good", "fair"}
     typed(f"run session.parquet --filter integrate --calibration {card}", cwd=tmp_path)
+    imu = io.read(tmp_path / "session.parquet").imu
+    for gain in 0.89, 1.0, 1.12:  # of y, as ADXRS290 are delivered
+        turned = replace(imu, gyr=imu.gyr * [1.0, gain, 1.0])
+        card_of = calibrate(turned, "table", rates="50, 100, 200 deg/s", latitude="0 deg").card
+        np.testing.assert_allclose(card_of.gyr.matrix * [1.0, gain, 1.0], gyr.matrix, atol=1e-6)
     chosen = answer(f"calibrate table session.parquet {RATES} --model 12", cwd=tmp_path)
     assert chosen["card"]["method"].endswith("12 parameters")
     card = tmp_path / "none.json"

@@ -165,6 +165,8 @@ def _named(triad: str) -> Iterator[None]:
 
 LEAST: Final = 2.0  # shortest plateau, s, its first and last block not counted
 NEAR: Final = 0.1  # largest departure from a nominal rate, of that rate; at rest, of the lowest rate
+_GAIN = 0.15  # of an axis that departs from several speeds alike, to `_ALIKE`: of ADXRS290 up to 0.12
+_ALIKE = 0.01
 _STEP = float(dps(0.05))  # from block to block beyond noise, rad/s: a ramp of 0.2 °/s² and more is none
 _RIPPLE = 1e-3  # of the rate, which a table may waver by
 _ASTRAY = 0.2  # rate about another axis, of that about the main one: 11° of tilt
@@ -216,6 +218,13 @@ def match_rates(means: Floats, nominal: Floats) -> Matched:
     signed = turned[rows, axis]
     nearest = speeds[np.argmin(np.abs(np.abs(signed)[:, np.newaxis] - speeds), axis=1)]
     room = np.where(nearest > 0.0, nearest, speeds[1])
+    gain, gains, spun = np.abs(signed) / room, np.ones_like(signed), (nearest > 0.0) & (np.abs(signed) > 0.0)
+    for of in (axis == k for k in range(3)):
+        some = of & spun & (np.abs(gain - 1.0) <= _GAIN)
+        alike = some & (np.abs(gain - np.median(gain[some] if some.any() else gain)) <= _ALIKE)
+        gains[alike] = np.median(gain[alike]) if np.unique(nearest[alike]).size > 1 else 1.0
+    if (np.abs(gains[spun] - 1.0) <= NEAR).any():  # all axes are off where the list is, rather
+        signed = signed / gains
     astray = np.sort(np.abs(turned), axis=1)[:, 1]
     matched = (np.abs(np.abs(signed) - nearest) <= NEAR * room) & (astray <= _ASTRAY * room)
     rate[rows, axis] = np.where(matched, np.sign(signed) * nearest, 0.0)

@@ -11,7 +11,7 @@ from plumbob.core import check
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, unknown_name
 from plumbob.core.findings import warnings
-from plumbob.core.units import Quantity, given
+from plumbob.core.units import Quantity, given, numbers
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.earth_field import earth_field_at, parse_place
@@ -93,7 +93,7 @@ def calibrate(
         Of gyro by stops: axis and angle of each turn, as ``"x 90deg, x -90deg"``.
     angle_sd : float or str, optional
         Of gyro by stops: how exactly a turn ends, standard deviation, rad; by default 0.5°.
-    rates : sequence of float, optional
+    rates : str or sequence of float, optional
         Of table: its rates, rad/s, as '50,100,200 deg/s'; plateaus are found.
     plan : path, optional
         Of table: plateaus, ``from_s,to_s,rate_x_dps,… [,acc_x_g,…]``.
@@ -362,7 +362,7 @@ def _table(
     opened: Capture,
     _say: Note,
     *,
-    rates: Sequence[float] | None = None,
+    rates: str | Sequence[float] | None = None,
     plan: str | Path | None = None,
     model: str = "auto",
     mounting: Value = "0.1 deg",
@@ -374,9 +374,9 @@ def _table(
         raise ParameterError("A rate table needs its rates or a plan of its plateaus. Give one of the two.")
     planned: list[Plateau]
     remarks: list[str]
-    planned, remarks = (read_plan(Path(plan)), []) if plan is not None else found_plateaus(opened.imu, rates or ())
-    tilt = given("mounting", mounting, Quantity.ANGLE)
-    assert tilt is not None
+    speeds = numbers("rates", rates, Quantity.RATE) if isinstance(rates, str) else rates or ()
+    planned, remarks = (read_plan(Path(plan)), []) if plan is not None else found_plateaus(opened.imu, speeds)
+    tilt = given("mounting", mounting, Quantity.ANGLE) or 0.0
     fitted = calibrate_table(
         opened, planned, model=model, mounting=tilt, latitude=given("latitude", latitude, Quantity.ANGLE)
     )

@@ -73,7 +73,7 @@ class Reproduction:
         parts = [Report(PAPERS[name].title, tables=[table(outcomes)]) for name, outcomes in self.outcomes.items()]
         facts = [("made by", f"plumbob {__version__}"), (Both("seed", "随机种子"), f"{self.seed}"),
                  (_COUNTS, self._counts()), (Both("folder", "文件夹"), f"{self.folder}")]  # fmt: skip
-        return Report(Both("Five papers, reproduced", "五篇论文的复现"), facts=facts, parts=parts, remarks=DEFINITIONS)
+        return Report(Both("Five papers, made again", "五篇论文的再现"), facts=facts, parts=parts, remarks=DEFINITIONS)
 
     def index(self, lang: str = "en") -> Report:
         """What `index.html` has: counts, and of each paper a figure and three numbers."""
