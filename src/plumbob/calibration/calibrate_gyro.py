@@ -218,13 +218,13 @@ def match_rates(means: Floats, nominal: Floats) -> Matched:
     signed = turned[rows, axis]
     nearest = speeds[np.argmin(np.abs(np.abs(signed)[:, np.newaxis] - speeds), axis=1)]
     room = np.where(nearest > 0.0, nearest, speeds[1])
-    gain, gains, spun = np.abs(signed) / room, np.ones_like(signed), (nearest > 0.0) & (np.abs(signed) > 0.0)
-    for of in (axis == k for k in range(3)):
-        some = of & spun & (np.abs(gain - 1.0) <= _GAIN)
-        alike = some & (np.abs(gain - np.median(gain[some] if some.any() else gain)) <= _ALIKE)
-        gains[alike] = np.median(gain[alike]) if np.unique(nearest[alike]).size > 1 else 1.0
-    if (np.abs(gains[spun] - 1.0) <= NEAR).any():  # all axes are off where the list is, rather
-        signed = signed / gains
+    gain, gains, spun = np.abs(signed) / room, np.ones_like(signed), nearest > 0.0
+    for k in range(3):
+        near = np.flatnonzero(spun & (axis == k) & (np.abs(gain - 1.0) <= _GAIN))
+        alike = near[np.abs(gain[near] - np.median(gain[near])) <= _ALIKE] if near.size else near
+        if np.unique(nearest[alike]).size > 1:
+            gains[alike] = np.median(gain[alike])
+    signed = signed / gains if (np.abs(gains[spun] - 1.0) <= NEAR).any() else signed  # of all axes, the list is off
     astray = np.sort(np.abs(turned), axis=1)[:, 1]
     matched = (np.abs(np.abs(signed) - nearest) <= NEAR * room) & (astray <= _ASTRAY * room)
     rate[rows, axis] = np.where(matched, np.sign(signed) * nearest, 0.0)

@@ -531,7 +531,7 @@ class _DraftWriter:
         named = is_file_of_it or (bool(part.axis) and bool(part.sensor or part.by_unit))
         by = "by their names" if named else "by their size or turning; [] if they are none"
         turns = name == "gyr" and data.turns[1] is not None and data.turns[1].tells
-        sure = named or (turns and not data.is_dealt_anew) or data.is_sure_by_size()
+        sure = named or (turns and not data.is_reassigned) or data.is_sure_by_size()
         sure = sure and (named or name != "mag" or min(map(data.spread, data.triads.values())) > TURNED)
         self._set("columns", data.refs(columns), f"x, y, z of the {TITLES[name]}, {by}", ask=True, sure=sure)
         if name == "acc" and data.plus:

@@ -116,7 +116,7 @@ class ColumnEvidence:
         refs = answers.get("reference.columns", ())
         angles |= {name: self._place("reference.columns", ref) for name, ref in zip(ANGLES, refs, strict=False)}
         self.angles = () if self.quaternion or len(angles) < len(ANGLES) else tuple(angles[name] for name in ANGLES)
-        self.is_dealt_anew = False  # whether answers contradict how columns without names were dealt out
+        self.is_reassigned = False  # whether answers contradict what columns without names were taken for
         self.plus: tuple[int, ...] = ()  # columns that are added to the accelerometer's
         # angles and unit quaternions whose order nothing says
         self._unordered = {i for i, name in enumerate(self.names) if not sample.names and name.startswith("angle")}
@@ -152,7 +152,7 @@ class ColumnEvidence:
     def _answered_triads(self) -> dict[str, tuple[int, ...]]:
         """Triads whose columns are answered; an empty list leaves one out.
 
-        Of nameless columns, those that others would have had are dealt out anew, and are asked.
+        The other columns without names are then assigned again, each as a question.
         """
         keys = {name: f"{name}.columns" for name in TRIADS}
         answered = {
@@ -163,7 +163,7 @@ class ColumnEvidence:
         is_other = any(of and of != self.triads.get(name) for name, of in answered.items())
         if not (is_other and self._is_nameless()):
             return self.triads | answered
-        self.triads, self.is_dealt_anew = answered, True
+        self.triads, self.is_reassigned = answered, True
         self._add_answered()
         return self._sized_triads() | answered
 
@@ -396,7 +396,7 @@ class ColumnEvidence:
         acc = self.triads.get("acc") or triads.get("acc")
         turning = self._turning(others, self.vectors(acc)) if acc and len(others) > 1 else []
         names = [name for name in ("gyr", "acc", "mag") if name not in triads | self.triads]
-        names = [name for name in names if name != "mag"] if self.is_dealt_anew else names  # a field has its size
+        names = [name for name in names if name != "mag"] if self.is_reassigned else names  # a field has its size
         return triads | dict(zip(names, sorted(others, key=lambda three: three not in turning), strict=False))
 
     def _require_one_unit(self, columns: Sequence[int]) -> None:
@@ -454,7 +454,7 @@ class ColumnEvidence:
     def is_sure_by_size(self) -> bool:
         """Whether triads without names are surely these: gravity, perhaps the Earth's field, one that is neither."""
         acc, mag, gyr = (self.triads.get(name) for name in ("acc", "mag", "gyr"))
-        if acc is None or self.is_dealt_anew or len(self._varying()) >= len("xyz"):
+        if acc is None or self.is_reassigned or len(self._varying()) >= len("xyz"):
             return False
         is_normal = bool(np.ptp(self._norms(acc)) < 1e-3 * self.size(acc))  # directions, which no sensor measures
         steady = self._has_gravity(acc) and not (self._steady(gyr) if gyr else is_normal)
@@ -586,8 +586,10 @@ def _spelled(sample: Sample) -> tuple[str, ...]:
     columns = [sample.numbers(i) for i in range(sample.width)]
     words = {word for i, column in enumerate(columns) if np.isnan(column).all() for word in sample.cells(i)}
     numbers = [i for i, column in enumerate(columns) if not np.isnan(column).all()]
+    if len(words) != 1:
+        return ()
     are_unit = len(numbers) > len("xyz") and _are_unit(np.stack([columns[i] for i in numbers[-4:]], axis=1))
-    names = attitude_names(words.pop(), are_unit=are_unit) if len(words) == 1 else ()
+    names = attitude_names(words.pop(), are_unit=are_unit)
     places = numbers[-len(names) :] if 0 < len(names) <= len(numbers) else []
     return tuple(names[places.index(i)] if i in places else "" for i in range(sample.width)) if places else ()
 

@@ -8,7 +8,7 @@ import codecs
 import csv
 import math
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from fnmatch import fnmatch
@@ -62,8 +62,8 @@ from plumbob.rotations import (
 
 _FIRST_LINE_BYTES = 4096
 _ROUNDED = 0.01  # how far the norm of a quaternion of two decimals is off 1 at most
-_Clock = tuple[Floats, int, tuple[Finding, ...], Callable[[], Floats]]
-"""Times, s, the UTC of the first, ns or 0, what was done to have them, and the stamps as they are, ns."""
+_Clock = tuple[Floats, int, tuple[Finding, ...], Floats, float]
+"""Times, s, the UTC of the first, ns or 0, what was done to have them, and stamps as they are, with their unit, ns."""
 _UPTIME = float(1 << 22)  # 48 days, s: multiples are left out of a clock that began at an unknown instant
 
 
@@ -100,9 +100,10 @@ def _read_one(file: Path, declared: Profile, note: Note) -> Recording:
 def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -> Recording:
     """Recording of a table, whose columns are used up, by its profile; `note` says which. Errors as in `read_text`."""
     table = _oldest_first(profile, _without_end(profile, table))
-    t, t0_ns, clock, stamps_ns = _time(profile, table)
+    t, t0_ns, clock, stamps, unit_ns = _time(profile, table)
     track, lost = _track(profile.reference, table, t, profile.turn) if profile.reference else (None, [])
-    imu, clock = _in_turns(*_imu(profile, table, t, t0_ns, clock), stamps_ns) if profile.triads else (None, clock)
+    samples = _imu(profile, table, t, t0_ns, clock) if profile.triads else None
+    imu, clock = (None, clock) if samples is None else _in_turns(*samples, stamps, unit_ns)
     changes = (*table.notes, *clock, *lost, *_changes(profile, t0_ns))
     notes = (*lasting(as_findings("notes", profile.notes)), note, *changes)
     return Recording(imu=imu, track=track, name=name, notes=notes)
@@ -145,7 +146,7 @@ def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
 
 
 def _in_turns(
-    imu: ImuData, notes: tuple[Finding, ...], stamps_ns: Callable[[], Floats]
+    imu: ImuData, notes: tuple[Finding, ...], stamps: Floats, unit_ns: float
 ) -> tuple[ImuData, tuple[Finding, ...]]:
     """Samples on one time line where gyroscope and accelerometer have rows of their own; others as they are.
 
@@ -155,8 +156,8 @@ def _in_turns(
     both = rows["gyr"] & rows["acc"] if {"gyr", "acc"} <= set(rows) else np.ones(1, dtype=np.bool_)
     if 2 * np.count_nonzero(both) >= min(map(np.count_nonzero, (rows.get("gyr", both), rows.get("acc", both)))):
         return imu, notes
-    stamps = np.rint(stamps_ns()).astype(np.int64)
-    streams = {name: Readings(stamps[valid], getattr(imu, name)[valid]) for name, valid in rows.items()}
+    t_ns = np.rint(stamps * unit_ns).astype(np.int64)
+    streams = {name: Readings(t_ns[valid], getattr(imu, name)[valid]) for name, valid in rows.items()}
     made = joined(streams, meta=imu.meta, epoch_ns=imu.meta.t0_ns or None)
     of_rows = tuple(finding for finding in notes if not finding.code.startswith("reading.clock_"))
     return made.imu, (*of_rows, warning("reading.rows_in_turns"), *made.notes)
@@ -190,7 +191,8 @@ def _time(profile: Profile, table: TextTable) -> _Clock:
     source = profile.time
     if source.rate:
         places = np.arange(table.rows) if table.places is None else table.places
-        return places / source.rate, 0, (), lambda: np.asarray(places * 1e9 / source.rate)
+        t = places / source.rate
+        return t, 0, (), t, 1e9
     if source.are_stamps:
         return _of_stamps(source, table)
     factor = units.unit(source.unit).factor * source.unit_per_count
@@ -204,19 +206,14 @@ def _time(profile: Profile, table: TextTable) -> _Clock:
         line = time_line(raw, 1.0, table.place)
         first = int(line.t_ns[0])
         start = utc_of_gps(int(counts[0]), first) if is_gps else int(counts[0]) * 10**9 + first
-        return (
-            (line.t_ns - first) / 1e9,
-            start if is_gps or source.epoch else 0,
-            line.notes,
-            lambda: np.asarray(raw - first),
-        )
+        return (line.t_ns - first) / 1e9, start if is_gps or source.epoch else 0, line.notes, raw - first, 1.0
     first = stamps[0] * factor
     if not source.epoch and first >= _UPTIME and not CENTURY[0] < first < CENTURY[1]:  # no clock that somebody knows
         stamps = stamps - first // _UPTIME * _UPTIME / factor
     if (stamps[1:] > stamps[:-1]).all() and source.unit_per_count == 1.0:
-        return inside(stamps, source.unit), t0_ns, (), lambda: np.asarray(stamps * (1e9 * factor))
+        return inside(stamps, source.unit), t0_ns, (), stamps, 1e9 * factor
     line = time_line(stamps, 1e9 * factor, table.place)
-    return line.t_ns / 1e9, t0_ns, line.notes, lambda: np.asarray(stamps * (1e9 * factor))
+    return line.t_ns / 1e9, t0_ns, line.notes, stamps, 1e9 * factor
 
 
 def _of_stamps(source: TimeSource, table: TextTable) -> _Clock:
@@ -225,9 +222,9 @@ def _of_stamps(source: TimeSource, table: TextTable) -> _Clock:
     except StampError as error:
         raise DecodeError(f"line {table.line_of(error.row)}: {error}") from error
     if (np.diff(t) > 0.0).all():
-        return t, t0_ns, (), lambda: np.asarray(t * 1e9)
+        return t, t0_ns, (), t, 1e9
     line = time_line(to_ns(t), 1.0, table.place)
-    return line.t_ns / 1e9, t0_ns, line.notes, lambda: np.asarray(t * 1e9)
+    return line.t_ns / 1e9, t0_ns, line.notes, t, 1e9
 
 
 def _imu(

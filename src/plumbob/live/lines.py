@@ -408,10 +408,8 @@ class LineDecoder:
     def _closed(self, end: int) -> int:
         """Where what is pending up to a byte ends without lines to which others may be joined."""
         lines = [*_LINE.finditer(self._pending[:end])][-_MOST_JOINED:] if self._has_words else []
-        for line in reversed(lines):
-            if not text_table.is_open(line[1].decode("latin-1")):
-                return line.end()
-        return lines[0].start() if lines else end
+        closed = (line for line in reversed(lines) if not text_table.is_open(line[1].decode("latin-1")))
+        return next((line.end() for line in closed), lines[0].start() if lines else end)
 
     def _taken(self, end: int) -> list[_Row]:
         """Samples of the lines up to a byte of what is pending."""
@@ -419,8 +417,8 @@ class LineDecoder:
         lines = [*_LINE.finditer(part)]
         text = b"\n".join(line[1] for line in lines)
         if self._has_words:
-            encoding = self._sensors[0].layout.encoding
-            text = text_table.titled(text.decode(encoding, "surrogateescape")).encode(encoding, "surrogateescape")
+            coding = self._sensors[0].layout.encoding, "surrogateescape"
+            text = text_table.titled(text.decode(*coding)).encode(*coding)
         for line, row in zip(lines, text.split(b"\n"), strict=False):
             self._lines += 1
             if not self._line(row, self._done + line.start()):

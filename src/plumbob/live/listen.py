@@ -115,9 +115,10 @@ def _taken(source: "Source", seconds: float, most: float = inf) -> "list[Receive
     """What comes in that time, or until there is enough."""
     from plumbob.live.transports.transport import Received
 
-    items, end = list[Received](), time.monotonic() + seconds
-    while not source.finished and time.monotonic() < end and sum(len(item.data) for item in items) < most:
-        items += [item for item in source.read(0.1) if isinstance(item, Received)]
+    items, size, end = list[Received](), 0, time.monotonic() + seconds
+    while not source.finished and time.monotonic() < end and size < most:
+        items += (came := [item for item in source.read(0.1) if isinstance(item, Received)])
+        size += sum(len(item.data) for item in came)
     return items
 
 

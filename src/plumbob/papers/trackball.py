@@ -127,8 +127,8 @@ def warm_up(study: Study, coefficient: float, count: int) -> tuple[float, float,
 def drift_part(study: Study, parts: int, noise: Path, soak_seconds: float) -> None:
     """Parts that warm up, and a recorded soak."""
     by_part = {name: warm_up(study, true, parts) for name, true in PARTS.items()}
-    for name, (raw, printed, own, _) in by_part.items():
-        study.rows({f"drift.raw.{name}": raw, f"drift.left.{name}": (printed, abs(own))})
+    for name, (raw, printed, by_card, _) in by_part.items():
+        study.rows({f"drift.raw.{name}": raw, f"drift.left.{name}": (printed, abs(by_card))})
     turned = 60.0 / 250.0  # of the range, °/s: 0.2 % of it in its middle, nothing at its ends
     study.rows({"drift.k_t": (None, by_part["a"][3]), "drift.bow": 0.002 * 250.0 * 4.0 * turned * (1.0 - turned)})
     study.table("mean_rate_at", [[f"{PARTS[name]:+.2f}".replace("-", "−"), *of] for name, of in by_part.items()])
@@ -136,7 +136,7 @@ def drift_part(study: Study, parts: int, noise: Path, soak_seconds: float) -> No
     file = study.recorded("trackball", "soak", noise=noise, warm_up="20 K, 600 s", duration=soak_seconds).recording
     ways: dict[str, dict[str, Any]] = {
         "measured": {}, "printed": {"drift": "chen2013"},
-        "own": {"calibration": pb.calibrate(file, "temperature").card},
+        "soak": {"calibration": pb.calibrate(file, "temperature").card},
     }  # fmt: skip
     last, means = round(0.1 * soak_seconds / STEP), {}
     made: dict[str, Any] = {"params": UNFILTERED.params, "rest": (0.0, 5.0)}

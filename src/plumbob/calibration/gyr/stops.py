@@ -184,7 +184,7 @@ def _true_turns(between: list[StopTurn], angle: float, turns: Sequence[tuple[int
     where = np.flatnonzero(sizes > smallest).tolist()
     moves, vectors = [between[k] for k in where], np.zeros((len(between), 3))
     most = to_deg(float(sizes.max(initial=0.0)))
-    none = f"There is no turn between two rests; the largest in {counted(len(between), 'move')} is by {most:.2g}°."
+    none = f"No turn lies between two rests: the largest of {counted(len(between), 'move')} is {most:.2g}°."
     refuse(reason_if(not moves, "no-motion", none, _ADVICE))
     listed = "; ".join(map(str, moves))
     many = f"The rates show {counted(len(moves), 'turn')} between rests ({listed}), but there should be "
