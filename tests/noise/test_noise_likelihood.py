@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.fft import dct
-from scipy.interpolate import PchipInterpolator
+from scipy.optimize import minimize
 
 from plumbob.noise import Coefficient, analysis, likelihood
 from plumbob.noise.likelihood import evaluate, point
@@ -197,29 +197,29 @@ def test_terms_that_cannot_be_told_apart_are_still_there_together(count):
 
 
 def test_an_interval_has_the_quantiles_of_the_profile():
-    """Of the likelihood with all else at its best, at 33 values from nothing to three standard deviations, and between
-    them of SciPy's cubic that does not overshoot."""
+    """Of the likelihood with all else at its best by SciPy, from nothing to three standard deviations."""
     rng = np.random.default_rng(12)
     s = spectrum(0.2 * rng.standard_normal(6000) + 0.1 * markov(6000, 60.0, rng)[0], 1.0)
     best = likelihood.fit(s, markov_time=60.0)
-    bins = likelihood.spectrum_bins(s)
     for k, c in zip((4, 5), likelihood.markov_coefficients(s, best), strict=True):
+        others = [i for i in range(6) if i != k]
 
-        def held(logs, value, k=k):
-            logs = logs.copy()
-            logs[k] = math.log(value)
-            return likelihood.search(bins, np.arange(6) == k, *(point(logs, s.terms.size) for _ in range(2)))
+        def profile(value, logs, k=k, others=others):
+            def half(free):
+                at = evaluated(s, np.insert(free, k, math.log(value)))
+                return at.sums[0], at.gradient[others]
 
-        top = math.exp(best.logs[k]) * 1.5
-        while held(best.logs, top).sums[0] - 0.5 * best.deviance < 4.5:
+            return minimize(half, logs, jac=True, bounds=[(-20.0, 8.0)] * 5, tol=1e-12)
+
+        top = 1.5 * math.exp(best.logs[k])
+        while profile(top, best.logs[others]).fun - 0.5 * best.deviance < 4.5:
             top *= 1.5
-        values, fine = np.linspace(0.0, top, 33), np.linspace(0.0, top, 4001)
-        logs, halves = best.logs, []
+        values, logs, halves = np.linspace(0.01 * top, top, 60), best.logs[others], []
         for value in values[::-1]:
-            at = held(logs, max(value, 1e-6 * top))
-            halves.append(at.sums[0])
-            logs = at.logs
-        density = np.exp(PchipInterpolator(values, np.min(halves) - halves[::-1])(fine))
+            at = min((profile(value, start) for start in (logs, best.logs[others])), key=lambda end: end.fun)
+            halves.append(at.fun)
+            logs = at.x
+        density = np.exp(np.min(halves) - halves[::-1])
         share = np.concatenate(([0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))))
-        quantiles = np.interp((0.158655, 0.5, 0.841345, 0.95), share / share[-1], fine)
-        assert [c.lo, c.value, c.hi, c.upper] == pytest.approx(quantiles.tolist(), rel=1e-6)
+        quantiles = np.interp((0.158655, 0.5, 0.841345, 0.95), share / share[-1], values)
+        assert [c.lo, c.value, c.hi, c.upper] == pytest.approx(quantiles.tolist(), rel=0.01)

@@ -98,8 +98,7 @@ def test_a_motion_is_refused_and_the_still_part_passes(motion):
     assert stop - start > 15.0
     assert f"--from {math.ceil(10 * start - 1e-6) / 10:g}s --to" in str(judged.errors[0].finding)
     assert report(values[round((start - 100.0) / DT) : round((stop - 100.0) / DT)]).errors == ()
-    with pytest.raises(ShapeError, match="not a static record: x: moved or was disturbed from"):
-        judged.require()
+    assert judged.refused("x") and str(judged.errors[0]).startswith("x: moved or was disturbed from")
 
 
 @pytest.mark.skipif(PLAIN, reason="the kernels are the same as for shorter averages")
@@ -425,7 +424,3 @@ def test_each_sensor_is_judged_by_itself_but_a_unit_that_moves_as_a_whole(unit):
     judged = judge(quiet, moved)
     assert (judged.refused("gyr x"), judged.refused("acc x")) == (unit, True)
     assert str(judged.errors[0].finding).startswith("the unit moved or was disturbed from") is unit
-    if not unit:
-        judged.require(("gyr x",), ("acc x",))
-        with pytest.raises(ShapeError, match="acc x: moved"):
-            judged.require(("acc x",))

@@ -139,10 +139,8 @@ GONE[200, 1] = math.nan
 
 
 @pytest.mark.parametrize(("call", "error", "text"), [
-    (lambda: feeding(GONE[:150], GONE[150:]), ShapeError, r"sample 200 of channel 1 is not finite.*without gaps"),
+    (lambda: feeding(GONE[:150], GONE[150:]), ShapeError, r"rate\[200, 1\] is not finite.*without gaps"),
     (lambda: feeding([1.7e308, 1.7e308], channels=1), ShapeError, "too large to be added"),
-    (lambda: AllanStream([1, 2**14 + 1], channels=1), ParameterError, r"n holds 16385, .* pass stream_factors"),
-    (lambda: AllanStream([1, 2**20 + 64], channels=1), ParameterError, r"at multiples of .* pass stream_factors"),
     (lambda: feeding(channels=0), ParameterError, "channels = 0"),
     (lambda: AllanStream([], channels=1), ParameterError, "n must hold"),
     (lambda: feeding(np.zeros(4)), ShapeError, r"block must have shape \(rows, 2\)"),

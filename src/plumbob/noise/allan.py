@@ -19,7 +19,7 @@ from plumbob.data.cards import NoiseCard
 from plumbob.noise.analysis import Averages, analyse, analyse_averages, with_curve
 from plumbob.noise.compare import DeviationComparison, compare
 from plumbob.noise.curve import Curve, curves, make_curve
-from plumbob.noise.factors import Averager, Factors, every_adev, kind_named, log_factors, stream_factors
+from plumbob.noise.factors import Averager, Factors, every_adev, log_factors, longest_factor, stream_factors
 from plumbob.noise.findings import Analysis, Deviation, numbers
 from plumbob.noise.static import StaticReport, bridged
 from plumbob.noise.static_record import Channels, StaticRecord
@@ -99,8 +99,11 @@ def changes(
 
 def _sound(record: StaticRecord, report: StaticReport) -> list[Channels]:
     """Sensors that the report does not refuse; an error where it refuses all."""
-    report.require(*(group.names for group in record.groups))
-    return [group for group in record.groups if not report.refused(*group.names)]
+    sound = [group for group in record.groups if not report.refused(*group.names)]
+    if report.errors and not sound:
+        more = f" ({len(report.errors) - 1} more)" if len(report.errors) > 1 else ""
+        raise ShapeError(f"not a static record: {report.errors[0]}{more}")
+    return sound
 
 
 def _samples(group: Channels, report: StaticReport) -> Floats:
@@ -131,7 +134,7 @@ def _curve_at_taus(samples: Floats, dt: float, taus: Sequence[float] | Literal["
 def _streamed(group: Channels, size: int, taus: Taus, progress: _Done | None) -> list[Analysis]:
     grid = log_factors(size)  # a number is a byte or more
     n = None if taus is None else stream_factors(_factors(taus, group.dt, size))
-    allan = AllanStream(stream_factors(grid if n is None else np.union1d(grid, n)), channels=len(group.names))
+    allan = AllanStream(grid if n is None else np.union1d(grid, n), channels=len(group.names))
     averager = Averager(len(group.names))
     for block in group.blocks(None if progress is None else lambda done: progress(done, size)):
         allan.feed(block)
@@ -158,7 +161,7 @@ def _streamed(group: Channels, size: int, taus: Taus, progress: _Done | None) ->
 
 def _factors(taus: Sequence[float] | Literal["all"], dt: float, count: int, kind: str = "oadev") -> Factors:
     """Averaging factors of averaging times, refusing those that are no multiple of the sampling time."""
-    longest = kind_named(kind).longest(count)
+    longest = longest_factor(kind, count)
     if taus == "all":
         return np.arange(1, longest + 1)
     times = np.asarray(taus, dtype=np.float64)
@@ -177,7 +180,7 @@ def _factors(taus: Sequence[float] | Literal["all"], dt: float, count: int, kind
 def _too_long(tau: float, dt: float, count: int, kind: str = "oadev") -> ParameterError:
     return ParameterError(
         f"τ = {tau:g} s is too long: for {kind}, a record of {count * dt:.6g} s has "
-        f"{kind_named(kind).longest(count) * dt:.6g} s at most."
+        f"{longest_factor(kind, count) * dt:.6g} s at most."
     )
 
 

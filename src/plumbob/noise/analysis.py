@@ -16,7 +16,7 @@ from plumbob.core.findings import Note, warning
 from plumbob.core.units import Quantity
 from plumbob.noise import likelihood
 from plumbob.noise.bands import least_squares, leave_out, lines, mask_first_order
-from plumbob.noise.curve import Curve, curve, interval, skew_edf, with_noise
+from plumbob.noise.curve import Curve, curve, interval, make_curve, skew_edf
 from plumbob.noise.findings import Analysis, Band, Candidate, Coefficient, Estimates, GaussMarkov, Mask
 from plumbob.noise.spectrum import LETTERS, Spectrum, densities, edges, find_sinusoids, ramp_coefficients, spectrum
 from plumbob.noise.terms import DATASHEET, variance
@@ -144,7 +144,7 @@ def within_the_curve(
         more = {w: why for w in shown if (why := _against(w, terms, limits[w], of, mask))}
         if not more:
             for letter in reasons:
-                c, most = terms[letter], limits[letter].most
+                c, most = terms[letter], limits[letter][0]
                 terms[letter] = replace(
                     c, value=min(c.value, most), lo=0.0, hi=min(c.hi, most), upper=min(c.upper, most)
                 )
@@ -152,35 +152,26 @@ def within_the_curve(
         reasons |= more
 
 
-class _Limit(NamedTuple):
+def _limit(letter: str, of: Curve, sure: Floats, mask: Mask) -> tuple[float, float]:
     """Largest coefficient that the curve allows a term that is there alone, and the averaging time that says so, s."""
-
-    most: float
-    tau: float
-
-
-def _limit(letter: str, of: Curve, sure: Floats, mask: Mask) -> _Limit:
     judged = _judged(letter, of, mask, _KNOWN)
     tau = of.tau[judged]
     allowed = sure[judged] / np.sqrt(variance(letter, 1.0, tau))
     if not allowed.size:
-        return _Limit(math.inf, math.nan)
-    return _Limit(float(allowed.min()), float(tau[np.argmin(allowed)]))
+        return math.inf, math.nan
+    return float(allowed.min()), float(tau[np.argmin(allowed)])
 
 
-def _against(letter: str, terms: Mapping[str, Coefficient], limit: _Limit, of: Curve, mask: Mask) -> str | None:
-    """Say in words why the curve contradicts a coefficient, by its lower end; None where it does not."""
-    if letter in _SLOW:
-        return _leaves(letter, terms, of, mask)
-    if terms[letter].lo <= limit.most:
-        return None
-    return (
-        f"{letter} is not quoted: what the spectrum gives it would alone exceed the measured curve at {limit.tau:.3g} s"
-    )
+def _against(
+    letter: str, terms: Mapping[str, Coefficient], limit: tuple[float, float], of: Curve, mask: Mask
+) -> str | None:
+    """Say in words why the curve contradicts a coefficient; None where it does not.
 
-
-def _leaves(letter: str, terms: Mapping[str, Coefficient], of: Curve, mask: Mask) -> str | None:
-    """Say in words that the model lies above the curve's interval wherever a slow term is most of it."""
+    By its lower end; of a slow one, where the model lies above the curve's interval wherever the term is most of it.
+    """
+    if letter not in _SLOW:
+        more = "what the spectrum gives it would alone exceed the measured curve at"
+        return f"{letter} is not quoted: {more} {limit[1]:.3g} s" if terms[letter].lo > limit[0] else None
     judged = _judged(letter, of, mask, _LONGEST)
     parts = {w: variance(w, c.value, of.tau) for w, c in terms.items() if c.observable}
     model = np.sum(list(parts.values()), axis=0)
@@ -324,7 +315,9 @@ def with_curve(analysis: Analysis, of: Curve) -> Analysis:
     step = 1e-3
     ahead, behind = (analysis.model(of.tau * math.exp(sign * step)) for sign in (1.0, -1.0))
     slope = np.log(ahead / behind) / step  # of the variance: twice that of the deviation, over two steps
-    return replace(analysis, curve=with_noise(of, np.where(modelled, -1.0 - slope, of.alpha)))
+    alpha = np.where(modelled, -1.0 - slope, of.alpha)
+    shaped = make_curve(of.dev, of.n, of.count, of.dt, kind=of.kind, confidence=of.confidence, alpha=alpha)
+    return replace(analysis, curve=shaped)
 
 
 def _notes(unmasked: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, Coefficient]) -> Iterator[Note]:

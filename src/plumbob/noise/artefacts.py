@@ -387,3 +387,9 @@ def between(parts: Parts, start: float, stop: float) -> Parts:
     edges = [(start, start), *joined(parts), (stop, stop)]
     gaps = [(max(a[1], start), min(b[0], stop)) for a, b in pairwise(edges)]
     return [(first, end) for first, end in gaps if end > first]
+
+
+def window_sums(rows: Floats, size: int) -> Floats:
+    """Sums of each `size` neighbouring rows of (n,) or (n, k)."""
+    total = np.concatenate((np.zeros_like(rows[:1]), np.cumsum(rows, axis=0)))
+    return np.asarray(total[size:] - total[:-size])

@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats, runs
+from plumbob.noise.artefacts import window_sums
 from plumbob.noise.curve import Curve, edf
 from plumbob.noise.findings import Band, Coefficient, Estimates, GaussMarkov, Mask, Sinusoid
 from plumbob.noise.likelihood import CLEAR, LikelihoodFit, departures, fit
@@ -299,7 +300,7 @@ def _cores(spectrum: Spectrum) -> Inside:
     reach = np.minimum(behind, ahead).tolist()
     floor = terms * np.array([np.median(mean[i - r : i + r + 1]) for i, r in enumerate(reach)])
     for run in _RUNS:
-        power, below, count = (_sums(row, run) for row in (spectrum.power[first:], floor, terms))
+        power, below, count = (window_sums(row, run) for row in (spectrum.power[first:], floor, terms))
         ratio, spread = power / below, 2.0 / (9.0 * count)
         sure = (np.cbrt(ratio) - (1.0 - spread)) / np.sqrt(spread)  # [Wilson1931]: of a χ², as if it were normal
         for k in np.flatnonzero((sure > _SURE_OF_A_BAND) & (ratio > _TALL)).tolist():
@@ -309,11 +310,6 @@ def _cores(spectrum: Spectrum) -> Inside:
         if math.log2(high / low) > _NARROW:
             inside[bins] = False
     return inside
-
-
-def _sums(row: Floats, run: int) -> Floats:
-    total = np.concatenate(([0.0], np.cumsum(row)))
-    return np.asarray(total[run:] - total[:-run])
 
 
 def _grown(spectrum: Spectrum, fitted: LikelihoodFit, inside: Inside, usable: Inside) -> Inside:

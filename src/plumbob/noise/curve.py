@@ -49,7 +49,14 @@ from scipy.special import gammaincinv, psi, zeta
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.noise.factors import SHAPES, DeviationKind, Factors, checked_factors, deviation, kind_named, log_factors
+from plumbob.noise.factors import (
+    SHAPES,
+    DeviationKind,
+    checked_factors,
+    deviation,
+    log_factors,
+    longest_factor,
+)
 
 ONE_SIGMA: Final = 0.682689492137086
 """Share of a normal distribution within one standard deviation: the confidence of every ± of this package."""
@@ -184,7 +191,7 @@ def along(
 def _of_one(kind: str, alpha: float, count: int, n: int) -> float:
     shape = SHAPES[kind]
     terms = shape.terms(count, n)
-    lags = _cached_lags(kind, count, n)
+    lags = _lags(kind, count, n)
     rho = between_levels(shape, alpha, lambda level: _at_lags(kind, level, count, n))
     weighted = (1.0 - lags / terms) * rho**2  # [Greenhall2003]
     # between neighbouring lags the summand is a straight line; a sum of its whole places is its trapezoid
@@ -193,15 +200,23 @@ def _of_one(kind: str, alpha: float, count: int, n: int) -> float:
 
 
 @lru_cache(maxsize=1024)
-def _cached_lags(kind: str, count: int, n: int) -> Floats:
+def _lags(kind: str, count: int, n: int) -> Floats:
+    """Lags to sum at, in differences: dense near multiples of n, where the correlation has its kinks and peaks."""
     shape = SHAPES[kind]
-    return check.read_only(_lags(shape, n, shape.terms(count, n) - 1))
+    last = shape.terms(count, n) - 1
+    if not shape.overlapping:
+        return check.read_only(np.arange(min(shape.order + 1, last) + 1.0))
+    steps = max(2, int(np.log(max(n / (2 * _NEAR), 1.0)) / np.log(_RATIO)))
+    near = np.concatenate((np.arange(_NEAR), np.round(np.geomspace(_NEAR, max(n / 2, _NEAR), steps))))
+    near = near[near <= n]
+    beyond = (np.arange(shape.order + 1)[:, np.newaxis] * n + np.concatenate((near, n - near))).ravel()
+    return check.read_only(np.unique(np.concatenate((beyond[beyond < last], [min(last, (shape.order + 1) * n)]))))
 
 
 @lru_cache(maxsize=1024)  # channels of one record, and rounds of a fit, differ in α only
 def _at_lags(kind: str, level: int, count: int, n: int) -> Floats:
     shape = SHAPES[kind]
-    return check.read_only(correlation(shape, level, n, _cached_lags(kind, count, n) * (1 if shape.overlapping else n)))
+    return check.read_only(correlation(shape, level, n, _lags(kind, count, n) * (1 if shape.overlapping else n)))
 
 
 def _gain_of_total(alpha: float, count: int, n: int) -> float:
@@ -210,17 +225,6 @@ def _gain_of_total(alpha: float, count: int, n: int) -> float:
     b, c = (np.interp(-red, (0.0, 1.0, 2.0), column) for column in _TOTAL)  # [Riley2008] Table 7
     gain = max((b * count / n - c) / _of_one("oadev", red, count, n), 1.0)
     return float(gain ** (1.0 - 0.5 * max(alpha, 0.0)))
-
-
-def _lags(shape: DeviationKind, n: int, last: int) -> Floats:
-    """Lags to sum at, in differences: dense near multiples of n, where the correlation has its kinks and peaks."""
-    if not shape.overlapping:
-        return np.arange(min(shape.order + 1, last) + 1.0)
-    steps = max(2, int(np.log(max(n / (2 * _NEAR), 1.0)) / np.log(_RATIO)))
-    near = np.concatenate((np.arange(_NEAR), np.round(np.geomspace(_NEAR, max(n / 2, _NEAR), steps))))
-    near = near[near <= n]
-    beyond = (np.arange(shape.order + 1)[:, np.newaxis] * n + np.concatenate((near, n - near))).ravel()
-    return np.unique(np.concatenate((beyond[beyond < last], [min(last, (shape.order + 1) * n)])))
 
 
 def correlation(shape: DeviationKind, level: int, n: int, shift: Floats) -> Floats:
@@ -323,8 +327,7 @@ def identify(kind: str, count: int, n: ArrayLike, dev: ArrayLike) -> Floats:
     knots = np.flatnonzero(np.diff(step, prepend=-1.0) > 0.0)  # some of the many factors that a curve of every n has
     octave = np.log2(factors[knots])
     log_square = 2.0 * np.log(deviation[knots])
-    shape = kind_named(kind)
-    half = 0.5 * edf(kind, -1.0, count, factors[knots])  # how it falls with n hardly depends on α
+    half, shape = 0.5 * edf(kind, -1.0, count, factors[knots]), SHAPES[kind]  # how it falls with n hardly depends on α
     share = np.minimum(PER_OCTAVE * np.gradient(octave), 1.0)  # what a point tells that its neighbours do not
     distance = octave - octave[:, np.newaxis]
     weight = share / (zeta(2.0, half) + (BEND * distance**2) ** 2)  # [Bartlett1946]
@@ -424,22 +427,16 @@ def curves(rate: ArrayLike, dt: float, n: ArrayLike | None = None, *, kind: str 
         raise ShapeError(f"rate must have shape (N, k), but its shape is {samples.shape}.")
     count = samples.shape[0]
     grid = log_factors(count)
-    grid = grid[grid <= kind_named(kind).longest(count)]
+    grid = grid[grid <= longest_factor(kind, count)]
     wanted = grid if n is None else np.unique(checked_factors(kind, count, n))
     factors = np.union1d(grid, wanted)
     return [make_curve(dev, factors, count, dt, kind=kind).only(wanted) for dev in deviation(samples, factors, kind).T]
 
 
-def with_noise(of: Curve, alpha: ArrayLike) -> Curve:
-    """Curve with the intervals of noise whose exponents (m,) are known better than from its own slopes."""
-    levels = kind_named(of.kind).levels
-    exponents = np.clip(check.column("alpha", alpha, of.n.size), levels[0], levels[-1])
-    return _judged(of.kind, of.dt, of.count, of.n, of.dev, exponents, of.confidence)
-
-
 def make_curve(
-    dev: ArrayLike, n: ArrayLike, count: int, dt: float, *, kind: str = "oadev", confidence: float = ONE_SIGMA
-) -> Curve:
+    dev: ArrayLike, n: ArrayLike, count: int, dt: float, *, kind: str = "oadev", confidence: float = ONE_SIGMA,
+    alpha: ArrayLike | None = None,
+) -> Curve:  # fmt: skip
     """Curve of one channel from its deviation alone, as a stream leaves it.
 
     Parameters
@@ -447,11 +444,13 @@ def make_curve(
     dev : array_like (m,)
         The deviation.
     n : array_like (m,)
-        Averaging factors, increasing, at least two; the noise is identified by the slope between them.
+        Averaging factors, increasing, at least two.
     count : int
         Samples of the record.
     dt : float
         Sampling time, s.
+    alpha : array_like (m,), optional
+        Exponents of the noise where they are known better than from the slopes between the factors.
     kind : {"oadev", "adev", "mdev", "ohdev", "hdev", "totdev"}
         Which deviation.
     confidence : float
@@ -467,12 +466,8 @@ def make_curve(
     if not 0.0 < dt < np.inf:
         raise ParameterError(f"dt must be a sampling time above 0 s, but it is {dt}.")
     factors = checked_factors(kind, count, n)
-    alpha = identify(kind, count, factors, dev)
-    return _judged(kind, dt, count, factors, check.column("dev", dev), alpha, confidence)
-
-
-def _judged(kind: str, dt: float, count: int, n: Factors, dev: Floats, alpha: Floats, confidence: float) -> Curve:
-    """Curve with the intervals of noise of these exponents."""
-    freedom = edf(kind, alpha, count, n)
-    lo, hi = interval(dev, freedom, skew_edf(kind, alpha, count, n), confidence)
-    return Curve(kind, dt, count, n, dev, alpha, freedom, lo, hi, confidence)
+    measured, levels = check.column("dev", dev, factors.size), SHAPES[kind].levels
+    exponents = identify(kind, count, factors, measured) if alpha is None else np.clip(alpha, levels[0], levels[-1])
+    freedom = edf(kind, exponents, count, factors)
+    lo, hi = interval(measured, freedom, skew_edf(kind, exponents, count, factors), confidence)
+    return Curve(kind, dt, count, factors, measured, exponents, freedom, lo, hi, confidence)

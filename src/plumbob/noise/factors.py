@@ -136,12 +136,24 @@ def stream_factors(n: ArrayLike) -> Factors:
     return np.unique(np.round(factors / steps).astype(np.int64) * steps)
 
 
+def _every_nth(points: Floats, n: int) -> tuple[Floats, int]:
+    return np.ascontiguousarray(points[::n]), 1
+
+
+def _centred(points: Floats, n: int) -> tuple[Floats, int]:
+    """Those mirrored points whose differences have their middle on θ, its ends left out."""
+    count = (points.size + 1) // 3
+    return points[count - n : 2 * count - 1 + n], n
+
+
 class DeviationKind(NamedTuple):
     """How a deviation is made of the cumulative sum."""
 
     order: int  # of the differences: 2 for Allan's, 3 for Hadamard's
     averaged: bool  # whether the sum is averaged over n points first, as the modified deviation does
     overlapping: bool  # whether every difference is used, or every n-th
+    add_squares: Callable[[Floats, Factors, Floats], None]  # of its differences
+    view: Callable[[Floats, int], tuple[Floats, int]] | None = None  # points and spacing at n; else all, n apart
 
     @property
     def levels(self) -> tuple[int, ...]:
@@ -151,10 +163,6 @@ class DeviationKind(NamedTuple):
         """
         return (*range(2 - 2 * self.order, 1), *((1, 2) if self.averaged else (2,)))
 
-    def longest(self, count: int) -> int:
-        """Longest averaging factor that `count` samples allow."""
-        return (count + self.averaged) // (self.order + self.averaged)
-
     def terms(self, count: int, n: int) -> int:
         """How many differences `count` samples give at the factor n."""
         room = count + 1 - self.order * n - (n - 1 if self.averaged else 0)
@@ -162,12 +170,12 @@ class DeviationKind(NamedTuple):
 
 
 SHAPES: Final[dict[str, DeviationKind]] = {
-    "oadev": DeviationKind(2, averaged=False, overlapping=True),
-    "adev": DeviationKind(2, averaged=False, overlapping=False),
-    "mdev": DeviationKind(2, averaged=True, overlapping=True),
-    "ohdev": DeviationKind(3, averaged=False, overlapping=True),
-    "hdev": DeviationKind(3, averaged=False, overlapping=False),
-    "totdev": DeviationKind(2, averaged=False, overlapping=True),
+    "oadev": DeviationKind(2, False, True, second_squares),  # [Riley2008] (11)
+    "adev": DeviationKind(2, False, False, second_squares, _every_nth),  # [Riley2008] (7)
+    "mdev": DeviationKind(2, True, True, kernels.modified_squares),  # [Riley2008] (14)
+    "ohdev": DeviationKind(3, False, True, kernels.third_squares),  # [Riley2008] (20)
+    "hdev": DeviationKind(3, False, False, kernels.third_squares, _every_nth),  # [Riley2008] (18)
+    "totdev": DeviationKind(2, False, True, second_squares, _centred),  # [Riley2008] (25)
 }
 """By name of the deviation. The total deviation extends the record, and is Allan's overlapping one inside it."""
 
@@ -175,14 +183,15 @@ KINDS: Final = tuple(SHAPES)
 """Overlapping Allan, Allan, modified Allan (overlapping), overlapping Hadamard, Hadamard, total."""
 
 
-def kind_named(name: str) -> DeviationKind:
-    """Kind of that name, refusing unknown ones by a `ShapeError`."""
-    return SHAPES[check.one_of("kind", name, KINDS)]
+def longest_factor(kind: str, count: int) -> int:
+    """Longest averaging factor that `count` samples allow, refusing unknown kinds by a `ShapeError`."""
+    shape = SHAPES[check.one_of("kind", kind, KINDS)]
+    return (count + shape.averaged) // (shape.order + shape.averaged)
 
 
 def checked_factors(kind: str, count: int, n: ArrayLike) -> Factors:
     """Averaging factors n as integers, for a kind and `count` samples."""
-    return whole_factors(n, kind_named(kind).longest(count), f"for {kind} of {count} samples")
+    return whole_factors(n, longest_factor(kind, count), f"for {kind} of {count} samples")
 
 
 KEPT: Final = 1 << 19  # so many averages are kept; at twice as many, neighbours are averaged
@@ -254,7 +263,6 @@ def deviation(rate: ArrayLike, n: ArrayLike, kind: str = "oadev") -> Floats:
         If a factor is not a whole number, or the record is too short for it.
     """
     samples = check.floats("rate", rate)
-    check.one_of("kind", kind, KINDS)
     angles = running_sums(samples)
     factors = checked_factors(kind, samples.shape[0], n)
     increasing, places = np.unique(factors, return_inverse=True)
@@ -277,19 +285,21 @@ def _running_sum(rate: Floats, column: Floats) -> Floats:
     with np.errstate(all="ignore"):
         mean = float(np.mean(column))
     if not math.isfinite(mean):  # as one sample is enough for; a test of every sample would be one more pass
-        raise _unusable(rate)
+        raise unusable(rate)
     angle = np.zeros(column.size + 1)
     kernels.accumulate(column, mean, 0.0, angle[1:])
     return angle
 
 
-def _unusable(rate: Floats) -> ShapeError:
+def unusable(rate: Floats, before: int = 0) -> ShapeError:
+    """Error for rates (N,) or (N, k) whose sum is not finite; so many samples came `before` them."""
     bad = np.argwhere(~np.isfinite(rate))
     if not bad.size:
         return ShapeError(f"rate holds numbers too large to be added, up to {np.max(np.abs(rate)):g}.")
+    place = ", ".join(str(i) for i in (before + bad[0][0], *bad[0][1:]))
     return ShapeError(
-        f"rate[{', '.join(map(str, bad[0]))}] is not finite ({len(bad)} such values), but a deviation needs every "
-        "sample: take a stretch without gaps."
+        f"rate[{place}] is not finite ({len(bad)} such values), but a deviation needs every sample: take a stretch "
+        "without gaps."
     )
 
 
@@ -299,45 +309,20 @@ def _mirrored(angle: Floats) -> Floats:
     return np.concatenate((2.0 * angle[0] - inner, angle, 2.0 * angle[-1] - inner))  # [Riley2008] (25)
 
 
-def _every_nth(points: Floats, n: int) -> tuple[Floats, int]:
-    return np.ascontiguousarray(points[::n]), 1
-
-
-def _centred(points: Floats, n: int) -> tuple[Floats, int]:
-    """Those mirrored points whose differences have their middle on θ, its ends left out."""
-    count = (points.size + 1) // 3
-    return points[count - n : 2 * count - 1 + n], n
-
-
-class _SumRule(NamedTuple):
-    add_squares: Callable[[Floats, Factors, Floats], None]
-    scale: float
-    view: Callable[[Floats, int], tuple[Floats, int]] | None = None  # points and spacing at n; else all, n apart
-
-
-_HOW: Final = {
-    "oadev": _SumRule(second_squares, 2.0),  # [Riley2008] (11)
-    "adev": _SumRule(second_squares, 2.0, _every_nth),  # [Riley2008] (7)
-    "mdev": _SumRule(kernels.modified_squares, 2.0),  # [Riley2008] (14)
-    "ohdev": _SumRule(kernels.third_squares, 6.0),  # [Riley2008] (20)
-    "hdev": _SumRule(kernels.third_squares, 6.0, _every_nth),  # [Riley2008] (18)
-    "totdev": _SumRule(second_squares, 2.0, _centred),  # [Riley2008] (25)
-}
-
-
 def _variance(angle: Floats, factors: Factors, kind: str) -> Floats:
-    how, shape = _HOW[kind], SHAPES[kind]
+    shape = SHAPES[kind]
     points = _mirrored(angle) if kind == "totdev" else angle
     sums, terms = np.zeros(factors.size), np.empty(factors.size)
-    if how.view is None:
-        how.add_squares(points, factors, sums)  # together, which is several times as fast
+    if shape.view is None:
+        shape.add_squares(points, factors, sums)  # together, which is several times as fast
     for j, n in enumerate(factors.tolist()):
-        strided, spacing = (points, n) if how.view is None else how.view(points, n)
+        strided, spacing = (points, n) if shape.view is None else shape.view(points, n)
         # the last point of a difference lies so far behind its first
         terms[j] = strided.size - ((shape.order + shape.averaged) * spacing - shape.averaged)
-        if how.view is not None:
-            how.add_squares(strided, np.array([spacing]), sums[j : j + 1])
-    return np.asarray(sums / (how.scale * factors.astype(np.float64) ** 2 * terms))
+        if shape.view is not None:
+            shape.add_squares(strided, np.array([spacing]), sums[j : j + 1])
+    scale = math.comb(2 * shape.order - 2, shape.order - 1)  # squares of white noise in a difference of averages
+    return np.asarray(sums / (scale * factors.astype(np.float64) ** 2 * terms))
 
 
 ACCURACY: Final = 1e-12  # bound of the relative error of σ against direct sums of the same θ

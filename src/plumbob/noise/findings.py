@@ -51,18 +51,10 @@ class Coefficient:
 
 @dataclass(frozen=True, slots=True)
 class Estimates:
-    """Coefficients by one method.
+    """Coefficients by one method."""
 
-    Attributes
-    ----------
-    method : {"lines", "least squares", "likelihood"}
-        How they were found.
-    terms : mapping of str to Coefficient
-        By letter; a letter is missing where the method does not give it.
-    """
-
-    method: str
-    terms: Mapping[str, Coefficient]
+    method: str  # "lines", "least squares" or "likelihood"
+    terms: Mapping[str, Coefficient]  # by letter; one is missing where the method does not give it
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,19 +133,10 @@ class GaussMarkov:
 
 @dataclass(frozen=True, slots=True)
 class Mask:
-    """Short averaging times that no fit used, because the device filters its output (or folds noise into it).
+    """Short averaging times that no fit used, because the device filters its output (or folds noise into it)."""
 
-    Attributes
-    ----------
-    n : int
-        Smallest averaging factor that is used; 1 where nothing is masked.
-    frequency : float or None
-        Above it the spectrum departs from what noise of the five terms can be, Hz; None where nothing is masked.
-    reason : str
-        In words.
-    """
-
-    n: int = 1
+    n: int = 1  # smallest averaging factor that is used; 1 where nothing is masked
+    # above it the spectrum departs from what noise of the five terms can be, Hz; None where nothing is masked
     frequency: float | None = None
     reason: str = "nothing masked"
 

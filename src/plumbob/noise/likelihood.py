@@ -129,16 +129,6 @@ def inform(bins: Bins, at: Iterate) -> None:
             at.information[i, j] = at.information[j, i] = total
 
 
-def search(bins: Bins, held: NDArray[np.bool_], start: Iterate, room: Iterate) -> Iterate:
-    """Point of the largest likelihood by Fisher scoring with damping from `start`, the `held` (p,) where they are.
-
-    Both points are written to, and one of them is returned.
-    """
-    p = held.size
-    is_start = _search(bins, held, start, room, np.zeros(p, dtype=np.bool_), np.zeros(p), np.zeros((p, p)))
-    return start if is_start else room
-
-
 @kernel
 def _search(
     bins: Bins,
@@ -149,7 +139,10 @@ def _search(
     step: Floats,
     work: Floats,
 ) -> bool:
-    """Search, and say whether it is `start` that holds the end of it; the last three are room to work in."""
+    """Search from `start` for the largest likelihood by Fisher scoring with damping, the `held` (p,) where they are.
+
+    Both points are written to; whether it is `start` that holds the end. The last three are room to work in.
+    """
     now, trial, is_start = room, start, False
     half, moved = math.inf, 0.0
     damping, rounds = 1e-2, 0
@@ -349,9 +342,11 @@ class _Model:
 
     def search(self, logs: Floats, held: Sequence[int] = ()) -> LikelihoodFit:
         """Fisher scoring with damping, from `logs`, with some of them held."""
-        stays = np.zeros(logs.size, dtype=bool)
+        p, stays = logs.size, np.zeros(logs.size, dtype=bool)
         stays[list(held)] = True
-        best = search(self.bins, stays, *(point(logs, self.bins.terms.size) for _ in range(2)))
+        start, room = (point(logs, self.bins.terms.size) for _ in range(2))
+        is_start = _search(self.bins, stays, start, room, np.zeros(p, dtype=bool), np.zeros(p), np.zeros((p, p)))
+        best = start if is_start else room
         half, ramp, square = best.sums.tolist()
         return LikelihoodFit(
             best.logs, best.information, 2.0 * half, ramp, 1.0 / math.sqrt(square), best.density, best.relative
@@ -366,7 +361,7 @@ class _Model:
         values, profile, _ = self._profile(best, k, wider)
         profile = profile / wider**2
         fine = np.linspace(values[0], values[-1], 4001)
-        weight = np.exp(_monotone(values, profile, fine))
+        weight = np.exp(_between(values, profile, fine))
         share = np.concatenate(([0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))))
         lo, median, hi, upper = np.interp(_QUANTILES, share / share[-1], fine).tolist()
         clear = float(profile.max() - profile[0]) >= 0.5 * CLEAR**2
@@ -404,12 +399,13 @@ class _Model:
         ):  # three standard deviations
             top *= 1.5
         values = np.linspace(0.0, top, _GRID)
-        now, fits = best, []
-        for value in values[::-1]:
-            now = self.with_log(now, k, math.log(max(value, 1e-6 * top)))
-            fits.append(now)
-        profile = -0.5 * np.array([f.deviance for f in fits[::-1]])
-        return values, profile - profile.max(), fits[::-1]
+        fits, middle = [best] * _GRID, int(np.searchsorted(values, math.exp(best.logs[k])))
+        for side in (range(middle - 1, -1, -1), range(middle, _GRID)):  # outward, so that what is absent stays near
+            now = best
+            for i in side:
+                fits[i] = now = self.with_log(now, k, math.log(max(values[i], 1e-6 * top)))
+        profile = -0.5 * np.array([f.deviance for f in fits])
+        return values, profile - profile.max(), fits
 
 
 def _covariance(best: LikelihoodFit) -> Floats:
@@ -448,22 +444,10 @@ def octaves(spectrum: spectra.Spectrum) -> NDArray[np.int64]:
     return np.asarray(np.floor(np.log2(spectrum.frequency / spectrum.frequency[0])), dtype=np.int64)
 
 
-def _monotone(x: Floats, y: Floats, at: Floats) -> Floats:
-    """Cubic interpolation between evenly spaced places that does not overshoot, as SciPy's pchip.
-
-    Written out, for SciPy's own would import its optimisation.
-    """
+def _between(x: Floats, y: Floats, at: Floats) -> Floats:
+    """Cubic interpolation between evenly spaced places, with the slopes of parabolas through three of them."""
     step = x[1] - x[0]
-    rise = np.diff(y) / step
-    before, after = rise[:-1], rise[1:]
-    slope = np.zeros(y.size)
-    same = before * after > 0.0
-    slope[1:-1][same] = 2.0 / (1.0 / before[same] + 1.0 / after[same])
-    for end, (outer, following) in ((0, rise[[0, 1]]), (-1, rise[[-1, -2]])):
-        bent = 1.5 * outer - 0.5 * following  # of a parabola through three points,
-        if outer * following < 0.0 and abs(bent) > 3.0 * abs(outer):
-            bent = 3.0 * outer  # held to three times the rise, and to its sign
-        slope[end] = 0.0 if bent * outer <= 0.0 else bent
+    rise, slope = np.diff(y) / step, np.gradient(y, step, edge_order=2)
     i = np.minimum(((at - x[0]) / step).astype(np.int64), rise.size - 1)
     u = at - x[i]
     bend = (slope[i] + slope[i + 1] - 2.0 * rise[i]) / step

@@ -58,7 +58,12 @@ class Spectrum:
     @property
     def frequency(self) -> Floats:
         """Middle frequency of each bin (m,), Hz."""
-        return np.asarray(0.5 * (self.stop + self.start - 1.0) / (2.0 * self.count * self.step))
+        return np.asarray(self.middle / (2.0 * self.count * self.step))
+
+    @property
+    def middle(self) -> Floats:
+        """Middle number j of the coefficients of each bin (m,)."""
+        return np.asarray(0.5 * (self.stop + self.start - 1.0))
 
     @property
     def width(self) -> Floats:
@@ -126,7 +131,7 @@ def densities(spectrum: Spectrum) -> Floats:
         folded = frequency[:, np.newaxis] + np.arange(d) / (d * dt)
         damping = np.sin(np.pi * folded * d * dt) / (d * np.sin(np.pi * folded * dt))
         density = np.sum(sampled_densities(folded, dt) * damping**2, axis=-1)
-    turn = 0.5 * np.pi * _middle(spectrum) / spectrum.count
+    turn = 0.5 * np.pi * spectrum.middle / spectrum.count
     # what the first and the last angle of a record, whose differences the samples are, add to cosine coefficients
     density[0] += 4.0 * np.cos(turn) ** 2 / (spectrum.count * spectrum.step)
     density[2] *= _flicker_in_cosines(spectrum)
@@ -148,7 +153,7 @@ class MarkovBins(NamedTuple):
 
 def markov_bins(spectrum: Spectrum) -> MarkovBins:
     """Bins of a spectrum, for `markov_density`."""
-    j, step = _middle(spectrum), spectrum.step
+    j, step = spectrum.middle, spectrum.step
     cosine = np.cos(2.0 * np.pi * spectrum.frequency * step)
     lags = np.arange(spectrum.averaged, dtype=np.float64)
     sign = np.cos(np.pi * np.rint(j))
@@ -188,11 +193,6 @@ def markov_bin_densities(bins: MarkovBins, time: float, filled: Floats) -> None:
         filled[i] = bins.step * density * in_cosines
 
 
-def _middle(spectrum: Spectrum) -> Floats:
-    """Middle number j of the coefficients of each bin (m,)."""
-    return np.asarray(0.5 * (spectrum.stop + spectrum.start - 1.0))
-
-
 def _flicker_in_cosines(spectrum: Spectrum) -> Floats:
     """Variance of the cosine coefficient j of flicker noise over its density: (2/π) (Si(jπ) − (1 − (−1)^j) / (jπ)).
 
@@ -201,7 +201,7 @@ def _flicker_in_cosines(spectrum: Spectrum) -> Floats:
     """
     from scipy.special import sici
 
-    j = _middle(spectrum)
+    j = spectrum.middle
     single = j == np.rint(j)
     odd = np.where(single, 1.0 - np.cos(np.pi * j), 1.0)  # bins of several coefficients hold as many odd ones as even
     return np.asarray(2.0 / np.pi * (sici(np.pi * j)[0] - odd / (np.pi * j)))
@@ -235,20 +235,13 @@ def find_sinusoids(samples: Floats, dt: float, averaged: int = 1) -> tuple[tuple
         if not ratio[peak] > limit:
             break
         bin_width = 1.0 / (samples.size * dt)
-        sinusoid, without = _measure(residual, dt, peak * bin_width, float(floor[peak]))
+        sinusoid, without = _measure(residual, dt, peak * bin_width, float(floor[peak]), averaged)
         around = slice(max(peak - 2, 1), peak + 3)
         if _periodogram(without, dt)[0][around].max() > limit * floor[peak]:
             break
-        sinusoids.append(_before_averaging(sinusoid, averaged))
+        sinusoids.append(sinusoid)
         residual = without
     return tuple(sorted(sinusoids, key=lambda s: -s.amplitude)), residual
-
-
-def _before_averaging(sinusoid: Sinusoid, averaged: int) -> Sinusoid:
-    dt = sinusoid.dt / averaged
-    wave = math.pi * sinusoid.frequency
-    gain = abs(averaged * math.sin(wave * dt) / math.sin(wave * sinusoid.dt)) if averaged > 1 else 1.0
-    return replace(sinusoid, amplitude=gain * sinusoid.amplitude, amplitude_sd=gain * sinusoid.amplitude_sd, dt=dt)
 
 
 def _periodogram(samples: Floats, dt: float) -> tuple[Floats, Floats]:
@@ -266,8 +259,8 @@ def _periodogram(samples: Floats, dt: float) -> tuple[Floats, Floats]:
     return density, np.maximum(floor, 1e-300)
 
 
-def _measure(samples: Floats, dt: float, frequency: float, floor: float) -> tuple[Sinusoid, Floats]:
-    """Least squares for amplitude, phase and frequency, and the record without the sinusoid.
+def _measure(samples: Floats, dt: float, frequency: float, floor: float, averaged: int) -> tuple[Sinusoid, Floats]:
+    """Least squares for amplitude, phase and frequency before averaging, and the record without the sinusoid.
 
     The standard deviations are the bounds of Rife and Boorstyn for noise of the density `floor` [Rife1974].
     """
@@ -285,4 +278,7 @@ def _measure(samples: Floats, dt: float, frequency: float, floor: float) -> tupl
     amplitude, duration = math.hypot(a, b), samples.size * dt
     amplitude_sd = math.sqrt(2.0 * floor / duration)  # [Rife1974]
     frequency_sd = math.sqrt(6.0 * floor / duration**3) / (math.pi * amplitude)  # [Rife1974]
-    return Sinusoid(amplitude, amplitude_sd, frequency, frequency_sd, dt), samples - a * cosine - b * sine
+    turn = math.pi * frequency * dt
+    gain = abs(averaged * math.sin(turn / averaged) / math.sin(turn)) if averaged > 1 else 1.0
+    sinusoid = Sinusoid(gain * amplitude, gain * amplitude_sd, frequency, frequency_sd, dt / averaged)
+    return sinusoid, samples - a * cosine - b * sine

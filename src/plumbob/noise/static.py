@@ -102,12 +102,6 @@ class StaticReport:
         """Whether an analysis of any of the channels would mislead."""
         return any(finding.concerns(channel) for finding in self.errors for channel in channels)
 
-    def require(self, *sensors: Sequence[str]) -> None:
-        """Refuse a record of which no sensor, by the names of its channels, can be analysed."""
-        if self.errors and all(self.refused(*names) for names in sensors):
-            more = f" ({len(self.errors) - 1} more)" if len(self.errors) > 1 else ""
-            raise ShapeError(f"not a static record: {self.errors[0]}{more}")
-
 
 class StaticCheck:
     """Looks at channels of one rate, block by block; `triad` says whether they are x, y and z of one sensor."""
@@ -153,7 +147,7 @@ class StaticCheck:
         for column, values in enumerate(np.ascontiguousarray(samples.T)):
             self._look(column, values)
         for place in np.flatnonzero(~np.isfinite(samples).all(axis=1)).tolist():
-            self._numbers = self._longest_numbers(self.count + place)
+            self._numbers = max(self._numbers, (self._since, self.count + place), key=np.ptp)
             self._since = self.count + place + 1
         if self.count < _EXCERPT:
             self._excerpt.append(samples[: _EXCERPT - self.count])
@@ -163,10 +157,6 @@ class StaticCheck:
         stop = len(seconds) // self._second * self._second
         self._means.append(seconds[:stop].reshape(-1, self._second, len(self.names)).mean(axis=1))
         self._rest = seconds[stop:]
-
-    def _longest_numbers(self, end: int) -> tuple[int, int]:
-        """Longest stretch of samples of numbers only, if one ends here."""
-        return max(self._numbers, (self._since, end), key=lambda part: part[1] - part[0])
 
     def _look(self, column: int, values: Floats) -> None:
         finite = np.isfinite(values)
@@ -194,11 +184,10 @@ class StaticCheck:
     def moving(self, start: float, stop: float, *, limit: float = 1.0) -> artefacts.Parts:
         """When something moved between two times, s, by what is quiet between them; a `limit` below 1 is stricter."""
         first, end = round((start - self.start) / self.dt), round((stop - self.start) / self.dt)
-        parts = [
-            part
-            for column in self._sound
-            for part in self._still[column].moving(first, end, self._coarse(column), limit=limit)
-        ]
+        parts = artefacts.Parts()
+        for column in self._sound:
+            step, sd = self._grains()[column]
+            parts += self._still[column].moving(first, end, step if sd < step else 0.0, limit=limit)
         if not parts:  # else the rest is judged again: an average of a motion is not a measure of rest
             parts = self._impossible(first, end)
         return self._times(parts)
@@ -210,15 +199,14 @@ class StaticCheck:
         wide = widened(parts, self.start, self.stop)
         if not parts or self.too_much(wide):
             return artefacts.joined(parts)
-        while more := [p for gap in artefacts.between(known + wide, self.start, self.stop) for p in self.strict(*gap)]:
-            wide = widened(wide + more, self.start, self.stop)
-            if self.too_much(wide):
+        while not self.too_much(wide):
+            gaps = artefacts.between(known + wide, self.start, self.stop)  # of too few samples, nothing is reported
+            judged = [gap for gap in gaps if (gap[1] - gap[0]) / self.dt >= FEWEST_SAMPLES]
+            more = [part for gap in judged for part in self.moving(*gap, limit=_STRICT)]
+            if not more:
                 break
+            wide = widened(wide + more, self.start, self.stop)
         return wide
-
-    def strict(self, start: float, stop: float) -> artefacts.Parts:
-        """When something moved between two times, s, by a stricter measure; of too few samples, nothing is reported."""
-        return self.moving(start, stop, limit=_STRICT) if (stop - start) / self.dt >= FEWEST_SAMPLES else []
 
     def skip_parts(self, skip: Sequence[tuple[float, float]]) -> artefacts.Parts:
         """Times to skip, s, as far as the record has them."""
@@ -228,9 +216,10 @@ class StaticCheck:
         parts = artefacts.joined(
             [(max(a, self.start), min(b, self.stop)) for a, b in skip if a < self.stop and b > self.start]
         )
-        if total(parts) > MOST_ASKED * (self.stop - self.start):
+        total = sum(b - a for a, b in parts)
+        if total > MOST_ASKED * (self.stop - self.start):
             raise ParameterError(
-                f"{total(parts):.4g} s of {self.stop - self.start:.4g} s would be skipped, but at most "
+                f"{total:.4g} s of {self.stop - self.start:.4g} s would be skipped, but at most "
                 f"{100 * MOST_ASKED:g} % can be. Choose one stretch with --from and --to instead."
             )
         return parts
@@ -242,8 +231,8 @@ class StaticCheck:
 
     def too_much(self, parts: artefacts.Parts) -> bool:
         """Whether parts that were found, s, are too long to be skipped."""
-        longest = max((b - a for a, b in parts), default=0.0)
-        return longest > LONGEST or total(parts) > MOST * (self.stop - self.start)
+        lengths = [b - a for a, b in parts]
+        return max(lengths, default=0.0) > LONGEST or sum(lengths) > MOST * (self.stop - self.start)
 
     def stuck(self) -> artefacts.Parts:
         """When a channel repeated one value for longer than its noise can, s."""
@@ -292,11 +281,6 @@ class StaticCheck:
             ]
         return self._grain
 
-    def _coarse(self, column: int) -> float:
-        """Step of a channel whose noise is smaller than that; else 0."""
-        step, sd = self._grains()[column]
-        return step if sd < step else 0.0
-
     def findings(self) -> list[Remark]:
         """Everything but motion."""
         if self.count < FEWEST_SAMPLES:
@@ -317,8 +301,9 @@ class StaticCheck:
     def _of_channel(self, column: int, name: str) -> list[Remark]:
         first, bad = self._bad[column]
         if bad:
-            (part,) = self._times([self._longest_numbers(self.count)])
-            enough = (_before(part[1]) - _after(part[0])) / self.dt >= FEWEST_SAMPLES - 0.5
+            (part,) = self._times([max(self._numbers, (self._since, self.count), key=np.ptp)])
+            first_tenth, last_tenth = _tenths(part)
+            enough = (last_tenth - first_tenth) / self.dt >= FEWEST_SAMPLES - 0.5
             stretch, none = (_options(part), None) if enough else (None, True)
             return [
                 _remark("rest.not_finite", name, first=first, bad=bad, count=self.count, stretch=stretch, none=none)
@@ -402,7 +387,7 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
 def _left_out(sensor: StaticCheck, parts: artefacts.Parts) -> Remark:
     """Finding that lists what is skipped."""
     listed = tuple(f"{a:.6g} to {b:.6g} s" for a, b in parts[:5])
-    share = 100.0 * (1.0 - total(parts) / (sensor.stop - sensor.start))
+    share = 100.0 * (1.0 - sum(b - a for a, b in parts) / (sensor.stop - sensor.start))
     values: dict[str, Any] = {"parts": listed, "more": len(parts) > 5 or None, "count": len(parts), "share": share}
     return _remark("rest.disturbed", ", ".join(sensor.names), refuses=False, **values)
 
@@ -441,15 +426,13 @@ def _about_g(specific_force: float) -> bool:
 
 def _options(part: tuple[float, float]) -> str:
     """Part of the time as options that choose it."""
-    return f"--from {_after(part[0]):.12g}s --to {_before(part[1]):.12g}s"
+    start, stop = _tenths(part)
+    return f"--from {start:.12g}s --to {stop:.12g}s"
 
 
-def _after(t: float) -> float:
-    return math.ceil(10.0 * t - 1e-6) / 10.0
-
-
-def _before(t: float) -> float:
-    return math.floor(10.0 * t + 1e-6) / 10.0
+def _tenths(part: tuple[float, float]) -> tuple[float, float]:
+    """Tenths of a second inside which a part lies."""
+    return math.ceil(10.0 * part[0] - 1e-6) / 10.0, math.floor(10.0 * part[1] + 1e-6) / 10.0
 
 
 def _local_sds(values: Floats, size: int = 64) -> Floats:
@@ -462,11 +445,6 @@ def widened(parts: artefacts.Parts, start: float, stop: float) -> artefacts.Part
     return artefacts.joined([(max(start, a - MARGIN), min(stop, b + MARGIN)) for a, b in parts])
 
 
-def total(parts: artefacts.Parts) -> float:
-    """Sum of their lengths."""
-    return sum(b - a for a, b in parts)
-
-
 def jumped(means: Floats, parts: artefacts.Parts, start: float) -> float | None:
     """When, s, a part ends after which the level is another; None where the record drifts as much by itself.
 
@@ -476,7 +454,7 @@ def jumped(means: Floats, parts: artefacts.Parts, start: float) -> float | None:
     disturbed = np.zeros((len(means), 1))
     for first, end in seconds:
         disturbed[first:end] = 1.0
-    levels = _sums(means, _LEVEL) / _LEVEL
+    levels = artefacts.window_sums(means, _LEVEL) / _LEVEL
     for begin, late in artefacts.joined(
         [(a, b + _LEVEL) for a, b in seconds]
     ):  # those that share a level are judged together
@@ -484,7 +462,7 @@ def jumped(means: Floats, parts: artefacts.Parts, start: float) -> float | None:
         if before < 0 or end >= len(levels):
             continue
         apart = end - before
-        quiet = _sums(disturbed, apart + _LEVEL)[:, 0] == 0.0
+        quiet = artefacts.window_sums(disturbed, apart + _LEVEL)[:, 0] == 0.0
         changes = (levels[apart:] - levels[:-apart])[quiet]
         if len(changes) < _FEWEST:
             return start + end
@@ -493,11 +471,6 @@ def jumped(means: Floats, parts: artefacts.Parts, start: float) -> float | None:
         if (np.abs(levels[end] - levels[before] - usual) > _JUMP * sd).any():
             return start + end
     return None
-
-
-def _sums(rows: Floats, size: int) -> Floats:
-    total = np.concatenate((np.zeros((1, rows.shape[1])), np.cumsum(rows, axis=0)))
-    return np.asarray(total[size:] - total[:-size])
 
 
 def bridged(samples: Floats, dt: float, start: float, parts: artefacts.Parts) -> Floats:

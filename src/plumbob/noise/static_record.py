@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ParameterError, ShapeError, UnitError
-from plumbob.core.findings import Finding, Note, info, warning
+from plumbob.core.findings import Note, info, warning
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import Quantity
 from plumbob.data import TRIAD_FLAGS, TRIADS, ImuData
@@ -26,6 +26,9 @@ from plumbob.data.recording import Recording, recalibrated
 from plumbob.noise.artefacts import find_step
 from plumbob.noise.static import FEWEST_SAMPLES, StaticCheck, StaticReport, judge
 
+if TYPE_CHECKING:
+    from plumbob.files.numbers import Numbers
+
 # Noise in a data sheet's units.
 ANALYSED: Final = (Quantity.RATE, Quantity.ACCELERATION, Quantity.FIELD, Quantity.RATIO)
 
@@ -34,29 +37,6 @@ _EXAMPLE: Final = (
 )
 _TRIAD_OF: Final = {Quantity.RATE: "gyr", Quantity.ACCELERATION: "acc", Quantity.FIELD: "mag"}
 _SAME: Final = 0.01
-
-
-class PlainNumbers(Protocol):
-    """Numbers without time or unit that can be read again and again, such as those of a file."""
-
-    @property
-    def path(self) -> Path:
-        """The file, for messages."""
-
-    @property
-    def size(self) -> int:
-        """Its bytes, of which `blocks` reports those that are done."""
-
-    @property
-    def columns(self) -> int:
-        """Numbers in a row."""
-
-    @property
-    def notes(self) -> tuple[Finding, ...]:
-        """What a reader must know."""
-
-    def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[Floats]:
-        """Rows (n, k), block by block, from the start each time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +49,12 @@ class Channels:
     start: float  # time of the first sample in the file's own time, s
     triad: bool  # whether they are the axes of one sensor
     # (N, k), the samples, in inside units; or a file of numbers that are scaled as they are read
-    source: "Floats | PlainNumbers" = field(repr=False)
+    source: "Floats | Numbers" = field(repr=False)
     factor: float = 1.0  # what 1 in the source is worth inside
     rows: tuple[int, int | None] = (0, None)  # first row of the source, and the one after the last
 
     def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[Floats]:
-        """Samples (n, k) in inside units, block by block, from the start each time; as `PlainNumbers.blocks`."""
+        """Samples (n, k) in inside units, block by block, from the start each time; as `Numbers.blocks`."""
         if isinstance(self.source, np.ndarray):
             yield self.source
             return
@@ -142,7 +122,7 @@ def static_channels(
 
 
 def static_of_plain(
-    numbers: PlainNumbers, rate: float | None, scale: str | None, between: tuple[float | None, float | None]
+    numbers: "Numbers", rate: float | None, scale: str | None, between: tuple[float | None, float | None]
 ) -> StaticRecord:
     """Channels of numbers without time or unit; arguments and errors as of `plumbob.allan`."""
     file = numbers.path
@@ -173,7 +153,7 @@ def static_of_numbers(values: ArrayLike, rate: float | None, scale: str | None) 
 
 
 def _plain_channels(
-    file: Path, source: "Floats | PlainNumbers", count: int, rate: float, size: float, unit: str,
+    file: Path, source: "Floats | Numbers", count: int, rate: float, size: float, unit: str,
     between: tuple[float | None, float | None] = (None, None),
 ) -> Channels:  # fmt: skip
     """Columns of numbers whose unit is `size` of a unit; three of one sensor's quantity are its axes."""
@@ -183,18 +163,11 @@ def _plain_channels(
     first = 0 if start is None else max(0, round(start * rate))
     end = None if stop is None else round(stop * rate)
     entry = units.unit(unit)
-    names = _names(file, count, entry.quantity)
     triad = count == 3 and entry.quantity in _TRIAD_OF
+    names = (file.stem,) if count == 1 else tuple(f"column {i}" for i in range(1, count + 1))
+    if triad:
+        names = tuple(f"{_TRIAD_OF[entry.quantity]} {axis}" for axis in "xyz")
     return Channels(names, entry.quantity, 1.0 / rate, first / rate, triad, source, size * entry.factor, (first, end))
-
-
-def _names(file: Path, count: int, quantity: Quantity) -> tuple[str, ...]:
-    """Names of columns; three of one sensor's quantity are taken for its axes."""
-    if count == 1:
-        return (file.stem,)
-    if count == 3 and quantity in _TRIAD_OF:
-        return tuple(f"{_TRIAD_OF[quantity]} {axis}" for axis in "xyz")
-    return tuple(f"column {i}" for i in range(1, count + 1))
 
 
 def _scale(scale: str) -> tuple[float, str]:

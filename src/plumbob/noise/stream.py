@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.noise.factors import Factors, stream_steps, whole_factors
+from plumbob.noise.factors import Factors, stream_factors, stream_steps, unusable
 from plumbob.noise.kernels import accumulate, moments, second_squares_of_tile
 
 _TILE: Final = 2**14  # samples that are worked on together; even, so that a level's tiles begin at points of the next
@@ -28,23 +28,12 @@ _TILE: Final = 2**14  # samples that are worked on together; even, so that a lev
 
 @dataclass(frozen=True, eq=False)
 class StreamResult:
-    """What a stream has found of each of its k channels.
+    """What a stream has found of each of its k channels."""
 
-    Attributes
-    ----------
-    count : int
-        Samples of each channel.
-    n : ndarray (m,) of int64
-        Averaging factors, increasing: those that fit twice into the record.
-    dev : ndarray (m, k)
-        Overlapping Allan deviation, in the unit of the samples.
-    mean, sd, low, high : ndarray (k,)
-        Mean, standard deviation (over N − 1), smallest and largest sample.
-    """
-
-    count: int
-    n: Factors
-    dev: Floats
+    count: int  # samples of each channel
+    n: Factors  # (m,), averaging factors, increasing: those that fit twice into the record
+    dev: Floats  # (m, k), overlapping Allan deviation, in the unit of the samples
+    # mean, sd, low, high: (k,), mean, standard deviation (over N − 1), smallest and largest sample
     mean: Floats
     sd: Floats
     low: Floats
@@ -59,24 +48,18 @@ class AllanStream:
     Parameters
     ----------
     n : array_like (m,)
-        Averaging factors, as `stream_factors` gives them. They may be longer than the record turns out to be.
+        Averaging factors, rounded as `stream_factors` says. They may be longer than the record turns out to be.
     channels : int
         Columns k of the blocks.
 
     Raises
     ------
     ParameterError
-        If a factor is not a whole number, or no multiple of the step at which it is taken.
+        If a factor is not a whole number, or there is no channel.
     """
 
     def __init__(self, n: ArrayLike, *, channels: int) -> None:
-        factors = np.unique(whole_factors(n, 2**48, "for a stream"))
-        odd = factors[factors % stream_steps(factors) != 0]
-        if odd.size:
-            raise ParameterError(
-                f"n holds {odd[0]}, but a stream takes averages of this length at multiples of "
-                f"{stream_steps(odd)[0]} only: pass stream_factors(n)."
-            )
+        factors = stream_factors(n)
         if channels < 1:
             raise ParameterError(f"channels = {channels}, but a stream needs one or more.")
         self._n = factors
@@ -136,7 +119,7 @@ class AllanStream:
         with np.errstate(all="ignore"):
             usable = np.isfinite(np.sum(piece))  # one sample that is not finite is enough for the sum
         if not usable:
-            raise self._unusable(piece)
+            raise unusable(piece, self.count)
         stop = self._waiting + piece.shape[0]
         self._tile[:, self._waiting : stop] = piece.T
         self._waiting = stop
@@ -146,16 +129,6 @@ class AllanStream:
             self._done += _TILE
             self._waiting = 0
         return len(piece)
-
-    def _unusable(self, piece: Floats) -> ShapeError:
-        bad = np.argwhere(~np.isfinite(piece))
-        if not bad.size:
-            return ShapeError(f"samples from {self.count} on are too large to be added, up to {np.abs(piece).max():g}.")
-        row, column = bad[0]
-        return ShapeError(
-            f"sample {self.count + row} of channel {column} is not finite, but a deviation needs every sample: take a "
-            "stretch without gaps."
-        )
 
 
 class _Channel:
