@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from operator import attrgetter
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from plumbob.core.findings import Note, warning
 from plumbob.core.units import Quantity
 from plumbob.noise import likelihood
 from plumbob.noise.bands import least_squares, leave_out, lines, mask_first_order
-from plumbob.noise.curve import Curve, curve, interval, make_curve, skew_edf
+from plumbob.noise.curve import Curve, curves, interval, make_curve, skew_edf
 from plumbob.noise.findings import Analysis, Band, Candidate, Coefficient, Estimates, GaussMarkov, Mask
 from plumbob.noise.spectrum import LETTERS, Spectrum, densities, edges, find_sinusoids, ramp_coefficients, spectrum
 from plumbob.noise.terms import DATASHEET, variance
@@ -45,7 +46,7 @@ def choose(kept: Spectrum) -> Choice:
     low, high = _INSIDE / (2.0 * math.pi * float(kept.frequency[-1])), 0.1 * kept.count * kept.step
     starts = np.geomspace(low, high, _TIMES) if high > low else ()
     fits = (likelihood.fit(kept, markov_time=float(t)) for t in starts)
-    richer = min((f for f in fits if math.exp(f.logs[-1]) > low), key=lambda f: f.deviance, default=None)
+    richer = min((f for f in fits if math.exp(f.logs[-1]) > low), key=attrgetter("deviance"), default=None)
     if richer is None:
         return Choice(plain, None, (Candidate(_FIVE, 0.0, chosen=True),), ())
     worse = richer.deviance + 2.0 * math.log(float(kept.terms.sum())) - plain.deviance  # [Schwarz1978]
@@ -231,7 +232,7 @@ def analyse(
         raise ParameterError(f"an analysis needs {FEWEST} samples or more, but got {values.size}; record for longer.")
     return analyse_averages(
         Averages(values),
-        curve(values, dt) if of is None else of,
+        curves(values[:, np.newaxis], dt)[0] if of is None else of,
         mean=float(np.mean(values)),
         sd=float(np.std(values)),
         name=name,

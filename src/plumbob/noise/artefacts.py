@@ -10,6 +10,7 @@ bends like a slow motion. Single wrong samples are not motion: a running median 
 
 import math
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -298,8 +299,8 @@ class Level:
     hop: int
     _energies: list[NDArray[np.float32]] = field(default_factory=list)
     _largest: list[NDArray[np.float32]] = field(default_factory=list)
-    _rest: Floats = field(default_factory=lambda: np.empty(0))
-    _odd: Floats = field(default_factory=lambda: np.empty(0))
+    _rest: Floats = field(default_factory=partial(np.empty, 0))
+    _odd: Floats = field(default_factory=partial(np.empty, 0))
 
     def add(self, averages: Floats) -> Floats:
         """Take more averages; gives those over twice as many samples."""

@@ -228,10 +228,10 @@ def lines(curve: Curve, *, first: int = 1) -> Estimates:
         slope[i] = np.dot(dx, y[near]) / np.dot(dx, dx)
     terms = {}
     for letter, term in TERMS.items():
-        spans = runs(np.abs(slope - term.slope) <= _WITHIN)
+        spans = runs(np.abs(slope - 0.5 * term.power) <= _WITHIN)
         run = slice(*max(spans, key=np.ptp)) if spans else None  # the longest
         if run is not None and x[run.stop - 1] - x[run.start] >= _DECADES:
-            height = float(np.mean(y[run] - term.slope * x[run]))
+            height = float(np.mean(y[run] - 0.5 * term.power * x[run]))
             value = 10.0**height / math.sqrt(term.share)
             # [Ou2017]: √3 s for the flat line too
             samples = (math.sqrt(3.0) if term.read_at is None else term.read_at) / curve.dt

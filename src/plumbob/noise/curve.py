@@ -430,7 +430,8 @@ def curves(rate: ArrayLike, dt: float, n: ArrayLike | None = None, *, kind: str 
     grid = grid[grid <= longest_factor(kind, count)]
     wanted = grid if n is None else np.unique(checked_factors(kind, count, n))
     factors = np.union1d(grid, wanted)
-    return [make_curve(dev, factors, count, dt, kind=kind).only(wanted) for dev in deviation(samples, factors, kind).T]
+    made = [make_curve(dev, factors, count, dt, kind=kind) for dev in deviation(samples, factors, kind).T]
+    return made if n is None else [each.only(wanted) for each in made]
 
 
 def make_curve(

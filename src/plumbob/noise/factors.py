@@ -263,8 +263,8 @@ def deviation(rate: ArrayLike, n: ArrayLike, kind: str = "oadev") -> Floats:
         If a factor is not a whole number, or the record is too short for it.
     """
     samples = check.floats("rate", rate)
-    angles = running_sums(samples)
-    factors = checked_factors(kind, samples.shape[0], n)
+    angles = [*running_sums(samples)]
+    factors = checked_factors(kind, len(samples), n)
     increasing, places = np.unique(factors, return_inverse=True)
     deviations = np.array([np.sqrt(_variance(angle, increasing, kind)) for angle in angles]).T
     return np.ascontiguousarray(deviations[places].reshape(factors.size, *samples.shape[1:]))
@@ -277,18 +277,14 @@ def running_sums(rate: Floats) -> Iterator[Floats]:
     """
     if rate.ndim not in {1, 2} or rate.size == 0:
         raise ShapeError(f"rate must have shape (N,) or (N, k) and hold samples, but its shape is {rate.shape}.")
-    return (_running_sum(rate, column) for column in rate.reshape(rate.shape[0], -1).T)
-
-
-def _running_sum(rate: Floats, column: Floats) -> Floats:
-    column = np.ascontiguousarray(column)
-    with np.errstate(all="ignore"):
-        mean = float(np.mean(column))
-    if not math.isfinite(mean):  # as one sample is enough for; a test of every sample would be one more pass
-        raise unusable(rate)
-    angle = np.zeros(column.size + 1)
-    kernels.accumulate(column, mean, 0.0, angle[1:])
-    return angle
+    for column in map(np.ascontiguousarray, rate.reshape(rate.shape[0], -1).T):
+        with np.errstate(all="ignore"):
+            mean = float(np.mean(column))
+        if not math.isfinite(mean):  # as one sample is enough for; a test of every sample would be one more pass
+            raise unusable(rate)
+        angle = np.zeros(column.size + 1)
+        kernels.accumulate(column, mean, 0.0, angle[1:])
+        yield angle
 
 
 def unusable(rate: Floats, before: int = 0) -> ShapeError:
@@ -362,8 +358,7 @@ def every_adev(rate: ArrayLike) -> Floats:
         If there are less than two samples.
     """
     samples = check.floats("rate", rate)
-    angles = running_sums(samples)
-    count = samples.shape[0]
+    angles, count = [*running_sums(samples)], len(samples)
     if count < 2:
         raise ParameterError(f"rate holds {count} sample, but an Allan deviation needs two or more.")
     deviations = np.array([_every(angle) for angle in angles]).T

@@ -145,7 +145,16 @@ class StaticCheck:
         if samples.ndim != 2 or samples.shape[1] != len(self.names):
             raise ShapeError(f"block must have shape (n, {len(self.names)}), but its shape is {samples.shape}.")
         for column, values in enumerate(np.ascontiguousarray(samples.T)):
-            self._look(column, values)
+            finite = np.isfinite(values)
+            if not finite.all():  # the channel is refused for it, whatever else it holds
+                first, count = self._bad[column]
+                here = self.count + int(np.argmin(finite))
+                self._bad[column] = (here if first < 0 else first, count + int(np.count_nonzero(~finite)))
+            elif values.size:
+                self._low[column] = min(self._low[column], values.min())
+                self._high[column] = max(self._high[column], values.max())
+                for watch in (self._spikes[column], self._runs[column], self._still[column]):
+                    watch.add(values)
         for place in np.flatnonzero(~np.isfinite(samples).all(axis=1)).tolist():
             self._numbers = max(self._numbers, (self._since, self.count + place), key=np.ptp)
             self._since = self.count + place + 1
@@ -158,39 +167,32 @@ class StaticCheck:
         self._means.append(seconds[:stop].reshape(-1, self._second, len(self.names)).mean(axis=1))
         self._rest = seconds[stop:]
 
-    def _look(self, column: int, values: Floats) -> None:
-        finite = np.isfinite(values)
-        if not finite.all():
-            first, count = self._bad[column]
-            here = self.count + int(np.argmin(finite))
-            self._bad[column] = (here if first < 0 else first, count + int(np.count_nonzero(~finite)))
-            return  # the channel is refused for it, whatever else it holds
-        if values.size:
-            self._low[column] = min(self._low[column], values.min())
-            self._high[column] = max(self._high[column], values.max())
-        self._spikes[column].add(values)
-        self._runs[column].add(values)
-        self._still[column].add(values)
-
     @property
     def _sound(self) -> list[int]:
         """Columns of numbers that change up and down."""
-        return [c for c in self._changing if self._runs[c].one_way is None]
-
-    @property
-    def _changing(self) -> list[int]:
-        return [c for c, (_, bad) in enumerate(self._bad) if not bad and self._high[c] > self._low[c]]
+        changing = [c for c, (_, bad) in enumerate(self._bad) if not bad and self._high[c] > self._low[c]]
+        return [c for c in changing if self._runs[c].one_way is None]
 
     def moving(self, start: float, stop: float, *, limit: float = 1.0) -> artefacts.Parts:
         """When something moved between two times, s, by what is quiet between them; a `limit` below 1 is stricter."""
         first, end = round((start - self.start) / self.dt), round((stop - self.start) / self.dt)
         parts = artefacts.Parts()
         for column in self._sound:
-            step, sd = self._grains()[column]
+            step, sd = self.grains()[column]
             parts += self._still[column].moving(first, end, step if sd < step else 0.0, limit=limit)
-        if not parts:  # else the rest is judged again: an average of a motion is not a measure of rest
-            parts = self._impossible(first, end)
-        return self._times(parts)
+        begin, size = -(-first // self._second), self._second
+        means = np.concatenate(self._means)[begin : end // size]
+        # where parts are known the rest is judged again: an average of a motion is not a measure of rest
+        if parts or not len(means) or len(self._sound) < len(self.names):
+            return self._times(parts)
+        middle, off = np.median(means, axis=0), np.zeros(len(means), dtype=np.bool_)  # no averages of a sensor at rest
+        usual = float(np.linalg.norm(middle))
+        if self.quantity is Quantity.RATE:
+            off |= (np.abs(means - middle) > TURNING).any(axis=1)
+        elif self.quantity is Quantity.ACCELERATION and self.triad and ABOUT_G[0] * G0 <= usual <= ABOUT_G[1] * G0:
+            angle = np.arctan2(np.linalg.norm(np.cross(means, middle), axis=1), means @ middle)
+            off |= (angle > TILTING) | (np.abs(np.linalg.norm(means, axis=1) / usual - 1.0) > LENGTHENING)
+        return self._times([(i * size, (i + 1) * size) for i in (begin + np.flatnonzero(off)).tolist()])
 
     def moves(self, known: artefacts.Parts) -> artefacts.Parts:
         """When something moved outside of the known parts, s; with margins, if it is short enough to be skipped."""
@@ -240,37 +242,20 @@ class StaticCheck:
         for column in self._sound:
             scatter = _local_sds(self.excerpt()[:, column])
             lively = scatter[scatter > 0.0]
-            if not (lively.size and np.median(lively) < TWO_LEVELS * self.steps[column]):  # its noise rests by itself
+            if not (
+                lively.size and np.median(lively) < TWO_LEVELS * self.grains()[column][0]
+            ):  # its noise rests by itself
                 parts += self._runs[column].stuck()
         return self._times(parts)
 
     def _times(self, parts: artefacts.Parts) -> artefacts.Parts:
         return artefacts.joined([(float(self.start + a * self.dt), float(self.start + b * self.dt)) for a, b in parts])
 
-    def _impossible(self, first: int, end: int) -> artefacts.Parts:
-        """Seconds of some samples in which the averages are not those of a sensor at rest."""
-        begin, size = -(-first // self._second), self._second
-        means = np.concatenate(self._means)[begin : end // size]
-        if not len(means) or len(self._sound) < len(self.names):
-            return []
-        middle, off = np.median(means, axis=0), np.zeros(len(means), dtype=np.bool_)
-        if self.quantity is Quantity.RATE:
-            off |= (np.abs(means - middle) > TURNING).any(axis=1)
-        elif self.quantity is Quantity.ACCELERATION and self.triad and _about_g(usual := float(np.linalg.norm(middle))):
-            angle = np.arctan2(np.linalg.norm(np.cross(means, middle), axis=1), means @ middle)
-            off |= (angle > TILTING) | (np.abs(np.linalg.norm(means, axis=1) / usual - 1.0) > LENGTHENING)
-        return [(i * size, (i + 1) * size) for i in (begin + np.flatnonzero(off)).tolist()]
-
     def excerpt(self) -> Floats:
         """First samples of the record (n, k)."""
         return np.concatenate(self._excerpt) if self._excerpt else np.empty((0, len(self.names)))
 
-    @property
-    def steps(self) -> list[float]:
-        """Step of the values of each channel."""
-        return [grain[0] for grain in self._grains()]
-
-    def _grains(self) -> list[tuple[float, float]]:
+    def grains(self) -> list[tuple[float, float]]:
         """Step and short-term scatter of each channel, within short windows, which drift does not reach."""
         if self._grain is None:
             columns = np.ascontiguousarray(self.excerpt().T)
@@ -289,7 +274,7 @@ class StaticCheck:
         if self.triad and self.quantity is Quantity.ACCELERATION and len(self._sound) == len(self.names):
             means = np.concatenate(self._means)
             usual = float(np.linalg.norm(np.median(means, axis=0))) if len(means) else G0
-            if not _about_g(usual):
+            if not ABOUT_G[0] * G0 <= usual <= ABOUT_G[1] * G0:
                 findings.append(_remark("rest.not_at_rest", ", ".join(self.names), size=usual / G0))
         return findings
 
@@ -308,7 +293,7 @@ class StaticCheck:
             return [
                 _remark("rest.not_finite", name, first=first, bad=bad, count=self.count, stretch=stretch, none=none)
             ]
-        if column not in self._changing:
+        if not self._high[column] > self._low[column]:
             return [_remark("rest.constant", name, count=self.count, value=self._text(self._low[column], 9))]
         if (way := self._runs[column].one_way) is not None:
             return [_remark("rest.one_way", name, **{way: True})]
@@ -321,7 +306,7 @@ class StaticCheck:
         """What the first samples of a channel that changes show of a converter, of its range, of spikes and shaking."""
         if (times := artefacts.hold_length(values)) > 1:
             yield _remark("rest.held", name, times=times, rate=1.0 / (self.dt * times))
-        step, sd = self._grains()[column]
+        step, sd = self.grains()[column]
         levels = np.unique(values).size
         if step > 0.0 and (levels < FEWEST_LEVELS or sd < 0.5 * step):
             scatter = self._text(sd)
@@ -350,7 +335,7 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
     beside a rough motion a gentle one seems quiet, so what is left is judged again until nothing is found in it.
     """
     findings = {sensor: sensor.findings() for sensor in checks}
-    steps = {name: step for sensor in checks for name, step in zip(sensor.names, sensor.steps, strict=True)}
+    steps = {name: step for s in checks for name, (step, _) in zip(s.names, s.grains(), strict=True)}
     enough = [sensor for sensor in checks if sensor.count >= FEWEST_SAMPLES]
     requested = {sensor: sensor.skip_parts(skip) for sensor in enough}
     stuck = {sensor: sensor.stuck() for sensor in enough}  # beside which noise would seem a motion
@@ -418,10 +403,6 @@ def _disturbed(sensor: StaticCheck, parts: artefacts.Parts, kind: str, level: fl
 def _remark(kind: str, channel: str, *, refuses: bool = True, **values: Any) -> Remark:
     finding = warning(kind, **{name: value for name, value in values.items() if value is not None})
     return Remark(channel, replace(finding, severity="error") if refuses else finding)
-
-
-def _about_g(specific_force: float) -> bool:
-    return ABOUT_G[0] * G0 <= specific_force <= ABOUT_G[1] * G0
 
 
 def _options(part: tuple[float, float]) -> str:

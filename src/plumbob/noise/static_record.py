@@ -110,14 +110,31 @@ def static_channels(
     """Channels of a recording that has been read; `file` is what messages call it, arguments as of `load_static`."""
     if card is not None:
         recording = recalibrated(recording, card)
-    sensors = usable_sensors(recording.imu, file, triads, between)
-    if rate is not None and abs(rate * sensors.dt - 1.0) > _SAME:
+    imu = recording.imu
+    if imu is None or not set(triads) & set(imu.triads):
+        has = "no samples" if imu is None else f"only {', '.join(imu.triads)}"
+        raise ParameterError(f"{file} has {has}, but the analysis asks for {', '.join(triads)}.")
+    start, stop = between
+    first = 0 if start is None else int(np.searchsorted(imu.t, start))
+    end = len(imu) if stop is None else int(np.searchsorted(imu.t, stop))
+    if end - first < FEWEST:
         raise ParameterError(
-            f"{file}: its time stamps say {1.0 / sensors.dt:.6g} Hz, but the rate given is {rate:g} Hz; leave the rate "
-            "out, or correct the time in its profile."
+            f"{file} lasts from {imu.t[0]:g} s to {imu.t[-1]:g} s, so from {start} to {stop} s it has "
+            f"{max(0, end - first)} samples."
         )
-    assert recording.imu is not None  # which has been refused
-    device = "" if recording.imu.meta.device == "unknown" else recording.imu.meta.device
+    part, dt, notes = _even(imu[first:end], file)
+    sensors = _Sensors(notes=notes)
+    for name in imu.triads:
+        if name in triads:
+            _take(part, name, sensors)
+    if not sensors.groups:
+        raise ShapeError(f"{file}: no sensor can be used: {'; '.join(f'{k} {v}' for k, v in sensors.refused.items())}.")
+    if rate is not None and abs(rate * dt - 1.0) > _SAME:
+        raise ParameterError(
+            f"{file}: its time stamps say {1.0 / dt:.6g} Hz, but the rate given is {rate:g} Hz; leave the rate out, or "
+            "correct the time in its profile."
+        )
+    device = "" if imu.meta.device == "unknown" else imu.meta.device
     return StaticRecord(file, size, tuple(sensors.groups), sensors.refused, (*recording.notes, *sensors.notes), device)
 
 
@@ -207,45 +224,22 @@ FEWEST: Final = 3
 
 
 @dataclass
-class Sensors:
+class _Sensors:
     """What a recording has."""
 
-    dt: float  # sampling time of its rows, s
     # triads, or those of their axes, that can be used: evenly spaced, without a missing sample
     groups: list[Channels] = field(default_factory=list)
     refused: dict[str, str] = field(default_factory=dict)  # triads and channels that cannot, and why
     notes: list[Note] = field(default_factory=list)  # what was done
 
 
-def usable_sensors(
-    imu: ImuData | None, file: Path, triads: Sequence[str], between: tuple[float | None, float | None]
-) -> Sensors:
-    """Take the sensors of a recording apart, those of `triads` `between` two times, s; messages call it `file`."""
-    if imu is None or not set(triads) & set(imu.triads):
-        has = "no samples" if imu is None else f"only {', '.join(imu.triads)}"
-        raise ParameterError(f"{file} has {has}, but the analysis asks for {', '.join(triads)}.")
-    start, stop = between
-    first = 0 if start is None else int(np.searchsorted(imu.t, start))
-    end = len(imu) if stop is None else int(np.searchsorted(imu.t, stop))
-    if end - first < FEWEST:
-        raise ParameterError(
-            f"{file} lasts from {imu.t[0]:g} s to {imu.t[-1]:g} s, so from {start} to {stop} s it has "
-            f"{max(0, end - first)} samples."
-        )
-    part, dt, notes = _even(imu[first:end], file)
-    sensors = Sensors(dt, notes=notes)
-    for name in imu.triads:
-        if name in triads:
-            _take(part, name, sensors)
-    if not sensors.groups:
-        raise ShapeError(f"{file}: no sensor can be used: {'; '.join(f'{k} {v}' for k, v in sensors.refused.items())}.")
-    return sensors
-
-
 def _even(imu: ImuData, file: Path) -> tuple[ImuData, float, list[Note]]:
     """Longest stretch in which no sample is missing, its mean step, and what to say of it."""
-    step = np.diff(imu.t)
-    if _jittered(imu.t):
+    step, place, late = np.diff(imu.t), np.arange(len(imu)) - 0.5 * (len(imu) - 1), imu.t - imu.t.mean()
+    even = float(place @ late) / float(place @ place)
+    off = late - even * place
+    changes = np.diff(off)
+    if np.abs(off).max() <= ON_LINE * even and changes @ changes >= INDEPENDENT * (off @ off):  # each stamp by itself
         dt = float(step.mean())
         return imu, dt, [info("static.sampling_time_jittered", dt=dt, jitter=step.std())]
     if (reason := bursts(imu.t)) is not None:
@@ -276,16 +270,6 @@ def _even(imu: ImuData, file: Path) -> tuple[ImuData, float, list[Note]]:
     return part, dt, notes
 
 
-def _jittered(t: Floats) -> bool:
-    """Whether the stamps only scatter about even times, each by itself."""
-    place = np.arange(t.size) - 0.5 * (t.size - 1)
-    late = t - t.mean()
-    dt = float(place @ late) / float(place @ place)
-    off = late - dt * place
-    changes = np.diff(off)
-    return bool(np.abs(off).max() <= ON_LINE * dt and changes @ changes >= INDEPENDENT * (off @ off))
-
-
 def _longest(breaks: NDArray[np.int64], count: int) -> tuple[int, int]:
     """Longest part of `count` rows, as (first, end), that is cut after the rows `breaks`."""
     edges = np.concatenate(([0], breaks + 1, [count]))
@@ -293,7 +277,7 @@ def _longest(breaks: NDArray[np.int64], count: int) -> tuple[int, int]:
     return int(edges[i]), int(edges[i + 1])
 
 
-def _take(imu: ImuData, name: str, sensors: Sensors) -> None:
+def _take(imu: ImuData, name: str, sensors: _Sensors) -> None:
     _, clipped, invalid = TRIAD_FLAGS[name]
     impossible = (imu.flags & np.uint32(invalid)) != 0
     values = np.where(impossible[:, np.newaxis], np.nan, getattr(imu, name))
@@ -319,7 +303,7 @@ def _take(imu: ImuData, name: str, sensors: Sensors) -> None:
         sensors.groups.append(Channels(names, Quantity(UNITS[name]), dt, start, len(names) == 3, samples))
 
 
-def _own_rows(places: NDArray[np.int64], imu: ImuData, name: str, sensors: Sensors) -> NDArray[np.int64] | None:
+def _own_rows(places: NDArray[np.int64], imu: ImuData, name: str, sensors: _Sensors) -> NDArray[np.int64] | None:
     """Rows of a triad's longest stretch at its own rate, which may be a part of the recording's."""
     step = np.diff(places)
     every = int(np.median(step)) if step.size else 0

@@ -63,11 +63,6 @@ class Term(NamedTuple):
     # averaging time at which the coefficient is read off its line, s; None where the line is flat
     read_at: float | None
 
-    @property
-    def slope(self) -> float:
-        """Slope of the Allan deviation in a log-log plot."""
-        return self.power / 2.0
-
 
 TERMS: Final[dict[str, Term]] = {
     "Q": Term("Q", "quantization", 3.0, -2, math.sqrt(3.0)),  # [IEEE952] Annex C

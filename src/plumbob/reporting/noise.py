@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from operator import itemgetter
 from typing import TYPE_CHECKING, Final, NamedTuple, cast
 
 import numpy as np
@@ -189,7 +190,7 @@ def _ratio_table(ratios: Mapping[str, DeviationComparison]) -> Table:
 def _plausible(triad: findings.Triad) -> Iterator[Note]:
     """Where white noise lies among that of data sheets, or that it can hardly be that of such a sensor."""
     first = triad.first
-    unit, sheets = DATASHEET[first.quantity]["N"], sorted(SHEETS.get(first.quantity, ()), key=lambda sheet: sheet[1])
+    unit, sheets = DATASHEET[first.quantity]["N"], sorted(SHEETS.get(first.quantity, ()), key=itemgetter(1))
     sizes = [from_si(a.terms["N"].value, unit) for a in triad.channels.values() if "N" in findings.shown(a)]
     if not (sheets and sizes):
         return
@@ -214,13 +215,10 @@ def _triad(triad: findings.Triad) -> Report:
         details=partial(_details, first) if alone else None,
         remarks=_remarks(triad),
         figures=partial(_figures, {"": triad.channels}),
-        parts=() if alone else [_channel(a) for a in channels],
+        parts=()
+        if alone
+        else [Report(a.name, details=partial(_details, a), figures=partial(_figures, {"": {"": a}})) for a in channels],
     )
-
-
-def _channel(a: findings.Analysis) -> Report:
-    """Details of a channel among others."""
-    return Report(a.name, details=partial(_details, a), figures=partial(_figures, {"": {"": a}}))
 
 
 def _details(a: findings.Analysis) -> list[Table]:
