@@ -1,5 +1,7 @@
 """Write docs/papers.md from a run of all papers and their items: ``python website/papers.py OUTCOMES.json``.
 
+Of several runs, with other seeds, it prints instead how many of them keep each bar, and how the figure scatters.
+
 ``make papers`` runs the papers, writes the page, and renews the README's table, which has some of its rows. A test
 compares the page's items with the code and the README with the page, a long one the page's figures with a run.
 """
@@ -12,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from plumbob.papers import outcome
 from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import PaperItem, cell, shown
 from plumbob.papers.reproduce import NAMES
@@ -39,10 +42,12 @@ print(found.met, found.folder)
 
 In the tables, *paper* is what the paper prints, *its method* what that gives here once its misprints are corrected, and
 *ours* what Plumbob recommends; a bar stands in brackets beside what must keep it. *Reached* says whether the paper's
-own method gives the printed figure (*not stated* where the paper prints none), *bar* whether our limits are kept, and
-*with* which units and runs a figure is of. What is simulated cannot prove what a paper's hardware did: where noise or
-motion is not stated, it is assumed, and the page of the paper says so. The papers' equations lead to the code through
-[Equations](equations.md), under `Ou2017`, `Yu2018`, `Chen2013`, `HuangJiang` and `Li2012`.
+own method gives the printed figure (*not stated* where the paper prints none) and what became of the claim: *refuted*
+with the reason, *within the scatter of one run* where the paper prints a single run and so many of ours lie that far
+off by chance, or not to be had at all. *Bar* is whether our limits are kept, *with* which units and runs a figure is
+of. What is simulated cannot prove what a paper's hardware did: where noise or motion is not stated, it is assumed, and
+the page of the paper says so. The papers' equations lead to the code through [Equations](equations.md), under `Ou2017`,
+`Yu2018`, `Chen2013`, `HuangJiang` and `Li2012`.
 
 `plumbob verify`, `info`, `run` and `report` take a recording of that folder (`.mcap`), `replay` those with a filter,
 and `record` a session (`.session.toml`); `plumbob view --emulate buoy` shows a rig live.
@@ -62,6 +67,9 @@ SHOWN: Final = {
     ("rod", "drift.ratio"): "drift of the gyroscope alone over that of the fusion",
 }
 """Figures of the README's table, and how it names them."""
+CLAIMS: Final = tuple(
+    str(getattr(outcome, name)) for name in ("REPRODUCED", "BY_ARITHMETIC", "WITHIN", "REFUTED", "UNREACHED", "CANNOT")
+)
 _BEGIN, _END = "<!-- papers: made by make papers -->\n", "<!-- end of papers -->\n"
 
 
@@ -77,6 +85,10 @@ def readme(text: str, made: str) -> str:
         paper, faithful, best = shown_s
         row = name, told, paper, faithful, cells[7].partition(":")[0], best, cells[9].removesuffix(" |")
         lines.append(f"| {' | '.join(row)} |".replace("| - |", "| – |"))
+    _, _, *counts = next(line for line in made.splitlines() if line.startswith("| together")).split(" | ")
+    of = dict(zip(CLAIMS, map(int, counts[: len(CLAIMS)]), strict=True))
+    told = ", ".join(f"{count} {claim}" for claim, count in of.items() if count)
+    lines += ["", f"Of {sum(of.values())} numbers and claims that the papers print: {told}."]
     head, _, rest = text.partition(_BEGIN)
     return head + _BEGIN + "\n".join(lines) + "\n" + _END + rest.partition(_END)[2]
 
@@ -93,15 +105,14 @@ def page(outcomes: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
 
 
 def _counts(outcomes: Mapping[str, Sequence[Mapping[str, Any]]]) -> Iterator[str]:
-    yield "| paper | figures | reached | not reached | bars missed | items | of them not done |"
-    yield "| --- | ---: | ---: | ---: | ---: | ---: | ---: |"
-    total = [0] * 6
+    yield f"| paper | figures | {' | '.join(CLAIMS)} | bars missed | items | of them not done |"
+    yield f"| --- |{' ---: |' * (len(CLAIMS) + 4)}"
+    total = [0] * (len(CLAIMS) + 4)
     for name in NAMES:
         own, listed = outcomes[name], PAPERS[name].items
         numbers = [
             len(own),
-            sum(one["reached"] is True for one in own),
-            sum(one["reached"] is False for one in own),
+            *(sum(one["claim"] == claim for one in own) for claim in CLAIMS),
             sum(not one["met"] for one in own),
             len(listed),
             sum(bool(one.reason) for one in listed),
@@ -165,7 +176,9 @@ def _ours(one: Mapping[str, Any], which: str) -> str:
 def _verdict(one: Mapping[str, Any]) -> list[str]:
     reached, kept = one["verdict"]
     why = one["reason"] if one["reason"] and (one["reached"] is False or not one["met"]) else ""
-    return [f"{reached}: {why}" if why and one["reached"] is False else reached,
+    if one["reached"] is False:
+        reached = f"no, {one['claim']}{': ' if why else ''}{why}"
+    return [reached,
             f"{kept}: {why}" if why and one["reached"] is not False else kept, one["with"] or "–"]  # fmt: skip
 
 
@@ -173,8 +186,32 @@ def _escaped(text: str) -> str:
     return text.replace("|", "\\|").replace("\n", " ")
 
 
-def main(path: str) -> int:
-    """Write the page, and renew the README's table."""
+def kept(runs: Sequence[Mapping[str, Sequence[Mapping[str, Any]]]]) -> Iterator[str]:
+    """A line for each bar: how many of the runs keep it, and the mean and the standard deviation of its figure."""
+    bars = every = 0
+    for name in NAMES:
+        by_key: dict[str, list[Mapping[str, Any]]] = {}
+        for run in runs:
+            for one in run.get(name, ()):
+                by_key.setdefault(one["key"], []).append(one)
+        for key, ones in by_key.items():
+            for which in ("faithful", "best"):
+                if ones[0][f"{which}_bar"] == [None, None] or ones[0][which] is None:
+                    continue
+                values = [one[which] for one in ones if one[which] is not None]
+                met, mean = sum(one["met"] for one in ones), sum(values) / len(values)
+                sd = math.sqrt(sum((value - mean) ** 2 for value in values) / max(len(values) - 1, 1))
+                bars, every = bars + 1, every + (met == len(ones))
+                bar = [f"{end:g}" if end is not None else "" for end in ones[0][f"{which}_bar"]]
+                yield f"{name:10} {key:28} kept {met:2} of {len(ones):2}  {mean:.4g} ± {sd:.2g}  bar {' … '.join(bar)}"
+    yield f"{every} of {bars} bars are kept by every one of the runs"
+
+
+def main(path: str, *more: str) -> int:
+    """Write the page, and renew the README's table; or print what the bars of several runs are worth."""
+    if more:
+        print(*kept([json.loads(Path(one).read_text(encoding="utf-8"))["papers"] for one in (path, *more)]), sep="\n")
+        return 0
     made = page(json.loads(Path(path).read_text(encoding="utf-8"))["papers"])
     (README.parent / "docs" / "papers.md").write_text(made, encoding="utf-8")
     README.write_text(readme(README.read_text(encoding="utf-8"), made), encoding="utf-8")
@@ -182,4 +219,4 @@ def main(path: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(main(*sys.argv[1:]))

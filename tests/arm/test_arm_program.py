@@ -190,6 +190,22 @@ def test_text_is_read_by_readers_of_others(program: Program, tmp_path: Path, suf
     same_trajectory(reader(export(program, tmp_path / f"p.{suffix}").read_text()), program)
 
 
+def test_urscript_follows_the_program_at_its_rate_and_is_for_six_joints(program: Program, tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="robots of 6 joints, but the program has 2: elbow: left"):
+        export(program, tmp_path / "p.script")
+    names, wide = ("a", "b", "c", "d", "e", "f\nhalt"), [np.tile(of, 3) for of in
+                   (program.angles, program.velocities, program.accelerations)]  # fmt: skip
+    six = Program(program.t, wide[0], names, wide[1], wide[2], program.recorded)
+    lines = export(six, tmp_path / "p.script").read_text().splitlines()
+    assert (lines[0], lines[-3:]) == ("def taught():", ["  stopj(2.0)", "end", "taught()"])
+    rows = [
+        re.fullmatch(r"  servoj\((\[.*\]), t=([\d.]+), lookahead_time=0\.1, gain=300\)", line) for line in lines[3:-3]
+    ]
+    np.testing.assert_allclose([json.loads(row[1]) for row in rows], six.angles, atol=5e-7)
+    np.testing.assert_allclose([float(row[2]) for row in rows], 1.0 / 125.0)
+    assert lines[2].startswith("  movej(") and "halt" not in lines[3]
+
+
 def test_mcap_is_read_as_ros_2(program: Program, tmp_path: Path) -> None:
     file = export(program, tmp_path / "p.mcap")
     with file.open("rb") as stream:

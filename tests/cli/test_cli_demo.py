@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from plumbob import Stream, files, find_format
+from plumbob.cli import demo
+from plumbob.cli.demo import require_as_sent
 from plumbob.core.errors import DecodeError
 from plumbob.core.event import Event
 from plumbob.live import emulated
@@ -15,8 +17,6 @@ from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.live.session_toml import parse_session
 from plumbob.live.sinks import Collected
 from plumbob.live.transports.transport import Received
-from plumbob.papers import demo
-from plumbob.papers.demo import require_as_sent
 from tests.helpers.commandline import call, ok
 
 SECONDS = 3.0

@@ -19,7 +19,6 @@ from plumbob.noise import Curve, findings
 from plumbob.noise.compare import differences
 from plumbob.noise.findings import Candidate, Coefficient, Estimates, Mask, Sinusoid
 from plumbob.noise.terms import DATASHEET, SHEETS
-from plumbob.papers.fin_table import fin_report
 from plumbob.reporting import noise as report
 from plumbob.simulation.presets import preset
 from tests.helpers.page_battery import HOSTILE, Outline, PageBattery
@@ -216,7 +215,7 @@ def text(analyses, bare):
     hostile = replace(bare, name=HOSTILE, notes=(HOSTILE,), mask=mask, candidates=candidates)
     hostile = replace(hostile, lines=Estimates(HOSTILE, {}))
     made = report.datasheet([*analyses[:3], hostile], facts=[("device", HOSTILE), (HOSTILE, "x")])
-    return replace(made, parts=[*made.parts, fin_report(analyses)]).page()
+    return made.page()
 
 
 class TestPage(PageBattery):

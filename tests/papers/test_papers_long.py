@@ -1,4 +1,4 @@
-"""All five papers as a user runs them: every bar, the figures of docs/papers.md, the same bits from the same seed."""
+"""All five papers as a user runs them: every bar, and the figures of docs/papers.md."""
 
 import json
 import math
@@ -39,8 +39,6 @@ def test_all_papers_as_a_user_runs_them(tmp_path):
     every_miss_is_told(papers)
     figures_are_those_of_the_page(papers)
     every_paper_has_its_page(papers, folder)
-    again = reproduced(tmp_path / "again", "trackball", "rod")
-    assert again == {name: papers[name] for name in ("trackball", "rod")}  # same seed, same bits
 
 
 def every_miss_is_told(papers):

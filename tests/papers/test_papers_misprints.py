@@ -12,6 +12,8 @@ from plumbob.core.units import deg, dps, to_deg, to_dps
 from plumbob.data import ImuData
 from plumbob.filters import Filter
 from plumbob.noise import deviation
+from plumbob.papers.description import PAPERS
+from plumbob.papers.fin import percent_error
 from plumbob.papers.studies import errors_deg
 from plumbob.simulation import simulate
 
@@ -132,6 +134,17 @@ def test_the_integral_of_4_needs_its_square_and_units_of_table_1_are_others():
     assert times == pytest.approx([569.0, 143_000.0], rel=0.01)
     signed, unsigned = (np.frombuffer(b"\xff\xff", kind)[0] / 80.0 for kind in (">i2", ">u2"))
     assert (signed, unsigned) == (pytest.approx(-0.0125), pytest.approx(819.1875))
+
+
+def test_the_errors_of_table_1_are_those_of_the_averaging_times_that_the_page_says():
+    """(7) for 110 000 samples at 500 Hz, turned round: T = 220 s / (1 + 1 / (2 share²)); its example is 6.299 %."""
+    assert 100.0 * percent_error(math.sqrt(3.0)) == pytest.approx(6.299, abs=5e-4)  # [Ou2017] step 8
+    for _, printed, share, tau, _ in PAPERS["fin"].content["table"]["errors_of_table_1"]["rows"]:
+        value, error = map(float, printed.split(" ± "))
+        assert 100.0 * error / value == pytest.approx(float(share), abs=0.5001 * 10.0 ** -len(share.partition(".")[2]))
+        assert 220.0 / (1.0 + 0.5 * (value / error) ** 2) == pytest.approx(float(tau), rel=5e-4)
+    right = [value * percent_error(t) for value, t in ((0.125, 3**0.5), (0.132, 3**0.5), (4.766, 1.0), (1.138, 3.0))]
+    assert right == pytest.approx([0.0079, 0.0083, 0.2277, 0.0946], abs=5e-5)
 
 
 def test_quantisation_noise_is_that_of_an_angle_and_its_density_has_the_interval_in_it():

@@ -2,16 +2,18 @@
 
 import copy
 import math
+import os
 import re
-import subprocess
+import signal
 import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 import plumbob
-from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError
+from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, PlumbobError
 from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import Outcome, table
 from plumbob.papers.reproduce import NAMES, claims, reproduce
@@ -109,29 +111,28 @@ def test_what_cannot_be_run_is_refused_before_any_work_and_what_is_not_recorded_
         Study("rod", tmp_path).recorded("rod", "x", duration=0.1)
 
 
-def alone(monkeypatch, code):
-    """Make each paper's process run this code, with the paper's name as `name`."""
-    started, popen = [], subprocess.Popen
-
-    def start(words, **how):
-        assert words[:4] == [sys.executable, "-P", "-m", "plumbob.papers.reproduce"]
-        command = [sys.executable, "-c", f"import sys, time, os; name = sys.argv[1]\n{code}", *words[4:]]
-        started.append(popen(command, **how))
-        return started[-1]
-
-    monkeypatch.setattr(subprocess, "Popen", start)
-    return started
+def refused(name, *_):
+    if name == "arm":
+        raise ParameterError("no room")
+    time.sleep(60)
 
 
-@pytest.mark.parametrize(("end", "told"), [
-    ("sys.exit('no room')", "arm ended with exit code 1: no room"),
-    ("os.kill(os.getpid(), 9)", "arm was ended by signal 9, as a system does that is short of memory; try one job"),
+def killed(name, *_):
+    if name == "arm":
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(60)
+
+
+@pytest.mark.parametrize(("run", "told"), [
+    (refused, "^no room"),
+    (killed, "arm was lost: it was ended by SIGKILL, as the system does where memory runs out; try one job"),
 ])  # fmt: skip
-def test_the_first_paper_that_fails_ends_all(tmp_path, monkeypatch, end, told):
-    started = alone(monkeypatch, f"time.sleep(60) if name != 'arm' else {end}")
-    with pytest.raises(DecodeError, match=told):
+def test_the_first_paper_that_fails_ends_all(tmp_path, monkeypatch, run, told):
+    monkeypatch.setattr("plumbob.papers.reproduce.run_paper", run)
+    begun = time.monotonic()
+    with pytest.raises(PlumbobError, match=told):
         reproduce("all", out=tmp_path)
-    assert all(process.poll() is not None for process in started)
+    assert time.monotonic() - begun < 30.0
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -16,7 +16,6 @@ from plumbob.core.resources import asset
 from plumbob.core.result import plain
 from plumbob.data.cards import CalibrationCard, Mount
 from plumbob.filters import CommonParams, load
-from plumbob.papers.fin_table import fin_report
 from plumbob.papers.static_test import static_test
 from plumbob.reporting.calibration import certificate
 from plumbob.reporting.content import PALETTE, SERIES, Figure, Table, chinese_labels, said
@@ -202,7 +201,7 @@ def noise(_):
     smooth = lfilter([0.1], [1.0, -0.9], raw)
     compared = plumbob.allan(raw, smooth, rate=100, scale="1", label=("a", "b")).report()
     alone = plumbob.allan(still.gyr[:, 0], rate=100, scale="1")
-    return found.report(), fin_report(found.analyses), compared, alone.report()
+    return found.report(), compared, alone.report()
 
 
 def static(hand):

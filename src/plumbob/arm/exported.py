@@ -1,4 +1,4 @@
-"""Programs as files for robots: tables, and ROS 2 trajectories as YAML, JSON and MCAP.
+"""Programs as files for robots: tables, URScript, and ROS 2 trajectories as YAML, JSON and MCAP.
 
 The trajectory is `trajectory_msgs/msg/JointTrajectory`: joint names and points with positions, velocities,
 accelerations and the time from the start. MCAP holds it as one message, and each sample as a
@@ -26,7 +26,8 @@ from plumbob.core.units import from_si
 from plumbob.files.mcap import Schema
 from plumbob.files.mcap.verdict import write_rows
 
-SUFFIXES: Final = (".csv", ".parquet", ".mcap", ".yaml", ".yml", ".json")
+SUFFIXES: Final = (".csv", ".parquet", ".mcap", ".yaml", ".yml", ".json", ".script")
+_UR_JOINTS: Final = 6  # of every robot of Universal Robots
 TRAJECTORY, STATE = "joint_trajectory", "joint_states"  # topics in an MCAP file
 _NS: Final = 1_000_000_000
 _HEAD: Final = b"\x00\x01\x00\x00"  # plain CDR, little-endian
@@ -44,7 +45,8 @@ def export(program: Program, path: str | Path, *, unit: str = "rad", overwrite: 
         What `taught` made.
     path : path
         ``.csv`` or ``.parquet``: a table of times and angles; ``.yaml`` or ``.json``: a ROS
-        `trajectory_msgs/JointTrajectory`; ``.mcap``: the same, and a `sensor_msgs/JointState` for each sample.
+        `trajectory_msgs/JointTrajectory`; ``.mcap``: the same, and a `sensor_msgs/JointState` for each sample;
+        ``.script``: URScript of six joints, which moves to the start and then follows by ``servoj``.
     unit : {"rad", "deg"}
         Of a ``.csv`` file; the others are always in radians.
     overwrite : bool
@@ -68,6 +70,8 @@ def export(program: Program, path: str | Path, *, unit: str = "rad", overwrite: 
         write_table(file, _table(program, unit), source="program", overwrite=overwrite)
     elif suffix == ".mcap":
         _write_mcap(file, program, overwrite)
+    elif suffix == ".script":
+        write_text(file, "".join(_urscript(program)), overwrite=overwrite)
     elif suffix == ".json":
         write_text(file, json.dumps(trajectory(program), allow_nan=False) + "\n", overwrite=overwrite)
     else:
@@ -114,6 +118,22 @@ def _yaml(program: Program) -> Iterator[str]:
         for k, (key, row) in enumerate((("positions", q), ("velocities", v), ("accelerations", a))):
             yield f"  {' ' if k else '-'} {key}: [{', '.join(map(_yaml_number, row.tolist()))}]\n"
         yield f"    effort: []\n    time_from_start: {{sec: {ns // _NS}, nanosec: {ns % _NS}}}\n"
+
+
+def _urscript(program: Program) -> Iterator[str]:
+    """A function that moves to the first angles, follows the others at the program's rate, stops, and is called."""
+    if len(program.names) != _UR_JOINTS:
+        raise ParameterError(
+            f"URScript is for robots of {_UR_JOINTS} joints, but the program has {len(program.names)}: "
+            f"{', '.join(program.names)}. Write .yaml for ROS, or .csv."
+        )
+    rows = [f"[{', '.join(f'{value:.6f}' for value in row)}]" for row in program.angles.tolist()]
+    yield f"def taught():\n  # {json.dumps(program.names)} [rad]\n  movej({rows[0]}, a=0.5, v=0.5)\n"
+    steps = np.diff(program.t, append=2.0 * program.t[-1] - program.t[-2])
+    yield from (
+        f"  servoj({row}, t={step:.4f}, lookahead_time=0.1, gain=300)\n" for row, step in zip(rows, steps, strict=True)
+    )
+    yield "  stopj(2.0)\nend\ntaught()\n"
 
 
 def _yaml_number(value: float) -> str:

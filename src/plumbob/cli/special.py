@@ -282,9 +282,9 @@ def view(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 def demo(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Run the buoy's line."""
+    from plumbob.cli.demo import FILES
+    from plumbob.cli.demo import demo as run_line
     from plumbob.cli.main import main
-    from plumbob.papers.demo import FILES
-    from plumbob.papers.demo import demo as run_line
 
     duration, out = parse(args.duration or "600s", Quantity.TIME), Path(getattr(args, "out", "demo-out"))
     common.check_outputs(args, *(out / name for name in FILES if out.is_dir()))  # from here on, they may be replaced
@@ -345,18 +345,11 @@ def allan(args: argparse.Namespace, verb: Verb, call: Call) -> int:
         check.one_of("--as", form, tuple(forms()))
         print(call().lines(form), end="")
         return 0
-    noise = call()
-    if args.paper != "fin":
-        args.curve |= hasattr(args, "taus")
-        return show(args, verb, noise)
-    from plumbob.papers.fin_table import fin_report
-
-    table, sheet = fin_report(noise.analyses), noise.report(device=args.device)
-    page = replace(sheet, parts=[*sheet.parts, table])
-    return show(args, verb._replace(pages=lambda *_: page, details=()), noise, shown=table)
+    args.curve |= hasattr(args, "taus")
+    return show(args, verb, call())
 
 
-_OF_ONE: Final = ("card", "device", "methods", "deviation", "paper", "as")  # options of allan for one record
+_OF_ONE: Final = ("card", "device", "methods", "deviation", "as")  # options of allan for one record
 _READ: Final = 1 << 20
 _HINT: Final = 1 << 18  # bytes of a file of which other formats are tried
 

@@ -222,14 +222,13 @@ START: Final = {
         writes={"card": ("card", lambda noise, path, args: save(noise.card(args.device), path, args))},
         needs={"device": ("card", "html")},
         apart={
-            "deviation": (*_COEFFICIENTS, "paper", "html", "plot"), "paper": ("json", "methods", "curve", "as"),
+            "deviation": (*_COEFFICIENTS, "html", "plot"),
             "as": ("json", "methods", "curve", "html", "plot", "card"),
         },
         more={
             "deviation": ("KIND", "print this deviation alone, without coefficients: oadev, adev, mdev, ohdev, ..."),
             "methods": ("", "show the three methods side by side"),
             "curve": ("", "show the deviation itself, by averaging time"),
-            "paper": ("fin", "report as the bionic-fin paper's table 1"),
             "card": ("JSON", "also write a noise card for the simulator and filters"),
             "as": ("FORM", "print what another program takes: kalibr, vins, orbslam, liosam, kfgins, ros"),
             "device": ("NAME", "the unit's name on card and page (default: the file's)"),
@@ -465,7 +464,7 @@ UNITS: Final = {
                 },
                 note=".csv and .parquet are tables of times and angles; .yaml and .json are a ROS "
                 "trajectory_msgs/JointTrajectory; .mcap is the same in CDR, with a sensor_msgs/JointState for each "
-                "sample. A .urdf is the chain itself, as a model for ROS.",
+                "sample; .script is URScript of six joints. A .urdf is the chain itself, as a model for ROS.",
             ),
             "replay": Verb(
                 "move a model by a program, and compare the hand with truth",
@@ -482,7 +481,7 @@ UNITS: Final = {
 KNOWLEDGE: Final = {
     "demo": Verb(
         "an emulated buoy, calibrated, recorded, estimated and judged, in a minute",
-        "start.md", "plumbob demo --out demo-out", "papers.demo.demo", run="demo", outputs=(),
+        "start.md", "plumbob demo --out demo-out", "cli.demo.demo", run="demo", outputs=(),
         hidden=("folder", "duration", "say"),
         about="Emulate the drifting buoy of the paper: calibrate its unit by hand, record it in waves, estimate, "
         "replay with other filters, compare with the truth. Exit code 1 where the recording is not what was sent.",

@@ -107,12 +107,6 @@ class Description:
         return Both(*self.content["paper"]["about"])
 
     @property
-    def main(self) -> Sequence[str]:
-        """Keys of the outcomes by which the paper is known."""
-        keys: Sequence[str] = self.content["paper"]["main"]
-        return keys
-
-    @property
     def items(self) -> Sequence[PaperItem]:
         """What the paper describes, in its order."""
         names = ("where", "what", "by", "reason")

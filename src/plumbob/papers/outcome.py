@@ -17,6 +17,7 @@ _UNSAID: Final = Both("", "")
 YES, NO, NOT_STATED = Both("yes", "是"), Both("no", "否"), Both("not stated", "未给出")
 REPRODUCED, BY_ARITHMETIC = Both("reproduced", "已复现"), Both("arithmetic holds", "算术成立")
 REFUTED, UNREACHED, CANNOT = Both("refuted", "不成立"), Both("not reached", "未达到"), Both("cannot be had", "无法得到")
+WITHIN: Final = Both("within the scatter of one run", "在单次散布之内")
 KEPT, MISSED, NO_BAR = Both("kept", "满足"), Both("missed", "未达标"), Both("none", "无")
 
 
@@ -31,7 +32,8 @@ class Outcome:
     greatest value that are to be met, `OPEN` where there is none; `reach`: when `faithful` reaches a printed number:
     "<=" or ">=" it, or a largest distance from it; `by`: with which units and runs; `reason`: why the paper's figure is
     not reached, or why a bar is missed, one sentence without a full stop; `error`: standard error of a mean over seeds,
-    twice which is allowed; `digits`: significant digits that are shown.
+    twice which is allowed; `one_run`: standard deviation of one run, where the paper prints one run; `digits`:
+    significant digits that are shown.
     """
 
     key: str
@@ -47,6 +49,7 @@ class Outcome:
     by: Both = _UNSAID
     reason: Both | None = None
     error: float = 0.0
+    one_run: float = 0.0
     reproducible: bool = True
     digits: int = 3
 
@@ -81,11 +84,16 @@ class Outcome:
 
     @property
     def claim(self) -> Both | None:
-        """What became of a number that the paper prints; refuted where a reason says why; None where there is none."""
+        """What became of a number that the paper prints; refuted where a reason says why; None where there is none.
+
+        Where the paper prints one run, a number within twice the scatter of one is not refuted.
+        """
         if self.reached is None:
             return None
         if self.reached:
             return BY_ARITHMETIC if self.by.startswith("arithmetic") else REPRODUCED
+        if self.reproducible and self.one_run and abs(self.faithful - self.paper) <= 2.0 * self.one_run:  # type: ignore
+            return WITHIN
         return CANNOT if not self.reproducible else REFUTED if self.reason else UNREACHED
 
     @property
@@ -108,6 +116,7 @@ class Outcome:
             **{name: value if value is not None and math.isfinite(value) else None for name, value in values.items()},
             "digits": self.digits,
             "error": self.error,
+            "one_run": self.one_run,
             **{name: [end if math.isfinite(end) else None for end in bar] for name, bar in bars.items()},
             "reached": self.reached,
             "met": self.met,

@@ -1,25 +1,22 @@
 """The papers' runs, one or all: `plumbob reproduce NAME`, and `plumbob.reproduce`."""
 
 import json
-import os
-import subprocess
-import sys
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from importlib import import_module
 from pathlib import Path
-from threading import Event, Lock
 from typing import Any, Final
 
 from plumbob.core import __version__, check
-from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, unknown_name
+from plumbob.core.errors import DecodeError, ParameterError, unknown_name
 from plumbob.core.files import write_text
 from plumbob.core.series import needed
 from plumbob.core.text import counted
+from plumbob.fleet.workers import processes
 from plumbob.papers.description import PAPERS
 from plumbob.papers.outcome import HEAD, MISSED, NO, NOT_STATED, YES, Outcome, shown, table
 from plumbob.papers.studies import Study
@@ -28,9 +25,8 @@ from plumbob.reporting.page import part_links
 from plumbob.reporting.report import Report
 
 NAMES: Final = tuple(PAPERS)  # papers by the names of their rigs
-STEP: Final = "step"  # first word of a line by which a paper's process says how far it is
+STEP: Final = "step.txt"  # what a paper does, and how many steps of how many are done, while it runs
 OUTCOMES: Final = "outcomes.json"
-_KILLED: Final = 9
 _LONGEST: Final = ("arm", "buoy", "fin", "rod", "trackball")  # side by side, those that take long begin
 
 _RUN: Final = Both("Run", "运行条件")
@@ -71,9 +67,10 @@ class Reproduction:
     def report(self) -> Report:
         """All outcomes, a part for each paper."""
         parts = [Report(PAPERS[name].title, tables=[table(outcomes)]) for name, outcomes in self.outcomes.items()]
+        every = [outcome for paper in self.outcomes.values() for outcome in paper]
         facts = [("made by", f"plumbob {__version__}"), (Both("seed", "随机种子"), f"{self.seed}"),
-                 (_COUNTS, self._counts()), (Both("folder", "文件夹"), f"{self.folder}")]  # fmt: skip
-        return Report(Both("Five papers, made again", "五篇论文的再现"), facts=facts, parts=parts, remarks=DEFINITIONS)
+                 (_COUNTS, _counted(every)), (Both("folder", "文件夹"), f"{self.folder}")]  # fmt: skip
+        return Report(Both("Five papers, run again", "五篇论文的再运行"), facts=facts, parts=parts, remarks=DEFINITIONS)
 
     def index(self, lang: str = "en") -> Report:
         """What `index.html` has: counts, and of each paper a figure and three numbers."""
@@ -103,9 +100,6 @@ class Reproduction:
         items = {name: [item.summary() for item in PAPERS[name].items] for name in papers}
         return {"seed": self.seed, "version": __version__, "met": self.met, "papers": papers, "items": items}
 
-    def _counts(self) -> Both:
-        return _counted([outcome for outcomes in self.outcomes.values() for outcome in outcomes])
-
 
 def _counted(outcomes: Sequence[Outcome]) -> Both:
     every, yes, no, _, missed = counts(outcomes)
@@ -128,10 +122,11 @@ def restored(folder: Path, name: str, seed: int | None = None) -> Study:
 
 def _first_tables(name: str, outcomes: Sequence[Outcome]) -> list[Table]:
     """Main figures, what cannot be had, and claims, items and all figures, which a page folds away."""
+    main = PAPERS[name].content["paper"]["main"]
     lists = [part for part in (not_had(outcomes), claims(outcomes)) if part]
     title = Both(f"All {len(outcomes)} figures with their bars", f"全部 {len(outcomes)} 项指标及限值")
     every = replace(table(outcomes, title), detail="all")
-    return [main_figures(name, outcomes), *lists, items(name), every]
+    return [table([o for o in outcomes if o.key in main], Both("Main figures", "主要指标")), *lists, items(name), every]
 
 
 def reproduce(
@@ -257,78 +252,42 @@ def _folder(folder: Path, seed: int, *, overwrite: bool) -> Path:
     return folder
 
 
-def run_paper(name: str, folder: Path, seed: int, progress: Progress | None) -> None:
-    """Run a paper in this process, and keep what it measured."""
+def run_paper(name: str, folder: Path, seed: int, progress: Progress | None = None) -> None:
+    """Run a paper in this process, and keep what it measured; a file says how far it is."""
     subfolder, started = folder / name, time.perf_counter()
     subfolder.mkdir(exist_ok=True)
 
     def on_step(what: str, done: int, of: int) -> None:
+        write_text(subfolder / STEP, f"{what}\t{done}\t{of}", overwrite=True)
         if progress is not None:
             progress(f"{name}: {what}", done, of)
 
     study = Study(name, subfolder, seed, on_step)
     import_module(f"plumbob.papers.{name}").measure(study)
+    (subfolder / STEP).unlink(missing_ok=True)
     study.save(f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {time.perf_counter() - started:.0f} s")
 
 
 def _side_by_side(names: Sequence[str], folder: Path, seed: int, jobs: int, progress: Progress | None) -> None:
     """Run each paper in a process of its own; the first that fails ends all with its error."""
-    running: list[subprocess.Popen[str]] = []
-    starting, ending = Lock(), Event()
-
-    def run(name: str) -> None:
-        with starting:  # a process that starts while all are ended would be left alone
-            if ending.is_set():
-                return
-            process = _alone(name, f"{folder}", f"{seed}")
-            running.append(process)
-        _listen(name, process, progress)
-
-    with ThreadPoolExecutor(jobs) as pool:
-        futures = [pool.submit(run, name) for name in sorted(names, key=_LONGEST.index)]
-        try:
-            for future in as_completed(futures):
-                future.result()
-        except BaseException:
-            ending.set()
-            with starting:
-                for process in running:
-                    process.kill()
-                    process.wait()
-            raise
-
-
-def _alone(*words: str) -> subprocess.Popen[str]:
-    """Start a paper's process: with the modules of this one, whatever lies in the folder where it is started."""
-    paths = os.pathsep.join(path or f"{Path.cwd()}" for path in sys.path)
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "plumbob.papers.reproduce", *words],
-        env={**os.environ, "PYTHONPATH": paths, "PYTHONIOENCODING": "utf-8"}, encoding="utf-8",
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-    )  # fmt: skip
-
-
-def _listen(name: str, process: subprocess.Popen[str], progress: Progress | None) -> None:
-    """Hear a paper's process to its end: how far it is, or why it ended."""
-    last: deque[str] = deque(maxlen=5)
-    assert process.stderr is not None
-    with process.stderr as lines:
-        for line in lines:
-            word, *args = line.rstrip("\n").split("\t")
-            if word != STEP:
-                last.append(line)
-            elif progress is not None:
-                progress(args[0], int(args[1]), int(args[2]))
-    if code := process.wait():
-        how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
-        how += ", as a system does that is short of memory; try one job" if -code == _KILLED else ""
-        raise DecodeError(f"{name} {how}: {''.join(last).strip()}" if last else f"{name} {how}.")
-
-
-def main_figures(name: str, outcomes: Sequence[Outcome]) -> Table:
-    """Table of a paper's main outcomes, with a word for each verdict."""
-    by_key = {outcome.key: outcome for outcome in outcomes}
-    return table([by_key[key] for key in PAPERS[name].main if key in by_key], Both("Main figures", "主要指标"))
+    steps: dict[str, str] = {}
+    with processes(jobs) as pool:
+        ordered = sorted(names, key=_LONGEST.index)
+        running = {pool.submit(partial(run_paper, name, folder, seed)): name for name in ordered}  # type: ignore[arg-type]
+        waiting = {*running}
+        while waiting:
+            done, waiting = wait(waiting, 0.5, FIRST_COMPLETED)
+            for name in names if progress is not None else ():
+                step = folder / name / STEP
+                text = step.read_text(encoding="utf-8") if step.is_file() else ""
+                if text and steps.get(name) != text:
+                    steps[name], (what, at, of) = text, text.split("\t")
+                    progress(f"{name}: {what}", int(at), int(of))  # type: ignore[misc]
+            for future in done:
+                try:
+                    future.result()
+                except pool.lost as error:
+                    raise DecodeError(f"{running[future]} was lost: {error}; try one job.") from None
 
 
 def not_had(outcomes: Sequence[Outcome]) -> Table | None:
@@ -367,25 +326,3 @@ def counts(outcomes: Sequence[Outcome]) -> Sequence[int]:
     """Of all outcomes: how many reach the paper's figure, do not, have none to reach, and miss a bar."""
     reached = [outcome.reached for outcome in outcomes]
     return [len(outcomes), *map(reached.count, (True, False, None)), sum(not outcome.met for outcome in outcomes)]
-
-
-def main(name: str, folder: str, seed: str) -> int:
-    """Run a paper in a process of its own: ``python -m plumbob.papers.reproduce NAME FOLDER SEED``.
-
-    It says on standard error how far it is, a line for each step.
-    """
-
-    def say(*words: object) -> None:
-        sys.stderr.write("\t".join(map(str, words)) + "\n")
-        sys.stderr.flush()
-
-    try:
-        run_paper(name, Path(folder), int(seed), lambda *step: say(STEP, *step))
-    except (PlumbobError, OSError) as error:
-        say(error)
-        return 1
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))

@@ -19,6 +19,7 @@ SEEDS: Final = 24
 SHAKEN: Final = 400.0  # when the vibration begins, s
 SETTLE: Final = 1.0
 """Time from the start that is not scored, s: one look of the accelerometer is 1° off by its own noise."""
+BAUD: Final = 115200  # of the line
 LIMIT: Final = 1.0  # largest error that the paper claims, °
 STARTS: Final = 500  # samples at rest at the begin, of which a fixed bias is taken: 5 s, as long as the rod waits
 TURN_ON: Final = 0.2
@@ -46,6 +47,8 @@ METHODS: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
     "smoother": ("smoother", {}),
 }
 """What is compared: sensors alone, the paper's filter with its switches, and others."""
+BOOM_GAIN, BOOM_SPEED = 4.0, float(pb.units.dps(10.0))
+"""Of the control that levels a boom, 1/s, and the highest speed of its actuator, rad/s: assumed."""
 RECORDED: Final = ("accel", "gyro_kept", "hard", "ekf7", "mekf", "smoother")
 
 
@@ -156,18 +159,46 @@ def seeds_part(study: Study, count: int, duration: float) -> None:
     study.draw("largest_error_of", lines)
 
 
-def recorded_part(study: Study, duration: float) -> None:
+def level_boom(seed: int, duration: float) -> tuple[float, float]:
+    """Roll of a boom on a chassis that rolls over ground, and of the same boom levelled by its own angle, rms, °.
+
+    A drawn unit on the boom, zeroed for 5 s on a level floor, speaks 100 times a second. Each attitude becomes a speed
+    of the actuator, which acts two samples later, 20 ms: against the angle, and against what the ground adds to the
+    rate. It turns the boom by 10 °/s at most. The first 10 s are not counted.
+    """
+    how: dict[str, Any] = {"frame": "NED", "sensors": "adis16355", "unit": "random", "rate": 100.0}
+    rest: Any = pb.simulate("static", seed=seed, duration=duration, **how)
+    t, rng, dt, g = rest.imu.t, np.random.default_rng([seed, 4]), 0.01, pb.units.g(1.0)
+    waves, phases = 2.0 * np.pi * rng.uniform(0.05, 0.5, 5), rng.uniform(0.0, 2.0 * np.pi, 5)
+    ground = pb.units.deg(1.0) * np.sin(np.outer(t, waves) + phases).sum(axis=1)
+    gyr, acc = rest.imu.gyr - rest.imu.gyr[:STARTS].mean(axis=0), rest.imu.acc - rest.imu.acc[:STARTS].mean(axis=0)
+    live, turned, speeds, rolls = pb.Filter("mekf", frame="NED", noise=rest.noise), 0.0, [0.0, 0.0], [float(ground[0])]
+    for k in range(1, len(t)):
+        turned += dt * speeds[k - 1]
+        rolls.append(float(ground[k]) + turned)
+        rate = float(gyr[k, 0]) + (rolls[k] - rolls[k - 1]) / dt
+        felt = acc[k] - g * np.array([0.0, np.sin(rolls[k]), np.cos(rolls[k])])
+        live.update(pb.ImuSample(t_ns=round(1e9 * t[k]), gyr=[rate, *gyr[k, 1:]], acc=felt))
+        roll = float(pb.rotations.euler_zyx_from_quat(live.q_nb)[2])
+        speed = -BOOM_GAIN * roll - (rate - float(live.bias_b[0]) - speeds[k - 1])
+        speeds.append(float(np.clip(speed, -BOOM_SPEED, BOOM_SPEED)))
+    use = t >= 10.0
+    return rms(pb.units.to_deg(ground[use])), rms(pb.units.to_deg(np.array(rolls)[use]))
+
+
+def recorded_part(study: Study, duration: float, booms: int) -> None:
     """One run through bytes, compared as the paper compares, with an AHRS500GA, and as it could not, with the truth."""
     study.step()
     how: dict[str, Any] = {"unit": "random", "warm_up": WARM_UP, "mount_error": "0.2 deg", "duration": duration}
     taken = study.recorded("rod", "rod", session=SESSION.format(seed=study.seed), **how)
     study.rows({"live.same": study.live(taken)})
-    runs = {name: pb.estimate(taken.recording, METHODS[name][0], params=METHODS[name][1]) for name in RECORDED}
+    recording = pb.read(taken.recording)
+    runs = {name: pb.estimate(recording, METHODS[name][0], params=METHODS[name][1]) for name in RECORDED}
     tracks: dict[str, Any] = {name: run.track for name, run in runs.items()}
     truth: Any = pb.read(taken.truth).track
     ahrs: Any = runs["ekf7"].reference
     by_ahrs, soft = by_rotation(ahrs.q_nb), tracks["ekf7"]
-    t = soft.t - soft.t[0]
+    t, rest = soft.t - soft.t[0], (soft.flags & pb.flags.AT_REST) != 0
     use = t >= SETTLE
     against = {name: errors_deg(track, truth) for name, track in tracks.items()}
     differences = {name: errors_deg(track.q_nb, by_ahrs)[use] for name, track in tracks.items()}
@@ -186,8 +217,10 @@ def recorded_part(study: Study, duration: float) -> None:
         "bytes.gyro": most["gyro_kept"][1:].max(),
         "bytes.share.reference": tuple(share),
         "bytes.bias": (None, rms(drift[late])),
-    }, was=rms(bias[late]))  # fmt: skip
-    rest = (soft.flags & pb.flags.AT_REST) != 0
+    }, was=rms(bias[late]), soft=apart["ekf7"][1:].max(), step=jump(tracks["hard"].q_nb, truth.q_nb, rest))  # fmt: skip
+    levelled = np.array([level_boom(seed, min(duration, 60.0)) for seed in study.seeds(booms)])
+    late = 1e3 * (np.median(np.diff(t)) + 10.0 * taken.capture.stat().st_size / len(t) / BAUD)
+    study.rows({"boom.level": (None, levelled[:, 1].mean()), "boom.late": (None, late)}, ground=levelled[:, 0].mean())
     study.values.update(mean=100.0 * rest.mean(), seeds=SEEDS)
     parts = {"truth": against, "ahrs": {name: differences[name] for name in ("hard", "ekf7", "mekf", "smoother")}}
     named = {
@@ -214,7 +247,7 @@ def recorded_part(study: Study, duration: float) -> None:
     study.draw("motion_state_and", *panels)
 
 
-def measure(study: Study, *, seeds: int = SEEDS, duration: float = 600.0) -> None:
+def measure(study: Study, *, seeds: int = SEEDS, duration: float = 600.0, booms: int = 8) -> None:
     """Measure every figure of the paper."""
-    recorded_part(study, duration)
+    recorded_part(study, duration, booms)
     seeds_part(study, seeds, duration)

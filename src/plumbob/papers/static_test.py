@@ -1,10 +1,9 @@
 """The static test of the buoy paper [Yu2018]: a unit at rest in many poses beside a reference, and its page."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -24,12 +23,10 @@ from plumbob.door.evaluate import evaluate, opened_attitude
 from plumbob.evaluation.evaluation import Evaluation
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.quality.static_periods import stills
-from plumbob.reporting.content import SERIES, SOFT, Figure, Table
+from plumbob.reporting.content import Table
+from plumbob.reporting.evaluation import side_by_side
 from plumbob.reporting.report import Report
 from plumbob.rotations import euler_zyx_from_quat, quat_mean
-
-if TYPE_CHECKING:
-    from matplotlib.figure import FigureBase
 
 ANGLES: Final = ("yaw", "pitch", "roll")
 
@@ -47,20 +44,19 @@ class StaticTest(Reported):
     after: Evaluation
 
     @property
-    def reference(self) -> Floats:
-        """Yaw, pitch and roll of the reference, (M, 3), rad; NaN where it has none."""
-        return euler_zyx_from_quat(self.before.match.q_ref)
+    def evaluations(self) -> Mapping[str, Evaluation]:
+        """Before and after calibration."""
+        return {"before": self.before, "after": self.after}
 
     def errors(self, which: str) -> Floats:
         """Errors of yaw, pitch and roll, (M, 3), rad, "before" or "after"; NaN where there is no reference."""
-        e: Evaluation = getattr(self, which)
-        nothing = np.full(len(self.spans), np.nan)
+        e, nothing = self.evaluations[which], np.full(len(self.spans), np.nan)
         return np.stack([e.errors[name] if name in e.stats else nothing for name in ANGLES], axis=1)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """What to know about it, each a line."""
-        offsets = {name: e.alignment.heading for name, e in (("before", self.before), ("after", self.after))}
+        offsets = {name: e.alignment.heading for name, e in self.evaluations.items()}
         removed = [f"heading {name}: a constant offset of {to_deg(offset):+.2f}° was removed"
                    for name, offset in offsets.items() if offset is not None]  # fmt: skip
         made = f"after: {self.after.estimate.source}"
@@ -68,10 +64,15 @@ class StaticTest(Reported):
 
     def summary(self) -> dict[str, Any]:
         """Ready for JSON: degrees and seconds; None where there is no figure."""
-        columns = {"reference_deg": self.reference} | {f"{e}_deg": self.errors(e) for e in ("before", "after")}
-        rests = [{"from_s": first, "to_s": last, **{name: _degrees(angles[i]) for name, angles in columns.items()}}
+        of = {f"{name}_deg": angles for name, angles in self._degrees().items()}
+        rests = [{"from_s": first, "to_s": last,
+                  **{name: dict(zip(ANGLES, angles[i], strict=True)) for name, angles in of.items()}}
                  for i, (first, last) in enumerate(self.spans.tolist())]  # fmt: skip
-        return {"rests": rests, "summary": self._summary(), "remarks": list(self.remarks)}
+        pairs = [(f"{figure}_{which}_deg", e.stats, name) for figure, name in (("max", "max_abs"), ("rms", "rmse"))
+                 for which, e in self.evaluations.items()]  # fmt: skip
+        angles = {angle: {key: to_deg(getattr(of[angle], name)) if angle in of else None for key, of, name in pairs}
+                for angle in ANGLES}  # fmt: skip
+        return {"rests": rests, "summary": angles, "remarks": list(self.remarks)}
 
     def facts(self) -> Mapping[str, str]:
         """Rests, and the root mean square of each error that is left, degrees."""
@@ -80,35 +81,34 @@ class StaticTest(Reported):
 
     def report(self, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
         """Errors of all rests, the largest and the root mean square below; `facts` say where they come from."""
-        largest = [[name, *map(_cell, stats.values())] for name, stats in self._summary().items()]
-        values = to_deg(np.hstack((self.reference, self.errors("before"), self.errors("after")))).tolist()
-        rows = [[f"{i}", f"{span.mean():.1f}", *map(_cell, row)]
-                for i, (span, row) in enumerate(zip(self.spans, values, strict=True), start=1)]  # fmt: skip
+
+        def cells(values: Sequence[float | None]) -> list[str]:
+            return ["-" if value is None else f"{value:z.2f}" for value in values]
+
+        largest = [[name, *cells([*stats.values()])] for name, stats in self.summary()["summary"].items()]
+        columns = list(self._degrees().values())
+        rows = [[f"{i + 1}", f"{span.mean():.1f}", *cells([value for of in columns for value in of[i]])]
+                for i, span in enumerate(self.spans)]  # fmt: skip
         errors = ["", "max |e| before", "max |e| after", "rms before", "rms after"]
         head = ["rest", "at [s]", *ANGLES, "before yaw", *ANGLES[1:], "after yaw", *ANGLES[1:]]
         tables = [Table(f"Errors at rest [°], {len(self.spans)} rests", errors, largest),
                   Table("Attitude of the reference, errors before and after calibration [°]", head, rows)]  # fmt: skip
-        figures = [_drawing(self)]
-        return Report("Static test", facts, tables, self.remarks, figures=figures, definitions=_DEFINITIONS)
+        beside = side_by_side(self.evaluations, title="Static test", facts=facts)
+        return replace(beside, tables=tables, remarks=self.remarks, parts=(), definitions=_DEFINITIONS)
 
-    def _summary(self) -> dict[str, dict[str, float | None]]:
-        """Largest error and root mean square of each angle, degrees."""
-        both = (("before", self.before), ("after", self.after))
-        pairs = [(f"{figure}_{which}_deg", e.stats, name)
-                 for figure, name in (("max", "max_abs"), ("rms", "rmse")) for which, e in both]  # fmt: skip
-        return {angle: {key: to_deg(getattr(of[angle], name)) if angle in of else None for key, of, name in pairs}
-                for angle in ANGLES}  # fmt: skip
-
-
-def _cell(angle: float | None) -> str:
-    return "-" if angle is None or not math.isfinite(angle) else f"{angle:z.2f}"
-
-
-def _degrees(angles: Floats) -> dict[str, float | None]:
-    return {n: to_deg(a) if math.isfinite(a) else None for n, a in zip(ANGLES, angles.tolist(), strict=True)}
+    def _degrees(self) -> dict[str, list[list[float | None]]]:
+        """Angles of each rest, degrees, of the reference, whose heading may be free, and errors; None without any."""
+        of = {"reference": euler_zyx_from_quat(self.before.match.q_ref)}
+        of |= {name: self.errors(name) for name in self.evaluations}
+        return {name: [[a if np.isfinite(a) else None for a in row] for row in to_deg(v).tolist()]
+                for name, v in of.items()}  # fmt: skip
 
 
 FEWEST: Final = 2  # rests that make a test: one alone shows no difference between headings
+_DEFINITIONS: Final = (
+    "At each rest the means of specific force and field give roll and pitch, then the heading of the field's level "
+    "part; errors are differences of ZYX Euler angles to the mean attitude of the reference over the same rest.",
+)
 
 
 def static_test(
@@ -184,30 +184,3 @@ def _mean_attitude(track: AttitudeTrack, first: float, last: float) -> Floats | 
     """Mean attitude of a track over a time, (4,), or None where it has none."""
     q = track.q_nb[(track.t >= first) & (track.t <= last)]
     return quat_mean(q) if np.isfinite(q).all(axis=1).any() else None
-
-
-_BEFORE, _AFTER = SERIES[1], SERIES[0]
-_DEFINITIONS = (
-    "At each rest the means of specific force and field give roll and pitch, then the heading of the field's level "
-    "part; errors are differences of ZYX Euler angles to the mean attitude of the reference over the same rest.",
-)
-
-
-def _drawing(test: StaticTest) -> Figure:
-    heading = np.mod(to_deg(test.reference[:, 0]), 360.0)
-    order = np.argsort(heading)
-
-    def draw(canvas: "FigureBase") -> None:
-        axes = canvas.subplots(3, 1, sharex=True)
-        for i, (ax, name) in enumerate(zip(axes, ANGLES, strict=True)):
-            ax.axhline(0.0, color=SOFT, linewidth=0.5)
-            for which, colour, style in (("before", _BEFORE, "--"), ("after", _AFTER, "-")):
-                error = to_deg(test.errors(which)[:, i])
-                ax.plot(heading[order], error[order], style, color=colour, marker="o", markersize=2.0, linewidth=0.8)
-            ax.set_ylabel(f"{name} error [°]")
-        axes[-1].set_xlim(0.0, 360.0)
-        axes[-1].set_xticks(range(0, 361, 45))
-        axes[-1].set_xlabel("heading of the reference [°]")
-
-    keys = [("before", _BEFORE, "dashed"), ("after", _AFTER, "solid")]
-    return Figure("Errors at rest against the heading of the reference", draw, keys, height=4.2)

@@ -362,6 +362,14 @@ def angle_between(one: Any, other: Any) -> Any:
     return pb.units.to_deg(2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(one - other, axis=1), 0.0, 1.0)))
 
 
+def touched(track: Any) -> Any:
+    """Which of 2000 places, spread evenly over the ball, a track (N, 3) of touching points comes within 5° of."""
+    k = np.arange(2000) + 0.5
+    z, around = 1.0 - k / 1000.0, np.pi * (1.0 + np.sqrt(5.0)) * k
+    places = np.stack((np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z), axis=1)
+    return (places @ track.T).max(axis=1) >= np.cos(pb.units.deg(5.0))
+
+
 def ball_part(study: Study, taken: Any, card: Path) -> None:
     """The point that touches the lower plate, in axes of the ball, which the paper's application is about."""
     truth: Any = pb.read(taken.truth).track
@@ -377,7 +385,12 @@ def ball_part(study: Study, taken: Any, card: Path) -> None:
     for name, rates in given.items():
         tracks[name] = touching(pb.estimate(rates, "integrate", frame="NED", init="level").track)
     away = {name: angle_between(track, tracks["true"]) for name, track in tracks.items()}
-    study.rows({"ball.track": (rms(away["paper"]), rms(away["calibrated"]))})
+    cover = {name: touched(track) for name, track in tracks.items()}
+    study.rows({
+        "ball.track": (rms(away["paper"]), rms(away["calibrated"])),
+        "ball.covered": tuple(100.0 * cover[name].mean() for name in ("paper", "calibrated")),
+        "ball.wrong": tuple(100.0 * (cover[name] != cover["true"]).mean() for name in ("paper", "calibrated")),
+    }, covered=100.0 * cover["true"].mean())  # fmt: skip
     study.table("error_of_the", {name: [rms(away[name]), away[name].max(), away[name][-1]] for name in given})
     right = np.cross([0.0, 0.0, -1.0], VIEW)
     right /= np.linalg.norm(right)

@@ -112,7 +112,7 @@ def _record(folder: Path, port: str, device: str) -> Stream:
     for name in (RECORDING, TEXT):
         (folder / name).unlink(missing_ok=True)
     paths = {"card": CARD, "recording": folder / RECORDING, "text": folder / TEXT}
-    content = packaged("papers/demo.session.toml").format(port=port, speed=SPEED, device=device, **paths)
+    content = packaged("cli/demo.session.toml").format(port=port, speed=SPEED, device=device, **paths)
     return record_line(write_text(folder / SESSION_FILE, content, overwrite=True))
 
 
