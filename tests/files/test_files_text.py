@@ -390,16 +390,16 @@ def test_spans(tmp_path):
     path.write_text("part,from_s,to_s\nx_p,1,2.5\nx_a,3,4\n")
     assert read_spans(path) == {"x_p": (1.0, 2.5), "x_a": (3.0, 4.0)}
     for rows, words in (
-        ("x_p,1\n", "line 2: 'x_p,1' is not a name and two numbers"),
-        ("x_p,1,1\n", "a span needs a length"),
-        ("x_p,nan,1\n", "a span needs a length"),
-        ("x_p,1,2\nx_p,3,4\n", "line 3: 'x_p' comes twice"),
+        ("x_p,1\n", "line 2: to_s must be a number"),
+        ("x_p,1,1\n", "line 2: numbers must be finite, and from_s before to_s"),
+        ("x_p,nan,1\n", "line 2: numbers must be finite"),
+        ("x_p,1,2\nx_p,3,4\n", "a part comes twice among x_p, x_p"),
     ):
         path.write_text("part,from_s,to_s\n" + rows)
         refused(read_spans, path, match=words)
     for text in ("", "a,b,c\n"):
         path.write_text(text)
-        refused(read_spans, path, match="first line must be part,from_s,to_s")
+        refused(read_spans, path, match="line 1: the columns must be part, from_s, to_s")
 
 
 @pytest.mark.parametrize("end", ["", "\n"])

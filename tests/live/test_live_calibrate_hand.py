@@ -16,7 +16,6 @@ from plumbob.calibration.calibrate_gyro import (
     calibrate_table,
     fit_gyro,
     found_plateaus,
-    read_plan,
 )
 from plumbob.calibration.calibrate_mag import calibrate_mag
 from plumbob.calibration.calibration import Capture, capture, card_of
@@ -25,6 +24,7 @@ from plumbob.calibration.mount import mount_by_poses, mount_by_reference
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError
 from plumbob.core.units import deg, dps
+from plumbob.door.calibrate import read_plan
 from plumbob.papers.static_test import static_test
 from plumbob.rotations import Frame, change_frame, quat_conjugate, quat_multiply, quat_rotate, rotvec_from_quat
 from plumbob.simulation import EulerMotion, Module, Scenario, TriadErrors, simulate
@@ -229,13 +229,13 @@ def test_a_plan_says_rates_and_specific_force(tmp_path, session, planned, fitted
 
 @pytest.mark.parametrize(("text", "words"), [
     (f"{HEADER}\n0,5,0,0,9\n5,9,0,0,fast\n", "line 3: rate_z_dps must be a number, but it is 'fast'"),
-    (f"{HEADER}\n0,5,0,0\n", "line 2: rate_z_dps must be a number, but it is None"),
+    (f"{HEADER}\n0,5,0,0\n", "line 2: rate_z_dps must be a number, but it is"),
     (f"{HEADER}\n0,5,0,0,9,4\n", "line 2: a column too many"),
     (f"{HEADER}\n5,5,0,0,9\n", "line 2: numbers must be finite, and from_s before to_s"),
     (f"{HEADER}\n0,5,0,0,nan\n", "line 2: numbers must be finite"),
-    ("from_s,to_s,rate_x,rate_y,rate_z\n", "line 1: a plan has the columns from_s, to_s, rate_x_dps"),
+    ("from_s,to_s,rate_x,rate_y,rate_z\n", "line 1: the columns must be from_s, to_s, rate_x_dps"),
     (f"{HEADER},acc_x_g\n", "line 1: .*all or none of acc_x_g"),
-    ("", "line 1: .* this one has none"),
+    ("", "line 1: .* they are none"),
     ("\udcff\udcfe", "not UTF-8 text"),
 ])  # fmt: skip
 def test_a_bad_plan_is_refused_by_its_line(tmp_path, text, words):

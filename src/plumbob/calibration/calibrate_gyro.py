@@ -1,11 +1,8 @@
 """From a capture to the calibration of a gyroscope: at rest, by hand, by stops, Ferraris, a rate table, temperature."""
 
-import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from io import StringIO
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -24,10 +21,9 @@ from plumbob.calibration.gyr.temperature import fit_drift, fit_temperature
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.errors import CalibrationError, DecodeError, ParameterError, one_line
-from plumbob.core.files import text_of
+from plumbob.core.errors import CalibrationError, ParameterError
 from plumbob.core.findings import Note, warning
-from plumbob.core.units import dps, g, to_dps
+from plumbob.core.units import dps, to_dps
 from plumbob.data import TITLES, ImuData
 from plumbob.data.cards import TriadCalibration
 from plumbob.quality.static_periods import BLOCK, stills
@@ -239,9 +235,6 @@ def _constant(run: NDArray[np.intp], mean: Floats, limit: Floats) -> NDArray[np.
     return max(steady, key=len, default=run[:0])
 
 
-_TIMES = ("from_s", "to_s")
-_RATES = ("rate_x_dps", "rate_y_dps", "rate_z_dps")
-_FORCES = ("acc_x_g", "acc_y_g", "acc_z_g")
 _ROOM_C = 25.0
 _ADVICE = "Check the nominal rates and the recording's unit of rate, or say what was done with a plan."
 
@@ -275,19 +268,6 @@ def found_plateaus(imu: ImuData, nominal: Sequence[float]) -> tuple[list[Plateau
         span = f"{spans[i][0]:.1f} to {spans[i][1]:.1f} s"
         remarks.append(f"{span} is left out: its rate of ({rate}) °/s is not a nominal one.")
     return matching, remarks
-
-
-def read_plan(path: Path) -> list[Plateau]:
-    """Plateaus of a plan: a CSV file with from_s, to_s, rate_x_dps, rate_y_dps, rate_z_dps, and perhaps acc_x_g, …."""
-    lines = StringIO(text_of(path), newline="")
-    try:
-        table = csv.DictReader(lines, skipinitialspace=True, strict=True)
-        columns = [name.strip() for name in table.fieldnames or ()]
-        table.fieldnames = columns
-        _require_columns(path, columns)
-        return [_planned(row, f"{path}, line {table.line_num}") for row in table]
-    except csv.Error as error:
-        raise DecodeError(f"{path} is not a CSV file: {one_line(error)}.") from error
 
 
 def calibrate_table(
@@ -341,30 +321,3 @@ def _rows(imu: ImuData, plateau: Plateau) -> slice:
             f"{float(imu.t[0]):g} to {float(imu.t[-1]):g} s."
         )
     return slice(first, stop)
-
-
-def _require_columns(path: Path, columns: Sequence[str]) -> None:
-    needed = {*_TIMES, *_RATES}
-    allowed = needed | set(_FORCES)
-    if not needed <= set(columns) or not set(columns) <= allowed or 0 < len(set(columns) & set(_FORCES)) < 3:
-        raise DecodeError(
-            f"{path}, line 1: a plan has the columns {', '.join((*_TIMES, *_RATES))}, and all or none of "
-            f"{', '.join(_FORCES)}, but this one has {', '.join(columns) or 'none'}."
-        )
-
-
-def _planned(row: Mapping[str | None, str | None], where: str) -> Plateau:
-    values = {}
-    for name, cell in row.items():
-        try:
-            values[name] = float(cell or "")
-        except (TypeError, ValueError) as error:
-            raise DecodeError(
-                f"{where}: {name or 'a column too many'} must be a number, but it is {cell!r}."
-            ) from error
-    if not np.isfinite(list(values.values())).all() or not 0.0 <= values["from_s"] < values["to_s"]:
-        raise DecodeError(
-            f"{where}: numbers must be finite, and from_s before to_s, but they are {list(values.values())}."
-        )
-    force = g(np.array([values[name] for name in _FORCES])) if _FORCES[0] in values else None
-    return Plateau(values["from_s"], values["to_s"], dps(np.array([values[name] for name in _RATES])), force)

@@ -110,6 +110,8 @@ KINDS: Final = {
     "no-motion": "the unit was not moved as it had to be",
     "no-temperature": "the temperature is missing or did not change",
     "ill-conditioned": "the capture does not separate the parameters",
+    "no-load": "the load whose field is to be found did not change often enough",
+    "load-departs": "what a load adds to the field is not proportional to it, or not the same everywhere",
     "no-gain": "the calibration would rather harm than help: it changes little more than it may be wrong",
     "implausible": "the result is not a working sensor",
 }

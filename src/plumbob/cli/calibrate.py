@@ -100,6 +100,7 @@ def _recorded(
     captured = read_capture(
         args.file, triads=how.triads, if_present=how.if_present, device=option("device"), base=base,
         profile=option("profile") and Path(args.profile), span=as_span(option("start"), option("stop")),
+        load=args.given.get("current", ()),
     )  # fmt: skip
     common.note(*(f"{args.file.name}: {line}" for line in captured.found))
     made = {*how.triads, *(name for name in how.if_present if name in captured.imu.triads)} or {"mount"}

@@ -150,6 +150,12 @@ START: Final = {
                 "Let the unit lie still while it warms up and cools down again, over 10 K or more in half an hour or "
                 "longer, and record its temperature. --triad acc or mag completes the part that --calibration has.",
             ),
+            "currents": _calibrate(
+                "currents", "field of motors and wires: what throttle, current or speed adds to the magnetometer",
+                " --current throttle --calibration card.json",
+                "Record while the load rises and falls several times, at rest or while moving; name its columns. The "
+                "card then takes the field off in every file that has these columns, or says why it cannot.",
+            ),
             "mount": _calibrate(
                 "mount", "how the unit sits on its body, from two poses at rest or a reference", " --frame NED",
                 "Rest with the body level, raise its nose by 15° to 60° about the lateral axis, and rest again; or "

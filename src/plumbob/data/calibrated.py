@@ -122,6 +122,11 @@ class SampleCorrection:
         self._correct = correct_values.compiled
         for k, name in enumerate(_ORDER):
             model: TriadCalibration | None = getattr(card, name)
+            if model is not None and model.per_load is not None:
+                raise CalibrationError(
+                    f"the card takes the field of {', '.join(model.loads)} off mag, but a sample has none: "
+                    "correct a recording that has it."
+                )
             if model is not None:
                 at = k * _SIZE
                 self._c[at] = 2.0 if model.g_sensitivity.any() else 1.0
@@ -219,6 +224,13 @@ def _offset(model: TriadCalibration, data: ImuData, acc: Floats | None, live: bo
         force = data.acc if acc is None else acc
         unusable = (data.flags & np.uint32(_UNUSABLE)) != 0
         offset = offset + times(model.g_sensitivity, np.where(unusable[:, np.newaxis], np.nan, force))
+    if model.per_load is not None:
+        if data.load is None or data.load.shape[1] != len(model.loads):
+            raise CalibrationError(
+                f"the card takes the field of {', '.join(model.loads)} off the magnetometer, but the recording has no "
+                "such load: in Python give ImuData its load, or calibrate without it."
+            )
+        offset = offset + np.sum(data.load[:, :, np.newaxis] * model.per_load, axis=1)
     return offset
 
 

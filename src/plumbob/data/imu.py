@@ -178,6 +178,8 @@ class ImuData(Series):
         over but read from the values: it means NaN.
     meta : ImuMeta
         What else is known.
+    load : array_like (N, K) or (N,), optional
+        Throttle, currents or speeds of motors at each sample, whose field a card takes off the magnetometer.
 
     Raises
     ------
@@ -196,6 +198,7 @@ class ImuData(Series):
     temp_c: Floats | None = None
     flags: NDArray[np.uint32] = field(default=None)  # type: ignore[arg-type]
     meta: ImuMeta = field(default_factory=ImuMeta)
+    load: Floats | None = None
 
     def __post_init__(self) -> None:
         """Validate everything, once."""
@@ -210,6 +213,9 @@ class ImuData(Series):
                 values[name] = check.rows(name, triad, 3, t_ns.size)
         if self.temp_c is not None:
             values["temp_c"] = check.column("temp_c", self.temp_c, t_ns.size)
+        if self.load is not None:
+            load = np.asarray(self.load).reshape(len(self.load), -1)
+            values["load"] = check.rows("load", load, load.shape[1], t_ns.size)
         _mark(marks, values, self.meta)
         for name, array in values.items():
             object.__setattr__(self, name, check.read_only(array))

@@ -11,12 +11,12 @@ from plumbob.core import check
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, unknown_name
 from plumbob.core.findings import warnings
-from plumbob.core.units import Quantity, given, numbers
+from plumbob.core.units import Quantity, dps, g, given, numbers
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.data.recording import Recording
-from plumbob.door.reading import read
+from plumbob.door.reading import read, with_load
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def calibrate(
     ----------
     recording : path, Recording, ImuData or Capture
         What was recorded for it, uncalibrated.
-    kind : {"hand", "mag", "accel", "gyro", "ferraris", "table", "temperature", "mount"}
+    kind : {"hand", "mag", "accel", "gyro", "ferraris", "table", "temperature", "currents", "mount"}
         What is calibrated.
     calibration : CalibrationCard or path, optional
         The card so far: applied to the other triads, and completed.
@@ -101,6 +101,9 @@ def calibrate(
         Of table: 21 parameters have g-sensitivity.
     triad : {"gyr", "acc", "mag"}
         Of temperature: which; accelerometer and magnetometer complete their part of the card.
+    current : sequence of str
+        Of currents: further columns of a text file, throttle, current or speed, whose field is found and taken off; of
+        `ImuData` its load, of which these are the names.
     mounting : float or str
         Of table: tilt of the unit on it, rad.
     frame : Frame or str, optional
@@ -138,7 +141,9 @@ def calibrate(
     if isinstance(recording, Capture):
         opened = recording
     else:
-        opened = _opened(recording, how, base, device, as_span(start, stop), None if profile is None else Path(profile))
+        loads = tuple(options.get("current", ()))
+        span, described = as_span(start, stop), None if profile is None else Path(profile)
+        opened = _opened(recording, how, base, device, span, described, loads)
     say = note or (lambda line: None)
     for finding in () if opened is recording else opened.found:
         say(str(finding))
@@ -155,12 +160,17 @@ def read_capture(
     span: tuple[float, float] | None = None,
     device: str | None = None,
     base: CalibrationCard | None = None,
+    load: Sequence[str] = (),
 ) -> Capture:
-    """Read a capture; arguments and errors as of `plumbob.calibration.calibration.capture`, and of a file."""
+    """Read a capture; arguments and errors as of `plumbob.calibration.calibration.capture`, and of a file.
+
+    `load` names further columns that are the load of `kind` currents.
+    """
     recording = read(path, profile=profile).of_unit(None)
     if recording.imu is None:
         raise CalibrationError(f"{path} holds an attitude but no sensor data, so there is nothing to calibrate.")
-    captured = capture(recording.imu, triads=triads, if_present=if_present, span=span, device=device, base=base)
+    imu = with_load(recording.imu, Path(path), load, profile) if load else recording.imu
+    captured = capture(imu, triads=triads, if_present=if_present, span=span, device=device, base=base)
     # That it is uncalibrated is what a capture is for.
     findings = tuple(finding for finding in warnings(recording.notes) if finding.code != "samples.uncalibrated")
     return replace(captured, found=findings)
@@ -207,12 +217,13 @@ def _opened(
     device: str | None,
     span: tuple[float, float] | None,
     profile: Path | None,
+    load: Sequence[str],
 ) -> Capture:
     asked: dict[str, Any] = {
         "triads": how.triads, "if_present": how.if_present, "span": span, "device": device, "base": base
     }  # fmt: skip
     if not isinstance(recording, Recording | ImuData):
-        return read_capture(check.path("recording", recording), profile=profile, **asked)
+        return read_capture(check.path("recording", recording), profile=profile, load=load, **asked)
     imu = recording.of_unit(None).imu if isinstance(recording, Recording) else recording
     if imu is None:
         raise CalibrationError("the recording holds an attitude but no sensor data, so there is nothing to calibrate.")
@@ -368,7 +379,7 @@ def _table(
     mounting: Value = "0.1 deg",
     latitude: Value = None,
 ) -> Found:
-    from plumbob.calibration.calibrate_gyro import calibrate_table, found_plateaus, read_plan
+    from plumbob.calibration.calibrate_gyro import calibrate_table, found_plateaus
 
     if (rates is None) == (plan is None):
         raise ParameterError("A rate table needs its rates or a plan of its plateaus. Give one of the two.")
@@ -383,12 +394,43 @@ def _table(
     return {"gyr": replace(fitted, remarks=(*fitted.remarks, *remarks))}, None
 
 
+def read_plan(path: Path) -> "list[Plateau]":
+    """Plateaus of a plan: a CSV file with from_s, to_s, rate_x_dps, rate_y_dps, rate_z_dps, and perhaps acc_x_g, …."""
+    import numpy as np
+
+    from plumbob.calibration.calibrate_gyro import Plateau
+    from plumbob.files.text import read_rows
+
+    rates, forces = (tuple(name.format(axis) for axis in "xyz") for name in ("rate_{}_dps", "acc_{}_g"))
+    plateaus = []
+    for row in read_rows(path, ("from_s", "to_s", *rates), forces):
+        force = g(np.array([row[name] for name in forces])) if forces[0] in row else None
+        plateaus.append(Plateau(row["from_s"], row["to_s"], dps(np.array([row[name] for name in rates])), force))
+    return plateaus
+
+
 def _temperature(opened: Capture, _say: Note, *, triad: str = "gyr") -> Found:
     from plumbob.calibration.calibrate_gyro import drift_over_temperature, fit_gyro
 
     if triad == "gyr":
         return {"gyr": fit_gyro(opened, "temperature")}, None
     return {triad: drift_over_temperature(opened, triad)}, None
+
+
+def _currents(opened: Capture, _say: Note, *, current: Sequence[str] = ()) -> Found:
+    import numpy as np
+
+    from plumbob.calibration.mag.currents import fit_currents
+    from plumbob.data.cards import TriadCalibration
+
+    imu = opened.imu
+    if imu.load is None:
+        raise ParameterError("name the columns that say how large the currents are, as current=['throttle'].")
+    part = None if opened.base is None else opened.base.mag
+    base = part or TriadCalibration(matrix=np.eye(3), bias=np.zeros(3), unit_in="uT", unit_out="uT")
+    names = tuple(current) or tuple(f"load {k}" for k in range(1, imu.load.shape[1] + 1))
+    fitted = fit_currents(imu.t, imu.usable("mag"), imu.load, imu.gyr, base, names)
+    return {"mag": replace(fitted, remarks=(*base.remarks, *fitted.remarks))}, None
 
 
 def _mount(
@@ -432,6 +474,7 @@ KINDS: Final[Mapping[str, Kind]] = {
     "ferraris": Kind(("acc", "gyr"), (), _ferraris),
     "table": Kind(("gyr",), (), _table),
     "temperature": Kind(("gyr",), (), _temperature),
+    "currents": Kind(("mag",), (), _currents),
     "mount": Kind((), (), _mount),
 }
 

@@ -26,7 +26,7 @@ from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.earth_field import located, unlike
 from plumbob.data.plausibility import upside_down
 from plumbob.data.recording import Recording, findings, unsaved
-from plumbob.door.reading import read
+from plumbob.door.reading import read, with_load
 from plumbob.files import write
 from plumbob.files.parquet import write_parquet
 from plumbob.filters import SMOOTHER, Filter, offline
@@ -400,7 +400,7 @@ def estimate(
 
     imu = imu if place is None and date is None else _placed(imu, place, date, stage, say)
     card = None if calibration is None else _card(calibration)
-    imu, beyond = (imu, ()) if card is None else _calibrated(imu, card)
+    imu, beyond = (imu, ()) if card is None else _calibrated(imu, card, recording, profile)
     doubt = warnings(lasting(source.notes))
     before = warnings(source.notes if card is None else (*lasting(source.notes), *findings(imu)))
     say(*before, *beyond, *upside_down(imu, frame), name=f"{source.name}: ")
@@ -484,10 +484,14 @@ def _card(given: "CalibrationCard | str | Path") -> "CalibrationCard":
     return CalibrationCard.of(given)
 
 
-def _calibrated(imu: ImuData, card: "CalibrationCard") -> tuple[ImuData, tuple[Finding, ...]]:
-    """Samples with a card applied, and by how much they leave its temperatures."""
+def _calibrated(
+    imu: ImuData, card: "CalibrationCard", source: Any, profile: Any
+) -> tuple[ImuData, tuple[Finding, ...]]:
+    """Samples with a card applied, which may ask for more columns of their file; how they leave its temperatures."""
     from plumbob.data.calibrated import apply_card, temperature_beyond
 
+    if card.mag is not None and card.mag.loads and isinstance(source, str | Path):
+        imu = with_load(imu, Path(source), card.mag.loads, profile)
     imu = imu.each(lambda part: apply_card(card, part))
     return imu, temperature_beyond(card, imu)
 

@@ -73,6 +73,18 @@ def read(
     return read_samples(file, profile=profile, whole=whole, unit=unit)
 
 
+def with_load(imu: "ImuData", path: Path, names: Sequence[str], profile: "Profile | str | Path | None") -> "ImuData":
+    """Samples with those columns of their text file that are a load, as throttle; errors as of `read`."""
+    from plumbob.files.formats import kind_of, resolved_profile
+    from plumbob.files.text import read_loads
+
+    if (kind := kind_of(path, described=profile is not None).name) != "text":
+        raise ParameterError(
+            f"{path} is {kind}, of which no columns are taken for a load; in Python give ImuData its load."
+        )
+    return replace(imu, load=read_loads(path, names, resolved_profile(path, profile)))
+
+
 Source = str | os.PathLike[str]
 
 

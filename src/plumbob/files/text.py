@@ -13,6 +13,7 @@ from dataclasses import replace
 from decimal import Decimal
 from fnmatch import fnmatch
 from fractions import Fraction
+from io import StringIO
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from plumbob.core import flags, units
 from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
-from plumbob.core.errors import DecodeError, ParameterError, UnknownFormatError, excerpt
+from plumbob.core.errors import DecodeError, ParameterError, UnknownFormatError, excerpt, one_line
 from plumbob.core.files import as_list, existing_file, reading, replacing_all, sidecars, text_of
 from plumbob.core.findings import Finding, Note, as_findings, info, lasting, warning
 from plumbob.core.text import visible
@@ -392,25 +393,57 @@ def read_labels(path: str | Path, column: ColumnRef, profile: Profile | str | Pa
         return [cell.strip() for cell in table.texts[column]]
 
 
+def read_loads(path: str | Path, columns: Sequence[ColumnRef], profile: Profile | str | Path | None = None) -> Floats:
+    """Numbers (N, K) of further columns, as throttle or current, NaN where a cell is empty; as `read_labels`."""
+    cells = [read_labels(path, column, profile) for column in columns]
+    try:
+        return np.array([[float(cell or "nan") for cell in column] for column in cells]).T
+    except ValueError as error:
+        raise DecodeError(f"{path}: the columns {', '.join(map(str, columns))} must hold numbers: {error}.") from error
+
+
+def read_rows(path: str | Path, needed: Sequence[str], more: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """Rows of a CSV file that has the `needed` columns, and all or none of some `more`: numbers, but for ``part``.
+
+    DecodeError where it has not, a cell holds none, or a row does not go from ``from_s`` to a later ``to_s``.
+    """
+    rows: list[dict[str, Any]] = []
+    with reading(Path(path)):
+        table = csv.DictReader(StringIO(text_of(path), newline=""), skipinitialspace=True, strict=True)
+        try:
+            columns = [name.strip() for name in table.fieldnames or ()]
+            if {*columns} - {*more} != {*needed} or len({*columns} & {*more}) not in (0, len(more)):
+                also = f", and all or none of {', '.join(more)}" if more else ""
+                has = ", ".join(columns) or "none"
+                raise DecodeError(f"line 1: the columns must be {', '.join(needed)}{also}, but they are {has}.")
+            table.fieldnames = columns
+            for row in table:
+                rows.append(_checked_row(row, f"line {table.line_num}"))
+        except csv.Error as error:
+            raise DecodeError(f"it is not a CSV file: {one_line(error)}.") from error
+    return rows
+
+
+def _checked_row(row: dict[Any, Any], where: str) -> dict[str, Any]:
+    values: dict[str, Any] = {"part": row.pop("part").strip()} if "part" in row else {}
+    for name, cell in row.items():
+        try:
+            values[name] = float(cell or "")
+        except (TypeError, ValueError):
+            words = f"{where}: {name or 'a column too many'} must be a number"
+            raise DecodeError(f"{words}, but it is {excerpt(str(cell))}.") from None
+    span = values["from_s"], values["to_s"]
+    if not all(math.isfinite(values[name]) for name in row) or not span[0] < span[1]:
+        raise DecodeError(f"{where}: numbers must be finite, and from_s before to_s, but they are {span}.")
+    return values
+
+
 def read_spans(path: str | Path) -> dict[str, tuple[float, float]]:
-    """Spans of time by name, s, from a CSV file with the columns `SPANS`; DecodeError if it is not one."""
-    file, text = Path(path), text_of(path)
-    spans: dict[str, tuple[float, float]] = {}
-    with reading(file):
-        rows = csv.reader(text.splitlines())
-        if tuple(cell.strip() for cell in next(rows, [])) != SPANS:
-            raise DecodeError(f"the first line must be {','.join(SPANS)}.")
-        for line, row in enumerate(rows, start=2):
-            try:
-                name, first, last = row[0].strip(), float(row[1]), float(row[2])
-            except (IndexError, ValueError):
-                words = excerpt(",".join(row))
-                raise DecodeError(f"line {line}: {words} is not a name and two numbers of seconds.") from None
-            if not (math.isfinite(first) and first < last < math.inf):
-                raise DecodeError(f"line {line}: {name} goes from {first:g} to {last:g} s; a span needs a length.")
-            if name in spans:
-                raise DecodeError(f"line {line}: {excerpt(name)} comes twice.")
-            spans[name] = first, last
+    """Spans of time by name, s, from a CSV file with the columns `SPANS`; errors as of `read_rows`."""
+    rows = read_rows(path, SPANS)
+    spans = {row["part"]: (row["from_s"], row["to_s"]) for row in rows}
+    if len(spans) < len(rows):
+        raise DecodeError(f"{path}: a part comes twice among {', '.join(row['part'] for row in rows)}.")
     return spans
 
 

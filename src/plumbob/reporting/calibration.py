@@ -133,6 +133,8 @@ def _parameters(name: str, c: TriadCalibration) -> Iterator[list[str]]:
     if c.g_sensitivity.any():
         labels = [f"g-sensitivity, row {axis} [°/s/g]" for axis in AXES]
         yield from _rows(labels, c.g_sensitivity, c.g_sensitivity_sd, lambda values: to_deg(g(values)))
+    if c.per_load is not None:
+        yield from _rows([f"field per unit of {load} [µT]" for load in c.loads], c.per_load, c.per_load_sd)
 
 
 def _rows(

@@ -309,12 +309,13 @@ def fit_hand(rates: Rates) -> Fitted:
     fit = fit_motions(motions, bias, spread)
     refuse(_unsound(fit, motions, bias))
     used = int(fit.used.sum())
+    misses = fit.residuals / np.array([[motion.dt.sum()] for motion in motions])  # as of a mean rate over each, rad/s
     calibration = replace(
         base,
         matrix=fit.matrix,
         bias=fit.bias,
         covariance=fit.covariance,
-        residual_rms=float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))),
+        residual_rms=float(np.sqrt(np.mean(misses[fit.used] ** 2))),
         method=f"gyr by hand, {used} motions against the accelerometer",
         quality=Quality(
             grade=worst_grade(grade_of(float(fit.matrix_sd.max()), SCALE), grade_of(float(fit.bias_sd.max()), RATE)),
@@ -337,7 +338,7 @@ def fit_hand(rates: Rates) -> Fitted:
             f"{undeclared} samples repeat the largest rate of their motion: the gyroscope was at the end of a range "
             "that the recording does not declare; give gyr_range, or the range in the profile."
         )
-    return Fitted(calibration, turned, fit.residuals, fit.used, (*remarks, *notes))
+    return Fitted(calibration, turned, misses, fit.used, (*remarks, *notes))
 
 
 def _coupling(rates: Floats, force: Floats, where: Sequence[slice], base: TriadCalibration) -> Coupling | None:

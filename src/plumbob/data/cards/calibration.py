@@ -54,7 +54,8 @@ class TriadCalibration:
 
     ::
 
-        calibrated = matrix @ (measured − bias − Σ_k bias_per_k[k] (T − temp_ref_c)^(k+1) − g_sensitivity @ force)
+        calibrated = matrix @ (measured − bias − Σ_k bias_per_k[k] (T − temp_ref_c)^(k+1) − g_sensitivity @ force
+                               − load @ per_load)
     """
 
     matrix: Floats  # (3, 3), scale, misalignment and soft iron; right-handed
@@ -75,6 +76,10 @@ class TriadCalibration:
     reference: float | None = None  # what the fit took as known: gravity, m/s², or the field's strength, µT
     method: str = ""
     date: str = ""  # ISO 8601
+    # per_load, per_load_sd: (K, 3), of a magnetometer, what a unit of each of the `loads` adds, and its deviation
+    per_load: Floats | None = None
+    per_load_sd: Floats | None = None
+    loads: tuple[str, ...] = ()  # names of their columns
     quality: Quality | None = None
     remarks: tuple[Note, ...] = ()
 
@@ -88,6 +93,10 @@ class TriadCalibration:
         per_k = finite("bias_per_k", array[np.newaxis] if array.shape == (3,) else array, (-1, 3))
         object.__setattr__(self, "bias_per_k", per_k if len(per_k) else np.zeros((1, 3)))
         self._check_uncertainties()
+        object.__setattr__(self, "loads", tuple(self.loads))
+        for name in ("per_load", "per_load_sd"):
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, finite(name, value, (len(self.loads), 3)))
         require_number("temp_ref_c", self.temp_ref_c)
         for name in ("residual_rms", "reference"):
             if getattr(self, name) is not None:
