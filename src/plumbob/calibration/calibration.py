@@ -88,9 +88,14 @@ def capture(
 def card_of(capture: Capture, fits: Mapping[str, Fitted], *, mounted: Mounted | None = None) -> CalibrationCard:
     """Card of fits by triad and a mounting, with their remarks, and what the card so far has of others.
 
-    Where the accelerometer is calibrated again, others that were found with its axes as they were say so.
+    Where the accelerometer is calibrated again, others that were found with its axes as they were say so; where the
+    magnetometer is, the field of its loads is kept.
     """
     dated = {n: replace(fit.calibration, date=capture.date, remarks=fit.remarks) for n, fit in fits.items()}
+    before = capture.base and capture.base.mag
+    if before and "mag" in dated and dated["mag"].per_load is None:  # a load adds the same, whatever bias and matrix
+        load = {name: getattr(before, name) for name in ("per_load", "per_load_sd", "loads")}
+        dated["mag"] = replace(dated["mag"], **load)
     mount = None if mounted is None else replace(mounted.mount, date=capture.date, remarks=mounted.remarks)
     methods = dict.fromkeys([*(part.method for part in dated.values()), *([mount.method] if mount else [])])
     new = CalibrationCard(

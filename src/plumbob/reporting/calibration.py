@@ -107,6 +107,7 @@ def _formula(card: CalibrationCard) -> str:
     terms = ["measured", "bias"]
     terms += ["temperature terms"] if any(c.bias_per_k.any() for c in triads) else []
     terms += ["g-sensitivity · specific force"] if any(c.g_sensitivity.any() for c in triads) else []
+    terms += ["field per unit · load"] if any(c.per_load is not None for c in triads) else []
     turned = "" if card.mount is None else ", turned into the axes of the body"
     return f"calibrated = matrix · ({' − '.join(terms)}){turned}"
 

@@ -114,14 +114,16 @@ def fit_currents(
             remarks.append(warning("calibration.load_departs", load=named, what=what, off=_largest(off), size=size))
     back = np.kron(np.diag(1.0 / span), np.linalg.inv(base.matrix))  # to what is measured, per unit
     remaining = math.sqrt(float(np.trace(covariance)))
+    per_load = (back @ fit.value).reshape(-1, 3)
     calibration = replace(
-        base, per_load=(back @ fit.value).reshape(-1, 3), loads=names,
+        base, per_load=per_load, loads=names,
         per_load_sd=np.sqrt(np.diag(back @ covariance @ back.T)).reshape(-1, 3),
         method=f"{base.method}; field of {named}".removeprefix("; "),
     )  # fmt: skip
     note = info("calibration.load", load=named, size=size, left=remaining)
     off_line = np.linalg.norm(fit.residuals, axis=1)
-    return Fitted(calibration, measured, off_line, np.ones(len(t), dtype=np.bool_), (note, *remarks))
+    without = mag[use] - load @ per_load
+    return Fitted(calibration, without, off_line, np.ones(len(t), dtype=np.bool_), (note, *remarks))
 
 
 def _equations(t: Floats, measured: Floats, load: Floats, rates: Floats) -> _LoadEquations:
