@@ -28,7 +28,7 @@ from plumbob.files.profile import GUIDE, TextLayout
 from plumbob.files.sniff import READ, decoded
 from plumbob.files.text_table import Body, Head, Reading, decode, split_row, text_blocks
 
-_COMMENT: Final = re.compile(r"^[ \t]*[#%].*", re.MULTILINE)
+_COMMENT: Final = re.compile(rb"^[ \t]*[#%].*", re.MULTILINE)
 _TWO_OR_ONE: Final = re.compile(r"\s*[-+]?\d+,\d+\s*")
 _ADVICE: Final = (
     f"A file of plain numbers holds only numbers and comment lines (# or %). A table with names, units or decimal "
@@ -62,18 +62,19 @@ class Text:
             done += len(block)
             yield self._parsed(block, line, self.columns), done
 
-    def _parsed(self, block: str, line: int, columns: int) -> Floats:
+    def _parsed(self, block: bytes, line: int, columns: int) -> Floats:
         """Numbers of a block that begins with a line; DecodeError where one cannot be read."""
         refs = tuple(range(1, columns + 1))
         reading = Reading(self.layout, columns, {ref: ref - 1 for ref in refs}, None, {}, (refs,))
         if not reading.add_fast(block):
-            reading.add_slow((number, row) for number, row in enumerate(block.split("\n"), line) if row.strip())
+            rows = enumerate(block.decode().split("\n"), line)
+            reading.add_slow((number, row) for number, row in rows if row.strip())
         for _, error in reading.left_out.values():
             raise DecodeError(f"{error} {_ADVICE}") from error
         return reading.tables[0].columns()[refs]
 
     def _of_one_line(self) -> Floats:
-        text = "".join(self.body().again())
+        text = b"".join(self.body().again()).decode()
         (row, *others), separator = filter(str.strip, text.split("\n")), self.layout.separator
         if others:
             raise DecodeError(f"line {self.line} has more than {READ} bytes, but others follow it. {_ADVICE}")
@@ -84,7 +85,7 @@ class Text:
         if len(cells) % self.columns:
             raise DecodeError(f"its {len(cells)} numbers do not fill rows of {self.columns} columns; it is cut.")
         try:
-            return self._parsed("\n".join(cells), 1, 1).reshape(-1, self.columns)
+            return self._parsed("\n".join(cells).encode(), 1, 1).reshape(-1, self.columns)
         except DecodeError as error:
             where = re.sub(r"line (\d+), column 1\b", rf"line {self.line}, value \1", str(error), count=1)
             raise DecodeError(where) from error
@@ -93,7 +94,7 @@ class Text:
 def open_text(file: Path, columns: int | None) -> Text:
     """Find the first row, and how it is laid out; DecodeError if it can be read in two ways, or there is none."""
     text, encoding = decoded(text_bytes(file, READ))
-    rows = [(line, row) for line, row in enumerate(_bare(text, "").split("\n"), 1) if row.strip()][:2]
+    rows = [(line, row) for line, row in enumerate(_bare(text.encode(), "").decode().split("\n"), 1) if row.strip()][:2]
     if not rows:
         raise DecodeError(f"it holds no number. {_ADVICE}")
     number, first = rows[0]
@@ -103,7 +104,7 @@ def open_text(file: Path, columns: int | None) -> Text:
     if one_line := len(rows) == 1:
         is_cut = not decode(text_bytes(file), encoding).endswith((" ", "\t", "\n", separator))
         return Text(file, layout, columns or 1, one_line, number, (warning("reading.last_number_cut"),) * is_cut)
-    width = len(split_row(_bare(first, separator), separator, number))
+    width = len(split_row(first.rstrip(" \t").removesuffix(separator), separator, number))
     if columns not in {None, width}:
         raise DecodeError(f"line {number} has {width} numbers, but {columns} columns are declared. {_ADVICE}")
     made = Text(file, layout, width, one_line, number)
@@ -112,10 +113,10 @@ def open_text(file: Path, columns: int | None) -> Text:
     return replace(made, notes=body.cut)
 
 
-def _bare(text: str, separator: str) -> str:
+def _bare(text: bytes, separator: str) -> bytes:
     """Text whose comments are blank, and whose lines do not end in the separator."""
-    text = _COMMENT.sub("", text) if "#" in text or "%" in text else text
-    return re.sub(rf"{separator}[ \t]*$", "", text, flags=re.MULTILINE) if separator.strip() else text
+    text = _COMMENT.sub(b"", text) if b"#" in text or b"%" in text else text
+    return re.sub(rf"{separator}[ \t]*$".encode(), b"", text, flags=re.MULTILINE) if separator.strip() else text
 
 
 def _refuse_decimal_comma(first: str, separator: str, columns: int | None, number: int) -> None:

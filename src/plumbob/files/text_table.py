@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from decimal import Decimal, InvalidOperation
-from functools import cache
+from functools import cache, partial
 from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -84,12 +84,12 @@ def is_open(row: str) -> bool:
     return _OPEN.fullmatch(row) is not None
 
 
-def single_blanks(text: str) -> str:
+def _single_blanks(text: bytes) -> bytes:
     """Text with runs of blanks and tabs made one blank, and none at the ends of its lines."""
-    text = text.replace("\t", " ")
-    while "  " in text:
-        text = text.replace("  ", " ")
-    return text.replace("\n ", "\n").replace(" \n", "\n").removeprefix(" ")
+    text = text.replace(b"\t", b" ")
+    while b"  " in text:
+        text = text.replace(b"  ", b" ")
+    return text.replace(b"\n ", b"\n").replace(b" \n", b"\n").removeprefix(b" ")
 
 
 def are_objects(text: str) -> bool:
@@ -295,40 +295,37 @@ def normal(text: str) -> str:
     return re.sub(r"\x1b\[[\d;]*m", "", text) if "\x1b" in text else text
 
 
-def text_blocks(source: bytes | Path, encoding: str) -> Iterator[str]:
-    """Text in blocks of whole lines, of a file as of `text_pieces`; errors and signs as of `decode`.
+_ASCII: Final = bytes(range(128))
+
+
+def text_blocks(source: bytes | Path, encoding: str) -> Iterator[bytes]:
+    """Text in UTF-8 in blocks of whole lines, of a file as of `text_pieces`; errors and signs as of `decode`.
 
     Only the last block may end without a line end, and it holds the lines before as far as there are some.
     """
-    is_byte = "\n".encode(encoding) == b"\n"  # else a line cannot be told before it is decoded
+    has_ascii = _ASCII.decode(encoding, "ignore") == _ASCII.decode()  # else a line cannot be told before it is decoded
+
+    def utf8(raw: bytes) -> bytes:
+        is_same = has_ascii and raw.isascii() and b"\r" not in raw and b"\x1b" not in raw
+        return raw if is_same else decode(raw, encoding).encode()
+
     pieces = (
         text_pieces(source)
         if isinstance(source, Path)
         else (source[place : place + BLOCK] for place in range(0, len(source), BLOCK))
     )
-    before, parts = "", list[bytes]()
+    before, rest = b"", b""
     try:
         for piece in pieces:
-            lines, end, rest = piece.rpartition(b"\n") if is_byte else (b"", b"", piece)
-            if end:
-                if before:
-                    yield before
-                before = decode(b"".join((*parts, lines, end)), encoding)
-                parts.clear()
-            parts.append(rest)
-        yield before + decode(b"".join(parts), encoding)
+            end = piece.rfind(b"\n") + 1 if has_ascii else 0
+            if end and before:
+                yield before
+            lines = b"".join((rest, memoryview(piece)[:end])) if end else b""
+            before, rest = (utf8(lines), piece[end:]) if end else (before, rest + piece)
+        yield before + utf8(rest)
     except DecodeError:
         decode(source if isinstance(source, bytes) else text_bytes(source), encoding)  # it names the place in the file
         raise
-
-
-def in_blocks(text: str) -> Iterator[str]:
-    """The same text in blocks of whole lines."""
-    start = 0
-    while start < len(text):
-        end = text.find("\n", start + BLOCK) + 1 or len(text)
-        yield text[start:end]
-        start = end
 
 
 def channel(words: Sequence[str]) -> str:
@@ -550,7 +547,7 @@ class _RowRoom:
         """Add the rows that stand in columns."""
         before, self.count = self.count, self.count + len(columns[0])
         if self.count > len(self.room):
-            room = np.empty((2 * self.count, len(self.refs)))
+            room = np.empty((max(self.count, 2 * len(self.room)), len(self.refs)))
             room[:before] = self.room[:before]
             self.room = room
         for place, column in enumerate(columns):
@@ -573,6 +570,7 @@ class Reading:
     exact: ColumnRef | None
     texts: dict[ColumnRef, list[str]]
     together: Sequence[tuple[ColumnRef, ...]] = ()
+    expected: int = 0  # rows, about as many as there will be
     zero: Decimal | None = None
     tables: list[_RowRoom] = field(init=False)
     rows: int = 0  # so far, with those that were left out
@@ -581,26 +579,22 @@ class Reading:
     def __post_init__(self) -> None:
         alone = self.places.keys() - {*self.texts, *chain(*self.together)}
         groups = (*self.together, *((ref,) for ref in self.places if ref in alone))
-        self.tables = [_RowRoom(refs, np.empty((0, len(refs)))) for refs in groups]
+        self.tables = [_RowRoom(refs, np.empty((self.expected, len(refs)))) for refs in groups]
 
-    def add_fast(self, block: str) -> bool:
+    def add_fast(self, block: bytes) -> bool:
         """Read a block by Arrow; False where it cannot."""
         import pyarrow as pa
 
-        separator, mark = self.layout.separator, self.layout.comment
+        separator, mark = self.layout.separator, self.layout.comment.encode()
         types: dict[str, Any] = {str(place): pa.float64() for place in self.places.values()}
         types |= {str(self.places[ref]): pa.string() for ref in self.texts}
         if self.exact is not None:
             types[str(self.places[self.exact])] = pa.decimal128(*_EXACT)
-        block = block if separator == ";" or ";" not in block else block.replace(";\n", "\n")
-        if mark and mark in block and (block.startswith(mark) or f"\n{mark}" in block):
-            block = "".join(row for row in block.splitlines(keepends=True) if not row.startswith(mark))
-        try:
-            packed = (single_blanks(block) if separator == " " else block).encode()
-        except ValueError:
-            return False
+        block = block if separator == ";" or b";" not in block else block.replace(b";\n", b"\n")
+        if mark and mark in block and (block.startswith(mark) or b"\n" + mark in block):
+            block = b"".join(row for row in block.splitlines(keepends=True) if not row.startswith(mark))
         table = parsed_csv(
-            packed,
+            _single_blanks(block) if separator == " " else block,
             {BLANK: " ", QUOTED: ","}.get(separator, separator),
             self.width,
             types,
@@ -698,15 +692,17 @@ def read_table(
     layout = body.layout
     if layout.where and isinstance(layout.where[0], str) and layout.where[0] not in body.head.names:
         raise DecodeError(f"the column {excerpt(layout.where[0])} of header.where is nowhere in the row of names.")
-    first = [_size(row, layout)[0] for _, row in islice(body.rows(), _LOOKED_AT)]
+    first = [row for _, row in islice(body.rows(), _LOOKED_AT)]
     if not first:
         raise DecodeError(_NO_ROWS)
-    width = Counter(first).most_common(1)[0][0]
+    width = Counter(_size(row, layout)[0] for row in first).most_common(1)[0][0]
+    size = len(source) if isinstance(source, bytes) else source.stat().st_size
+    expected = round(1.05 * size * len(first) / sum(len(row) + 1 for row in first))
     places = {ref: column_index(ref, body.head.names, width, layout) for ref in refs}
     firsts = {ref: next(r for r, p in places.items() if p == place) for ref, place in places.items()}
     if twice := next((ref for ref, first in firsts.items() if ref != first), None):
         raise DecodeError(f"{firsts[twice]!r} and {twice!r} are the same column; declare it once.")
-    reading = Reading(layout, width, places, exact, {ref: [] for ref in texts}, together)
+    reading = Reading(layout, width, places, exact, {ref: [] for ref in texts}, together, expected)
     plain = not (layout.words or layout.where or layout.checksum)
     for block, line in body.blocks():
         if not (plain and reading.add_fast(block)):
@@ -765,52 +761,47 @@ def _size(row: str, layout: TextLayout) -> tuple[int, int]:
 class Body:
     """Lines behind the head of a text, read as often as they are asked for."""
 
-    again: Callable[[], Iterator[str]]  # blocks of the text from its beginning
-    head: Head
+    again: Callable[[], Iterator[bytes]]  # blocks of the text, in UTF-8, from its beginning
+    head: Head  # whose start is one of bytes
     layout: TextLayout
     cut: tuple[Finding, ...] = ()  # a note where the last line was cut and is left out
 
-    def blocks(self) -> Iterator[tuple[str, int]]:
+    def blocks(self) -> Iterator[tuple[bytes, int]]:
         """Blocks of whole lines, with the number of their first line."""
         line, skipped = self.head.line, self.head.start
-        for text in self.again():
-            if skipped >= len(text):
-                skipped -= len(text)
-                continue
-            lines, cut = ended(text[skipped:], self.layout, line)
-            self.cut += () if self.cut else cut
-            skipped = 0
-            for block in in_blocks(lines):
-                yield block, line
-                line += block.count("\n")
+        for block in self.again():
+            skipped, lines = max(skipped - len(block), 0), block[skipped:]
+            if lines and not lines.endswith(b"\n"):
+                text, cut = ended(lines.decode(), self.layout, line)
+                self.cut, lines = self.cut or cut, text.encode()
+            if lines:
+                yield lines, line
+                line += lines.count(b"\n")
 
     def rows(self) -> Iterator[tuple[int, str]]:
         """Rows of numbers with the numbers of their lines."""
         return (item for block, line in self.blocks() for item in self.block_rows(block, line))
 
-    def block_rows(self, block: str, line: int) -> Iterator[tuple[int, str]]:
+    def block_rows(self, block: bytes, line: int) -> Iterator[tuple[int, str]]:
         """Rows of numbers of a block."""
-        for number, row in enumerate(block.split("\n"), line):
+        for number, row in enumerate(block.decode().split("\n"), line):
             if not is_idle(row, self.layout.comment) and belongs(row, self.head.names, self.layout):
                 yield number, row
 
 
 def _body(source: bytes | Path, layout: TextLayout) -> Body:
     """Body of a text, which is in memory at once only where its form asks for it."""
-
-    def again() -> Iterator[str]:
-        return text_blocks(source, encoding) if has_more else iter((first,))
-
-    encoding = layout.encoding
-    blocks = text_blocks(source, encoding)
+    blocks = text_blocks(source, layout.encoding)
     first, has_more = next(blocks), next(blocks, None) is not None
-    has_titles = layout.words and titled(first) != first
+    again = partial(text_blocks, source, layout.encoding) if has_more else partial(iter, (first,))
+    text = first.decode()
+    has_titles = layout.words and titled(text) != text
     if not (layout.separator == JSON or layout.channels or layout.cells or layout.end or has_titles):
-        try:
-            return Body(again, find_head(first, layout), layout)
-        except DecodeError:  # the head may be longer than a block
-            pass
-    text = titled("".join(again())) if has_titles else "".join(again())
+        with suppress(DecodeError):  # the head may be longer than a block
+            head = find_head(text, layout)
+            return Body(again, replace(head, start=len(text[: head.start].encode())), layout)
+    text = b"".join(again()).decode()
+    text = titled(text) if has_titles else text
     if layout.separator == JSON:
         text, layout = objects_as_rows(text), replace(layout, separator="\t")
     text, cut = ended(text, layout)
@@ -820,7 +811,8 @@ def _body(source: bytes | Path, layout: TextLayout) -> Body:
     text = _before_end(text, head.start, layout.end) if layout.end else text
     if layout.cells:
         text, head = with_cells_apart(text, head, layout)
-    return Body(lambda: in_blocks(text), head, layout, cut)
+    rows = text[head.start :].encode("utf-8", "replace")
+    return Body(partial(text_blocks, rows, "utf-8"), replace(head, start=0), layout, cut)
 
 
 def belongs(row: str, names: Sequence[str], layout: TextLayout) -> bool:
