@@ -32,9 +32,8 @@ _MONTHS: Final[Sequence[str]] = TABLES["stamps"]["months"]
 _ZONES: Final[Mapping[str, int]] = TABLES["stamps"]["zones"]
 _MONTH: Final = rf"(?:{'|'.join(_MONTHS)})[^\W\d]*\.?"
 _DATE: Final = (
-    r"(?P<year>\d{4})([-/])(?P<month>\d{1,2})\2(?P<day>\d{1,2})|(?P<dotted>\d{1,2}\.\d{1,2}\.\d{4})|"
-    rf"(?P<named>\d{{1,2}}\.?[- ]{_MONTH}[- ]\d{{4}})|"
-    r"(?P<slashed>\d{1,2}(?P<sign>[-/])\d{1,2}(?P=sign)(?:\d{4}|\d\d))"
+    rf"(?P<date>\d{{4}}([-/])\d{{1,2}}\2\d{{1,2}}|\d{{4}}-\d{{3}}|\d{{1,2}}\.\d{{1,2}}\.\d{{4}}|"
+    rf"\d{{1,2}}\.?[- ]{_MONTH}[- ]\d{{4}}|\d{{1,2}}([-/])\d{{1,2}}\3(?:\d{{4}}|\d\d))"
 )
 _CLOCK: Final = (
     r"(?:(?P<hour>\d{1,4}):(?P<minute>\d\d):(?P<second>\d\d)(?:(?:[.,:]| (?=(?:\d{3}){1,2}$))(?P<fraction>\d+))?|"
@@ -44,14 +43,9 @@ _ZONE: Final = rf"(?P<zone>{'|'.join(_ZONES)}|(?:UTC|GMT)?[+-]\d\d?(?::?\d\d)?)(
 _STAMP: Final = re.compile(
     rf"(?:(?:{_DATE}|(?P<days>\d+) days?,?)(?:[T_-]| +))?{_CLOCK} *(?:{_ZONE}|(?-i:[A-Z]{{3,4}}))?", re.IGNORECASE
 )
-_BASIC: Final = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-](\d\d)(\d\d)(\d\d)(?!\d)")
-_ORDINAL: Final = re.compile(r"^(?:(\d{4})[-:/ ])?([0-3]\d\d)[T:/ ](?=\d\d:\d\d:\d\d(?!\d))")
-_WORDED: Final = re.compile(
-    rf"(?:[a-z]{{3,9}},? )?(?P<month>{_MONTH}) +(?P<day>\d{{1,2}}),? +"
-    r"(?:(?P<year>\d{4}),? +(?P<clock>.+)|(?P<inner>\S+(?: [ap]m)?(?: \S+)?) +(?P<last>\d{4}))",
-    re.IGNORECASE,
-)  # A month before its day, as C's ``asctime``, Java and ``date`` print: ``Wed Dec 22 21:09:46 UTC 2021``
-_DIGITS: Final = re.compile(r"^([01]?\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d+)?)$")
+_FORMS: Final = [
+    (re.compile(form.replace("MONTH", _MONTH), re.IGNORECASE), extended) for form, extended in TABLES["stamps"]["forms"]
+]
 _CLOCKLIKE: Final = re.compile(
     r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ].*)?|.*\d{1,2}:\d\d:\d\d.*|\d+:\d\d[.,]\d+|\d{8}[T _-]\d{6}.*"
 )
@@ -69,23 +63,16 @@ def is_stamp(cell: str) -> bool:
 
 def is_time_of_day(cell: str) -> bool:
     """Tell whether a number may be a clock time as hhmmss.sss: its minutes and seconds are below 60."""
-    return _DIGITS.fullmatch(cell.strip()) is not None
+    return _FORMS[0][0].fullmatch(cell.strip()) is not None
 
 
 def _matched(cell: str) -> re.Match[str] | None:
-    """A cell taken apart; of the basic form, as 20240501T123005 or 123005.25, or with words, as of the extended one."""
-    cell = _ORDINAL.sub(_day_of_year, _DIGITS.sub(r"\1:\2:\3", cell.strip()))
-    if cell[:1].isalpha() and (said := _WORDED.fullmatch(cell)):
-        clock = said["clock"] or said["inner"]
-        cell = f"{said['day']}-{said['month']}-{said['year'] or said['last']} {clock}"
-    cell = re.sub(r"^[^\W\d_]{2,9}\.?,? (?=\d)| \(.*\)$", "", cell)  # of the day of the week, and of a zone
-    return _STAMP.fullmatch(_BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell, count=1))
-
-
-def _day_of_year(date_: re.Match[str]) -> str:
-    """Date of a day of the year, or days that are counted where the year is not said."""
-    year, day = date_[1], int(date_[2])
-    return f"{date.fromordinal(date(int(year), 1, 1).toordinal() + day - 1)} " if year and day else f"{day} days "
+    """A cell taken apart as of the extended form, in which every other one can be written."""
+    cell = cell.strip()
+    for form, extended in _FORMS:
+        if said := form.fullmatch(cell):
+            cell = said.expand(extended)
+    return _STAMP.fullmatch(cell)
 
 
 def has_zone(cell: str) -> bool:
@@ -145,12 +132,8 @@ def _parsed(row: int, cell: str, day_first: bool | None) -> tuple[int, tuple[boo
     if match is None:
         raise StampError(f"{excerpt(cell)} is not a time in the form of {FORM}, as 2024-05-01T12:30:05.120Z.", row)
     zone, fraction = match["zone"], match["fraction"] or match["parts"]
-    named = match["dotted"] or match["named"]
-    if match["slashed"] and day_first is not None and len(match["slashed"]) >= len("1/1/1970"):
-        first, second, year = match["slashed"].split(match["sign"])
-        named = f"{first}.{second}.{year}" if day_first else f"{second}.{first}.{year}"
     try:
-        days = _days(match["year"], match["month"], match["day"], named)
+        days = _days(match["date"], day_first) if match["date"] else None
     except ValueError:
         raise StampError(f"{excerpt(cell)} names a day that does not exist.", row) from None
     hour, minute = divmod(int(match["minutes"]), 60) if match["minutes"] else map(int, match.group("hour", "minute"))
@@ -165,13 +148,21 @@ def _parsed(row: int, cell: str, day_first: bool | None) -> tuple[int, tuple[boo
 
 
 @cache
-def _days(year: str | None, month: str, day: str, day_first: str | None) -> int | None:
-    """Days since 1970; None without a date, or where it is ambiguous."""
-    if day_first is not None:
-        day, month, year = filter(None, re.split(r"[-. ]", day_first))
-        if not month.isdigit():
-            month = str(1 + next(i for i, names in enumerate(_MONTHS) if re.match(names, month, re.IGNORECASE)))
-    return None if year is None else date(int(year), int(month), int(day)).toordinal() - _EPOCH
+def _days(text: str, day_first: bool | None) -> int | None:
+    """Days since 1970; None where the date is ambiguous."""
+    parts = re.findall(r"[^\W_]+", text)
+    if len(parts) == len(("year", "day of it")):
+        return date(int(parts[0]), 1, 1).toordinal() + int(parts[1]) - 1 - _EPOCH
+    if len(parts[0]) == len("1970"):
+        parts.reverse()
+    elif "." not in text and parts[1].isdigit():
+        if day_first is None or len(parts[2]) < len("1970"):
+            return None
+        parts = parts if day_first else [parts[1], parts[0], parts[2]]
+    day, month, year = parts
+    if not month.isdigit():
+        month = str(1 + next(i for i, names in enumerate(_MONTHS) if re.match(names, month, re.IGNORECASE)))
+    return date(int(year), int(month), int(day)).toordinal() - _EPOCH
 
 
 @cache

@@ -114,15 +114,17 @@ class TimeSource:
 
     # one column of numbers; one of stamps, or two: dates, and clock times; none with a rate
     columns: tuple[ColumnRef, ...] = ()
-    unit: str = ""  # of the numbers; empty for others
-    unit_per_count: float = 1.0  # what one count is worth in that unit; 1 where the file holds the unit itself
-    epoch: str = ""  # from when it counts, a key of `EPOCHS`; empty where nobody knows
+    unit: Annotated[str, schema.unit_of(Quantity.TIME)] = ""  # of the numbers; empty for others
+    # what one count is worth in that unit; 1 where the file holds the unit itself
+    unit_per_count: Annotated[float, schema.nonzero] = 1.0
+    epoch: Annotated[str, schema.one_of(*EPOCHS)] = ""  # from when it counts; empty where nobody knows
     # week, seconds: column with the number of the GPS week that the time is of, and then it is GPS time; or one with
     # the whole seconds, of which the time is the rest
     week: ColumnRef | None = None
     seconds: ColumnRef | None = None
-    zone: int | None = None  # what the clock of stamps is ahead of UTC, ns, where the cells do not say so
-    rate: float = 0.0  # Hz, of a file that has no time; 0 for others
+    # what the clock of stamps is ahead of UTC, ns, where the cells do not say so
+    zone: Annotated[int | None, schema.converted(zone_ns)] = None
+    rate: Annotated[float, schema.size(Quantity.FREQUENCY)] = 0.0  # Hz, of a file that has no time; 0 for others
 
     @property
     def used(self) -> tuple[ColumnRef, ...]:
@@ -505,21 +507,8 @@ _COUNTS: Final = {
 _MOUNT: Final = {"axes": schema.text, "mirrored": schema.truth, "delay": schema.quantity(Quantity.TIME)}
 _TEXT: Final = schema.keys(TextLayout)
 _HEADER: Final = _form({key: parse for key, parse in _TEXT.items() if key not in _LAYOUT}, ("names",), _header)
-_TIME: Final = _form(
-    {
-        "column": COLUMN,
-        "unit": schema.unit_of(Quantity.TIME),
-        "unit_per_count": schema.nonzero,
-        "week": COLUMN,
-        "seconds": COLUMN,
-        "epoch": schema.one_of(*EPOCHS),
-        "rate": schema.size(Quantity.FREQUENCY),
-        "format": schema.one_of(FORM),
-        "columns": columns(2),
-        "zone": schema.converted(zone_ns),
-    },
-    (),
-    _time,
+_TIME: Final = schema.table(
+    TimeSource, _time, missing=_absent, column=COLUMN, format=schema.one_of(FORM), columns=columns(2)
 )
 _COVARIANCE: Final = _form(
     {"columns": columns(9), "angle_unit": schema.unit_of(Quantity.ANGLE)},

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Final
@@ -66,7 +66,9 @@ _GROUPED: Final = {
 }  # numbers that surely stand in groups of three digits; between commas, a cell with one was quoted
 _LAYOUTS: Final = (*product(";\t", ".,"), *product(",|", "."), *product(" ", ".,"), (QUOTED, ","))
 # what a log or a prompt writes before the first number of a row
-_WORDS_BEFORE: Final = re.compile(r"(?!.*\d:\d\d)(.*?[^\w\s.+-]\s*|.*[^\W\d].*?\s)(?=[-+.\d])")
+_WORDS_BEFORE: Final = re.compile(
+    r"\D*[\[(] *[\d.]+[\])]\D*?(\S+\s+)(?=[-+.\d])|(?!.*\d:\d\d)(.*?[^\w\s.+-]\s*|.*[^\W\d].*?\s)(?=[-+.\d])"
+)  # of a log that counts in brackets, its last word
 _BESIDE_SIGNS: Final = re.compile(r" ?([^\w\s#.+-]) ?")
 _UNIT_CELL: Final = re.compile(r"[\[(].*[\])]")
 
@@ -113,10 +115,9 @@ class Sample:
 class _SniffedTable:
     separator: str
     decimal: str
-    first: int
-    rows: list[list[str]]
-    readable: int
-    lines: list[int]
+    rows: list[list[str]] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)  # where they stand, from 0
+    readable: int = 0
 
     @property
     def score(self) -> tuple[int, int]:
@@ -149,7 +150,7 @@ def read_sample(path: Path) -> Sample:
         is_known = 2 * _known_names(names) >= len(names) and len({*names}) > len("xy")
         if is_known and 4 * table.readable > 3 * len(table.rows) * len(table.rows[0]):
             named.append(table)
-    best = max(named or tables, key=lambda table: table.score, default=_SniffedTable(",", ".", 0, [], 0, []))
+    best = max(named or tables, key=lambda table: table.score, default=_SniffedTable(",", "."))
     try:
         kinds = [] if named else _worded(lines, encoding)
     except DecodeError:
@@ -339,6 +340,8 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
                 if units[k]:
                     break
                 units[k] = unit[1]
+                if words[k] and not taken_apart(words[k]).axis:  # as of a temperature
+                    break
         rest = gap[unit.end() :] if unit is not None and behind else re.sub(r"^[^\W\d_]+(?=[\s,;|])", "", gap)
         words.append(label(rest))
     names: list[str] = []
@@ -387,7 +390,7 @@ def decoded(raw: bytes) -> tuple[str, str]:
 
 def _table(lines: Sequence[str], separator: str, decimal: str) -> _SniffedTable:
     """Longest run of rows with as many cells, most of them numbers; comments and single bad lines do not end it."""
-    best = run = _SniffedTable(separator, decimal, 0, [], 0, [])
+    best = run = _SniffedTable(separator, decimal)
     bad = 0
     for i, line in enumerate(lines):
         if not line.strip() or line.startswith(_COMMENTS):
@@ -397,12 +400,12 @@ def _table(lines: Sequence[str], separator: str, decimal: str) -> _SniffedTable:
         if count and run.rows and len(cells) == len(run.rows[0]):
             bad = 0
         elif count and (not run.rows or len(run.rows) < FEWEST or bad >= FEWEST):
-            run, bad = _SniffedTable(separator, decimal, i, [], 0, []), 0
+            run, bad = _SniffedTable(separator, decimal), 0
         else:
             bad += 1
             is_words = not any(map(_is_number, cells)) and run.rows and len(cells) == len(run.rows[0])
             if is_words and len(run.rows) < FEWEST:  # as a row of names
-                run = _SniffedTable(separator, decimal, i, [], 0, [])
+                run = _SniffedTable(separator, decimal)
             continue
         run.rows.append(cells)
         run.lines.append(i)
@@ -471,8 +474,12 @@ def _forms(table: _SniffedTable, names: Sequence[str]) -> tuple[str, ...]:
         is_vector = sizes[0][0] > 1 and sizes[0][1] > 0.5 * len(said) and bracketed
         has_unit = units[0][1] > 0.5 * len(said) and is_unit(units[0][0])
         words = _WORDS_BEFORE.match(said[0]) if said and not forms else None
-        before, behind = words[0] if words else "", units[0][0] if re.fullmatch(r"[^\w\s#%]+", units[0][0]) else ""
-        bare = [cell.removeprefix(before).removesuffix(behind) for cell in said] if before or behind else []
+        before, behind = (
+            (words[1] or words[2]) if words else "",
+            units[0][0] if re.fullmatch(r"[^\w\s#%]+", units[0][0]) else "",
+        )
+        bare = [cell.rpartition(before)[2].removesuffix(behind) for cell in said] if before else []
+        bare = [cell.removesuffix(behind) for cell in said] if behind and not before else bare
         around = f"{before}#{behind}" if bare and all(map(_is_number, bare)) else ""
         forms.append(f"[{sizes[0][0]}]" if is_vector else units[0][0] if has_unit else around)
     is_split = any(re.match(r"[\[({].*[,; ]", cell) for row in table.rows[:TRIED] for cell in row)
@@ -486,7 +493,7 @@ def _value(cell: str, decimal: str, thousands: str = "") -> float:
 
 def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample:
     """Add names and units, and what the lines before them say."""
-    before = [(i, line) for i, line in enumerate(lines[: table.first]) if re.search(r"\w", line)]
+    before = [(i, line) for i, line in enumerate(lines[: table.lines[0]]) if re.search(r"\w", line)]
     before = [(i, line) for i, line in before if not re.fullmatch(r"\[[\w ]+\]\s*", line)]  # of a section
     if clock := _start_and_rate(lines):
         missing = _missing(table.rows)
@@ -526,7 +533,7 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
         last, table = table.lines[0], replace(table, rows=table.rows[1:], lines=table.lines[1:])
     bare = line.lstrip("#%/ ")
     marked = names and bare != line
-    skip = at if names else table.first if any(not line.startswith(_COMMENTS) for _, line in before) else 0
+    skip = at if names else table.lines[0] if any(not line.startswith(_COMMENTS) for _, line in before) else 0
     body = lines[skip + 1 if marked else skip :]
     layout = TextLayout(
         separator=table.separator,

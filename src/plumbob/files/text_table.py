@@ -386,6 +386,7 @@ def find_head(text: str, layout: TextLayout) -> Head:
     _, start, line = last
     if start >= len(text):
         raise DecodeError("the file ends before its first row of numbers; check the profile's [header].")
+    names = [*names_apart(names, (*layout.cells, *[""] * len(names)))] if layout.cells else names
     return Head(tuple(map(str.strip, names)), start, line)
 
 
@@ -468,7 +469,7 @@ def cells_apart(cells: Sequence[str], layout: TextLayout, line: int) -> list[str
         number, unit = number_and_unit(cell)
         if "#" in form:
             before, _, behind = form.rpartition("#")
-            numbers.append(cell.strip().removeprefix(before).removesuffix(behind))
+            numbers.append((cell.strip().rpartition(before)[2] if before else cell.strip()).removesuffix(behind))
         elif size := _VECTOR.fullmatch(form):
             numbers += vector(cell, layout.decimal) or [cell.strip(" []()")] + [""] * (int(size[1]) - 1)
         elif form and number and unit != form and unit and not form.startswith(unit):
@@ -481,18 +482,6 @@ def cells_apart(cells: Sequence[str], layout: TextLayout, line: int) -> list[str
         else:
             numbers.append(number if form and unit == form else cell)
     return numbers
-
-
-def with_cells_apart(text: str, head: Head, layout: TextLayout) -> tuple[str, Head]:
-    """Text and head as they would be if each number stood in a cell of its own; lines stay lines."""
-    sign, rows = "," if layout.separator == QUOTED else layout.separator, []
-    for line, row in enumerate(text[head.start :].split("\n"), head.line):
-        cells = [] if is_idle(row, layout.comment) or row.count('"') % 2 else split_vectors(row, layout.separator, line)
-        if fits := len(cells) == len(layout.cells):
-            cells = [f'"{cell}"' if sign in cell else cell for cell in cells_apart(cells, layout, line)]
-        rows.append(sign.join(cells) if fits else row)
-    names = names_apart(head.names, (*layout.cells, *[""] * len(head.names)))
-    return text[: head.start] + "\n".join(rows), replace(head, names=names)
 
 
 def _before_end(text: str, start: int, end: str) -> str:
@@ -703,7 +692,7 @@ def read_table(
     if twice := next((ref for ref, first in firsts.items() if ref != first), None):
         raise DecodeError(f"{firsts[twice]!r} and {twice!r} are the same column; declare it once.")
     reading = Reading(layout, width, places, exact, {ref: [] for ref in texts}, together, expected)
-    plain = not (layout.words or layout.where or layout.checksum)
+    plain = not (layout.words or layout.where or layout.checksum or layout.cells)
     for block, line in body.blocks():
         if not (plain and reading.add_fast(block)):
             reading.add_slow(body.block_rows(block, line))
@@ -796,7 +785,7 @@ def _body(source: bytes | Path, layout: TextLayout) -> Body:
     again = partial(text_blocks, source, layout.encoding) if has_more else partial(iter, (first,))
     text = first.decode()
     has_titles = layout.words and titled(text) != text
-    if not (layout.separator == JSON or layout.channels or layout.cells or layout.end or has_titles):
+    if not (layout.separator == JSON or layout.channels or layout.end or has_titles):
         with suppress(DecodeError):  # the head may be longer than a block
             head = find_head(text, layout)
             return Body(again, replace(head, start=len(text[: head.start].encode())), layout)
@@ -809,8 +798,6 @@ def _body(source: bytes | Path, layout: TextLayout) -> Body:
         text, layout = channels_as_columns(text, layout)
     head = find_head(text, layout)
     text = _before_end(text, head.start, layout.end) if layout.end else text
-    if layout.cells:
-        text, head = with_cells_apart(text, head, layout)
     rows = text[head.start :].encode("utf-8", "replace")
     return Body(partial(text_blocks, rows, "utf-8"), replace(head, start=0), layout, cut)
 
@@ -830,6 +817,9 @@ def belongs(row: str, names: Sequence[str], layout: TextLayout) -> bool:
 def row_cells(row: str, layout: TextLayout, line: int) -> list[str]:
     """Cells of a row, without its checksum; errors as of `split_row`, and where the checksum is another."""
     row = _checked(row, line) if layout.checksum else row
+    if layout.cells:
+        cells = split_vectors(row, layout.separator, line)
+        return cells_apart(cells, layout, line) if len(cells) == len(layout.cells) else cells
     return among_words(row) if layout.words else split_row(row, layout.separator, line)
 
 

@@ -174,8 +174,6 @@ class _Rows:
             if tuple(cells) != self._names:
                 self._names, self._reading.places = tuple(cells), {}
             return list(cells.values())
-        if layout.cells:
-            row = text_table.with_cells_apart(row, text_table.Head((), 0, number), layout)[0]
         return text_table.row_cells(row, layout, number)
 
     def rows(self, sensor: int) -> Iterator[_Row]:
