@@ -37,14 +37,14 @@ def text(tmp_path):
 @pytest.fixture
 def small_chunks(monkeypatch):
     """So that every text here is cut at many places."""
-    monkeypatch.setattr("plumbob.files.arrow._AT_ONCE", 97)
+    monkeypatch.setattr("plumbob.files.arrow.AT_ONCE", 97)
     monkeypatch.setattr("plumbob.files.numbers.READ", 97)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("chunk", [1 << 20, 97])
 def test_dialects_in_one_chunk_or_many(text, monkeypatch, dialect, chunk):
-    monkeypatch.setattr("plumbob.files.arrow._AT_ONCE", chunk)
+    monkeypatch.setattr("plumbob.files.arrow.AT_ONCE", chunk)
     numbers = text(DIALECTS[dialect])
     assert numbers.columns == 3
     assert numbers.notes == ()

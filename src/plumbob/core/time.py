@@ -71,7 +71,7 @@ def timing(t: Floats) -> Timing:
 
 def usual_step(dt_ns: NDArray[np.int64]) -> float:
     """Time from sample to sample, ns, by steps (N,): the mean of those about their median, since two may alternate."""
-    middle, digit = _median(dt_ns), int(np.gcd.reduce(dt_ns[:: max(1, dt_ns.size // 100_000)]))
+    middle, digit = float(np.median(dt_ns)), int(np.gcd.reduce(dt_ns[:: max(1, dt_ns.size // 100_000)]))
     off = np.abs(dt_ns - middle)
     near, close = off < 0.5 * middle, off <= digit
     # in whole ms they are 3 or 4 at 286 Hz, and at 850 Hz 1 or 2, of which the longer come evenly, or lack a sample
@@ -84,7 +84,7 @@ def usual_step(dt_ns: NDArray[np.int64]) -> float:
 
 def longest_bridged(t_ns: NDArray[np.int64]) -> float:
     """Longest step between stamps (N,) that is not a gap, s: `GAP_FACTOR` median steps; 0 for a single stamp."""
-    return GAP_FACTOR * _median(np.diff(t_ns)) / 1e9 if t_ns.size > 1 else 0.0
+    return GAP_FACTOR * float(np.median(np.diff(t_ns))) / 1e9 if t_ns.size > 1 else 0.0
 
 
 class Neighbours(NamedTuple):
@@ -131,14 +131,7 @@ def interpolated(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Flo
 
 def is_gap(dt_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Mark the steps (N,), ns, that are gaps; integers decide, so that rounding of t does not."""
-    return np.asarray(dt_ns > GAP_FACTOR * _median(dt_ns) if dt_ns.size else np.zeros(0, dtype=bool))
-
-
-def _median(dt_ns: NDArray[np.int64]) -> float:
-    """Median of steps (N,): that of some, where it is that of all, as of rounded stamps, which need no order."""
-    middle = np.median(dt_ns[:: 1 + dt_ns.size // 4096])
-    is_middle = 2 * max(np.count_nonzero(dt_ns < middle), np.count_nonzero(dt_ns > middle)) < dt_ns.size
-    return float(middle if is_middle else np.median(dt_ns))
+    return np.asarray(dt_ns > GAP_FACTOR * np.median(dt_ns) if dt_ns.size else np.zeros(0, dtype=bool))
 
 
 BINS: Final = 16 * 58  # up to 10¹⁸ ns; everything below 32 ns has a bin of its own

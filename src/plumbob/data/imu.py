@@ -689,11 +689,9 @@ def _extent(t: Floats) -> str:
 
 def _stamps(t: ArrayLike) -> tuple[NDArray[np.int64], Floats]:
     """Times, s, as whole nanoseconds, which must increase, and these in seconds."""
-    seconds = check.column("t", t)
-    check.increasing_time("t", seconds)
+    check.increasing_time("t", seconds := check.column("t", t))
     t_ns = to_ns(seconds)
-    rounded = to_s(t_ns)
-    check.increasing_time("t, rounded to nanoseconds,", rounded)
+    check.increasing_time("t, rounded to nanoseconds,", rounded := to_s(t_ns))
     return t_ns, rounded
 
 

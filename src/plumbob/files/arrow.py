@@ -185,7 +185,7 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 _WORKBOOK: Final = "xl/workbook.xml"
 _PACKINGS: Final = {b"\x1f\x8b": "gzip", b"BZh": "bz2", b"(\xb5/\xfd": "zstd", b"\xfd7zXZ": "xz", b"PK\3\4": "zip"}
 _TABLES: Final = {b"PAR1": "parquet", b"ARROW1": "feather", b"ORC": "orc"}
-_AT_ONCE: Final = 1 << 21
+AT_ONCE: Final = 1 << 21
 
 
 def text_bytes(path: Path, most: int | None = None) -> bytes:
@@ -211,7 +211,7 @@ def text_pieces(path: Path, most: int | None = None) -> Iterator[bytes]:
             elif packing:
                 yield from _unpacked(path, file, packing, most)
         size = 0
-        while not (packing or kind) and (most is None or size < most) and (piece := file.read(most or _AT_ONCE)):
+        while not (packing or kind) and (most is None or size < most) and (piece := file.read(most or AT_ONCE)):
             yield piece
             size += len(piece)
 
@@ -236,7 +236,7 @@ def _unpacked(path: Path, file: IO[bytes], packing: str, most: int | None) -> It
             unpacker: Any = lzma.LZMAFile if packing == "xz" else pa.CompressedInputStream
             stream = stack.enter_context(unpacker(file, *([] if packing == "xz" else [packing])))
         size = 0
-        while (most is None or size < most) and (piece := stream.read(_AT_ONCE)):
+        while (most is None or size < most) and (piece := stream.read(AT_ONCE)):
             size += len(piece)
             require_room(size, path.stat().st_size)
             yield piece

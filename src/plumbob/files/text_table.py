@@ -25,7 +25,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt, one_line
 from plumbob.core.findings import Finding, warning
 from plumbob.core.text import sentence_checksum
-from plumbob.files.arrow import column_numbers, parsed_csv, text_bytes, text_pieces
+from plumbob.files.arrow import AT_ONCE, column_numbers, parsed_csv, text_bytes, text_pieces
 from plumbob.files.column_names import is_unit
 from plumbob.files.columns import FORM, is_clocklike
 from plumbob.files.profile import BLANK, JSON, QUOTED, ColumnRef, TextLayout
@@ -312,7 +312,7 @@ def text_blocks(source: bytes | Path, encoding: str) -> Iterator[bytes]:
     pieces = (
         text_pieces(source)
         if isinstance(source, Path)
-        else (source[place : place + BLOCK] for place in range(0, len(source), BLOCK))
+        else (source[place : place + AT_ONCE] for place in range(0, len(source), AT_ONCE))
     )
     before, rest = b"", b""
     try:
@@ -497,7 +497,6 @@ def is_idle(row: str, comment: str) -> bool:
 
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
-BLOCK: Final = 1 << 21  # characters or bytes of a text that are gone through at once
 _LOOKED_AT: Final = 200
 _NO_ROWS: Final = "there is no row of numbers; check the profile's [header]."
 _WORD: Final = 1 << 30
