@@ -19,9 +19,9 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
-from plumbob.core.units import QUANTITY_BY_TRIAD
+from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity
 from plumbob.files.arrow import text_bytes
-from plumbob.files.column_names import is_unit, named_sensor, taken_apart
+from plumbob.files.column_names import canonical, is_unit, named_sensor, taken_apart
 from plumbob.files.columns import is_clocklike
 from plumbob.files.known_logs import SENTENCES
 from plumbob.files.profile import BLANK, JSON, QUOTED, TextLayout
@@ -340,8 +340,8 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
                 if units[k]:
                     break
                 units[k] = unit[1]
-                if words[k] and not taken_apart(words[k]).axis:  # as of a temperature
-                    break
+                if not any(canonical(unit[1], kind) for kind in (*QUANTITY_BY_TRIAD.values(), Quantity.ANGLE)):
+                    break  # of one number alone, as of a temperature
         rest = gap[unit.end() :] if unit is not None and behind else re.sub(r"^[^\W\d_]+(?=[\s,;|])", "", gap)
         words.append(label(rest))
     names: list[str] = []
