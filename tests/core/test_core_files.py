@@ -15,12 +15,12 @@ import pytest
 
 from plumbob import AttitudeTrack, ImuData, Recording, convert, find_format, load_session
 from plumbob import files as formats
-from plumbob.calibration.calibrate_gyro import read_plan
 from plumbob.cli import common
 from plumbob.cli.main import main
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import MAX_TEXT, replacing, write_text
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadCalibration, TriadNoise, open_card
+from plumbob.door.calibrate import read_plan
 from plumbob.files.mcap import repair
 from plumbob.files.mcap.writer import RecordingPart
 from plumbob.files.profile import load_profile

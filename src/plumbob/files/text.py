@@ -407,9 +407,9 @@ def read_rows(path: str | Path, needed: Sequence[str], more: Sequence[str] = ())
 
     DecodeError where it has not, a cell holds none, or a row does not go from ``from_s`` to a later ``to_s``.
     """
-    rows: list[dict[str, Any]] = []
+    rows, text = list[dict[str, Any]](), text_of(path)
     with reading(Path(path)):
-        table = csv.DictReader(StringIO(text_of(path), newline=""), skipinitialspace=True, strict=True)
+        table = csv.DictReader(StringIO(text, newline=""), skipinitialspace=True, strict=True)
         try:
             columns = [name.strip() for name in table.fieldnames or ()]
             if {*columns} - {*more} != {*needed} or len({*columns} & {*more}) not in (0, len(more)):
