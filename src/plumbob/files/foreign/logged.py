@@ -7,7 +7,7 @@ A log that keeps each sensor in a table of its own has no common rows. Rows of a
 sensor and NaN of the others, and no filter could integrate them. Here the gyroscope's stamps are the rows:
 
 - a stream of at least half its rate is interpolated linearly between its two neighbours, where these are not farther
-  apart than a gap; a stream of more than 1.5 times its rate is averaged over each step first, as picking single samples
+  apart than a gap, unless each of its stamps is that of a row, as in one table, where it has its own values; a stream of more than 1.5 times its rate is averaged over each step first, as picking single samples
   of it would fold its vibration;
 - a slower stream keeps its own values, each at the row that is nearest in time; the rows between are NaN, which the
   filters take as 'no new value'.
@@ -149,6 +149,11 @@ def _resampled(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Float
     """Values at the rows, and how they came there; nothing where the stamps are the same."""
     if np.array_equal(rows, stamps):
         return values, ""
+    place = np.minimum(np.searchsorted(rows, stamps), rows.size - 1)
+    if np.array_equal(rows[place], stamps):
+        sampled = np.full((rows.size, *values.shape[1:]), np.nan)
+        sampled[place] = values
+        return sampled, "each kept as it is"
     step, spacing = _step(rows), _step(stamps)
     if spacing * _SLOW > step:
         return _nearest(rows, stamps, values, step), "each at the nearest row"

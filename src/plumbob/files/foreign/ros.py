@@ -195,7 +195,7 @@ def _unit(topic: Topic, table: MessageTable, topics: list[Topic]) -> tuple[Recor
         return Recording(track=track, notes=tuple(notes)), used
     for key, kind in (("mag", MAG), ("temp_c", TEMPERATURE)):
         if beside := _in_frame(kind, topic, table, topics):
-            _add(key, *beside, log, stamps, used)
+            _add(key, *beside, log, used)
     made = log.joined()
     return Recording(imu=made.imu, track=track, notes=(*notes, *made.notes)), used
 
@@ -219,11 +219,9 @@ def _in_frame(kind: str, imu: Topic, table: MessageTable, topics: list[Topic]) -
     return max(candidates, key=alike, default=None)
 
 
-def _add(
-    key: str, topic: Topic, table: MessageTable, log: SensorLog, rows: NDArray[np.int64], used: list[Topic]
-) -> None:
-    """Take in a stream unless it cannot be in its unit; one whose stamps are all among the IMU's stays at these."""
-    stamps, numbers, notes = table.t_ns, table.numbers, log.notes
+def _add(key: str, topic: Topic, table: MessageTable, log: SensorLog, used: list[Topic]) -> None:
+    """Take in a stream unless it cannot be in its unit."""
+    numbers, notes = table.numbers, log.notes
     if key == "mag":
         values = to_si(_present(numbers[:, :3], numbers[:, 3]), "T")
     else:
@@ -238,14 +236,7 @@ def _add(
             notes.append(warning("reading.ros_no_tesla", name=topic.name, error=error))
             return
     used.append(topic)
-    where = np.minimum(np.searchsorted(rows, stamps), rows.size - 1)
-    if (np.diff(rows) > 0).all() and (np.diff(stamps) > 0).all() and np.array_equal(rows[where], stamps):
-        if stamps.size < rows.size:
-            notes.append(info("source.ros_own_stamps", key=key, count=stamps.size, name=topic.name))
-        placed = np.full((rows.size, *values.shape[1:]), np.nan)
-        placed[where] = values
-        stamps, values = rows, placed
-    log.add(key, stamps, values)
+    log.add(key, table.t_ns, values)
 
 
 def _orientation(topic: Topic, table: MessageTable, notes: list[Note]) -> AttitudeTrack | None:
