@@ -6,7 +6,6 @@ ROS 1, which has no padding, and CDR (OMG DDSI-RTPS 2.3, 10), where a number lie
 the four bytes of the encapsulation. Index and summary are not needed, so what comes before a cut is read.
 """
 
-import bz2
 import os
 import re
 import struct
@@ -132,21 +131,19 @@ def _parts(folder: Path) -> list[Path]:
 
 def _open_file(path: Path, bag: Bag) -> None:
     bag.stored += path.stat().st_size
-    with path.open("rb") as file:
+    with path.open("rb") as stream:
+        is_packed = stream.read(len(_ZSTD)) == _ZSTD
+        stream.seek(0)
+        content = _zstd(stream, "a file", bag) if is_packed else None
+        file, size = (stream, path.stat().st_size) if content is None else (BytesIO(content), len(content))
         start = file.read(len(SQLITE))
         file.seek(0)
-        if start.startswith(_ZSTD):
-            content = _zstd(file, "a file", bag)
-            if content.startswith(SQLITE):
-                _sqlite(path, bag, content)
-            else:
-                _mcap(BytesIO(content), len(content), bag)
-        elif start.startswith(SQLITE):
-            _sqlite(path, bag)
+        if start.startswith(SQLITE):
+            _sqlite(path, bag, content)
         elif start.startswith(layout.MAGIC):
-            _mcap(file, path.stat().st_size, bag)
+            _mcap(file, size, bag)
         elif start.startswith(BAG):
-            _bag(file, path.stat().st_size, bag)
+            _bag(file, size, bag)
         else:
             raise DecodeError(f"{path.name} begins with {start[:8]!r}, as neither a ROS bag, MCAP nor SQLite does.")
 
@@ -168,14 +165,9 @@ def _unpacked(data: bytes, how: str, size: int, bag: Bag) -> bytes:
     """Content of a chunk of ROS 1, which has `size` bytes by its own word, and by no more memory than that."""
     bag.room(size)
     try:
-        if how != "bz2":
-            return inflate(data, b"" if how == "none" else how.encode(), size)
-        chunk = bz2.BZ2Decompressor().decompress(data, max_length=size + 1)
-    except (BrokenRecordError, OSError, ValueError) as error:
+        return inflate(data, b"" if how == "none" else how.encode(), size)
+    except BrokenRecordError as error:
         raise DecodeError(f"a chunk that is compressed with {how[:20]} is damaged: {error}.") from error
-    if len(chunk) != size:
-        raise DecodeError(f"a chunk does not inflate to the {size} bytes that it states; it is damaged.")
-    return chunk
 
 
 def _bag(file: BinaryIO, size: int, bag: Bag) -> None:
@@ -294,7 +286,7 @@ def _chunk_records(chunk: records.Chunk, bag: Bag) -> "list[records.McapRecord]"
     return breakup_chunk(replace(chunk, compression="", data=plain), validate_crc=True)
 
 
-def _sqlite(path: Path, bag: Bag, content: bytes | None = None) -> None:
+def _sqlite(path: Path, bag: Bag, content: bytes | None) -> None:
     """SQLite tables of rosbag2: nothing in the file is run, and nothing beside it is opened or written."""
     import sqlite3
     from contextlib import closing

@@ -276,12 +276,10 @@ class PartInfo:
     def record(self) -> bytes:
         """Bytes of the metadata record."""
         fields = {key: getattr(self, key) for key in _FIELDS}
-        texts = {
-            key: _FIELDS[key][0](value) for key, value in fields.items() if key not in _LATER or value != _LATER[key]
-        }
-        entries = {**self.metadata, **{RESERVED + key: text for key, text in texts.items()}}
-        crc = _checksum(entries)
-        return encode(records.Metadata(NAME, {**entries, f"{RESERVED}crc32": crc}))
+        said = {key: value for key, value in fields.items() if key not in _LATER or value != _LATER[key]}
+        texts = {RESERVED + key: v if isinstance(v, str) else json.dumps(v, sort_keys=True) for key, v in said.items()}
+        entries = {**self.metadata, **texts}
+        return encode(records.Metadata(NAME, {**entries, f"{RESERVED}crc32": _checksum(entries)}))
 
     @classmethod
     def parse(cls, body: bytes) -> Self | None:
@@ -292,32 +290,25 @@ class PartInfo:
             if record.name != NAME or entries.pop(f"{RESERVED}crc32", None) != _checksum(entries):
                 return None
             texts = {key: entries.pop(RESERVED + key) for key in _FIELDS if RESERVED + key in entries}
-            fields = {key: _FIELDS[key][1](text) for key, text in texts.items()}
-        except UNREADABLE:
+            fields = {key: _FIELDS[key](text) for key, text in texts.items()}
+        except (*UNREADABLE, RecursionError):
             return None
         return None if _FIELDS.keys() - _LATER - fields.keys() else cls(**fields, metadata=entries)
 
 
-def _text(numbers: Mapping[str, int] | None) -> str:
-    return json.dumps(numbers if numbers is None else dict(sorted(numbers.items())))
-
-
-def _numbers(text: str) -> dict[str, int]:
-    try:
-        numbers = json.loads(text)
-    except RecursionError as error:
-        raise ValueError from error
+def _numbers(text: str) -> Any:
+    """Numbers by name."""
+    numbers = json.loads(text)
     if not isinstance(numbers, dict) or not all(type(value) is int and value >= 0 for value in numbers.values()):
         raise ValueError
     return numbers
 
 
-_FIELDS: Final[dict[str, tuple[Callable[[Any], str], Callable[[str], Any]]]] = {
-    "recording": (str, str), "part": (str, int), "epoch_offset_ns": (str, int), "starts": (_text, _numbers),
-    "ends": (_text, lambda text: None if text == "null" else _numbers(text)), "dropped": (_text, _numbers),
-    "follows": (str, str), "boot": (str, str),
+_FIELDS: Final[dict[str, Callable[[str], Any]]] = {
+    "recording": str, "part": int, "epoch_offset_ns": int, "starts": _numbers,
+    "ends": lambda text: None if text == "null" else _numbers(text), "dropped": _numbers, "follows": str, "boot": str,
 }  # fmt: skip
-"""Fields of `PartInfo` besides the user's metadata, with what makes text of each, and what reads that again."""
+"""Fields of `PartInfo` besides the user's metadata, with what reads the text of each."""
 _LATER: Final = {"follows": None, "boot": ""}  # which are left out where they have these values
 
 

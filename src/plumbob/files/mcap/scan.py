@@ -7,6 +7,7 @@ import os
 import re
 import struct
 import zlib
+from bz2 import BZ2File
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -127,6 +128,8 @@ def _reader(stored: bytes, compression: bytes) -> Any:
         from lz4.frame import LZ4FrameFile
 
         return LZ4FrameFile(BytesIO(stored))
+    if compression == b"bz2":  # of ROS 1
+        return BZ2File(BytesIO(stored))
     if compression:
         raise BrokenRecordError(f"the compression {compression!r} is not known")
     return BytesIO(stored)
