@@ -29,7 +29,7 @@ from plumbob.core.findings import Note, info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged, mavlink
-from plumbob.files.foreign.logged import SensorLog, Table, array_recording, choose, micro, of_vehicle, records, vectors
+from plumbob.files.foreign.logged import SensorLog, Table, array_recording, choose, micro, of_vehicle, vectors
 from plumbob.files.stamps import utc_of_gps
 from plumbob.rotations import Frame
 from plumbob.rotations.quaternions import quat_from_euler_zyx
@@ -75,7 +75,7 @@ def read(path: Path, unit: str | None = None) -> Recording:
 
 def _of_bytes(raw: bytes) -> _DataFlashLog:
     """One walk along the messages: two bytes of head, a type, and as many bytes as its FMT says."""
-    log, places, lengths = _DataFlashLog(), dict[int, "array[int]"](), {_FMT: _FMT_LENGTH}
+    log, bodies, lengths = _DataFlashLog(), dict[int, bytearray](), {_FMT: _FMT_LENGTH}
     at, size, skipped = 0, len(raw), 0
     while at + 3 <= size:
         kind = raw[at + 2]
@@ -89,19 +89,19 @@ def _of_bytes(raw: bytes) -> _DataFlashLog:
             log.notes.append(warning("reading.cut_message"))
             break
         if kind == _FMT:
-            _defined(log, raw[at + 3 : at + _FMT_LENGTH], lengths, places)
-        elif kind in places:
-            places[kind].append(at + 3)
+            _defined(log, raw[at + 3 : at + _FMT_LENGTH], lengths, bodies)
+        elif kind in bodies:
+            bodies[kind] += raw[at + 3 : at + length]
         at += length
     if skipped:
         log.notes.append(warning("reading.damage_bytes", skipped=skipped))
-    data = np.frombuffer(raw, np.uint8)
-    for kind, found_at in places.items():
-        _decoded(log, log.names[kind], data, np.frombuffer(found_at, np.int64), lengths[kind])
+    for kind, body in bodies.items():
+        if body:
+            _decoded(log, log.names[kind], body, lengths[kind] - 3)
     return log
 
 
-def _defined(log: _DataFlashLog, body: bytes, lengths: dict[int, int], places: dict[int, "array[int]"]) -> None:
+def _defined(log: _DataFlashLog, body: bytes, lengths: dict[int, int], bodies: dict[int, bytearray]) -> None:
     """Take a FMT message: type, length, name (4), letters (16), columns (64); the first of a type and a name counts."""
     kind, length = body[0], body[1]
     name, letters, columns = (
@@ -112,25 +112,22 @@ def _defined(log: _DataFlashLog, body: bytes, lengths: dict[int, int], places: d
     lengths[kind] = length
     if name in _WANTED and name not in log.columns:
         log.names[kind], log.columns[name] = name, (letters, tuple(columns.split(",")))
-        places[kind] = array("q")
+        bodies[kind] = bytearray()
 
 
-def _decoded(log: _DataFlashLog, name: str, data: NDArray[np.uint8], places: NDArray[np.int64], length: int) -> None:
-    """Columns of one kind of message, with their multipliers."""
+def _decoded(log: _DataFlashLog, name: str, body: bytearray, length: int) -> None:
+    """Columns of one kind of message, of `length` bytes each, with their multipliers."""
     letters, columns = log.columns[name]
-    if not places.size:
-        return
     try:
         layout = np.dtype([(column, _LETTERS[letter][0]) for letter, column in zip(letters, columns, strict=True)])
     except (ValueError, KeyError, TypeError):
-        log.notes.append(warning("reading.damage_definition", name=name, count=places.size))
+        log.notes.append(warning("reading.damage_definition", name=name, count=len(body) // length))
         return
-    if layout.itemsize + 3 != length:
-        log.notes.append(
-            warning("reading.damage_definition_size", name=name, length=length, needed=layout.itemsize + 3)
-        )
+    if layout.itemsize != length:
+        needed = layout.itemsize + len(_HEAD) + 1
+        log.notes.append(warning("reading.damage_definition_size", name=name, length=length + 3, needed=needed))
         return
-    table = records(data, places, layout)
+    table = np.frombuffer(body, layout)
     log.tables[name] = {
         column: table[column] if _LETTERS[letter][1] == 1.0 else table[column] * _LETTERS[letter][1]
         for letter, column in zip(letters, columns, strict=True)

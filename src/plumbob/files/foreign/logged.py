@@ -6,9 +6,10 @@ where there is one, what is known besides, and notes. `SensorLog.recording` conv
 A log that keeps each sensor in a table of its own has no common rows. Rows of all stamps would hold a number of one
 sensor and NaN of the others, and no filter could integrate them. Here the gyroscope's stamps are the rows:
 
-- a stream of at least half its rate is interpolated linearly between its two neighbours, where these are not farther
-  apart than a gap, unless each of its stamps is that of a row, as in one table, where it has its own values; a stream of more than 1.5 times its rate is averaged over each step first, as picking single samples
-  of it would fold its vibration;
+- a stream whose stamps are those of rows, as in one table, has its values there;
+- one of at least half its rate is interpolated linearly between its two neighbours, where these are not farther apart
+  than a gap; one of more than 1.5 times its rate is averaged over each step first, as picking single samples of it
+  would fold its vibration;
 - a slower stream keeps its own values, each at the row that is nearest in time; the rows between are NaN, which the
   filters take as 'no new value'.
 

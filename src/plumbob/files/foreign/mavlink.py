@@ -15,6 +15,7 @@ UTC is the receiver's, by the packet that came soonest.
 """
 
 from array import array
+from binascii import crc_hqx
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -25,8 +26,7 @@ from plumbob.core.errors import DecodeError
 from plumbob.core.findings import info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
-from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, choose, micro, of_vehicle, records, vectors
-from plumbob.protocols.checksum import of_rows
+from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, choose, micro, of_vehicle, vectors
 from plumbob.rotations import Frame
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
@@ -63,7 +63,8 @@ _EARLIEST_US, _LATEST_US = 946_684_800 * 10**6, 4_102_444_800 * 10**6
 _BITS: Final = {"acc": 0x007, "gyr": 0x038, "mag": 0x1C0}  # `HIGHRES_IMU_UPDATED_FLAGS`
 
 
-_Packets = dict[tuple[int, int], "array[int]"]  # by system and message: where each begins, its length, when it came, µs
+_Tables = dict[tuple[int, int], tuple[NDArray[Any], NDArray[np.int64]]]  # by system and message, and when each came, µs
+_REVERSED: Final = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))  # bits of each byte
 
 
 def starts(start: bytes) -> bool:
@@ -74,8 +75,7 @@ def starts(start: bytes) -> bool:
 
 def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
     """Samples and the vehicle's own attitude of a telemetry log, of the first IMU or the one asked for."""
-    messages, skipped = _scanned(raw)
-    data = np.frombuffer(raw, np.uint8)
+    tables, skipped, bad = _scanned(raw)
     log = SensorLog(
         [
             "MAVLink telemetry: body axes forward, right, down; frame NED; clock of the vehicle, UTC by the receiver's "
@@ -83,13 +83,6 @@ def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
         ],
         ImuMeta(frame=Frame.NED, unit_check=False),
     )
-    tables: dict[tuple[int, int], tuple[NDArray[Any], NDArray[np.int64]]] = {}
-    bad = 0
-    for key, packets in messages.items():
-        table, came_us, wrong = _checked(data, key[1], packets)
-        bad += wrong
-        if table.size:
-            tables[key] = (table, came_us)
     system, number = _chosen(tables, unit, log)
     table, came_us = tables[system, number]
     own_ns = _own_ns(table)
@@ -113,49 +106,42 @@ def recording(raw: bytes, name: str, unit: str | None = None) -> Recording:
     return log.recording(name, none="attitude: none at the samples' times (ATTITUDE_QUATERNION, ATTITUDE)")
 
 
-def _scanned(raw: bytes) -> tuple[_Packets, int]:
-    """Packets of known kinds; bytes that are not packets are counted."""
-    messages: _Packets = {}
-    at, size, skipped = 0, len(raw), 0
+def _scanned(raw: bytes) -> tuple[_Tables, int, int]:
+    """Packets of known kinds whose CRC is right, bytes that are not packets, and how many have another CRC."""
+    messages: dict[tuple[int, int], tuple[bytearray, array[int]]] = {}
+    at, size, skipped, bad = 0, len(raw), 0, 0
     while at + 17 <= size:
         begin, came = at + 8, int.from_bytes(raw[at : at + 8], "big")
         head, system, number_at = _VERSIONS.get(raw[begin], (0, 0, 0))
-        length = raw[begin + 1]
-        end = begin + head + length + (15 if head == 10 and raw[begin + 2] & 0x01 else 2)  # a signature, or a CRC alone
+        start, length = begin + head, raw[begin + 1]
+        end = start + length + (15 if head == 10 and raw[begin + 2] & 0x01 else 2)  # a signature, or a CRC alone
         follows = end == size or (end + 8 < size and raw[end + 8] in _VERSIONS) or size - end < 17
         if not head or not _EARLIEST_US < came < _LATEST_US or end > size or not follows:
             at, skipped = at + 1, skipped + 1
             continue
-        number = int.from_bytes(raw[begin + number_at : begin + head], "little")
-        if number in _KINDS:
-            messages.setdefault((raw[begin + system], number), array("q")).extend((begin, length, came))
+        number = int.from_bytes(raw[begin + number_at : start], "little")
+        if (kind := _KINDS.get(number)) is not None:
+            if _crc(raw[begin + 1 : start + length] + bytes([kind.extra])) == raw[start + length : start + length + 2]:
+                rows, came_us = messages.setdefault((raw[begin + system], number), (bytearray(), array("q")))
+                taken = min(length, kind.layout.itemsize)  # what is longer are extensions; zeros at the end are cut off
+                rows += raw[start : start + taken].ljust(kind.layout.itemsize, b"\0")
+                came_us.append(came)
+            else:
+                bad += 1
         at = end
-    return messages, skipped + size - at
+    tables = {
+        key: (np.frombuffer(rows, _KINDS[key[1]].layout), np.frombuffer(came_us, np.int64))
+        for key, (rows, came_us) in messages.items()
+    }
+    return tables, skipped + size - at, bad
 
 
-def _checked(
-    data: NDArray[np.uint8], number: int, packets: "array[int]"
-) -> tuple[NDArray[Any], NDArray[np.int64], int]:
-    """Records of the packets whose CRC is right, when they came, and how many are wrong."""
-    kind = _KINDS[number]
-    places, lengths, came_us = np.frombuffer(packets, np.int64).reshape(-1, 3).T
-    payload = np.zeros((places.size, kind.layout.itemsize), np.uint8)
-    right = np.zeros(places.size, dtype=bool)
-    versions = data[places]
-    for version, length in {(int(v), int(n)) for v, n in zip(versions, lengths, strict=True)}:
-        group = np.flatnonzero((versions == version) & (lengths == length))
-        head = _VERSIONS[version][0]
-        layout = np.dtype([("covered", "u1", (head - 1 + length,)), ("crc", "<u2")])
-        for part in np.array_split(group, 1 + group.size // 16384):
-            packet = records(data, places[part] + 1, layout)
-            closed = np.column_stack((packet["covered"], np.full(part.size, kind.extra, np.uint8)))
-            right[part] = of_rows("crc16-mcrf4xx", closed) == packet["crc"]
-            taken = min(length, kind.layout.itemsize)  # what is cut off at the end is zero; what is longer, extensions
-            payload[part, :taken] = packet["covered"][:, head - 1 : head - 1 + taken]
-    return payload[right].view(kind.layout)[:, 0], came_us[right], int(np.count_nonzero(~right))
+def _crc(data: bytes) -> bytes:
+    """CRC-16/MCRF4XX as it is sent, low byte first: Python's CRC of the other order of bits, turned."""
+    return crc_hqx(data.translate(_REVERSED), 0xFFFF).to_bytes(2, "big").translate(_REVERSED)
 
 
-def _chosen(tables: dict[tuple[int, int], Any], unit: str | None, log: SensorLog) -> tuple[int, int]:
+def _chosen(tables: _Tables, unit: str | None, log: SensorLog) -> tuple[int, int]:
     """System and message that the samples are of: the first of the preferred, or the one asked for by its name."""
     ardupilot = {key[0] for key, (rows, _) in tables.items() if key[1] == 0 and (rows["autopilot"] == 3).any()}
     listed_units = [

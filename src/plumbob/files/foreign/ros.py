@@ -22,7 +22,6 @@ from typing import Final
 
 import numpy as np
 from mcap.reader import SeekingReader
-from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, UnitError
