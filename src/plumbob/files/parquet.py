@@ -48,6 +48,7 @@ _BATCH: Final = 1 << 16  # rows that are read at a time
 GROUP: Final = 1 << 15  # rows of the first row groups that are written: a writer holds one
 ALIKE: Final = 300  # groups of a size; then they are four times as large, as the table of contents lists them all
 LARGEST: Final = 1 << 20  # rows of a group at most
+_ZEROS: Final = bytes(1 << 16)
 
 
 def write_parquet(path: Path, parts: Recording | Iterable[Recording], overwrite: bool = False) -> None:
@@ -93,7 +94,7 @@ class _RowGroupWriter:
         crc = zlib.crc32(header.dump(content))
         for name in sorted(self._sums):
             of_column, size = self._sums[name]
-            crc = _product(_shift(size), crc) ^ of_column  # that of the bytes before, times x^(8 size), and of these
+            crc = _zeros_behind(crc, size) ^ _zeros_behind(0, size) ^ of_column  # of the bytes before, and of these
         assert self._parquet is not None
         metadata = {KEY: header.dump(content | {_CRC: f"{crc:08x}"})}
         schema = _table(self._room, metadata).schema.serialize()  # as Arrow tells other tools of it
@@ -421,22 +422,9 @@ def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
     return pa.Table.from_arrays([arrow_column(values) for values in columns.values()], schema=schema)
 
 
-@lru_cache(maxsize=64)
-def _shift(size: int) -> int:
-    """x^(8 size): the columns of a recording have two or three sizes, and this takes a hundred products."""
-    shift, power = 1 << 31, 1 << 23  # x⁰ and x⁸: the highest power is the lowest bit
-    while size:
-        if size & 1:
-            shift = _product(shift, power)
-        power, size = _product(power, power), size >> 1
-    return shift
-
-
-def _product(a: int, b: int) -> int:
-    """Product of two polynomials over GF(2), modulo that of CRC-32."""
-    product = 0
-    for bit in range(31, -1, -1):
-        if a >> bit & 1:
-            product ^= b
-        b = b >> 1 ^ (0xEDB88320 if b & 1 else 0)
-    return product
+@lru_cache(maxsize=64)  # the columns of a recording have two or three sizes
+def _zeros_behind(crc: int, size: int) -> int:
+    """CRC-32 of bytes whose own is `crc`, and of so many zeros behind them."""
+    for at in range(0, size, len(_ZEROS)):
+        crc = zlib.crc32(memoryview(_ZEROS)[: size - at], crc)
+    return crc

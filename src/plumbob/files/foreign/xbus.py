@@ -35,7 +35,6 @@ _MTDATA, _MTDATA2 = 0x32, 0x36
 _DEVICE_ID, _CONFIGURATION, _PRODUCT_CODE, _OUTPUT_CONFIGURATION = 0x01, 0x0D, 0x1D, 0xC1
 _MASTER: Final = 0xFF
 _LONG: Final = 0xFF
-_PART: Final = 1 << 20
 _QUATERNION, _MATRIX, _EULER = 0x2010, 0x2020, 0x2030
 _UTC: Final = 0x1010
 _FRAMES: Final = {0x0: "ENU", 0x4: "NED", 0x8: "NWU"}
@@ -127,45 +126,32 @@ def read_unit(raw: bytes, unit: str | None) -> XbusUnit:
 
 def _messages(raw: bytes, notes: list[Note]) -> _CheckedMessages:
     """Messages one after another; after damage the next is one whose checksum fits and that another follows."""
-    data = np.frombuffer(raw, np.uint8)
-    sums, size = np.cumsum(data, dtype=np.uint8), data.size
+    data, size = np.frombuffer(raw, np.uint8), len(raw)
+    sums = np.cumsum(data, dtype=np.uint8).tobytes()
     starts, ends = array("q"), array("q")
-    at = junk = 0
-    for first in range(0, size, _PART):
-        begin, end = _candidates(data, sums, first)
-        followed = (end == size) | (data[np.minimum(end, size - 1)] == PREAMBLE)
-        for a, b, chained in zip(begin.tolist(), end.tolist(), followed.tolist(), strict=True):
-            if a == at or (a > at and chained):
-                starts.append(a)
-                ends.append(b)
-                junk, at = junk + a - at, b
+    at = done = junk = 0
+    while 0 <= (at := raw.find(PREAMBLE, at)) <= size - 5:
+        length = raw[at + 3] if raw[at + 3] != _LONG else 2 + _uint(raw, at + 4, 2)
+        end = at + 5 + length
+        chained = at == done or end >= size or raw[end] == PREAMBLE
+        if end <= size and sums[end - 1] == sums[at] and chained:
+            starts.append(at)
+            ends.append(end)
+            junk, at = junk + at - done, end
+            done = end
+        else:
+            at += 1
     if not starts:
         raise DecodeError("it holds no message of the Xbus (FA, bus, kind, length, data, checksum); copy it again.")
-    if at < size and data[at] == PREAMBLE:
-        notes.append(warning("reading.cut_message_bytes", count=size - at))
+    if done < size and raw[done] == PREAMBLE:
+        notes.append(warning("reading.cut_message_bytes", count=size - done))
     else:
-        junk += size - at
+        junk += size - done
     if junk:
         notes.append(warning("reading.damage_checksums", junk=junk))
-    start, end = np.frombuffer(starts, np.int64), np.frombuffer(ends, np.int64)
+    start, end_of = np.frombuffer(starts, np.int64), np.frombuffer(ends, np.int64)
     head = np.where(data[start + 3] == _LONG, 6, 4)
-    return _CheckedMessages(raw, data, start + head, end - start - head - 1, data[start + 1], data[start + 2])
-
-
-def _candidates(
-    data: NDArray[np.uint8], sums: NDArray[np.uint8], first: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Where messages may begin in a part of the file, and end: places of FA from which the checksum fits."""
-    at = np.flatnonzero(data[first : first + _PART] == PREAMBLE).astype(np.int64) + first
-    at = at[at + 5 <= data.size]
-    length = data[at + 3].astype(np.int64)
-    long = length == _LONG
-    high, low = (data[np.minimum(at + place, data.size - 1)].astype(np.int64) for place in (4, 5))
-    ends = at + np.where(long, (high << 8 | low) + 7, length + 5)
-    inside = ends <= data.size
-    at, ends = at[inside], ends[inside]
-    fits = sums[ends - 1] == sums[at]
-    return at[fits], ends[fits]
+    return _CheckedMessages(raw, data, start + head, end_of - start - head - 1, data[start + 1], data[start + 2])
 
 
 def _configuration(messages: _CheckedMessages) -> tuple[bytes, list[bytes]]:
