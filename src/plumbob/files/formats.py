@@ -363,8 +363,5 @@ def suffixes() -> Sequence[str]:
 
 def is_own(path: Path) -> bool:
     """Whether a path is that of a recording by Plumbob, whole or damaged, and not of another program's MCAP."""
-    if path.suffix.lower() != ".mcap":
-        return False
-    from plumbob.files.foreign import ros
-
-    return not (path.is_file() and ros.accepts(path))
+    ros = _BUILTIN[".mcap"][0]
+    return path.suffix.lower() == ".mcap" and not (path.is_file() and ros.claims(path))

@@ -30,6 +30,7 @@ from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign import logged, mavlink
 from plumbob.files.foreign.logged import SensorLog, Table, array_recording, choose, micro, of_vehicle, vectors
+from plumbob.files.known_logs import KNOWN_TABLES
 from plumbob.files.stamps import utc_of_gps
 from plumbob.rotations import Frame
 from plumbob.rotations.quaternions import quat_from_euler_zyx
@@ -38,12 +39,7 @@ ALL: Final = "all"
 _HEAD: Final = b"\xa3\x95"
 _FMT, _FMT_LENGTH = 128, 89
 _TEXT: Final = b"FMT,"
-_LETTERS: Final = {  # type and multiplier (`LogStructure.h`, 'Format characters in the format string')
-    "a": ("(32,)<i2", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
-    "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "g": ("<f2", 1.0), "d": ("<f8", 1.0), "n": ("S4", 1.0),
-    "N": ("S16", 1.0), "Z": ("S64", 1.0), "M": ("u1", 1.0), "q": ("<i8", 1.0), "Q": ("<u8", 1.0), "c": ("<i2", 0.01),
-    "C": ("<u2", 0.01), "e": ("<i4", 0.01), "E": ("<u4", 0.01), "L": ("<i4", 1e-7),
-}  # fmt: skip
+_LETTERS: Final[Mapping[str, tuple[str, float]]] = KNOWN_TABLES["dataflash"]  # type and multiplier
 _WANTED: Final = frozenset(("IMU", "IMU2", "IMU3", "MAG", "MAG2", "MAG3", "ATT", "XKQ", "XKQ1", "NKQ1", "GPS", "PARM"))
 _QUATERNIONS: Final = ("XKQ", "XKQ1", "NKQ1")
 _TEXTS: Final = "nNZa"

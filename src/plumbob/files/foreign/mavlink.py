@@ -16,8 +16,10 @@ UTC is the receiver's, by the packet that came soonest.
 
 from array import array
 from binascii import crc_hqx
-from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,35 +29,28 @@ from plumbob.core.findings import info, warning
 from plumbob.data import ImuMeta
 from plumbob.data.recording import Recording
 from plumbob.files.foreign.logged import LoggedAttitude, SensorLog, choose, micro, of_vehicle, vectors
+from plumbob.files.known_logs import KNOWN_TABLES
 from plumbob.rotations import Frame
 from plumbob.rotations.quaternions import quat_from_euler_zyx
 
-_NINE: Final = [(f"{sensor}{axis}", "<i2") for sensor in ("acc", "gyr", "mag") for axis in "xyz"]
-_FLOAT_NINE: Final = [(name, "<f4") for name, _ in _NINE]
-_MILLI: Final = {"acc": "mg", "gyr": "mrad/s", "mag": "mgauss"}
-_SI: Final = {"acc": "m/s2", "gyr": "rad/s", "mag": "gauss"}
 
-
-@dataclass(frozen=True)
-class _Kind:
+class _Kind(NamedTuple):
     """A message: name, what its CRC is closed with, layout on the wire (longest fields first), units."""
 
     name: str
     extra: int
     layout: "np.dtype[Any]"
-    units: dict[str, str] = field(default_factory=dict)
+    units: Mapping[str, str]
 
 
-_KINDS: Final = {  # by message number: fields and CRC_EXTRA of `common.xml`
-    0: _Kind("HEARTBEAT", 50, np.dtype([("mode", "<u4"), ("type", "u1"), ("autopilot", "u1"), ("rest", "u1", (3,))])),
-    27: _Kind("RAW_IMU", 144, np.dtype([("us", "<u8"), *_NINE]), _MILLI),
-    30: _Kind("ATTITUDE", 39, np.dtype([("ms", "<u4"), *((name, "<f4") for name in ("roll", "pitch", "yaw", *"pqr"))])),
-    31: _Kind("ATTITUDE_QUATERNION", 246, np.dtype([("ms", "<u4"), ("q", "<f4", (4,)), ("w", "<f4", (3,))])),
-    105: _Kind("HIGHRES_IMU", 93, np.dtype([("us", "<u8"), *_FLOAT_NINE, ("rest", "<f4", (4,)), ("updated", "<u2")]),
-               _SI),
-    **{number: _Kind(name, extra, np.dtype([("ms", "<u4"), *_NINE]), _MILLI) for number, name, extra in (
-        (26, "SCALED_IMU", 170), (116, "SCALED_IMU2", 76), (129, "SCALED_IMU3", 46))},
-}  # fmt: skip
+def _kind(name: str, extra: int, fields: Mapping[str, str], units: Mapping[str, str] = MappingProxyType({})) -> _Kind:
+    """A message, whose field `imu` stands for nine."""
+    nine = [f"{sensor}{axis}" for sensor in ("acc", "gyr", "mag") for axis in "xyz"]
+    listed = [(part, form) for field, form in fields.items() for part in (nine if field == "imu" else [field])]
+    return _Kind(name, extra, np.dtype(listed), units)
+
+
+_KINDS: Final = {int(number): _kind(**of) for number, of in KNOWN_TABLES["mavlink"].items()}
 _ANGLES: Final = ("yaw", "pitch", "roll")
 _PREFERRED: Final = (105, 26, 27, 116, 129)
 _VERSIONS: Final = {0xFE: (6, 3, 5), 0xFD: (10, 5, 7)}  # bytes of a head; where the system is in it, and the message

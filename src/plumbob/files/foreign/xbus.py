@@ -35,6 +35,7 @@ _MTDATA, _MTDATA2 = 0x32, 0x36
 _DEVICE_ID, _CONFIGURATION, _PRODUCT_CODE, _OUTPUT_CONFIGURATION = 0x01, 0x0D, 0x1D, 0xC1
 _MASTER: Final = 0xFF
 _LONG: Final = 0xFF
+_MOST_LAYOUTS: Final = 64  # of a unit's packets: its slower sensors are in some and not in others
 _QUATERNION, _MATRIX, _EULER = 0x2010, 0x2020, 0x2030
 _UTC: Final = 0x1010
 _FRAMES: Final = {0x0: "ENU", 0x4: "NED", 0x8: "NWU"}
@@ -211,38 +212,29 @@ def _groups(messages: _CheckedMessages, bus: int, unit: XbusUnit) -> tuple[list[
 
 
 def _modern(messages: _CheckedMessages, numbers: NDArray[np.int64], notes: list[Note]) -> list[_Group]:
-    """Packets of MTData2, told apart by the heads of their blocks."""
-    groups: list[_Group] = []
-    sizes, lost = messages.sizes[numbers], 0
-    for size in np.unique(sizes).tolist():
-        rest = np.flatnonzero(sizes == size)
-        for _ in range(8):
-            if not rest.size:
-                break
-            blocks, complete = _blocks(messages.body(int(numbers[rest[0]])))
-            same = np.arange(rest.size if complete else 1)
-            if complete:  # those of the packets of this size that have the blocks of the first
-                data, begins = messages.data, messages.begins[numbers[rest]]
-                for place in (at - k for _, at, _ in blocks for k in (3, 2, 1)):
-                    same = same[data[begins[same] + place] == data[begins[0] + place]]
-                groups.append(_Group(rest[same], messages.begins[numbers[rest[same]]], blocks))
-            else:
-                lost += 1
-            rest = np.delete(rest, same)
-        lost += rest.size
-    if lost:
+    """Packets of MTData2, told apart by their sizes and the heads of their blocks."""
+    data, begins, sizes = messages.data, messages.begins[numbers], messages.sizes[numbers]
+    at, heads, walked = begins.copy(), sizes.copy(), np.arange(numbers.size)
+    while (walked := walked[at[walked] + 3 <= (begins + sizes)[walked]]).size:
+        head = data[at[walked, None] + np.arange(3)] @ np.array([1 << 16, 1 << 8, 1])
+        heads[walked] = heads[walked] * 1_000_003 + head
+        at[walked] += 3 + (head & 0xFF)
+    rows = np.flatnonzero(at == begins + sizes)  # of packets that their blocks fill
+    rows = rows[np.argsort(heads[rows], kind="stable")]
+    layouts = np.split(rows, np.flatnonzero(np.diff(heads[rows])) + 1) if rows.size else []
+    layouts = sorted(layouts, key=len, reverse=True)[:_MOST_LAYOUTS]
+    if lost := numbers.size - sum(map(len, layouts)):
         notes.append(warning("reading.damage_blocks", lost=lost))
-    return groups
+    return [_Group(of, begins[of], _blocks(messages.body(int(numbers[of[0]])))) for of in layouts]
 
 
-def _blocks(data: bytes) -> tuple[list[_Block], bool]:
-    """Blocks of a packet of MTData2, and whether they fill it."""
-    blocks: list[_Block] = []
-    at = 0
-    while at + 3 <= len(data) and at + 3 + data[at + 2] <= len(data):
+def _blocks(data: bytes) -> list[_Block]:
+    """Blocks that fill a packet of MTData2."""
+    blocks, at = list[_Block](), 0
+    while at < len(data):
         blocks.append((_uint(data, at, 2), at + 3, data[at + 2]))
         at += 3 + data[at + 2]
-    return blocks, at == len(data)
+    return blocks
 
 
 def _legacy(
