@@ -108,6 +108,7 @@ CLAIMS = {
     "EuRoC, table": (lambda folder, m: euroc(folder, m) / "mav0" / "imu0" / "data.csv", "EuRoC"),
     "x-IMU3, folder": (lambda folder, m: kinds.ximu3_folder(folder / "a", m), "x-IMU3"),
     "x-IMU3, table": (lambda folder, m: kinds.ximu3_folder(folder / "a", m) / "Inertial.csv", "x-IMU3"),
+    "OpenSim": (content("a.sto", lambda _: "DataType=Quaternion\nendheader\ntime a\n0 1,0,0,0\n1 1,0,0,0"), "OpenSim"),
     "echo": (content("a.csv", lambda m: ECHO + "".join(f"{t},{t},.1,.2,.3\n" for t in m.t_ns)), "rostopic echo -p"),
     "text": (content("a.csv", lambda m: kinds.text_of(m)[0]), ""),
     **{head: (content("a.csv", lambda _, head=head: f"{head}\n" + "1,2,3,4\n2,3,4,5\n3,4,5,6\n"), "")

@@ -1,7 +1,7 @@
 """A recording in several files: the members of a zip archive or of a folder, and the tables of numbers in them.
 
-Nothing is unpacked to the disk. What an archive claims is judged before a byte of it is unpacked; links in a folder are
-not followed.
+Nothing is unpacked to the disk, so that a member may have any path. What an archive claims is judged before a byte of
+it is unpacked; links in a folder are not followed.
 """
 
 import csv
@@ -92,9 +92,6 @@ def _archive_members(path: Path) -> dict[str, zipfile.ZipInfo]:
         raise DecodeError(f"the archive has {len(infos)} members, but a recording has {MAX_MEMBERS} at most.")
     members: dict[str, zipfile.ZipInfo] = {}
     for info in infos:
-        place = PurePosixPath(info.filename)
-        if place.is_absolute() or ".." in place.parts or "\\" in info.filename:
-            raise DecodeError(f"the archive has a member {excerpt(info.filename)}, whose path leads out of it.")
         if info.filename in members:
             raise DecodeError(f"the archive has two members {excerpt(info.filename)}; export it again.")
         if info.flag_bits & 1:
