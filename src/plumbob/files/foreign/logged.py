@@ -6,9 +6,9 @@ where there is one, what is known besides, and notes. `SensorLog.recording` conv
 A log that keeps each sensor in a table of its own has no common rows. Rows of all stamps would hold a number of one
 sensor and NaN of the others, and no filter could integrate them. Here the gyroscope's stamps are the rows:
 
-- a stream whose stamps are those of rows, as in one table, has its values there;
-- one of at least half its rate is interpolated linearly between its two neighbours, where these are not farther apart
-  than a gap; one of more than 1.5 times its rate is averaged over each step first, as picking single samples of it
+- a field or a temperature whose stamps are those of rows, as in one table, has its values there;
+- a stream of at least half its rate is interpolated linearly between its two neighbours, where these are not farther
+  apart than a gap; one of more than 1.5 times its rate is averaged over each step first, as picking single samples
   would fold its vibration;
 - a slower stream keeps its own values, each at the row that is nearest in time; the rows between are NaN, which the
   filters take as 'no new value'.
@@ -80,7 +80,7 @@ def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | No
         if not stamps.size:
             notes.append(info("source.no_sample", name=name))
             continue
-        columns[name], how = _resampled(rows, stamps, values)
+        columns[name], how = _resampled(name, rows, stamps, values)
         if how:
             notes.append(info("source.own_stamps", name=name, count=stamps.size, how=how, sensor=lead))
     t0_ns = 0 if epoch_ns is None else int(rows[0]) + epoch_ns
@@ -146,12 +146,12 @@ def _ordered(name: str, stream: Readings, notes: list[Finding]) -> tuple[NDArray
     return line.t_ns, values
 
 
-def _resampled(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> tuple[Floats, str]:
+def _resampled(name: str, rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> tuple[Floats, str]:
     """Values at the rows, and how they came there; nothing where the stamps are the same."""
     if np.array_equal(rows, stamps):
         return values, ""
     place = np.minimum(np.searchsorted(rows, stamps), rows.size - 1)
-    if np.array_equal(rows[place], stamps):
+    if name not in ("gyr", "acc") and np.array_equal(rows[place], stamps):
         sampled = np.full((rows.size, *values.shape[1:]), np.nan)
         sampled[place] = values
         return sampled, "each kept as it is"

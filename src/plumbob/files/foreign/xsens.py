@@ -152,11 +152,13 @@ def _add_streams(log: SensorLog, columns: Columns, stamps: NDArray[np.int64]) ->
         log.notes.append(info("source.columns_empty", kind=kind, columns=_TRIADS[kind][0]))
     if not values:
         raise DecodeError("none of its rates, accelerations and magnetic fields is a number; export it again.")
+    there = {kind: np.isfinite(samples).any(axis=1) for kind, samples in values.items()}
+    lead = there["gyr"] if "gyr" in there else np.ones(stamps.size, dtype=bool)
     if "Temperature" in columns and np.isfinite(columns["Temperature"]).any():
-        values["temp_c"] = columns["Temperature"]
+        values["temp_c"], there["temp_c"] = columns["Temperature"], np.isfinite(columns["Temperature"])
     for kind, samples in values.items():
-        valid = np.isfinite(samples.reshape(stamps.size, -1)).any(axis=1)
-        log.add(kind, stamps, samples, "relative" if kind == "mag" else "", valid=valid)
+        unit, mask = "relative" if kind == "mag" else "", there[kind]
+        log.add(kind, stamps, samples, unit, valid=lead if not (mask & ~lead).any() else mask)
     if "mag" in values:
         log.notes.append(RELATIVE_NOTE)
 
