@@ -73,10 +73,8 @@ def stops_card(seed: int, rest: Any) -> Any:
 
 def at_once(imu: Any) -> Any:
     """Samples whose axes are of one time: each is looked up so much later as its sheet says that it comes late."""
-    pairs = zip(np.asarray(imu.gyr).T, LATE, strict=True)
-    return imu.corrected(
-        meta=imu.meta, gyr=np.stack([np.interp(imu.t + late, imu.t, of) for of, late in pairs], axis=1)
-    )
+    rates = [np.interp(imu.t + late, imu.t, of) for of, late in zip(np.asarray(imu.gyr).T, LATE, strict=True)]
+    return imu.corrected(meta=imu.meta, gyr=np.stack(rates, axis=1))
 
 
 def drawn_swim(seed: int, duration: float) -> tuple[Any, Any, Any, Any]:
@@ -401,10 +399,11 @@ def regimes_part(study: Study, runs: int) -> None:
             scores.setdefault(name, {})[letter] = figures
     line, best = scores["lines"], scores["likelihood"]
     study.rows({
-        **{f"three.{letter}.bias": (abs(line[letter][0]), abs(best[letter][0])) for letter in "QNB"},
+        **{f"three.{letter}.bias": (abs(line[letter][0]), abs(best[letter][0])) for letter in "QN"},
         **{f"three.{letter}.cover": (line[letter][2], best[letter][2]) for letter in "QNB"},
         "three.B.scatter": (line["B"][1], best["B"][1]),
-    }, runs=runs, sd=best["B"][1] / math.sqrt(len(analyses)))  # fmt: skip
+    }, runs=runs, sd=(sd := best["B"][1] / math.sqrt(len(analyses))))  # fmt: skip
+    study.rows({"three.B.bias": (abs(line["B"][0]), abs(best["B"][0]))}, runs=runs, sd=sd, error=sd)
     cells = {name: [" / ".join(f"{of[letter][k]:.2f}" for letter in "QNB") for k in range(4)]
              for name, of in scores.items()}  # fmt: skip
     study.table("estimators_on_records", cells, runs=runs)
