@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     from plumbob.filters.smoother import FixedLag
     from plumbob.fleet.batch import BatchRun, batch
     from plumbob.fleet.experiments.tuning import tune
+    from plumbob.fleet.waves import waves
     from plumbob.live.emulated import emulate
     from plumbob.live.listen import profile
     from plumbob.live.record import record
@@ -122,7 +123,7 @@ _HOME = {
     "record": "live.record", "register": "core.extensions", "repair": "files.mcap", "report": "reporting.overview",
     "reproduce": "papers.reproduce", "replay": "live.replay", "send": "door.send", "simulate": "simulation",
     "simulate_chain": "simulation", "tune": "fleet.experiments.tuning", "verify": "files.mcap", "view": "viewer.view",
-    "write": "files",
+    "waves": "fleet.waves", "write": "files",
 }  # fmt: skip
 
 __all__ = [
@@ -196,6 +197,7 @@ __all__ = [
     "units",
     "verify",
     "view",
+    "waves",
     "write",
 ]
 

@@ -146,6 +146,16 @@ def test_a_delay_is_found(by, push):
     assert delay.delay == pytest.approx(by, abs=max(3.0 * delay.sd, 1e-3))
 
 
+@pytest.mark.parametrize(("tilt", "damping", "way", "period"), [
+    (3.0, 0.4, 2.2, "8 s"), (0.0, 0.4, 2.2, "4 s"), (1.5, 0.1, 2.2, "8 s"), (1.5, 0.4, 0.0, "4 s"),
+    (6.0, 0.1, 0.0, "8 s"),
+])  # fmt: skip
+def test_no_delay_is_claimed_of_a_buoy_whose_way_goes_with_its_tilt(tilt, damping, way, period):
+    hull = {"tilt_period": tilt, "tilt_damping": damping, "way_period": way, "period": period}
+    made = simulate("buoy", frame="NED", unit="calibrated", seed=3, rate=10.0, duration=600.0, **hull)
+    assert not gyr_delay(made.imu).found
+
+
 def test_no_delay_is_none_nor_is_there_one_of_forces_that_have_nothing_to_do_with_the_rates():
     delay = gyr_delay(late(0.0, push=0.5))
     assert not delay.found and abs(delay.delay) < 3.0 * delay.sd

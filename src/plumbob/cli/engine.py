@@ -40,7 +40,8 @@ SHORT: Final = {  # what stands for a value, by parameter; else by type
     "duration": "T", "tilt_limit": "ANGLE", "declination": "ANGLE", "mount_error": "ANGLE", "high_pass": "HZ",
     "temp_c": "T", "options": "NAME=VALUE", "speed": "K", "device": "ID", "clock_error": "E", "sensors": "A+B",
     "fault_log": "FILE", "path": "FILE", "scale": "LSB", "answers": "KEY=VALUE", "rates": "R,…",
-    "data": "FILE", "between": "A..B", "against": "NAME", "smooth": "T", "still": "ANGLE", "dwell": "T",
+    "data": "FILE", "low": "HZ", "high": "HZ", "response": "CSV",
+    "between": "A..B", "against": "NAME", "smooth": "T", "still": "ANGLE", "dwell": "T",
 }  # fmt: skip
 HELP: Final = {  # what the words of a command line say in a way of their own
     "overwrite": "replace files that exist already; never an input",

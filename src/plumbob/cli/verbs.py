@@ -172,7 +172,7 @@ START: Final = {
     "run": Verb(
         "estimate the attitude of a recording",
         "choose-a-filter.md", "plumbob run sea.parquet --out track.parquet", "estimate", run="run",
-        named=("filter",), outputs=("out", "card", "report", "acceleration"), exclusive=_ESTIMATE,
+        named=("filter",), outputs=("out", "card", "report", "acceleration", "heave"), exclusive=_ESTIMATE,
         writes={
             "out": ("written", None), "report": ("page", None),
             "card": ("card", lambda estimate, path, args: save(estimate.card(), path, args)),
@@ -180,14 +180,16 @@ START: Final = {
                 "acceleration",
                 lambda run, path, args: save(run.acceleration(noise=getattr(args, "noise", None)), path, args),
             ),
+            "heave": ("heave", lambda run, path, args: save(run.acceleration().displacement(), path, args)),
         },
-        ends={"report": (".html", ".htm"), "acceleration": (".csv", ".parquet")},
+        ends={"report": (".html", ".htm"), "acceleration": (".csv", ".parquet"), "heave": (".csv", ".parquet")},
         more={
             "drift": ("MODEL", "subtracted before a filter of rates: chen2013, the trackball paper's figures"),
             "rest": ("A..B", "before a filter of rates: take the mean of this stretch off, as 0s..100s"),
             "card": ("FILE", "where to write the card with what was found of the gyroscope"),
             "report": ("HTML", "also write a page about it, as 'plumbob report' does, of this estimate"),
             "acceleration": ("FILE", "also write the acceleration without gravity in earth axes, with its deviation"),
+            "heave": ("FILE", "also write the way of what floats, up and level, in waves of 1 to 20 s"),
         },
         note="A filter of rates (scalar, two_state, moving_average) gives no attitude: --out is then the recording "
         "with its rates filtered.",
@@ -201,7 +203,8 @@ START: Final = {
         apart={"figure": ("pdf", "json")},
         more={
             "figure": ("NAME", "draw this figure alone into --out, a .svg, .pdf or .png: angles, tilt, rates, forces, "
-                     "field, temperature, bias, sd, spectrum, rose, bursts or flags"),
+                     "field, temperature, bias, sd, spectrum, rose, bursts, flags; of what floats waves, "
+                     "wavespectrum or waverose"),
         },
         note="plumbob report sea.parquet --figure spectrum --width 85mm --out spectrum.pdf draws one figure.",
     ),
@@ -245,6 +248,12 @@ START: Final = {
         "  plumbob allan a.parquet b.parquet c.parquet --plot units.pdf    units beside each other\n"
         "  plumbob allan raw.txt filtered.txt --rate 10Hz --scale '1 deg/s'    before and after a filter\n"
         "  plumbob allan rest.parquet rest.parquet --calibration none card.json    before and after a card",
+    ),
+    "waves": Verb(
+        "height, period and direction of waves by burst, of something that floats, as NetCDF, CSV or Parquet",
+        "waves.md", "plumbob waves sea.parquet --out waves.nc", run="batch",
+        ends={"out": (".nc", ".csv", ".parquet")},
+        more={"high": ("HZ", "highest frequency of waves that count (default 1 Hz)")},
     ),
     "batch": Verb(
         "estimate the attitude of many recordings: one dataset, and a table of verdicts",

@@ -3,12 +3,17 @@
 A fixed direction f seen from a body that turns with ω changes by ``df/dt = −ω × f``. Both sides are averaged to get rid
 of noise and shocks, rid of what is slow, as a bias is, and correlated over a grid of delays. What the body accelerates
 by disturbs the left side; parts of the recording, each left out once, show by how much.
+
+On waves the body's way goes with its tilt, which looks like a delay but for two things: a delay is the same for slow
+and for quick turns, and slow ones are told better, because a hand accelerates by the less the slower it turns.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.data.imu import ImuData
@@ -24,6 +29,8 @@ MOST: Final = 30_000  # Steps that are looked at: the first ten minutes
 ENOUGH: Final = 0.6  # with less it may come from what the body accelerates by: below 0.4 it did in 3 of 73 recordings
 CERTAIN: Final = 5.0  # A delay of fewer standard deviations may be none,
 LEAST: Final = 0.01  # and a smaller one, s, does not matter
+SPLITS: Final = range(11, SLOW + 1, 10)  # steps over which slow turns are means; the one that halves the power is taken
+SAME: Final = 3.0  # standard deviations by which the delays of slow and quick turns may differ
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +41,19 @@ class Delay:
     delay: float
     sd: float
     correlation: float  # of what both say at that delay, 0 to 1
+    is_inside: bool = True  # whether the correlation falls on both sides of it
+    slow: "Delay | None" = None  # of slow turns alone
+    quick: "Delay | None" = None  # of quick ones
 
     @property
     def found(self) -> bool:
         """Whether there is a delay beyond doubt."""
-        return self.correlation >= ENOUGH and abs(self.delay) > max(LEAST, CERTAIN * self.sd)
+        if not self.is_inside or self.correlation < ENOUGH or abs(self.delay) <= max(LEAST, CERTAIN * self.sd):
+            return False
+        if self.slow is None or self.quick is None:
+            return True
+        apart = SAME * math.hypot(self.slow.sd, self.quick.sd)
+        return self.slow.correlation >= self.quick.correlation and abs(self.slow.delay - self.quick.delay) <= apart
 
 
 def gyr_delay(imu: ImuData) -> Delay | None:
@@ -61,19 +76,31 @@ def gyr_delay(imu: ImuData) -> Delay | None:
     rows = np.flatnonzero(quiet)
     if rows.size < FEWEST:
         return None
-    jerk, parts = _band(jerk)[rows], np.linspace(0, rows.size, BLOCKS, endpoint=False).astype(np.intp)
-    product, power = np.empty((2 * REACH + 1, BLOCKS)), np.empty((2 * REACH + 1, BLOCKS))
-    for i in range(2 * REACH + 1):
-        said = _band(-np.cross(np.roll(rate, REACH - i, axis=0), force))[rows]
-        product[i] = np.add.reduceat(np.sum(jerk * said, axis=1), parts)
-        power[i] = np.add.reduceat(np.sum(said * said, axis=1), parts)
+    jerk, said = _band(jerk), [_band(-np.cross(np.roll(rate, REACH - i, axis=0), force)) for i in range(2 * REACH + 1)]
+    power = np.sum(said[REACH][rows] ** 2)
+    slow = {count: _mean(said[REACH], count) for count in SPLITS}
+    count = min(SPLITS, key=lambda count: abs(np.sum(slow[count][rows] ** 2) - 0.5 * power))
+    means, mean = [_mean(part, count) for part in said], _mean(jerk, count)
+    quick = [part - part_mean for part, part_mean in zip(said, means, strict=True)]
+    parts = _delay(jerk, said, rows), _delay(mean, means, rows), _delay(jerk - mean, quick, rows)
+    return replace(parts[0], slow=parts[1], quick=parts[2])
+
+
+def _delay(jerk: Floats, said: list[Floats], rows: NDArray[np.intp]) -> Delay:
+    """Delay between what turns and what the rates say at each shift, by the rows that count."""
+    jerk, parts = jerk[rows], np.linspace(0, rows.size, BLOCKS, endpoint=False).astype(np.intp)
+    product, power = np.empty((len(said), BLOCKS)), np.empty((len(said), BLOCKS))
+    for i, shifted in enumerate(said):
+        product[i] = np.add.reduceat(np.sum(jerk * shifted[rows], axis=1), parts)
+        power[i] = np.add.reduceat(np.sum(shifted[rows] ** 2, axis=1), parts)
     size = np.add.reduceat(np.sum(jerk * jerk, axis=1), parts)
     delay, correlation = _peak(product.sum(axis=1), power.sum(axis=1), float(size.sum()))
     without = [  # of each part in turn
         _peak(product[:, others].sum(axis=1), power[:, others].sum(axis=1), float(size[others].sum()))[0]
         for others in ~np.eye(BLOCKS, dtype=bool)
     ]
-    return Delay(delay, float(np.sqrt((BLOCKS - 1) * np.var(without))), correlation)
+    is_inside = abs(delay) < (REACH - 1) * STEP
+    return Delay(delay, float(np.sqrt((BLOCKS - 1) * np.var(without))), correlation, is_inside)
 
 
 def _peak(product: Floats, power: Floats, size: float) -> tuple[float, float]:

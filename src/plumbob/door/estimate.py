@@ -21,7 +21,7 @@ from plumbob.core.findings import Finding, as_json, info, lasting, warning, warn
 from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.time import timing
-from plumbob.core.units import to_deg
+from plumbob.core.units import Quantity, given, to_deg
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.earth_field import located, unlike
 from plumbob.data.plausibility import upside_down
@@ -206,11 +206,53 @@ class EarthAcceleration(Series):
             columns |= {f"{name}_sd [m/s2]": self.sd_n[:, i] for i, name in enumerate(names)}
         return columns
 
+    def displacement(self, *, low: float | str = "0.05 Hz", high: float | str = "1 Hz") -> "EarthDisplacement":
+        """Way about its mean in these frequencies, of what floats: heave, and the level ways with the waves.
+
+        NaN beside holes, and for half of the longest period at both ends, where what came before is not known.
+        """
+        from plumbob.quality.waves import displacement
+
+        first, last = given("low", low, Quantity.FREQUENCY), given("high", high, Quantity.FREQUENCY)
+        if first is None or last is None or not 0.0 < first < last:
+            raise ParameterError(
+                f"a way needs frequencies from a low one above 0 to a higher one, not {low} to {high}."
+            )
+        return EarthDisplacement(
+            self.t, displacement(self.t, self.acc_n, step=1.0 / timing(self.t).rate, low=first, high=last), self.frame
+        )
+
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the columns as ``.csv`` or ``.parquet``; errors as of `plumbob.files.arrow.write_table`."""
-        from plumbob.files.arrow import write_table
+        _save_columns(self, path, overwrite)
 
-        write_table(Path(path), self.columns(), overwrite=overwrite)
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EarthDisplacement(Series):
+    """Way `way_n` (N, 3), m, at times `t` (N,), s, along the axes of `frame`; NaN where it is not known."""
+
+    t: Floats
+    way_n: Floats
+    frame: Frame
+
+    def facts(self) -> Mapping[str, str]:
+        """How many samples are known, and the axes."""
+        return {"samples": str(np.count_nonzero(np.isfinite(self.way_n[:, 2]))), "frame": str(self.frame)}
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Times, and ways by the directions in which they are positive."""
+        names = [f"way_{_DIRECTIONS[letter]} [m]" for letter in str(self.frame)]
+        return {"t [s]": self.t} | dict(zip(names, self.way_n.T, strict=True))
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the columns as ``.csv`` or ``.parquet``; errors as of `plumbob.files.arrow.write_table`."""
+        _save_columns(self, path, overwrite)
+
+
+def _save_columns(series: Series, path: str | Path, overwrite: bool) -> None:
+    from plumbob.files.arrow import write_table
+
+    write_table(Path(path), series.columns(), overwrite=overwrite)
 
 
 _DIRECTIONS: Final = {"E": "east", "N": "north", "U": "up", "D": "down", "W": "west"}  # letters of a frame's name

@@ -21,6 +21,7 @@ from plumbob.fleet.items import JOBS, Item, Source, batch_items
 from plumbob.fleet.job import COLUMNS, VERDICTS, BatchSettings, JobOutcome
 from plumbob.fleet.places import Place, as_place, is_url
 from plumbob.fleet.workers import outcomes
+from plumbob.quality.waves import WaveSettings
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
@@ -114,6 +115,7 @@ def batch(
     align: Iterable[str] = (),
     settle: float | str = 0.0,
     pages: bool = False,
+    waves: bool | WaveSettings = False,
     jobs: int | None = None,
     cluster: str | None = None,
     max_bytes: int = 4 << 30,
@@ -142,6 +144,9 @@ def batch(
         As of `plumbob.evaluate`, where a recording carries a reference.
     pages : bool
         Whether a page of each recording is written, as `plumbob.report` does.
+    waves : bool
+        Whether sea states are computed, of recordings of something that floats: `plumbob.waves` of the dataset has them
+        all, the table of verdicts those of the highest burst.
     jobs : int, optional
         Processes; by default one for each processor that this one may use, as far as there is memory. Each takes about
         260 MiB, and 440 with recordings of a quarter of an hour. One recording alone, or with 1 all of them, are done
@@ -184,6 +189,7 @@ def batch(
         cards=load_cards(calibration), noise=given_noise(noise),
         burst=_si("burst", burst, Quantity.TIME), tilt_limit=_si("tilt_limit", tilt_limit, Quantity.ANGLE),
         align=tuple(align), settle=_si("settle", settle, Quantity.TIME), pages=pages, max_bytes=max_bytes,
+        waves=(WaveSettings() if waves else None) if isinstance(waves, bool) else waves,
     )  # fmt: skip
     dataset, workers = _dataset(out), _workers(jobs, cluster)
     items, total = _listed(sources, say)

@@ -27,6 +27,7 @@ from plumbob.overview.report_entry import Subject, opened, subject_from
 from plumbob.overview.streaming_stats import BURST
 from plumbob.quality import quality
 from plumbob.quality.tilt import LIMIT
+from plumbob.quality.waves import WaveSettings
 from plumbob.reporting.overview import Overview, make_gatherer
 from plumbob.rotations import Frame
 
@@ -45,6 +46,8 @@ COLUMNS: Final[Mapping[str, type]] = {  # of the table of verdicts, with what th
     "pitch_mean_deg": float, "pitch_std_deg": float, "pitch_significant_deg": float, "pitch_tz_s": float,
     "inclination_mean_deg": float, "inclination_greatest_deg": float, "inclination_beyond_share": float,
     "heading_mean_deg": float, "heading_spread_deg": float,
+    "hm0_m": float, "tp_s": float, "tm02_s": float, "wave_direction_deg": float, "wave_spread_deg": float,
+    "wave_flag": int,
     "total_rmse_deg": float, "heading_rmse_deg": float, "inclination_rmse_deg": float, "not_scored": str,
     "frame": str, "north": str, "filter": str, "calibration": str, "remarks": str,
     "seconds": float, "input_sha256": str, "settings_sha256": str, "part_sha256": str, "software": str,
@@ -67,6 +70,7 @@ class BatchSettings:
     align: tuple[str, ...] = ()
     settle: float = 0.0
     pages: bool = False
+    waves: WaveSettings | None = None
     max_bytes: int = 4 << 30
     software: str = __version__  # version of the program that must do it
 
@@ -189,7 +193,7 @@ def _before(place: Place, key: str, row: Mapping[str, Any]) -> Mapping[str, Any]
 
 def _worked(settings: BatchSettings, item: Item, given: Path | Recording) -> tuple[dict[str, Any], _JobResult]:
     """Estimate and judge: numbers of the row, and what is written."""
-    gatherer = make_gatherer(burst=settings.burst, tilt_limit=settings.tilt_limit)
+    gatherer = make_gatherer(burst=settings.burst, tilt_limit=settings.tilt_limit, waves=settings.waves)
     with opened(given, settings.how, whole=True) as (recording, paths, session):
         if recording.imu is None:
             raise errors.ShapeError("it holds an attitude but no sensor data, so there is nothing to estimate from.")
@@ -222,6 +226,7 @@ def _row(statistics: Mapping[str, Any], subject: Subject, device: str) -> dict[s
     """Numbers of the table of verdicts: those of the report, under the names of its columns."""
     times, parts = statistics["time"], {**statistics["tilt"], "heading": statistics["heading"]}
     named = {f"{stem}_{name}": value for stem, numbers in parts.items() for name, value in numbers.items()}
+    named |= _highest_waves(statistics)
     worst: dict[str, int] = {}
     for burst in statistics["bursts"]:
         for channel, judged in burst["quality"].items():
@@ -233,6 +238,16 @@ def _row(statistics: Mapping[str, Any], subject: Subject, device: str) -> dict[s
         "grade": quality.MEANING[max(worst.values(), key=_WORST.index, default=quality.MISSING)],
         "grades": ", ".join(f"{name} {quality.MEANING[flag]}" for name, flag in worst.items()),
     }  # fmt: skip
+
+
+def _highest_waves(statistics: Mapping[str, Any]) -> dict[str, Any]:
+    """Waves of the burst that had the highest."""
+    seas = [burst["waves"] for burst in statistics["bursts"] if "waves" in burst]
+    sea = max(seas, key=lambda sea: sea["hm0_m"] or 0.0, default=None)
+    if sea is None:
+        return {}
+    return {"hm0_m": sea["hm0_m"], "tp_s": sea["tp_s"], "tm02_s": sea["tm02_s"], "wave_flag": sea["flag"],
+            "wave_direction_deg": sea["direction_deg"], "wave_spread_deg": sea["spread_deg"]}  # fmt: skip
 
 
 def _written(place: Place, item: Item, row: dict[str, Any], made: _JobResult | None, began: float) -> JobOutcome:

@@ -408,4 +408,5 @@ def _burst(subject: Subject, burst: Burst) -> dict[str, Any]:
             name: {"flag": verdict.flag, "tests": dict(verdict.tests), "good_share": verdict.good}
             for name, verdict in burst.verdicts.items()
         },
+        **({} if burst.waves is None else {"waves": burst.waves.summary()}),
     }  # fmt: skip

@@ -21,10 +21,13 @@ from plumbob.core.errors import ShapeError
 from plumbob.core.time import to_ns, usual_step
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.cards.residuals import Half
+from plumbob.filters.settling import error_sensitivity, residual_covariance
 from plumbob.quality import quality
 from plumbob.quality.spectra import Spectra, peak_period, segment_length, welch
 from plumbob.quality.tilt import LIMIT, Headings, Inclination, TiltMotion, TiltStatistics
-from plumbob.rotations import euler_zyx_from_quat, quat_rotate
+from plumbob.quality.waves import SeaState, WaveSettings, sea_state
+from plumbob.rotations import North, dcm_from_quat, euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.frames import euler_sd, heading_of
 
 WHOLE: Final = 400_000  # up to so many samples every one is kept: an hour at 100 Hz has 360 000
@@ -142,8 +145,8 @@ SHOWN_SCALE: Final = {
     for name in (*TRACED, *SPECTRAL)
 }
 _RUNS: Final = 4_000
-_ROW: Final = np.dtype(  # rate: of the heading; vertical: acceleration without gravity; SI and rad
-    [("t", float), ("traced", float, len(TRACED)), ("rate", float), ("vertical", float), ("words", np.uint32)],
+_ROW: Final = np.dtype(  # rate: of the heading; enu: acceleration without gravity east, north and up; SI and rad
+    [("t", float), ("traced", float, len(TRACED)), ("rate", float), ("enu", float, 3), ("words", np.uint32)],
     align=True,
 )
 Rows = NDArray[np.void]  # of `_ROW`
@@ -212,6 +215,7 @@ class Burst:
     tilt: TiltStatistics  # roll, pitch and inclination
     headings: Headings
     verdicts: Mapping[str, quality.BurstVerdict]  # quality of each channel
+    waves: SeaState | None = None  # None where nobody asked
 
 
 @dataclass(eq=False)
@@ -250,9 +254,12 @@ class Gatherer:
     limit: float = LIMIT  # an inclination above it counts as large, rad
     most: int = WHOLE  # up to so many samples every one is kept
     window: tuple[float, float] = (-math.inf, math.inf)  # samples in it count, s
+    waves: WaveSettings | None = None  # how waves are computed, where the body floats
     _held: list[Rows] = field(default_factory=list, init=False)  # rows of the burst that is not over
     _spectra: list[Spectra] = field(default_factory=list, init=False)
     _attitude: bool = field(default=False, init=False)
+    _scale_sd: float | None = field(default=None, init=False)  # of the vertical acceleration, by the calibration
+    _is_north: bool = field(default=False, init=False)  # whether headings count from North
     _number: int = field(default=0, init=False)
     _last: tuple[float, float] | None = field(default=None, init=False)  # time and heading of the last sample
 
@@ -273,6 +280,7 @@ class Gatherer:
         begin, end = float(inside[0]), float(inside[-1])
         self._gathered = Gathered(begin, end, end - begin, step, triads, self.burst)
         length = end - begin + step
+        self._scale_cov = samples.meta.left[0] if isinstance(samples, ImuData) else ()
         self._count = max(1, round(length / self.burst))  # a rest of less than half a burst is the last one's
         self._segment = segment_length(min(self.burst, length))
         self._tracing = Tracing(TRACED, int(high - low), most=self.most, circular=("roll", "heading"))
@@ -283,7 +291,13 @@ class Gatherer:
         part = part[(part["t"] >= self.window[0]) & (part["t"] <= self.window[1])]
         if not part.size:
             return
-        self._attitude |= track is not None
+        if track is not None:
+            self._attitude = True
+            if self._scale_sd is None:
+                self._scale_sd, self._is_north = (
+                    vertical_scale_sd(track, self._scale_cov),
+                    track.north is not North.FREE,
+                )
         t, traced, words = part["t"], part["traced"], part["words"]
         heading = traced[:, TRACED.index("heading")]
         since, before = (t[0] - g.step, heading[0]) if self._last is None else self._last
@@ -353,7 +367,8 @@ class Gatherer:
         part, self._held, g = np.concatenate(self._held), [], self._gathered
         begin = g.begin + self._number * self.burst
         end = g.end + g.step if self._number == self._count - 1 else begin + self.burst
-        t, traced, vertical = part["t"], part["traced"], part["vertical"]
+        t, traced, enu = part["t"], part["traced"], part["enu"]
+        vertical = enu[:, 2]
         roll, pitch, heading, tilt = traced[:, : TRACED.index("tilt") + 1].T
         spectral = np.stack((roll, pitch, part["rate"], vertical), axis=1)
         spectra = welch(t, spectral, step=g.step, segment=self._segment, turns=(0, 1))
@@ -370,7 +385,15 @@ class Gatherer:
             )
             for name, names in columns.items()
         }  # fmt: skip
-        g.bursts.append(Burst(begin, end, part.size, stats, Headings.of(heading), verdicts))
+        waves = None
+        if self.waves is not None and self._attitude:
+            claimed = traced[:, TRACED.index("heading_sd")]
+            heading_sd = float(np.nanmean(claimed)) if np.isfinite(claimed).any() else 0.0
+            waves = sea_state(
+                t, enu, step=g.step, segment=self._segment, settings=self.waves, scale_sd=self._scale_sd or 0.0,
+                heading_sd=heading_sd if self._is_north else math.nan,
+            )  # fmt: skip
+        g.bursts.append(Burst(begin, end, part.size, stats, Headings.of(heading), verdicts, waves))
 
 
 def channel_rows(imu: ImuData | None, track: AttitudeTrack | None) -> Rows:
@@ -378,7 +401,8 @@ def channel_rows(imu: ImuData | None, track: AttitudeTrack | None) -> Rows:
     source: Any = track if imu is None else imu
     rows = np.zeros(len(source), _ROW)
     rows["t"], traced, words = source.t, rows["traced"], rows["words"]
-    traced[:] = rows["rate"][:] = rows["vertical"][:] = np.nan
+    traced[:] = rows["rate"][:] = np.nan
+    rows["enu"][:] = np.nan
     if imu is not None:
         words |= imu.flags
         for name in imu.triads:
@@ -399,5 +423,18 @@ def channel_rows(imu: ImuData | None, track: AttitudeTrack | None) -> Rows:
         for name, values in channels.items():
             traced[:, TRACED.index(name)] = values
         if imu is not None and "acc" in imu.triads:
-            rows["vertical"] = quat_rotate(track.q_nb, imu.usable("acc")) @ track.frame.up - G0
+            east, north, up = track.frame.east, track.frame.north, track.frame.up
+            rows["enu"] = quat_rotate(track.q_nb, imu.usable("acc")) @ np.stack((east, north, up), axis=1)
+            rows["enu"][:, 2] -= G0
     return rows
+
+
+def vertical_scale_sd(track: AttitudeTrack, half: Half) -> float:
+    """Standard deviation of the vertical acceleration's scale, as the body first stood.
+
+    `half` is the upper half of the covariance of what the calibration leaves of the accelerometer.
+    """
+    up = np.asarray(track.frame.up)
+    sensitivity = error_sensitivity(dcm_from_quat(track.q_nb[:1]), up[np.newaxis])
+    sensitivity[:, :, :3] = 0.0  # an offset is none of the waves'
+    return math.sqrt(float(up @ residual_covariance(sensitivity, half)[0] @ up))

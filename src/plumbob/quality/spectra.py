@@ -5,6 +5,7 @@ window and transformed; the density is one-sided, and its integral over frequenc
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Self
 
@@ -17,6 +18,7 @@ from plumbob.core.time import GAP_FACTOR
 SEGMENT: Final = 256.0  # Length of a segment at most, s: the waves of a sea stand in steps of 0.004 Hz
 FEWEST: Final = 4  # A stretch is cut in so many segments at least, so that a density is a mean of several
 LEAST: Final = 16  # Samples of a segment at least
+SHARED: Final = 1.0 / 36.0  # [Welch1967]: squared correlation of Hann windows that share half of their samples
 UNEVEN: Final = 0.25  # Samples that depart from even times by more than this part of a step are interpolated
 
 
@@ -75,31 +77,84 @@ def welch(
     turns : tuple of int
         Channels that are angles, rad, which go on through ±180°.
     """
-    from scipy.fft import rfft
-
-    duration = float(t[-1] - t[0]) if t.size > 1 else 0.0
-    if step is None:
-        step = float(np.median(np.diff(t))) if t.size > 1 else 1.0
-    length = max(LEAST, round((segment_length(duration) if segment is None else segment) / step))
-    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
-    frequency = np.arange(1, length // 2 + 1) / (length * step)
-    total = np.zeros((frequency.size, values.shape[1]))
+    segmented = _Segmented.cut(t, step, segment)
+    total = np.zeros((segmented.frequency.size, values.shape[1]))
     segments = np.zeros(values.shape[1], dtype=np.int64)
-    uneven = 0
     for channel in range(values.shape[1]):
-        for start in _starts(t, values[:, channel], length, step):
-            samples, at = values[start : start + length, channel], t[start : start + length]
-            samples = np.unwrap(samples) if channel in turns else samples
-            grid = at[0] + (at[-1] - at[0]) / (length - 1) * np.arange(length)
-            if np.max(np.abs(at - grid)) > UNEVEN * step:
-                samples, uneven = np.interp(grid, at, samples), uneven + 1
-            power = np.abs(rfft((samples - np.mean(samples)) * window)) ** 2 * (2.0 * step / np.sum(window**2))
-            if length % 2 == 0:
-                power[-1] *= 0.5  # half the rate has no partner
-            total[:, channel] += power[1:]
+        column = values[:, channel : channel + 1]
+        for transform in segmented.transforms(t, column, unwrapped=channel in turns):
+            total[:, channel] += np.abs(transform[:, 0]) ** 2
             segments[channel] += 1
     density = np.divide(total, segments, out=np.full_like(total, np.nan), where=segments > 0)
-    return Spectra(frequency, density, segments, step, length, uneven)
+    return Spectra(segmented.frequency, density, segments, segmented.step, segmented.length, segmented.uneven)
+
+
+@dataclass(frozen=True, eq=False)
+class CrossSpectra:
+    """Densities of channels with each other."""
+
+    frequency: Floats  # (F,), Hz
+    density: NDArray[np.complex128]  # (F, C, C), mean of conj(X_i) X_j, one-sided, unit²/Hz; NaN without a segment
+    segments: int  # how many were averaged
+    freedom: float  # degrees of freedom of each density [Welch1967]
+    effective: (
+        float  # time that an integral over frequency is a mean of, s: less than that of the samples, by the taper
+    )
+
+
+def cross_spectra(t: Floats, values: Floats, *, step: float, segment: float) -> CrossSpectra:
+    """Spectra of channels (N, C) with each other, by segments in which all are known; otherwise as of `welch`."""
+    segmented = _Segmented.cut(t, step, segment)
+    total = np.zeros((segmented.frequency.size, values.shape[1], values.shape[1]), dtype=np.complex128)
+    count, length, weight = 0, segmented.length, np.zeros(t.size)
+    starts = _starts(t, values.sum(axis=1), length, segmented.step)
+    for start, transform in zip(starts, segmented.transforms(t, values), strict=True):
+        total += transform.conj()[:, :, np.newaxis] * transform[:, np.newaxis, :]
+        weight[start : start + length] += segmented.window**2
+        count += 1
+    if not count:
+        return CrossSpectra(segmented.frequency, np.full_like(total, np.nan), 0, 0.0, 0.0)
+    halves = np.count_nonzero(np.diff(starts) == max(1, length // 2))  # of neighbours that share half of their samples
+    freedom = 2.0 * count / (1.0 + 2.0 * halves / count * SHARED)
+    effective = float(np.sum(weight) ** 2 / np.sum(weight**2) * segmented.step)
+    return CrossSpectra(segmented.frequency, total / count, count, freedom, effective)
+
+
+@dataclass(eq=False)
+class _Segmented:
+    """How a record is cut into segments, and their transforms."""
+
+    step: float
+    length: int
+    window: Floats
+    frequency: Floats
+    uneven: int = 0
+
+    @classmethod
+    def cut(cls, t: Floats, step: float | None, segment: float | None) -> Self:
+        duration = float(t[-1] - t[0]) if t.size > 1 else 0.0
+        if step is None:
+            step = float(np.median(np.diff(t))) if t.size > 1 else 1.0
+        length = max(LEAST, round((segment_length(duration) if segment is None else segment) / step))
+        window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
+        return cls(step, length, window, np.arange(1, length // 2 + 1) / (length * step))
+
+    def transforms(self, t: Floats, values: Floats, *, unwrapped: bool = False) -> Iterator[NDArray[np.complex128]]:
+        """Of each segment of channels (N, C), (F, C), so that squares are densities; those of angles `unwrapped`."""
+        from scipy.fft import rfft
+
+        for start in _starts(t, values.sum(axis=1), self.length, self.step):
+            samples, at = values[start : start + self.length], t[start : start + self.length]
+            samples = np.unwrap(samples, axis=0) if unwrapped else samples
+            grid = at[0] + (at[-1] - at[0]) / (self.length - 1) * np.arange(self.length)
+            if np.max(np.abs(at - grid)) > UNEVEN * self.step:
+                samples = np.stack([np.interp(grid, at, column) for column in samples.T], axis=1)
+                self.uneven += 1
+            tapered = (samples - np.mean(samples, axis=0)) * self.window[:, np.newaxis]
+            transform = rfft(tapered, axis=0)[1:] * math.sqrt(2.0 * self.step / np.sum(self.window**2))
+            if self.length % 2 == 0:
+                transform[-1] *= math.sqrt(0.5)  # half the rate has no partner
+            yield np.asarray(transform, dtype=np.complex128)
 
 
 def _starts(t: Floats, values: Floats, length: int, step: float) -> list[int]:

@@ -27,6 +27,7 @@ from plumbob.overview.report_entry import Progress, Subject, duration, read_subj
 from plumbob.overview.streaming_stats import WHOLE, Gatherer
 from plumbob.quality import quality
 from plumbob.quality.grade import grade
+from plumbob.quality.waves import WaveSettings
 from plumbob.reporting import overview_tables as tables
 from plumbob.reporting.content import Figure, said
 from plumbob.reporting.drawing import inches, picture, picture_kind
@@ -50,6 +51,7 @@ _SECTIONS: Final = {  # of a recording, and the tables, plots and others that st
     "Tilt and heading": ("motion", "inclination", "rose"),
     "Attitude": ("hint", "roll", "pitch", "heading", "tilt"),
     "Spectra": ("angles", "heading rate", "vertical acceleration"),
+    "Waves": ("wave spectrum", "wave height", "wave period", "wave direction", "wave table"),
     "Bursts": ("bursts", "burst tilt", "burst table"),
     "Sensors": ("rates", "forces", "field", "temperature", "bias", "sensors"),
     "Gaps and flags": ("flags", "gaps"),
@@ -116,6 +118,7 @@ def report(
     unit: str | None = None,
     burst: float | str = "20 min",
     tilt_limit: float | str = "15 deg",
+    waves: bool = False,
     out: str | Path | None = None,
     pdf: str | Path | None = None,
     lang: str = "en",
@@ -138,6 +141,8 @@ def report(
         Length of a burst, s, or text with a unit; statistics are given for each.
     tilt_limit : float or str
         Inclination that counts as large, rad, or text with a unit.
+    waves : bool
+        Whether sea states are computed, of recordings of something that floats; see `plumbob.waves`.
     out : path, optional
         Where to write the page, HTML.
     pdf : path, optional
@@ -175,7 +180,7 @@ def report(
     most = max(2, WHOLE // len(given))
     subjects = []
     for file in given:
-        gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, most=most)
+        gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, most=most, waves=WaveSettings() if waves else None)
         source = file if isinstance(file, Recording | ImuData) else check.path("files", file)
         subjects.append(read_subject(source, gatherer, how, note=note, progress=progress))  # type: ignore[arg-type]
     made = Overview(tuple(subjects))
@@ -271,8 +276,10 @@ def _sections(subject: Subject, plots: Sequence[dict[str, Any]], number: int) ->
             rows.append((_CHANNEL[name], cells))
         blocks["grid"] = "grid", {"rows": rows, "meaning": list(quality.MEANING.items())}
     for name, table in made.items():
-        is_long = name in ("quality", "thresholds") or (name == "burst table" and len(table.rows) > _LONG)
-        is_alone = name in ("sensors", "gaps", "burst table")  # in a section that has its title
+        is_long = name in ("quality", "thresholds") or (
+            name in ("burst table", "wave table") and len(table.rows) > _LONG
+        )
+        is_alone = name in ("sensors", "gaps", "burst table", "wave table")  # in a section that has its title
         blocks[name] = ("folded" if is_long else "untitled" if is_alone else "table", table)
     return [(title, [blocks[name] for name in names if name in blocks]) for title, names in _SECTIONS.items()]
 
@@ -335,8 +342,8 @@ def plot(
     out : path
         The picture; its ending says whether it is SVG, PNG or PDF.
     what : str
-        One of "angles", "tilt", "rates", "forces", "field", "temperature", "bias", "sd", "spectrum", "rose", "bursts"
-        and "flags".
+        One of "angles", "tilt", "rates", "forces", "field", "temperature", "bias", "sd", "spectrum", "rose", "bursts",
+        "flags" and, of something that floats, "waves", "wavespectrum" and "waverose".
     begin, end : float or str, optional
         Times between which samples count, s, or text with a unit; the attitude is estimated of the whole recording.
     width : float or str, optional
@@ -368,7 +375,8 @@ def plot(
     first, last = units.given("begin", begin, Quantity.TIME), units.given("end", end, Quantity.TIME)
     window = (-math.inf if first is None else first, math.inf if last is None else last)
     size = inches(width)
-    gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, window=window)
+    waves = WaveSettings() if what.startswith("wave") else None
+    gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, window=window, waves=waves)
     source = file if isinstance(file, Recording | ImuData) else check.path("file", file)
     subject = read_subject(source, gatherer, how, graded=False, note=note, progress=progress)  # type: ignore[arg-type]
     return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=size)

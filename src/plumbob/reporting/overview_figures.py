@@ -14,6 +14,7 @@ from plumbob.core.units import to_deg
 from plumbob.overview.report_entry import Subject
 from plumbob.overview.streaming_stats import SHOWN_SCALE, SPECTRAL, SPECTRAL_UNITS, TRACED, Gathered
 from plumbob.quality.tilt import Headings
+from plumbob.quality.waves import LONGEST_WAVES
 from plumbob.reporting.content import COLOURS, SERIES, Figure
 from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
 from plumbob.reporting.overview_tables import heading_circle
@@ -22,12 +23,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 COLUMNS: Final = 1500
+FAINT: Final = 1e-4  # of the highest density of waves: what is less, at high frequencies, is not drawn
 SECTORS: Final = 36
 _CAPTIONS: Final = {  # captions and heights of pictures
     "angles": ("Roll, pitch and heading", 4.2), "tilt": ("Inclination from the vertical", 2.2),
     "rates": ("Angular rate", 3.6), "forces": ("Specific force", 3.6), "field": ("Magnetic flux density", 3.6),
     "temperature": ("Temperature", 2.0), "bias": ("Estimated gyroscope bias", 3.6),
     "sd": ("Claimed standard deviation", 2.4), "spectrum": ("Power spectral density", 4.2),
+    "waves": ("Waves by burst", 5.6), "wavespectrum": ("Wave spectrum, with its band of 95 %", 3.2),
+    "waverose": ("Share of the waves' energy by the direction that they come from", 4.2),
     "rose": ("Share of time by heading, sectors of 10°", 4.2), "bursts": ("Bursts", 4.0),
     "flags": ("Flags over time", 1.1),
 }  # fmt: skip
@@ -104,6 +108,7 @@ def charts(g: Gathered) -> Iterator[Chart]:
             yield Chart("spectrum", f"{label} [{SPECTRAL_UNITS[channels[0]]}]", spec, on_page=bool(densities))
     if g.tilt is not None:
         yield from _bursts(g)
+        yield from _seas(g)
     rows = [("gaps", g.gaps, "red")]
     others = ((name, runs) for name, runs in g.flags.items() if name != "gap")
     rows += [(name, runs.stretches, "soft" if runs.coarse else "blue") for name, runs in others]
@@ -138,6 +143,54 @@ def _bursts(g: Gathered) -> Iterator[Chart]:
         yield Chart("bursts", label, spec, on_page=bool(name) and len(x) > 1)
 
 
+def _seas(g: Gathered) -> Iterator[Chart]:
+    """Spectrum of the waves, a mean of the bursts, with the band of one; and height, periods and direction by burst."""
+    seas = [burst for burst in g.bursts if burst.waves is not None and np.isfinite(burst.waves.hm0)]
+    if not seas:
+        return
+    states = [burst.waves for burst in seas if burst.waves is not None]
+    density = np.nanmean([np.nan_to_num(sea.density) for sea in states], axis=0)
+    f, (below, above) = states[0].frequency, states[0].band
+    top = max(float(density.max()), np.finfo(float).tiny)
+    drawn = (f >= LONGEST_WAVES) & (f <= f[density > FAINT * top][-1])
+    x = [float(f"{value:.5g}") for value in f[drawn]]
+    lines: list[dict[str, Any]] = [
+        {"label": text, "colour": "blue", "y": _digits(factor * density[drawn])} | ({"dash": True} if i else {})
+        for i, (text, factor) in enumerate((("E(f)", 1.0), ("95 % low", below), ("95 % high", above)))
+    ]
+    spectrum = {"name": "wave spectrum", "caption": _CAPTIONS["wavespectrum"][0], "kind": "spectrum", "lines": lines,
+                "x": x, "xlabel": "f [Hz]"}  # fmt: skip
+    yield Chart("wavespectrum", "E(f) [m²/Hz]", spectrum)
+    at = [round(0.5 * (burst.begin + burst.end), 3) for burst in seas]
+    for name, caption, label, values in (
+        ("wave height", "Significant wave height by burst, with its band of 95 %", "Hm0 [m]",
+         [("Hm0", "blue", "hm0", ""), *((f"95 % {end}", "blue", f"hm0_{end}", "dash") for end in ("low", "high"))]),
+        ("wave period", "Wave periods by burst", "period [s]", [("Tp", "red", "tp", ""), ("Tm02", "blue", "tm02", "")]),
+        ("wave direction", "Direction that waves come from, by burst", "direction from [°]",
+         [("mean", "green", "direction", "")]),
+    ):  # fmt: skip
+        scale = float(to_deg(1.0)) if name == "wave direction" else 1.0
+        lines = [
+            {"label": text, "colour": colour, "y": _digits(scale * np.array([getattr(sea, key) for sea in states]))}
+            | ({"dash": True} if dash else {})
+            for text, colour, key, dash in values
+        ]
+        if any(y is not None for line in lines for y in line["y"]):
+            points: dict[str, Any] = {"name": name, "caption": caption, "kind": "points", "lines": lines, "x": at}
+            points |= {"period": (0.0, 360.0), "compass": True} if scale > 1.0 else {"floor": 0.0}
+            yield Chart("waves", label, points, on_page=len(at) > 1)
+
+
+def _wave_headings(g: Gathered) -> Headings | None:
+    """Energy of all waves, in parts of 1e-4, by the direction that each frequency of each burst comes from."""
+    parts = [(sea.density, np.arctan2(sea.b1, sea.a1)) for burst in g.bursts if (sea := burst.waves) is not None]
+    energy = np.concatenate([part[0] for part in parts]) if parts else np.empty(0)
+    angle = np.concatenate([part[1] for part in parts]) if parts else np.empty(0)
+    usable = (energy > 0.0) & np.isfinite(angle)
+    share = np.rint(1e4 * energy[usable] / max(float(energy[usable].sum()), np.finfo(float).tiny)).astype(np.int64)
+    return Headings.of(np.repeat(angle[usable], share)) if share.any() else None
+
+
 def shown_values(g: Gathered, channel: str) -> Floats:
     """Values (M,) of a channel in the unit that is shown; headings on the circle of `heading_circle`."""
     values = g.traces.values[:, TRACED.index(channel)].astype(np.float64) * SHOWN_SCALE[channel]
@@ -158,6 +211,8 @@ def figures(subject: Subject) -> dict[str, Figure]:
     for what, (caption, height) in _CAPTIONS.items():
         if what == "rose" and g.headings is not None and g.headings.samples:
             drawings[what] = Figure(caption, partial(_draw_rose, g.headings), height=height)
+        elif what == "waverose" and (waves := _wave_headings(g)) is not None:
+            drawings[what] = Figure(caption, partial(_draw_rose, waves), height=height)
         elif what in panels:
             key = [
                 (line["label"], COLOURS[line["colour"]], "dashed" if "dash" in line else "solid")

@@ -11,7 +11,7 @@ from plumbob.core.text import number
 from plumbob.core.units import to_deg
 from plumbob.data import UNCALIBRATED
 from plumbob.overview.report_entry import Subject
-from plumbob.overview.streaming_stats import AXES, MOTION_NAMES, SHOWN_SCALE, TILT_NAMES, TRACED, UNITS, Gathered
+from plumbob.overview.streaming_stats import AXES, MOTION_NAMES, SHOWN_SCALE, TILT_NAMES, TRACED, UNITS, Burst, Gathered
 from plumbob.quality import quality
 from plumbob.quality.tilt import DEAD, Headings, TiltStatistics
 from plumbob.reporting.content import Both, Table
@@ -22,7 +22,8 @@ _WAVES: Final = tuple(
     f"{axis} {kind}" for axis in ("roll", "pitch") for kind in ("std [°]", "significant [°]", "Tz [s]")
 )
 _ORDER: Final = (  # of the tables, those for every reader first
-    "motion", "inclination", "headings", "sensors", "gaps", "burst table", "grade", "quality", "thresholds", "sectors",
+    "motion", "inclination", "headings", "wave table", "sensors", "gaps", "burst table", "grade", "quality",
+    "thresholds", "sectors",
 )  # fmt: skip
 
 
@@ -108,11 +109,30 @@ def _bursts(subject: Subject) -> dict[str, Table]:
     head = ("begin", "length [s]", *_WAVES, "tilt mean [°]", "tilt greatest [°]", "beyond [%]", "heading mean [°]",
             "heading spread [°]")  # fmt: skip
     made = {} if subject.gathered.tilt is None else {"burst table": Table("Bursts", head, angles, detail="bursts")}
+    if any(burst.waves for burst in bursts):
+        made["wave table"] = Table("Waves", _SEA, [_sea(subject, burst) for burst in bursts if burst.waves], words=(9,))
     if channels:
         made["quality"] = Table("Quality flags by burst", ("begin", *channels), verdicts, detail="quality")
         made["thresholds"] = Table("Tests and their thresholds", ("test", "looks at", "suspect (3)", "fail (4)"),
                                    quality.THRESHOLDS, words=(1,), detail="quality")  # fmt: skip
     return made
+
+
+_SEA: Final = ("begin", "Hm0 [m]", "95 % band [m]", "Tp [s]", "Tm02 [s]", "Tm-10 [s]", "direction from [°]", "± [°]",
+               "spread [°]", "flag")  # fmt: skip
+
+
+def _sea(subject: Subject, burst: Burst) -> tuple[str, ...]:
+    """Cells of `_SEA`."""
+    sea = burst.waves
+    assert sea is not None
+    why = ", ".join(name for name, flag in sea.tests.items() if flag != quality.PASS)
+    return (
+        subject.utc(burst.begin) or f"{burst.begin:.6g} s", seconds(sea.hm0),
+        f"{seconds(sea.hm0_low)} to {seconds(sea.hm0_high)}", seconds(sea.tp), seconds(sea.tm02), seconds(sea.tm_10),
+        degrees(sea.direction), degrees(sea.direction_sd), degrees(sea.spread),
+        f"{sea.flag} {quality.MEANING[sea.flag]}{f': {why}' if why else ''}",
+    )  # fmt: skip
 
 
 def _waves(tilt: TiltStatistics) -> list[str]:

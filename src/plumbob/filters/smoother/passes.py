@@ -177,7 +177,9 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
         if headed is not None:
             smoothed = _with_field(frames, p, inertial, field, headed, attached, prior)
             if prior.unit is None and _is_as_delivered(smoothed, p):
-                return smooth(original, as_delivered(p), prior)
+                delivered = smooth(original, as_delivered(p), prior)
+                if _is_of_a_unit(delivered, as_delivered(p)):
+                    return delivered
             iron_turn = _iron_turn(frames, p, inertial, headed, attached, prior)
             return replace(smoothed, frames=original, iron_turn=iron_turn)
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=prior.unit)
@@ -200,6 +202,15 @@ def _is_as_delivered(smoothed: Smoothed, p: Params) -> bool:
     precision = 1.0 / variance + sd**-2 - p.gyr_scale**-2
     evidence = np.sum((scale / variance) ** 2 / precision - np.log(precision * sd**2), axis=1)
     return bool(sd[1] > sd[0] and evidence[1] > evidence[0])
+
+
+def _is_of_a_unit(smoothed: Smoothed, p: Params) -> bool:
+    """Whether the field still gives the heading, and the scale that was found is one of a unit as delivered.
+
+    On waves the body's way goes with its tilt, and hides that: a scale of some ten per cent seems to take it away.
+    """
+    scale = smoothed.sweep.matrix[::4]
+    return smoothed.reference is not None and bool(scale @ scale < UNLIKELY * p.gyr_scale**2)
 
 
 def smooth_lately(frames: Keyframes, late: Keyframes, p: Params, prior: Known) -> Smoothed:
