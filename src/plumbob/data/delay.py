@@ -5,7 +5,7 @@ of noise and shocks, rid of what is slow, as a bias is, and correlated over a gr
 by disturbs the left side; parts of the recording, each left out once, show by how much.
 
 On waves the body's way goes with its tilt, which looks like a delay but for two things: a delay is the same for slow
-and for quick turns, and slow ones are told better, because a hand accelerates by the less the slower it turns.
+and for quick turns, and slow ones are known better, because a hand accelerates by the less the slower it turns.
 """
 
 import math

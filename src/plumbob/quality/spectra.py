@@ -96,7 +96,7 @@ class CrossSpectra:
     frequency: Floats  # (F,), Hz
     density: NDArray[np.complex128]  # (F, C, C), mean of conj(X_i) X_j, one-sided, unit²/Hz; NaN without a segment
     segments: int  # how many were averaged
-    freedom: float  # degrees of freedom of each density [Welch1967]
+    freedom: float  # [Welch1967]: degrees of freedom of each density
     effective: (
         float  # time that an integral over frequency is a mean of, s: less than that of the samples, by the taper
     )

@@ -77,7 +77,7 @@ class SeaState:
     tm01: float = math.nan
     tm02: float = math.nan
     tm_10: float = math.nan
-    # direction, spread: mean of all waves and circular standard deviation [Kuik1988], rad from North over East
+    # direction, spread: mean of all waves, rad from North over East, and circular standard deviation
     direction: float = math.nan
     direction_sd: float = math.nan  # standard deviation of the mean direction, with the heading's
     spread: float = math.nan
