@@ -28,6 +28,7 @@ from plumbob.noise.findings import Sinusoid
 
 _SINGLE = 64  # lowest coefficients kept one by one; the ramp, and most of what is known about K and B, is in them
 _PER_DECADE = 60  # bins: within one of 4 % width no spectrum of the terms changes by more than 8 %
+_AT_ONCE = 1 << 18  # coefficients whose products are held
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,11 +91,16 @@ def spectrum(samples: Floats, dt: float, averaged: int = 1) -> Spectrum:
 
     count = samples.size
     step = dt * averaged
-    coefficients = dct(samples - np.mean(samples), type=2, norm="ortho") * np.sqrt(step)
+    coefficients = dct(samples - np.mean(samples), type=2, norm="ortho", overwrite_x=True)
+    coefficients *= np.sqrt(step)
     start = edges(count)
-    ramp = ramp_coefficients(np.arange(count), count, step)
-    products = (coefficients**2, coefficients * ramp, ramp**2)
-    power, cross, square = (np.add.reduceat(p, start[:-1]) for p in products)
+    sums = []  # of whole bins at a time: products of all would be several records more
+    for bins in np.split(np.arange(start.size - 1), np.flatnonzero(np.diff(start[:-1] // _AT_ONCE)) + 1):
+        rows = slice(start[bins[0]], start[bins[-1] + 1])
+        part, ramp = coefficients[rows], ramp_coefficients(np.arange(rows.start, rows.stop), count, step)
+        places = start[bins] - rows.start
+        sums.append([np.add.reduceat(product, places) for product in (part**2, part * ramp, ramp**2)])
+    power, cross, square = map(np.concatenate, zip(*sums, strict=True))
     return Spectrum(dt, count, averaged, start[:-1], start[1:], power, cross, square)
 
 
@@ -248,11 +254,16 @@ def _periodogram(samples: Floats, dt: float) -> tuple[Floats, Floats]:
     """Two-sided density at the frequencies k / (N Δt), and its floor round about."""
     from scipy.fft import rfft
 
-    t = np.arange(samples.size)
-    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * (t + 0.5) / samples.size)
-    line = np.polynomial.polynomial.polyfit(t, samples, 1)
-    spectrum = rfft((samples - line[0] - line[1] * t) * window)
-    density = np.asarray(np.abs(spectrum) ** 2 * dt / np.sum(window**2))
+    t = np.arange(samples.size) - 0.5 * (samples.size - 1)
+    detrended = samples - np.mean(samples)
+    detrended -= (t @ detrended) / (t @ t) * t
+    t *= np.pi / samples.size
+    np.cos(t, out=t)
+    detrended *= np.square(t, out=t)  # (1 + cos 2x) / 2
+    transform = rfft(detrended)
+    del t, detrended  # as large as the record, each
+    density = np.square(np.abs(transform)) * (dt / (0.375 * samples.size))  # of a Hann window's squares
+    del transform
     stop = density.size // _BLOCK * _BLOCK
     medians = np.median(density[:stop].reshape(-1, _BLOCK), axis=1) / math.log(2.0)  # of exponential values
     floor = np.interp(np.arange(density.size), np.arange(medians.size) * _BLOCK + 0.5 * (_BLOCK - 1), medians)

@@ -69,7 +69,9 @@ class Channels:
                 return
 
     def read(self) -> Floats:
-        """All samples at once, (N, k)."""
+        """All samples at once, (N, k); not copied where they are in memory."""
+        if isinstance(self.source, np.ndarray):
+            return self.source
         return np.concatenate([np.empty((0, len(self.names))), *self.blocks()])
 
 
@@ -280,7 +282,9 @@ def _longest(breaks: NDArray[np.int64], count: int) -> tuple[int, int]:
 def _take(imu: ImuData, name: str, sensors: _Sensors) -> None:
     _, clipped, invalid = TRIAD_FLAGS[name]
     impossible = (imu.flags & np.uint32(invalid)) != 0
-    values = np.where(impossible[:, np.newaxis], np.nan, getattr(imu, name))
+    values: Floats = getattr(imu, name)
+    if impossible.any():
+        values = np.where(impossible[:, np.newaxis], np.nan, values)
     given = ~np.isnan(values).all(axis=0)
     for axis in np.flatnonzero(~given).tolist():
         sensors.refused[f"{name} {'xyz'[axis]}"] = "has no value"
@@ -299,7 +303,8 @@ def _take(imu: ImuData, name: str, sensors: _Sensors) -> None:
     if axes:
         names = tuple(f"{name} {'xyz'[axis]}" for axis in axes)
         start, end = float(imu.t[rows[0]]), float(imu.t[rows[-1]])
-        dt, samples = (end - start) / (rows.size - 1), values[rows][:, axes]
+        is_whole = rows.size == len(imu) and len(axes) == values.shape[1]  # and then no copy
+        dt, samples = (end - start) / (rows.size - 1), values if is_whole else values[rows][:, axes]
         sensors.groups.append(Channels(names, Quantity(UNITS[name]), dt, start, len(names) == 3, samples))
 
 
