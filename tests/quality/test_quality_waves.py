@@ -112,6 +112,16 @@ def test_holes_up_to_a_second_are_bridged_and_longer_ones_end_a_stretch():
     assert none.tests == {"gap": 4} and math.isnan(none.hm0)
 
 
+def test_of_a_burst_too_short_for_its_waves_nothing_is_claimed():
+    acc = single(0.5, 8.0, 225.0)
+    short = sea_state(T[:600], acc[:600], step=STEP, segment=15.0, heading_sd=0.0)
+    assert short.tests == {"short": 4} and math.isnan(short.hm0) and math.isnan(short.hidden)
+    tank = single(0.05, 1.5, 90.0)  # whose longest waves are known
+    sea = sea_state(T[:600], tank[:600], step=STEP, segment=15.0, settings=WaveSettings(low=0.3), heading_sd=0.0)
+    assert sea.hm0 == pytest.approx(4.0 * 0.05 / math.sqrt(2.0), rel=0.02)
+    assert math.degrees(sea.direction) == pytest.approx(90.0, abs=1.0)
+
+
 def test_heave_is_the_way_itself():
     acc = single(0.5, 8.0, 225.0)
     heave = displacement(T, acc[:, 2:], step=STEP, low=0.05, high=1.0)[:, 0]

@@ -31,7 +31,8 @@ from plumbob.fleet.items import JOBS, Source, batch_items
 from plumbob.fleet.places import is_url
 from plumbob.overview.report_entry import read_subject
 from plumbob.quality.quality import MEANING
-from plumbob.quality.waves import CONFIDENCE, LONGEST_WAVES, SHORTEST_WAVES, WaveSettings
+from plumbob.quality.spectra import FEWEST as SEGMENTS
+from plumbob.quality.waves import CONFIDENCE, LONGEST_WAVES, PERIODS, SHORTEST_WAVES, WaveSettings
 from plumbob.reporting.overview import make_gatherer
 
 _SHOWN: Final = 24  # bursts whose numbers the text has
@@ -159,6 +160,11 @@ class Waves(Series):
             lines.append(
                 f"waves longer than {1.0 / last['low_hz']:.0f} s, if there are any, are below {last['hidden_m']:.2f} m "
                 "(last burst)"
+            )
+        elif "short" in last["tests"]:
+            least = SEGMENTS * PERIODS / LONGEST_WAVES
+            lines.append(
+                f"a burst must last {least:.0f} s, or --low must say how slow the longest waves are (last burst)"
             )
         elif last["hidden_m"] is not None:
             lines.append(f"no wave stands above the noise: Hm0 is below {last['hidden_m']:.2f} m (last burst)")

@@ -26,6 +26,7 @@ from plumbob.quality.spectra import cross_spectra
 LONGEST_WAVES: Final = 0.03  # Hz; swell of 30 s is the longest that wind makes, what is slower is no wave of wind
 SHORTEST_WAVES: Final = 1.0  # Hz; shorter waves, of 1.6 m and less, pass below a float
 NYQUIST_PART: Final = 0.8  # of half the rate: beyond it a sensor's own filter takes the waves away
+PERIODS: Final = 2.0  # of the longest waves that a segment must hold, or they are taken for its mean and its drift
 CHANCE: Final = 0.01  # that noise alone lifts a density so high that it counts as waves
 CONFIDENCE: Final = 0.95  # of the bands
 FOLLOWED: Final = 0.5  # response below which a hull is not used as a gauge: its table's errors would be doubled
@@ -147,6 +148,7 @@ def sea_state(
     settings = settings or WaveSettings()
     low, response = settings.low, settings.response
     at, values = bridged(t, acc_enu, step)
+    is_short = segment * (LONGEST_WAVES if low is None else low) < PERIODS
     spectra = cross_spectra(at, values, step=step, segment=segment)
     f, density, nu = spectra.frequency, spectra.density, spectra.freedom
     follows = np.ones(f.size) if response is None else np.interp(f, *response, right=0.0)
@@ -158,15 +160,15 @@ def sea_state(
     nothing = np.full(f.size, math.nan)
     if low is None:
         low = _lowest(f, vertical > threshold * level, high)
-    counts = (f >= low) & (f <= high)
+    counts = (f >= low) & (f <= high) & (not is_short)
     to_height = 1.0 / ((2.0 * np.pi * f) ** 4 * np.where(follows >= FOLLOWED, follows, 1.0) ** 2)
     if not counts.any():
         shown = (f >= LONGEST_WAVES) & (f <= high)
         hidden = 4.0 * math.sqrt(max(0.0, float(np.sum(threshold * level * to_height[shown]) * f[0])))
-        tests = {"above noise": SUSPECT} if spectra.segments else {"gap": FAIL}
+        tests = {"gap": FAIL} if not spectra.segments else {"short": FAIL} if is_short else {"above noise": SUSPECT}
         return SeaState(
             frequency=f, density=nothing, a1=nothing, b1=nothing, a2=nothing, b2=nothing, check=nothing, freedom=nu,
-            low=math.nan, high=high, noise=level, hidden=hidden if spectra.segments else math.nan, tests=tests,
+            low=math.nan, high=high, noise=level, hidden=hidden if "above noise" in tests else math.nan, tests=tests,
         )  # fmt: skip
     height = np.where(counts, (vertical - level) * to_height, 0.0)
     east, north = density[:, 0, 0].real, density[:, 1, 1].real
