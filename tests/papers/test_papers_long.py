@@ -74,7 +74,7 @@ def every_paper_has_its_page(papers, folder):
         assert papers[name]
     assert "track on its sphere" in (folder / "trackball.html").read_text(encoding="utf-8")
     assert (folder / "buoy" / "sea.mcap").is_file()
-    programs = {f"program.{end}" for end in ("csv", "yaml", "mcap", "urdf")}
+    programs = {f"program.{end}" for end in ("csv", "yaml", "mcap", "urdf", "script")}
     assert {path.name for path in (folder / "arm").glob("program.*")} == programs
 
 
