@@ -38,6 +38,8 @@ def test_a_single_wave_has_its_height_period_and_direction(come_from):
     # a hull that rises half as high as the wave
     half = WaveSettings(response=((0.0, 1.0), (0.5, 0.5)))
     assert sea_state(T, acc, step=STEP, segment=SEGMENT, settings=half).hm0 == pytest.approx(2.0 * sea.hm0)
+    cut = sea_state(T, acc, step=STEP, segment=SEGMENT, settings=WaveSettings(low=0.2))
+    assert cut.hidden == pytest.approx(sea.hm0, rel=0.01)  # what is left out is not said to be noise
     assert math.isnan(sea_state(T, acc, step=STEP, segment=SEGMENT).direction)  # of a heading that is not known
 
 

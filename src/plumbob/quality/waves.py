@@ -183,7 +183,9 @@ def sea_state(
     first, second = (np.where(is_directed[:, np.newaxis], moment, 0.0) for moment in (first, second))
     check = np.sqrt(np.divide(flat, above, out=np.full(f.size, math.nan), where=usable))
     hidden_below = (f >= LONGEST_WAVES) & (f < low)
-    hidden = 4.0 * math.sqrt(max(0.0, float(np.sum(threshold * level * to_height[hidden_below]) * f[0])))
+    hidden = 4.0 * math.sqrt(
+        max(0.0, float(np.sum((np.maximum(threshold * level, vertical) * to_height)[hidden_below]) * f[0]))
+    )
     bulk = _heights(f, height, spectra.effective, nu, scale_sd)
     bulk |= _directions(f, height, first, second, spectra.effective, nu, heading_sd)
     return SeaState(
