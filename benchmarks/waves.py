@@ -1,4 +1,4 @@
-"""How well waves are known by a drawn unit on a hull: ``python -m benchmarks.waves [--seeds 20] [--sets …]``.
+"""How well waves are known by a drawn unit on a hull: ``python -m benchmarks.waves [--seeds 20] [--seas …]``.
 
 Each sea is Gaussian: sinusoids of random phases *and* amplitudes, apart by less than a burst can tell, of a spectrum
 and a cos-2s spread that are known. What is measured is compared with the hull's true way in the same burst, by the same
@@ -17,9 +17,7 @@ from plumbob.overview.report_entry import read_subject
 from plumbob.quality.spectra import segment_length
 from plumbob.quality.waves import WaveSettings, sea_state
 from plumbob.reporting.overview import make_gatherer
-from plumbob.rotations import Frame
-from plumbob.simulation import signals
-from plumbob.simulation.motion import EulerMotion, Sea, jonswap, oscillator
+from plumbob.simulation.motion import Sea, jonswap, oscillator
 from plumbob.simulation.scenarios import Buoy
 
 APART = 1.0 / 3600.0  # of the sinusoids, Hz
@@ -42,39 +40,35 @@ class GaussianSea(Buoy):
 
     trains: tuple[tuple[float, float, float, float, float], ...] = ()
 
-    def motion(self, rng, duration):
-        """Responses to one drawn sea."""
+    def sea(self, rng):
+        """One drawn sea of all trains."""
         omegas, phasors, directions = [], [], []
-        for height, period, peakedness, come_from, spread in self.trains:
-            f = np.arange(0.5 / period, min(4.0 / period, 1.0), APART)
+        for train, (*_, come_from, spread) in zip(map(spectrum, self.trains), self.trains, strict=True):
+            f, energy = train
             f = f + APART * rng.uniform(-0.5, 0.5, f.size)
-            density = jonswap(f, peak=1.0 / period, peakedness=peakedness)
-            density *= (height / 4.0) ** 2 / (np.sum(density) * APART)
             omegas.append(2.0 * np.pi * f)
-            phasors.append(np.sqrt(density * APART) * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size)))
+            phasors.append(np.sqrt(energy) * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size)))
             directions.append(np.radians(come_from + 180.0) + np.radians(spread) * rng.standard_normal(f.size))
-        sea = Sea(*(np.concatenate(parts) for parts in (omegas, phasors, directions)))
-        way = oscillator(sea.omega, period=self.way_period, damping=self.way_damping)
-        tilt = oscillator(sea.omega, period=self.tilt_period, damping=self.tilt_damping)
-        north, east = (sea.slope_ne * tilt[:, np.newaxis]).T
-        ahead = north * math.cos(self.heading) + east * math.sin(self.heading)
-        right = east * math.cos(self.heading) - north * math.sin(self.heading)
-        tilts = signals.Sinusoids.from_phasors(sea.omega, np.stack((0.0 * north, ahead, -right), axis=-1))
-        moved = signals.Sinusoids.from_phasors(sea.omega, sea.displacement_ned * way[:, np.newaxis])
-        return EulerMotion(Frame.NED, tilts + self._yaw(rng), moved)
+        return Sea(*(np.concatenate(parts) for parts in (omegas, phasors, directions)))
 
     def of_hull(self, high: float) -> tuple[float, float]:
         """Hm0, m, and mean direction that waves come from, rad, of the hull's way in such seas, up to a frequency."""
         m0, mean = 0.0, 0.0j
-        for height, period, peakedness, come_from, spread in self.trains:
-            f = np.arange(0.5 / period, min(4.0 / period, 1.0), APART)
-            density = jonswap(f, peak=1.0 / period, peakedness=peakedness)
-            density *= (height / 4.0) ** 2 / (np.sum(density) * APART)
-            density *= np.abs(oscillator(2.0 * np.pi * f, period=self.way_period, damping=self.way_damping)) ** 2
-            energy = float(np.sum(density[f <= high]) * APART)
-            m0 += energy
-            mean += energy * math.exp(-0.5 * math.radians(spread) ** 2) * np.exp(1j * math.radians(come_from))
+        for train, (*_, come_from, spread) in zip(map(spectrum, self.trains), self.trains, strict=True):
+            f, energy = train
+            follows = np.abs(oscillator(2.0 * np.pi * f, period=self.way_period, damping=self.way_damping)) ** 2
+            of_all = float(np.sum((energy * follows)[f <= high]))
+            m0 += of_all
+            mean += of_all * math.exp(-0.5 * math.radians(spread) ** 2) * np.exp(1j * math.radians(come_from))
         return 4.0 * math.sqrt(m0), float(np.angle(mean))
+
+
+def spectrum(train):
+    """Frequencies of a train of waves, Hz, and the energy of each, m²."""
+    height, period, peakedness, *_ = train
+    f = np.arange(0.5 / period, min(4.0 / period, 1.0), APART)
+    density = jonswap(f, peak=1.0 / period, peakedness=peakedness)
+    return f, density * (height / 4.0) ** 2 / np.sum(density)
 
 
 def one(trains, hull, seed, *, sensors, unit, rate, duration):

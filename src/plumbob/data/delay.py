@@ -42,8 +42,9 @@ class Delay:
     sd: float
     correlation: float  # of what both say at that delay, 0 to 1
     is_inside: bool = True  # whether the correlation falls on both sides of it
-    slow: "Delay | None" = None  # of slow turns alone
-    quick: "Delay | None" = None  # of quick ones
+    # slow, quick: of slow and of quick turns alone, where the other numbers do not deny it
+    slow: "Delay | None" = None
+    quick: "Delay | None" = None
 
     @property
     def found(self) -> bool:
@@ -77,13 +78,15 @@ def gyr_delay(imu: ImuData) -> Delay | None:
     if rows.size < FEWEST:
         return None
     jerk, said = _band(jerk), [_band(-np.cross(np.roll(rate, REACH - i, axis=0), force)) for i in range(2 * REACH + 1)]
+    every = _delay(jerk, said, rows)
+    if not every.found:
+        return every  # nothing is claimed, whatever slow and quick turns say
     power = np.sum(said[REACH][rows] ** 2)
     slow = {count: _mean(said[REACH], count) for count in SPLITS}
     count = min(SPLITS, key=lambda count: abs(np.sum(slow[count][rows] ** 2) - 0.5 * power))
     means, mean = [_mean(part, count) for part in said], _mean(jerk, count)
     quick = [part - part_mean for part, part_mean in zip(said, means, strict=True)]
-    parts = _delay(jerk, said, rows), _delay(mean, means, rows), _delay(jerk - mean, quick, rows)
-    return replace(parts[0], slow=parts[1], quick=parts[2])
+    return replace(every, slow=_delay(mean, means, rows), quick=_delay(jerk - mean, quick, rows))
 
 
 def _delay(jerk: Floats, said: list[Floats], rows: NDArray[np.intp]) -> Delay:

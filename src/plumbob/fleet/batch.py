@@ -189,10 +189,10 @@ def batch(
         cards=load_cards(calibration), noise=given_noise(noise),
         burst=_si("burst", burst, Quantity.TIME), tilt_limit=_si("tilt_limit", tilt_limit, Quantity.ANGLE),
         align=tuple(align), settle=_si("settle", settle, Quantity.TIME), pages=pages, max_bytes=max_bytes,
-        waves=(WaveSettings() if waves else None) if isinstance(waves, bool) else waves,
+        waves=waves,
     )  # fmt: skip
     dataset, workers = _dataset(out), _workers(jobs, cluster)
-    items, total = _listed(sources, say)
+    items, total = listed_items(sources, say)
     settings.try_out()
     if total is not None:
         workers = min(workers, total)  # a recording alone is over before a process of its own has started
@@ -281,14 +281,14 @@ def _dataset(out: str | os.PathLike[str]) -> Place:
     return place
 
 
-def _listed(sources: Source | Iterable[Source], say: Callable[[str], object]) -> tuple[Iterable[Item], int | None]:
+def listed_items(sources: Source | Iterable[Source], say: Callable[[str], object]) -> tuple[Iterable[Item], int | None]:
     """Items, and how many there are where they need not be made to be counted."""
     items = batch_items(sources, say)
     if isinstance(sources, Iterator):
         return items, None
     listed = list(items)
     if not listed:
-        raise ParameterError("there is no recording in the given paths. Name files, a folder or a pattern.")
+        raise ParameterError("the given paths hold no recording. Name files, a folder or a pattern.")
     return listed, len(listed)
 
 

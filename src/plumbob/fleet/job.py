@@ -70,7 +70,7 @@ class BatchSettings:
     align: tuple[str, ...] = ()
     settle: float = 0.0
     pages: bool = False
-    waves: WaveSettings | None = None
+    waves: bool | WaveSettings = False
     max_bytes: int = 4 << 30
     software: str = __version__  # version of the program that must do it
 

@@ -1,6 +1,5 @@
 """Sea states by burst, of recordings of whatever floats: `plumbob.waves`, its tables and its NetCDF file."""
 
-import io
 import json
 import math
 import os
@@ -16,18 +15,17 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import __version__, check
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.files import replacing
 from plumbob.core.findings import Finding, warning
 from plumbob.core.result import plain
-from plumbob.core.series import Series, needed
+from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity, given, to_deg
 from plumbob.data import ImuData
 from plumbob.data.recording import Recording
 from plumbob.door.estimate import given_noise
 from plumbob.files.arrow import TABLES, write_table
-from plumbob.fleet.batch import batch
-from plumbob.fleet.items import JOBS, Source, batch_items
+from plumbob.fleet.batch import batch, listed_items
+from plumbob.fleet.items import JOBS, Source
 from plumbob.fleet.places import is_url
 from plumbob.overview.report_entry import read_subject
 from plumbob.quality.quality import MEANING
@@ -68,6 +66,10 @@ _SPECTRAL: Final[Mapping[str, tuple[str, str, str]]] = {
     "b2": ("1", "", "second Fourier coefficient, of the sine of twice that direction"),
     "check": ("1", "", "check factor: horizontal over vertical motion, 1 in deep water"),
 }
+_ROW: Final = (
+    "{hm0_m:8.2f} {hm0_low_m:6.2f}–{hm0_high_m:<6.2f} {tp_s:7.2f} {tm02_s:6.2f} {direction_deg:5.0f}° "
+    "{direction_sd_deg:3.0f}° {spread_deg:6.0f}°"
+)
 _FILE_NAMES: Final = {"density_m2_per_hz": "efth"}  # as wavespectra names them
 
 
@@ -104,8 +106,7 @@ class Waves(Series):
     @property
     def time(self) -> Floats:
         """Middle of each burst (B,), s: since 1970 UTC where all know it, else of its recording."""
-        middle = [0.5 * (burst["begin_s"] + burst["end_s"]) - burst["begin_s"] for burst in self.bursts]
-        return np.asarray(np.array(self._begins()) + np.array(middle), dtype=np.float64)
+        return np.asarray(np.array(self._begins()) + 0.5 * self._durations(), dtype=np.float64)
 
     @property
     def is_utc(self) -> bool:
@@ -116,6 +117,9 @@ class Waves(Series):
         if not self.is_utc:
             return [burst["begin_s"] for burst in self.bursts]
         return [float(np.datetime64(burst["begin_utc"].rstrip("Z"), "s").astype(float)) for burst in self.bursts]
+
+    def _durations(self) -> Floats:
+        return np.array([burst["end_s"] - burst["begin_s"] for burst in self.bursts])
 
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Time and the numbers of each burst."""
@@ -146,12 +150,7 @@ class Waves(Series):
             begin = burst["begin_utc"] or f"{burst['begin_s']:g} s"
             numbers = {name: math.nan if burst[name] is None else burst[name] for name in _BULK}
             why = ", ".join(name for name, flag in burst["tests"].items() if flag not in (1, 2))
-            band = "{hm0_low_m:6.2f}–{hm0_high_m:<6.2f}"
-            periods, way = (
-                "{tp_s:7.2f} {tm02_s:6.2f}",
-                "{direction_deg:5.0f}° {direction_sd_deg:3.0f}° {spread_deg:6.0f}°",
-            )
-            cells = f"{{hm0_m:8.2f}} {band} {periods} {way}".format(**numbers).replace("nan", "  -")
+            cells = _ROW.format(**numbers).replace("nan", "  -")
             lines.append(f"{begin:20} {cells}  {MEANING[burst['flag']]}{f' ({why})' if why else ''}")
         if (more := len(self.bursts) - _SHOWN) > 0:
             lines.append(f"and {counted(more, 'further burst')}; --out writes all")
@@ -189,54 +188,41 @@ class Waves(Series):
         write_table(target, self.columns(), overwrite=overwrite)
 
     def _write_netcdf(self, target: Path, overwrite: bool) -> None:
-        h5netcdf = needed("h5netcdf", "NetCDF files", "plumbob[netcdf]")
-        begins, seconds = np.array(self._begins()), "seconds since 1970-01-01 00:00:00" if self.is_utc else "s"
-        ends = begins + [burst["end_s"] - burst["begin_s"] for burst in self.bursts]
-        clock = {"units": seconds, "long_name": "middle of the burst", "bounds": "time_bnds"}
-        clock |= (
-            {"standard_name": "time", "calendar": "standard", "axis": "T", "units_metadata": "leap_seconds: none"}
-            if self.is_utc
-            else {}
-        )
-        tables: dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]] = {
-            "time": (("time",), self.time, clock),
-            "time_bnds": (("time", "nv"), np.stack((begins, ends), axis=1), {}),
-            "freq": (("freq",), self.frequency, {"units": "Hz", "standard_name": "wave_frequency",
-                                                 "long_name": "frequency"}),
+        from plumbob.files.foreign.tables import CfVariable, utc_since, write_cf
+
+        begins, lasted = np.array(self._begins()), self._durations()
+        clock = utc_since(0) if self.is_utc else {"units": "s"}
+        clock |= {"long_name": "middle of the burst", "bounds": "time_bnds"}
+        f = {"units": "Hz", "standard_name": "wave_frequency", "long_name": "frequency"}
+        bounds = CfVariable(("time", "nv"), np.stack((begins, begins + lasted), axis=1), {})
+        variables = {
+            "time": CfVariable(("time",), self.time, clock), "time_bnds": bounds,
+            "freq": CfVariable(("freq",), self.frequency, f),
         }  # fmt: skip
-        where = {"coordinates": "station"} | ({} if self.place is None else {"coordinates": "lat lon station"})
-        if self.place is not None:
-            for name, value, axis, unit in zip(("lat", "lon"), self.place, ("latitude", "longitude"),
-                                               ("degrees_north", "degrees_east"), strict=True):  # fmt: skip
-                tables[name] = (), np.array(value), {"units": unit, "standard_name": axis, "long_name": axis}
-        for name, about in {**_BULK, **_SPECTRAL}.items():
-            unit, standard, words = about
-            is_bulk = name in _BULK
-            values = self._numbers(name) if is_bulk else self.spectrum(name)
-            named = {"units": unit, "long_name": words, **({"standard_name": standard} if standard else {}), **where}
-            tables[_FILE_NAMES.get(name, _stem(name))] = ("time",) if is_bulk else ("time", "freq"), values, named
+        where = {"coordinates": "station" if self.place is None else "lat lon station"}
+        for name, axis, unit, value in zip(
+            ("lat", "lon"), ("latitude", "longitude"), ("degrees_north", "degrees_east"), self.place or (), strict=False
+        ):
+            about = {"units": unit, "standard_name": axis, "long_name": axis}
+            variables[name] = CfVariable((), np.array(value), about)
+        for table, dimensions, values in (
+            (_BULK, ("time",), self._numbers), (_SPECTRAL, ("time", "freq"), self.spectrum),
+        ):  # fmt: skip
+            for name, (unit, standard, words) in table.items():
+                about = {"units": unit, "long_name": words} | ({"standard_name": standard} if standard else {}) | where
+                variables[_FILE_NAMES.get(name, _stem(name))] = CfVariable(dimensions, values(name), about)
         flags = {"standard_name": "aggregate_quality_flag", "long_name": "QARTOD flag of the burst", **where,
                  "flag_values": np.array([*MEANING], np.int8),
                  "flag_meanings": " ".join(word.replace(" ", "_") for word in MEANING.values())}  # fmt: skip
-        tables["flag"] = ("time",), np.array([burst["flag"] for burst in self.bursts], np.int8), flags
-        stream = io.BytesIO()
-        with h5netcdf.File(stream, "w") as file:
-            name = self.bursts[0]["recording"].encode()
-            file.dimensions = {"time": len(self.bursts), "freq": self.frequency.size, "nv": 2, "name_strlen": len(name)}
-            for key, (dimensions, values, attributes) in tables.items():
-                is_filled = key not in ("time", "time_bnds", "freq", "lat", "lon", "flag")
-                fill = {"fillvalue": math.nan, "compression": "gzip"} if is_filled else {}
-                variable = file.create_variable(key, dimensions, data=values, **fill)
-                variable.attrs.update(attributes)
-            station = file.create_variable("station", ("name_strlen",), data=np.frombuffer(name, "S1"))
-            station.attrs.update({"cf_role": "timeseries_id", "long_name": "first recording"})
-            file.attrs.update({
-                "Conventions": "CF-1.11", "featureType": "timeSeries", "title": "sea states by burst",
-                "source": f"acceleration of a floating unit, plumbob {__version__}",
-                "history": "\n".join(map(str, self.notes)) or "computed from the recordings",
-            })  # fmt: skip
-        with replacing(target, overwrite=overwrite) as temporary:
-            temporary.write_bytes(stream.getvalue())
+        variables["flag"] = CfVariable(("time",), np.array([each["flag"] for each in self.bursts], np.int8), flags)
+        station = np.frombuffer(self.bursts[0]["recording"].encode(), "S1")
+        named = {"cf_role": "timeseries_id", "long_name": "first recording"}
+        variables["station"] = CfVariable(("name_strlen",), station, named)
+        write_cf(target, variables, {
+            "featureType": "timeSeries", "title": "sea states by burst",
+            "source": f"acceleration of a floating unit, plumbob {__version__}",
+            "history": "\n".join(map(str, self.notes)) or "computed from the recordings",
+        }, overwrite=overwrite)  # fmt: skip
 
 
 def _stem(name: str) -> str:
@@ -320,9 +306,7 @@ def waves(
     else:
         alone = isinstance(sources, str | os.PathLike | Recording | ImuData)
         listed: Any = [sources] if alone else list(sources)  # type: ignore[arg-type]
-        items = list(batch_items(listed, say))
-        if not items:
-            raise ParameterError("there is no recording in the given paths. Name files, a folder or a pattern.")
+        items = [*listed_items(listed, say)[0]]
         if len(items) == 1 and not is_url(items[0].where):
             gatherer = make_gatherer(burst=burst, waves=settings)
             of_one = {name: value for name, value in how.items() if value is not None}

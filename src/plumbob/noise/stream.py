@@ -55,7 +55,7 @@ class AllanStream:
     Raises
     ------
     ParameterError
-        If a factor is not a whole number, or there is no channel.
+        If a factor is not a whole number, or `channels` is below 1.
     """
 
     def __init__(self, n: ArrayLike, *, channels: int) -> None:

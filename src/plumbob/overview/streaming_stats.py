@@ -280,7 +280,6 @@ class Gatherer:
         begin, end = float(inside[0]), float(inside[-1])
         self._gathered = Gathered(begin, end, end - begin, step, triads, self.burst)
         length = end - begin + step
-        self._scale_cov = samples.meta.left[0] if isinstance(samples, ImuData) else ()
         self._count = max(1, round(length / self.burst))  # a rest of less than half a burst is the last one's
         self._segment = segment_length(min(self.burst, length))
         self._tracing = Tracing(TRACED, int(high - low), most=self.most, circular=("roll", "heading"))
@@ -291,13 +290,9 @@ class Gatherer:
         part = part[(part["t"] >= self.window[0]) & (part["t"] <= self.window[1])]
         if not part.size:
             return
-        if track is not None:
-            self._attitude = True
-            if self._scale_sd is None:
-                self._scale_sd, self._is_north = (
-                    vertical_scale_sd(track, self._scale_cov),
-                    track.north is not North.FREE,
-                )
+        self._attitude |= track is not None
+        if self.waves is not None and self._scale_sd is None and imu is not None and track is not None:
+            self._scale_sd, self._is_north = vertical_scale_sd(track, imu.meta.left[0]), track.north is not North.FREE
         t, traced, words = part["t"], part["traced"], part["words"]
         heading = traced[:, TRACED.index("heading")]
         since, before = (t[0] - g.step, heading[0]) if self._last is None else self._last

@@ -23,7 +23,7 @@ from plumbob.core.constants import G0
 from plumbob.quality.quality import FAIL, HOLE, PASS, SUSPECT
 from plumbob.quality.spectra import cross_spectra
 
-LONGEST_WAVES: Final = 0.03  # Hz; swell of 30 s is the longest that wind makes, what is slower is no wave of wind
+LONGEST_WAVES: Final = 0.03  # Hz; wind makes no swell longer than about 30 s
 SHORTEST_WAVES: Final = 1.0  # Hz; shorter waves, of 1.6 m and less, pass below a float
 NYQUIST_PART: Final = 0.8  # of half the rate: beyond it a sensor's own filter takes the waves away
 PERIODS: Final = 2.0  # of the longest waves that a segment must hold, or they are taken for its mean and its drift
@@ -54,7 +54,7 @@ class WaveSettings(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeaState:
-    """Waves of a burst; NaN where nothing is known, directions where there is no heading."""
+    """Sea state of a burst. What is not known is NaN; so are all directions without a heading."""
 
     frequency: Floats  # (F,), Hz
     density: Floats  # (F,), E, m²/Hz; NaN outside of `low` to `high`
@@ -97,10 +97,6 @@ class SeaState:
     def band(self) -> tuple[float, float]:
         """Factors of E(f) that bound the sea's own with `CONFIDENCE`."""
         return _band(self.freedom)
-
-    def bulk(self) -> dict[str, float]:
-        """Numbers by the names of `BULK`."""
-        return {name: getattr(self, name) for name in BULK}
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them, angles in degrees."""
@@ -163,8 +159,7 @@ def sea_state(
     counts = (f >= low) & (f <= high) & (not is_short)
     to_height = 1.0 / ((2.0 * np.pi * f) ** 4 * np.where(follows >= FOLLOWED, follows, 1.0) ** 2)
     if not counts.any():
-        shown = (f >= LONGEST_WAVES) & (f <= high)
-        hidden = 4.0 * math.sqrt(max(0.0, float(np.sum(threshold * level * to_height[shown]) * f[0])))
+        hidden = _height(f, threshold * level * to_height, (f >= LONGEST_WAVES) & (f <= high))
         tests = {"gap": FAIL} if not spectra.segments else {"short": FAIL} if is_short else {"above noise": SUSPECT}
         return SeaState(
             frequency=f, density=nothing, a1=nothing, b1=nothing, a2=nothing, b2=nothing, check=nothing, freedom=nu,
@@ -182,10 +177,7 @@ def sea_state(
     masked = [np.where(is_directed, column, math.nan) for column in (*first.T, *second.T)]
     first, second = (np.where(is_directed[:, np.newaxis], moment, 0.0) for moment in (first, second))
     check = np.sqrt(np.divide(flat, above, out=np.full(f.size, math.nan), where=usable))
-    hidden_below = (f >= LONGEST_WAVES) & (f < low)
-    hidden = 4.0 * math.sqrt(
-        max(0.0, float(np.sum((np.maximum(threshold * level, vertical) * to_height)[hidden_below]) * f[0]))
-    )
+    hidden = _height(f, np.maximum(threshold * level, vertical) * to_height, (f >= LONGEST_WAVES) & (f < low))
     bulk = _heights(f, height, spectra.effective, nu, scale_sd)
     bulk |= _directions(f, height, first, second, spectra.effective, nu, heading_sd)
     return SeaState(
@@ -272,6 +264,11 @@ def _band(freedom: float) -> tuple[float, float]:
     if not freedom > 0.0:
         return math.nan, math.nan
     return float(freedom / chdtri(freedom, beyond)), float(freedom / chdtri(freedom, 1.0 - beyond))
+
+
+def _height(f: Floats, density: Floats, which: NDArray[np.bool_]) -> float:
+    """Significant height of the waves of some frequencies, m."""
+    return 4.0 * math.sqrt(max(0.0, float(np.sum(density[which]) * f[0])))
 
 
 def _heights(f: Floats, height: Floats, effective: float, nu: float, scale_sd: float) -> dict[str, float]:

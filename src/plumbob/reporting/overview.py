@@ -180,7 +180,7 @@ def report(
     most = max(2, WHOLE // len(given))
     subjects = []
     for file in given:
-        gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, most=most, waves=WaveSettings() if waves else None)
+        gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, most=most, waves=waves)
         source = file if isinstance(file, Recording | ImuData) else check.path("files", file)
         subjects.append(read_subject(source, gatherer, how, note=note, progress=progress))  # type: ignore[arg-type]
     made = Overview(tuple(subjects))
@@ -192,7 +192,12 @@ def report(
 
 
 def make_gatherer(
-    *, burst: float | str = "20 min", tilt_limit: float | str = "15 deg", most: int = WHOLE, **more: Any
+    *,
+    burst: float | str = "20 min",
+    tilt_limit: float | str = "15 deg",
+    most: int = WHOLE,
+    waves: bool | WaveSettings = False,
+    **more: Any,
 ) -> Gatherer:
     """Gatherer with options that may be text with a unit."""
     length = units.given("burst", burst, Quantity.TIME)
@@ -203,7 +208,8 @@ def make_gatherer(
             raise ParameterError(f"{name} must be above 0, but it is {value:g}. Give a positive one.")
     if limit >= math.pi:
         raise ParameterError(f"tilt_limit must be below 180°, but it is {to_deg(limit):g}°. Give a smaller one.")
-    return Gatherer(burst=length, limit=limit, most=most, **more)
+    settings = (WaveSettings() if waves else None) if isinstance(waves, bool) else waves
+    return Gatherer(burst=length, limit=limit, most=most, waves=settings, **more)
 
 
 def of_estimate(result: "Estimated", gatherer: Gatherer, file: str | Path) -> Overview:
@@ -375,8 +381,7 @@ def plot(
     first, last = units.given("begin", begin, Quantity.TIME), units.given("end", end, Quantity.TIME)
     window = (-math.inf if first is None else first, math.inf if last is None else last)
     size = inches(width)
-    waves = WaveSettings() if what.startswith("wave") else None
-    gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, window=window, waves=waves)
+    gatherer = make_gatherer(burst=burst, tilt_limit=tilt_limit, window=window, waves=what.startswith("wave"))
     source = file if isinstance(file, Recording | ImuData) else check.path("file", file)
     subject = read_subject(source, gatherer, how, graded=False, note=note, progress=progress)  # type: ignore[arg-type]
     return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=size)

@@ -145,10 +145,11 @@ def _bursts(g: Gathered) -> Iterator[Chart]:
 
 def _seas(g: Gathered) -> Iterator[Chart]:
     """Spectrum of the waves, a mean of the bursts, with the band of one; and height, periods and direction by burst."""
-    seas = [burst for burst in g.bursts if burst.waves is not None and np.isfinite(burst.waves.hm0)]
-    if not seas:
+    pairs = [(round(0.5 * (burst.begin + burst.end), 3), sea) for burst in g.bursts
+             if (sea := burst.waves) is not None and np.isfinite(sea.hm0)]  # fmt: skip
+    if not pairs:
         return
-    states = [burst.waves for burst in seas if burst.waves is not None]
+    at, states = zip(*pairs, strict=True)
     density = np.nanmean([np.nan_to_num(sea.density) for sea in states], axis=0)
     f, (below, above) = states[0].frequency, states[0].band
     top = max(float(density.max()), np.finfo(float).tiny)
@@ -161,7 +162,6 @@ def _seas(g: Gathered) -> Iterator[Chart]:
     spectrum = {"name": "wave spectrum", "caption": _CAPTIONS["wavespectrum"][0], "kind": "spectrum", "lines": lines,
                 "x": x, "xlabel": "f [Hz]"}  # fmt: skip
     yield Chart("wavespectrum", "E(f) [m²/Hz]", spectrum)
-    at = [round(0.5 * (burst.begin + burst.end), 3) for burst in seas]
     for name, caption, label, values in (
         ("wave height", "Significant wave height by burst, with its band of 95 %", "Hm0 [m]",
          [("Hm0", "blue", "hm0", ""), *((f"95 % {end}", "blue", f"hm0_{end}", "dash") for end in ("low", "high"))]),
@@ -176,7 +176,7 @@ def _seas(g: Gathered) -> Iterator[Chart]:
             for text, colour, key, dash in values
         ]
         if any(y is not None for line in lines for y in line["y"]):
-            points: dict[str, Any] = {"name": name, "caption": caption, "kind": "points", "lines": lines, "x": at}
+            points: dict[str, Any] = {"name": name, "caption": caption, "kind": "points", "lines": lines, "x": [*at]}
             points |= {"period": (0.0, 360.0), "compass": True} if scale > 1.0 else {"floor": 0.0}
             yield Chart("waves", label, points, on_page=len(at) > 1)
 

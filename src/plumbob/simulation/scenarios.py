@@ -18,7 +18,7 @@ from plumbob.core.units import Quantity, deg, dps, g
 from plumbob.rotations import Frame
 from plumbob.simulation import signals
 from plumbob.simulation.captures import Bands, Cone, Faces, LevelRing, Poses, Raise, Stops, Sway, Table36, Tumble
-from plumbob.simulation.motion import ConingMotion, EulerMotion, Motion, Scenario, draw_sea, oscillator
+from plumbob.simulation.motion import ConingMotion, EulerMotion, Motion, Scenario, Sea, draw_sea, oscillator
 
 _QUARTER = np.pi / 2.0
 _FACES: Final = _QUARTER * np.array(
@@ -212,10 +212,7 @@ class Buoy(Scenario):
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Responses to one drawn sea."""
-        sea = draw_sea(
-            height=self.height, period=self.period, peakedness=self.peakedness, direction=self.waves_to,
-            spread=self.spread, rng=rng,
-        )  # fmt: skip
+        sea = self.sea(rng)
         follow = oscillator(sea.omega, period=self.way_period, damping=self.way_damping)
         tilt = oscillator(sea.omega, period=self.tilt_period, damping=self.tilt_damping)
         north, east = (sea.slope_ne * tilt[:, np.newaxis]).T
@@ -224,6 +221,13 @@ class Buoy(Scenario):
         tilts = signals.Sinusoids.from_phasors(sea.omega, np.stack((0.0 * north, rising_ahead, -rising_right), axis=-1))
         way = signals.Sinusoids.from_phasors(sea.omega, sea.displacement_ned * follow[:, np.newaxis])
         return EulerMotion(Frame.NED, tilts + self._yaw(rng), way)
+
+    def sea(self, rng: np.random.Generator) -> Sea:
+        """One drawn sea."""
+        return draw_sea(
+            height=self.height, period=self.period, peakedness=self.peakedness, direction=self.waves_to,
+            spread=self.spread, rng=rng,
+        )  # fmt: skip
 
     def _yaw(self, rng: np.random.Generator) -> signals.Signal:
         """Yaw about the mean heading in five slow sinusoids of periods 40 to 200 s."""

@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -189,15 +189,11 @@ _LABELS: Final = {3: ("axis", "xyz"), 4: ("component", "wxyz"), 9: ("pair", [a +
 
 def write_netcdf(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write named arrays as NetCDF-4 by the CF conventions 1.11; MissingExtraError without h5netcdf."""
-    h5netcdf, h5py = (needed(name, "NetCDF files", "plumbob[netcdf]") for name in ("h5netcdf", "h5py"))
     tables, profile = _tables(path, recording)
-    imu, track, stream = recording.imu, recording.track, io.BytesIO()
+    imu, track = recording.imu, recording.track
     t0_ns = 0 if imu is None else imu.meta.t0_ns
-    since = f"seconds since {str(np.datetime64(t0_ns, 'ns')).replace('T', ' ')}"
-    utc = {"units": since, "standard_name": "time", "axis": "T", "calendar": "standard"}
-    utc["units_metadata"] = "leap_seconds: none"
     about: dict[str, dict[str, Any]] = {name: {"long_name": words} for name, words in _LONG_NAMES.items()}
-    about |= {"time": utc} if t0_ns else {}
+    about |= {"time": utc_since(t0_ns)} if t0_ns else {}
     for name in {"flags", "track_flags"} & tables.keys():
         masks, meanings = np.array([*flags.MEANING], np.uint32), " ".join(name for name, _ in flags.MEANING.values())
         about[name] = {"standard_name": "quality_flag", "flag_masks": masks, "flag_meanings": meanings}
@@ -208,19 +204,54 @@ def write_netcdf(path: Path, recording: Recording, overwrite: bool = False) -> N
             tables[name] = angle, "degree"
             sense = f"fore_{senses[name]}" if name in senses else "starboard_down"  # that of its frame's axes
             about[name] = {"standard_name": f"platform_{name}_{sense}"}
+    variables: dict[str, CfVariable] = {
+        name: CfVariable((name,), np.array([*labels], object), {}) for name, labels in _LABELS.values()
+    }
+    for name, (table, unit) in tables.items():
+        dimensions = ("time", *(_LABELS[width][0] for width in table.shape[1:]))
+        variables[name] = CfVariable(dimensions, table, {"units": unit} | about.get(name, {}))
+    made = {"device": imu.meta.device} if imu is not None else {}
+    made |= {"source": track.source} if track is not None else {}
+    made |= {"history": notes} if (notes := "\n".join(map(str, stored_notes(recording)))) else {}
+    write_cf(path, variables, {"title": recording.name or path.stem, PROFILE: profile} | made, overwrite=overwrite)
+
+
+class CfVariable(NamedTuple):
+    """Values of a NetCDF file along its dimensions, with what is said of them."""
+
+    dimensions: tuple[str, ...]
+    values: NDArray[Any]
+    attributes: Mapping[str, Any]
+
+
+def utc_since(t0_ns: int) -> dict[str, str]:
+    """What is said of times that count in seconds from this UTC, ns since 1970."""
+    since = f"seconds since {str(np.datetime64(t0_ns, 'ns')).replace('T', ' ')}"
+    clock = {"units": since, "standard_name": "time", "axis": "T", "calendar": "standard"}
+    return clock | {"units_metadata": "leap_seconds: none"}
+
+
+def write_cf(
+    path: Path, variables: Mapping[str, CfVariable], about: Mapping[str, Any], *, overwrite: bool = False
+) -> None:
+    """Write NetCDF-4 by the CF conventions 1.11; numbers with a unit, but coordinates, are NaN where not known.
+
+    MissingExtraError without h5netcdf.
+    """
+    h5netcdf, h5py = (needed(name, "NetCDF files", "plumbob[netcdf]") for name in ("h5netcdf", "h5py"))
+    stream = io.BytesIO()
     with h5netcdf.File(stream, "w") as file:
-        file.dimensions = {"time": len(tables["time"][0])} | {name: len(labels) for name, labels in _LABELS.values()}
-        for name, labels in _LABELS.values():
-            file.create_variable(name, (name,), h5py.string_dtype(), data=np.array([*labels], object))
-        for name, (table, unit) in tables.items():
-            fill = math.nan if table.dtype == np.float64 and name != "time" else None
-            dimensions = ("time", *(_LABELS[width][0] for width in table.shape[1:]))
-            variable = file.create_variable(name, dimensions, data=table, fillvalue=fill, compression="gzip")
-            variable.attrs.update({"units": unit} | about.get(name, {}))
-        made = {"device": imu.meta.device} if imu is not None else {}
-        made |= {"source": track.source} if track is not None else {}
-        made |= {"history": notes} if (notes := "\n".join(map(str, stored_notes(recording)))) else {}
-        said = {"Conventions": "CF-1.11", "title": recording.name or path.stem, PROFILE: profile}
-        file.attrs.update(said | made)
+        file.dimensions = {
+            name: size for each in variables.values() for name, size in zip(each[0], each.values.shape, strict=True)
+        }
+        for name, (dimensions, values, attributes) in variables.items():
+            is_text, is_table = values.dtype == object, bool(dimensions) and "units" in attributes
+            fill = math.nan if values.dtype == np.float64 and is_table and name not in dimensions else None
+            variable = file.create_variable(
+                name, dimensions, h5py.string_dtype() if is_text else None, data=values, fillvalue=fill,
+                compression="gzip" if is_table else None,
+            )  # fmt: skip
+            variable.attrs.update(attributes)
+        file.attrs.update({"Conventions": "CF-1.11", **about})
     with replacing(path, overwrite=overwrite) as temporary:
         temporary.write_bytes(stream.getvalue())
