@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from plumbob.calibration.autocorrelation import Alike
 from plumbob.calibration.ellipsoid_fit import Shape
-from plumbob.calibration.mag.checks import HEADING, Doubt, uneven
+from plumbob.calibration.mag.checks import FieldEstimate
 from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.mag.field_gradient import PATCH, USUAL, Unevenness, unevenness
 from plumbob.calibration.predicted import heading_apart
@@ -54,7 +55,7 @@ def test_no_length_shows_a_field_that_changes_along_itself():
 
 def test_the_unseen_turns_the_matrix_and_shifts_the_centre():
     """√(⅔) s per axis of hard iron, and s over the field of turn: of an identity, of every entry off the diagonal."""
-    found = Unevenness(0.6, 0.0, 10.0).unseen(np.eye(3), 50.0)
+    found = Unevenness(0.6, 0.0, 10.0).counted(0.0, memory=1.0, residuals=np.zeros(1), matrix=np.eye(3), radius=50.0)
     assert np.diag(found)[:3] == pytest.approx(2.0 / 3.0 * 0.36)
     assert np.diag(found)[3:].reshape(3, 3) == pytest.approx((0.6 / 50.0) ** 2 * (1.0 - np.eye(3)))
 
@@ -100,9 +101,9 @@ def test_headings_apart_are_those_of_a_hard_iron():
 
 @pytest.mark.parametrize(("shown", "kind"), [(True, "uneven-field"), (False, "too-few-regions")])
 def test_a_refusal_over_an_uneven_field_says_whether_it_was_seen(shown, kind):
-    doubt = Doubt(sd=2.0 * HEADING.poor, even=0.1 * HEADING.poor, field=Unevenness(), memory=1.0, shown=shown)
-    assert uneven(doubt).kind == kind
-    assert uneven(doubt._replace(sd=HEADING.poor)) is uneven(doubt._replace(even=1.1 * HEADING.poor)) is None
+    estimate = FieldEstimate(*9 * [None], dip=1.0, tilt_range=1.0, alike=Alike(1.0, 2.0 if shown else 1.0))
+    assert [estimate.uncertain(1.0, even, "", np.eye(3)).kind for even in (0.0, 1.0)] == [kind, "too-few-regions"]
+    assert estimate.uncertain(1.0, 0.0, "", None).kind == (kind if shown else "ill-conditioned")
 
 
 def test_a_long_capture_in_an_even_field_is_fair_by_its_length_alone():

@@ -229,8 +229,8 @@ def with_nan(samples):
 @pytest.mark.parametrize(("ways", "options", "error", "text"), [
     ("alone", {"mag": MAG.T}, ShapeError, r"mag must have shape \(N, 3\).*pass mag.T"),
     ("alone acc level", {"mag": with_nan(MAG)}, ShapeError, r"mag must be finite, but mag\[7\]"),
-    ("alone acc level", {"acc": ACC[1:]}, ShapeError, r"acc must have one row per sample of the field \(60\)"),
-    ("alone", {"acc": with_nan(ACC)}, ShapeError, r"acc must be finite, but acc\[7\]"),
+    ("alone acc level", {"acc": ACC[1:]}, ShapeError, r"acc must have one row per .* \(60\)"),
+    ("acc", {"acc": with_nan(ACC)}, ShapeError, r"acc must be finite, but acc\[7\]"),
     ("acc", {"acc": ACC * (T > 0.0)[:, np.newaxis]}, ShapeError, r"acc\[0\] is zero"),
     ("gyr", {"mag": MAG[1:]}, ShapeError, r"mag must have one row per time stamp \(60\)"),
     ("gyr", {"gyr": MAG[1:]}, ShapeError, "gyr must have one row per time stamp"),

@@ -153,11 +153,6 @@ class Alike(NamedTuple):
         """What a covariance that takes them for independent is too small by."""
         return max(self.memory, self.unevenness)
 
-    @property
-    def shown(self) -> bool:
-        """Whether what never averages out is more than what neighbours share: an uneven field."""
-        return self.unevenness > self.memory
-
 
 def alike(residuals: Floats, directions: Floats, used: NDArray[np.bool_]) -> Alike:
     """How many residuals (N,) or (N, C) of lengths or angles, in order of time, count as one; the worst of C equations.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from plumbob.calibration.ellipsoid_fit import Shape
 from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.axes import LEAST_SLOPE, agreement
-from plumbob.calibration.mag.checks import WEAKEST, clipped, stuck
+from plumbob.calibration.mag.checks import clipped, stuck
 from plumbob.calibration.mag.ellipsoid import fit_mag, fit_mag_level, unturned
 from plumbob.calibration.mag.in_use import fit_mag_in_use
 from plumbob.calibration.mag.with_acc import FEWEST, fit_mag_acc
@@ -70,13 +70,12 @@ def calibrate_mag(
     refuse(clipped(at_end[present]))
     use = np.asarray(present & ~at_end)
     if shape == "level":
-        level = fit_mag_level(mag[use], acc=_complete(acc[use]), strength=strength, dip=dip)
+        level = fit_mag_level(mag[use], acc=acc[use], strength=strength, dip=dip)
         return replace(level, remarks=(info("calibration.mag_level"), *level.remarks))
     field = mag[use]
     if len(field) > 0:  # an axis may be dead, or the unit have lain still
-        strong = float(np.sqrt(np.mean(np.sum(field * field, axis=1)))) >= WEAKEST
         turning = "Turn the unit slowly through all attitudes: each face and each edge once up."
-        refuse(stuck(field) or (unturned(field, turning) if strong else None))
+        refuse(stuck(field) or unturned(field, turning))
     slow = _slow(imu)
     with np.errstate(invalid="ignore"):
         upright = np.abs(np.linalg.norm(acc, axis=1) / G0 - 1.0) <= STEADY
@@ -155,7 +154,7 @@ class _Work:
                 mag[self.use],
                 shape=SHAPES.get(self.shape),
                 strength=self.strength,
-                acc=_complete(acc[self.use]),
+                acc=acc[self.use],
                 dip=self.dip,
                 tilt_range=self.tilt_range,
             )
@@ -254,11 +253,6 @@ def _require_choices(with_: str, shape: str, *, in_use: bool) -> None:
             f"with {with_} the whole matrix is found, so shape must be auto or ellipsoid, but it is {shape}; "
             "choose with none for another shape."
         )
-
-
-def _complete(force: Floats) -> Floats | None:
-    """Specific force (N, 3) where every sample tells a direction; None where one is absent or zero."""
-    return force if np.isfinite(force).all() and force.any(axis=1).all() else None
 
 
 def _slow(imu: ImuData) -> NDArray[np.bool_]:

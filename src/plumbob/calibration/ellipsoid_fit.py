@@ -127,6 +127,7 @@ class Shape(Enum):
     ELLIPSOID = 9
 
 
+_ENTRIES: Final = np.array([[3, 6, 7], [6, 4, 8], [7, 8, 5]])  # of T among the parameters: b; xx, yy, zz, xy, xz, yz
 _SYMMETRIC: Final = {  # columns: parameters; rows: xx, yy, zz, xy, xz, yz of T
     Shape.SPHERE: np.array([[1.0], [1.0], [1.0], [0.0], [0.0], [0.0]]),
     Shape.AXES: np.eye(6)[:, :3],
@@ -249,7 +250,7 @@ class _Descent:
     def __init__(self, points: Floats, shape: Shape, start: Floats) -> None:
         self.points, self.shape, self.p = points, shape, start
         self.used = np.ones(len(points), dtype=np.bool_)
-        self.residuals, self.normal = np.empty(len(points)), np.empty((9, 10))
+        self.residuals = np.empty(len(points))
         centre = shape.value - _SYMMETRIC[shape].shape[1]  # of the centre
         self.space = np.zeros((9, shape.value))
         self.space[:centre, :centre] = np.eye(centre)
@@ -260,24 +261,23 @@ class _Descent:
 
     def run(self, soft: float, *, steps: int = _STEPS) -> bool:
         """Go to the minimum; False where it was not reached."""
-        self.cost, damping = self._cost(self.p, soft), 1e-6
+        now, damping = self._evaluate(self.p, soft), 1e-6
         for _ in range(steps):
-            a, g = self._equations()
+            cost, a, g = now
             step = -np.linalg.lstsq(a + damping * np.diag(np.diag(a)), g, rcond=None)[0]  # [Marquardt1963]
-            if float(np.sqrt(step @ a @ step)) < _ENOUGH * np.sqrt(self.cost / len(self.points)) + _EXACT:
+            if float(np.sqrt(step @ a @ step)) < _ENOUGH * np.sqrt(cost / len(self.points)) + _EXACT:
                 return True
-            trial, before = self.p + self.space @ step, self.normal.copy()
-            positive = np.isfinite(trial).all() and np.linalg.eigvalsh(_matrix(trial[3:]))[0] > 0.0
-            cost = self._cost(trial, soft) if positive else np.inf
-            if cost < self.cost:
-                self.p, self.cost, damping = trial, cost, max(0.1 * damping, 1e-12)
+            trial = self.p + self.space @ step
+            positive = np.isfinite(trial).all() and np.linalg.eigvalsh(trial[_ENTRIES])[0] > 0.0
+            if positive and (after := self._evaluate(trial, soft))[0] < cost:
+                self.p, now, damping = trial, after, max(0.1 * damping, 1e-12)
             else:
-                self.normal[:], damping = before, 10.0 * max(damping, 1e-6)
+                damping = 10.0 * max(damping, 1e-6)
         return False
 
     def scale(self) -> float:
         """Standard deviation of the residuals by their median, parameters counted."""
-        self._cost(self.p, np.inf)
+        self._evaluate(self.p, np.inf)
         free = max(1, len(self.points) - self.shape.value)
         typical = MAD * float(np.median(np.abs(self.residuals)))
         return max(typical * float(np.sqrt(len(self.points) / free)), 1e-12)
@@ -295,7 +295,7 @@ class _Descent:
         """Mark outliers among few samples, of which a median says little: each pulls the fit to itself."""
         while self.run(np.inf):
             indices = np.flatnonzero(self.used)
-            rows, residuals = linearised(self.points[indices], Ellipsoid(self.p[:3], _matrix(self.p[3:])))
+            rows, residuals = linearised(self.points[indices], Ellipsoid(self.p[:3], self.p[_ENTRIES]))
             worst = outlying(rows @ self.space, residuals, false_alarm=FALSE_ALARM, rounding=_EXACT)
             if not worst.size:
                 return
@@ -303,40 +303,31 @@ class _Descent:
 
     def result(self, middle: Floats, size: float, noise: float) -> NormFit | None:
         """Take the scaling back."""
-        self.cost = self._cost(self.p, np.inf)
-        a, _ = self._equations()
+        cost, a, _ = self._evaluate(self.p, np.inf)
         free = int(np.count_nonzero(self.used)) - self.shape.value
         if free < 0 or (free == 0 and not noise > 0.0):
             return None
         inverse, condition = invert(a)
-        sd = max(noise / size, float(np.sqrt(self.cost / free)) if free else 0.0)
+        sd = max(noise / size, float(np.sqrt(cost / free)) if free else 0.0)
         back = np.concatenate((np.full(3, size), np.full(6, 1.0 / size)))
         cov = self.space @ inverse @ self.space.T
         return NormFit(
             self.shape,
-            Ellipsoid(middle + size * self.p[:3], _matrix(self.p[3:]) / size),
+            Ellipsoid(middle + size * self.p[:3], self.p[_ENTRIES] / size),
             sd * sd * cov * np.outer(back, back),
             float(sd * size),
             self.residuals * size,
             self.used,
             condition,
-            float(self.cost * size * size),
+            float(cost * size * size),
         )
 
-    def _cost(self, p: Floats, soft: float) -> float:
-        return accumulate(self.points, p, soft, self.used, self.residuals, self.normal)
-
-    def _equations(self) -> tuple[Floats, Floats]:
-        """Normal matrix and gradient of the shape's own parameters."""
-        lower = np.tril(self.normal[:, :9])
-        normal = lower + np.tril(lower, -1).T
-        return self.space.T @ normal @ self.space, self.space.T @ self.normal[:, 9]
-
-
-def _matrix(t: Floats) -> Floats:
-    """Symmetric matrix of xx, yy, zz, xy, xz, yz."""
-    xx, yy, zz, xy, xz, yz = t.tolist()
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    def _evaluate(self, p: Floats, soft: float) -> tuple[float, Floats, Floats]:
+        """Cost, normal matrix and gradient of the shape's parameters at p; leaves the residuals."""
+        normal = np.empty((9, 10))
+        cost = accumulate(self.points, p, soft, self.used, self.residuals, normal)
+        lower = np.tril(normal[:, :9])
+        return cost, self.space.T @ (lower + np.tril(lower, -1).T) @ self.space, self.space.T @ normal[:, 9]
 
 
 LARGEST: Final = 3  # most samples that are deleted at once
@@ -374,10 +365,7 @@ def outlying(rows: Floats, left: Floats, *, false_alarm: float, rounding: float)
 
 
 # centre and matrix, row by row, by centre and xx, yy, zz, xy, xz, yz
-_SYMMETRIC_PARTS: Final = np.zeros((12, 9))
-_SYMMETRIC_PARTS[:3, :3] = np.eye(3)
-for _column, (_i, _j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), start=3):
-    _SYMMETRIC_PARTS[3 + 3 * _i + _j, _column] = _SYMMETRIC_PARTS[3 + 3 * _j + _i, _column] = 1.0
+_SYMMETRIC_PARTS: Final = np.eye(9)[[0, 1, 2, *_ENTRIES.ravel().tolist()]]
 
 
 def mean_radius(matrix: Floats, *, axes: int = 3) -> float:

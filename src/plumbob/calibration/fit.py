@@ -195,13 +195,7 @@ class Sizes(NamedTuple):
     after: Floats
     expected: float  # what they should be: the reference, or the mean of those after where none is known
     used: NDArray[np.bool_]  # (N,), those that were fitted
-
-    def rms(self) -> tuple[float, float]:
-        """Root mean square by which used samples miss what they should be, before and after."""
-        before, after = (
-            float(np.sqrt(np.mean((v[self.used] - self.expected) ** 2))) for v in (self.before, self.after)
-        )
-        return before, after
+    rms: tuple[float, ...]  # by which used samples miss what they should be, root mean square, before and after
 
 
 def sizes(name: str, fit: Fitted) -> Sizes | None:
@@ -211,7 +205,9 @@ def sizes(name: str, fit: Fitted) -> Sizes | None:
     model = fit.calibration
     after = np.linalg.norm((fit.measured - model.bias) @ model.matrix.T, axis=1)
     expected = float(after[fit.used].mean()) if model.reference is None else model.reference
-    return Sizes(np.linalg.norm(fit.measured, axis=1), after, expected, fit.used)
+    before = np.linalg.norm(fit.measured, axis=1)
+    rms = tuple(float(np.sqrt(np.mean((v[fit.used] - expected) ** 2))) for v in (before, after))
+    return Sizes(before, after, expected, fit.used, rms)
 
 
 def numbers(card: CalibrationCard, fits: Mapping[str, Fitted]) -> dict[str, Any]:
@@ -224,7 +220,7 @@ def numbers(card: CalibrationCard, fits: Mapping[str, Fitted]) -> dict[str, Any]
         model, fit = getattr(card, name), fits.get(name)
         axes = sensing_axes(model) if model.matrix_found else None
         lengths = None if fit is None else sizes(name, fit)
-        before, after = (None, None) if lengths is None else lengths.rms()
+        before, after = (None, None) if lengths is None else lengths.rms
         figures[name] = {
             "bias_sd": model.bias_sd,
             "matrix_sd": model.matrix_sd if model.matrix_found else None,

@@ -222,8 +222,8 @@ def told_by_others(
         remarks = (*remarks, *_by_gyroscope(imu, field, helper))
     if "acc" in wrong:
         return remarks
-    angle = _dip(field[steady], force[steady])
-    angle = _dip(field, force) if angle is None else angle
+    angle = dip_angle(field[steady], force[steady], FEWEST)
+    angle = dip_angle(field, force, FEWEST) if angle is None else angle
     turned = 0.0 if helper == "none" or "mag" in wrong else turn_angle(matrix)
     by = "accelerometer" if helper == "acc" else "gyroscope"
     remarks = (*remarks, *_of_turn(angle, turned, dip, by, one_dip=ways.keeps_dip))
@@ -243,7 +243,7 @@ def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: floa
     if c.covariance is None or quality is None or quality.tilt_range is None:
         return None
     field = (imu.usable("mag") - c.bias) @ c.matrix.T
-    angle = _dip(field[steady], imu.usable("acc")[steady]) if dip is None else dip
+    angle = dip_angle(field[steady], imu.usable("acc")[steady], FEWEST) if dip is None else dip
     place = {
         "size": float(np.nanmedian(np.linalg.norm(field, axis=1))),
         "dip": DIP if angle is None else angle,
@@ -259,34 +259,29 @@ def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: floa
     return Reason("no-gain", what, _AS_IT_IS)
 
 
-def require_field_turns(imu: ImuData, mag: Floats) -> None:
-    """Refuse a field (N, 3), calibrated or not, that turns against the gyroscope."""
-    _require_sense(turning.agreement(imu.t, mag, imu.usable("gyr")))
-
-
-def _require_sense(fit: turning.Agreement | None) -> None:
+def require_field_turns(imu: ImuData, mag: Floats) -> turning.Agreement | None:
+    """How a field (N, 3), calibrated or not, agrees with the rates; one that turns against them is refused."""
+    fit = turning.agreement(imu.t, mag, imu.usable("gyr"))
     if fit is not None and fit.slope < turning.LEAST_SLOPE:
         what = (
             "the field turns against the gyroscope: an axis of the magnetometer is swapped or has the wrong sign; "
             f"it changes by {fit.slope:.2f} of what the rates say, and 1 is right."
         )
         refuse(Reason("mirrored", what, f"{_AXES}; or the gyroscope's, if its signs are in doubt."))
+    return fit
 
 
 def _by_gyroscope(imu: ImuData, field: Floats, helper: str) -> tuple[str, ...]:
     """How a calibrated field follows the rates, in figures; one that does not is refused."""
-    gyr = imu.usable("gyr")
-    fit = turning.agreement(imu.t, field, gyr)
-    _require_sense(fit)
-    rotation = turning.turn(imu.t, field, gyr)
-    apart = None if rotation is None else turn_angle(rotation)
+    fit = require_field_turns(imu, field)
+    apart = None if fit is None or fit.turn is None else turn_angle(fit.turn)
     if helper == "acc" and apart is not None and apart > MOST_TURNED:
         what = (
             f"the field is turned by {to_deg(apart):.0f}° against the gyroscope, so the specific force was not "
             "that of gravity, or the accelerometer's axes are not the gyroscope's."
         )
         refuse(Reason("not-still", what, "Hold the unit still in each attitude, or turn it slowly, and capture again."))
-    angle = turning.wander(imu.t, field, gyr)
+    angle = turning.wander(imu.t, field, imu.usable("gyr"))
     if fit is None or angle is None:
         return ()
     turned = "" if apart is None else f", turned by {to_deg(apart):.1f}° against them,"
@@ -298,14 +293,6 @@ def _by_gyroscope(imu: ImuData, field: Floats, helper: str) -> tuple[str, ...]:
         return (f"Against the gyroscope, {text}",)
     doubt = "Its scale, bias or unit is wrong, or the card: calibrate it, and keep iron away."
     return (f"GYROSCOPE DISAGREES: {text} {doubt}",)
-
-
-def _dip(field: Floats, force: Floats) -> float | None:
-    """Angle of the field below the horizon, rad, by the specific force at the same instants."""
-    valid = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
-    if int(np.count_nonzero(valid)) < FEWEST:
-        return None
-    return dip_angle(field[valid], force[valid])
 
 
 def _of_turn(angle: float | None, turned: float, dip: float | None, by: str, *, one_dip: bool) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
-from plumbob.rotations import quat_from_rotvec, quat_multiply, quat_rotate
+from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply
 
 _X, _Y, _Z = np.eye(3)
 _FACES = [sign * axis for axis in (_X, _Y, _Z) for sign in (1, -1)]
@@ -108,8 +108,7 @@ def attitudes(tilt_range: float) -> Floats:
     nothing = np.zeros_like(heading)
     turned = quat_from_rotvec(np.stack((nothing, nothing, heading), axis=-1))
     tilted = quat_from_rotvec(angle[:, np.newaxis] * np.stack((np.cos(toward), np.sin(toward), nothing), axis=-1))
-    q_bn = quat_multiply(tilted, turned)
-    return np.stack([quat_rotate(q_bn, axis) for axis in np.eye(3)], axis=-1)
+    return dcm_from_quat(quat_multiply(tilted, turned))
 
 
 def _errors(matrix: Floats, vectors: Floats) -> Floats:

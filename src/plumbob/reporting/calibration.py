@@ -18,7 +18,7 @@ from plumbob.core.text import WIDTH, counted, listed, measured, number
 from plumbob.core.units import from_si, g, to_deg, written
 from plumbob.data import TITLES
 from plumbob.data.calibrated import temperature_drift
-from plumbob.data.cards import CalibrationCard, Mount, TriadCalibration
+from plumbob.data.cards import CalibrationCard, Mount, Quality, TriadCalibration
 from plumbob.reporting.content import INK, MUTED, SERIES, Figure, Table
 from plumbob.reporting.drawing import PlotLine, PlotPanel, draw_panels
 from plumbob.reporting.report import Report
@@ -95,9 +95,16 @@ def _mount(mount: Mount) -> Report:
 def _facts(name: str, c: TriadCalibration, lengths: Sizes | None, coverage: "Coverage | None") -> list[tuple[str, str]]:
     """How it was found, how well, and where it holds."""
     missing = "" if coverage is None else region_names(np.flatnonzero(~coverage.covered).tolist())
-    facts = [("method", c.method), ("date", c.date), ("residual", _residual(name, c, lengths))]
-    facts += [("data", _counts(c)), ("not covered", missing), ("predicted", _predicted(c))]
-    facts += [("reference", _reference(name, c)), ("temperature", _temperature(c))]
+    unit = SHOWN[name][-1]
+    known = "" if c.reference is None else f"{_REFERENCE[name]} of {from_si(c.reference, unit):.6g} {written(unit)}"
+    data, predicted = ("", "") if c.quality is None else _quality(c.quality)
+    facts = [("method", c.method), ("date", c.date), ("residual", _residual(name, c, lengths)), ("data", data)]
+    facts += [
+        ("not covered", missing),
+        ("predicted", predicted),
+        ("reference", known),
+        ("temperature", _temperature(c)),
+    ]
     return [(label, text) for label, text in facts if text]
 
 
@@ -152,7 +159,7 @@ def _rows(
 def _residual(name: str, c: TriadCalibration, lengths: Sizes | None) -> str:
     unit = SHOWN[name][0]
     rms = c.residual_rms or 0.0
-    values = [rms] if lengths is None else [rms, *lengths.rms()]
+    values = [rms] if lengths is None else [rms, *lengths.rms]
     shown = [f"{number(value)} {written(unit)}" for value in from_si(np.array(values), unit).tolist()]
     texts = [f"{shown[0]} rms"] if rms > _NOTHING else []  # one mean leaves nothing, however good it is
     if lengths is not None:
@@ -160,31 +167,16 @@ def _residual(name: str, c: TriadCalibration, lengths: Sizes | None) -> str:
     return "; ".join(texts)
 
 
-def _counts(c: TriadCalibration) -> str:
-    q = c.quality
-    if q is None:
-        return ""
+def _quality(q: Quality) -> tuple[str, str]:
+    """What it was made of, and the errors of attitude and scale that its covariance predicts, standard deviations."""
     texts = [counted(q.samples, "data point"), f"{counted(q.outliers, 'outlier')} set aside"]
     texts += [] if q.regions is None else [f"{q.regions} of 18 directions"]
-    return ", ".join(texts + ([] if q.condition is None else [f"condition number {number(q.condition, 2)}"]))
-
-
-def _predicted(c: TriadCalibration) -> str:
-    """Errors of attitude and scale by the covariance of the parameters, as standard deviations."""
-    q = c.quality
-    if q is None:
-        return ""
+    texts += [] if q.condition is None else [f"condition number {number(q.condition, 2)}"]
     angles = {"inclination": q.tilt_sd, "heading": q.heading_sd}
     within = "" if q.tilt_range is None else f" (tilt ≤ {to_deg(q.tilt_range):.0f}°)"
     errors = [f"{name} error{within}: {number(to_deg(sd), 2)}°" for name, sd in angles.items() if sd is not None]
     errors += [] if q.scale_sd is None else [f"scale error: {number(1e6 * q.scale_sd, 2)} ppm"]
-    return "; ".join(errors)
-
-
-def _reference(name: str, c: TriadCalibration) -> str:
-    if c.reference is None:
-        return ""
-    return f"{_REFERENCE[name]} of {from_si(c.reference, SHOWN[name][-1]):.6g} {written(SHOWN[name][-1])}"
+    return ", ".join(texts), "; ".join(errors)
 
 
 def _temperature(c: TriadCalibration) -> str:

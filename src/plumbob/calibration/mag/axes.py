@@ -40,14 +40,15 @@ _CHUNK: Final = 20_000
 
 
 class Agreement(NamedTuple):
-    """Slope of the field's change on the one that the rates predict, and the bias (3,) of the rates, rad/s."""
+    """How the field's change agrees with the one that the rates predict."""
 
-    slope: float
-    rate_bias: Floats
+    slope: float  # of the one on the other
+    rate_bias: Floats  # (3,), of the rates, rad/s
+    turn: Floats | None  # (3, 3), from the gyroscope's axes to those of a calibrated field; None where nothing shows it
 
 
 def agreement(t: Floats, mag: Floats, gyr: Floats) -> Agreement | None:
-    """How the field's change agrees with the one that the rates predict; None where the capture does not tell.
+    """Agreement of field and rates; None where the capture does not tell.
 
     Neither field nor rates (N, 3) need be calibrated: constant biases of both are found too. Rows with NaN do not
     count.
@@ -58,17 +59,11 @@ def agreement(t: Floats, mag: Floats, gyr: Floats) -> Agreement | None:
     solution = _solution(columns, change)
     if solution is None or solution[1][0] > MOST_UNKNOWN:
         return None
-    return Agreement(float(solution[0][0]), np.asarray(-solution[0][1:4] / solution[0][0]))
-
-
-def turn(t: Floats, field: Floats, gyr: Floats) -> Floats | None:
-    """Rotation matrix (3, 3) of the gyroscope's axes to those of a calibrated field; None where nothing shows it."""
-    rows, change = _equations(t, field, gyr)
-    solution = _solution(rows[:, :, :12], change)
-    if solution is None or solution[1][:9].max() > MOST_UNKNOWN:
-        return None
-    u, _, vt = np.linalg.svd(solution[0][:9].reshape(3, 3))
-    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+    gain, rotation = _solution(rows[:, :, :12], change), None
+    if gain is not None and gain[1][:9].max() <= MOST_UNKNOWN:
+        u, _, vt = np.linalg.svd(gain[0][:9].reshape(3, 3))
+        rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    return Agreement(float(solution[0][0]), np.asarray(-solution[0][1:4] / solution[0][0]), rotation)
 
 
 def _equations(t: Floats, mag: Floats, gyr: Floats) -> tuple[Floats, Floats]:

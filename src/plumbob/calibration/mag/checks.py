@@ -7,9 +7,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plumbob.calibration.autocorrelation import Alike
 from plumbob.calibration.fit import HEADING, Fitted, Reason, grade_of, reason_if, refuse
 from plumbob.calibration.mag.field_gradient import Unevenness
-from plumbob.calibration.predicted import filled
+from plumbob.calibration.predicted import NAMES, filled, heading_sd, region_names
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
@@ -80,6 +81,7 @@ def with_rates(
 
 
 WEAKEST, STRONGEST = 15.0, 90.0  # of the Earth's field in a sensor's own scale, µT: 22 to 67 µT with a third of error
+WEAKEST_LEVEL: Final = 2.0  # µT of level field, of which nobody can tell a heading
 _MOST_UNEQUAL: Final = 3.0
 
 
@@ -120,10 +122,13 @@ def unequal(matrix: Floats) -> Reason | None:
     return reason_if(not ratio <= _MOST_UNEQUAL, "implausible", what, advice)
 
 
-def wrong_field(radius: float, strength: float | None) -> Reason | None:
-    """Reason to refuse a field that measures `radius` in the sensor's own scale, µT, where it is `strength`."""
-    low, high = (WEAKEST, STRONGEST) if strength is None else (0.6 * strength, 1.6 * strength)
-    what = f"the field measures {radius:.3g} µT in the sensor's own scale, but {low:.3g} to {high:.3g} µT can be."
+def wrong_field(radius: float, strength: float | None, *, solid: bool = True) -> Reason | None:
+    """Reason to refuse a field, or where not `solid` its level part, that measures `radius`, µT, and is `strength`."""
+    low, high = (WEAKEST if solid else WEAKEST_LEVEL, STRONGEST)
+    if strength is not None:
+        low, high = 0.6 * strength, 1.6 * strength
+    field = "field" if solid else "level field"
+    what = f"the {field} measures {radius:.3g} µT in the sensor's own scale, but {low:.3g} to {high:.3g} µT can be."
     advice = "Check the unit and the gain of the magnetometer, and that the capture was not taken beside a magnet."
     return reason_if(not low <= radius <= high, "wrong-field", what, advice)
 
@@ -138,77 +143,121 @@ _COUNTS: Final = 1.5  # predicted error over that of an even field, above which 
 STEEL: Final = "Look for switched currents, moving iron and steel nearby."  # advice where samples do not fit each other
 
 
-class Doubt(NamedTuple):
-    """What is predicted, and why."""
-
-    # sd, even: heading error, rad: of the calibration, and were the field even
-    sd: float
-    even: float
-    field: Unevenness  # how uneven it was, or may have been
-    memory: float  # how many neighbouring samples count as one
-    shown: bool  # whether the residuals show that the field was uneven
-
-
 class FieldEstimate(NamedTuple):
-    """Result of a fit of a magnetometer."""
+    """Result of a fit of a magnetometer, and what its covariance rests on."""
 
     # matrix, bias: (3, 3), of the calibration; bias in µT
     matrix: Floats
     bias: Floats
     covariance: Floats  # (12, 12), of bias and matrix
+    even: Floats  # (12, 12), the same, were the field even
     residuals: Floats  # (N, ...), of the samples, in the sensor's own scale, µT
     used: NDArray[np.bool_]  # (N,), false for outliers
     radius: float  # strength of the field in the sensor's own scale, µT
     condition: float  # of the normal matrix scaled to a diagonal of one
     # strength of the field to which the matrix leads, µT; None where it keeps the sensor's scale
     strength: float | None
-    solid: bool = True  # whether all axes were fitted, so that directions count
+    dip: float  # of the field for which the heading error is predicted, rad
+    tilt_range: float  # inclination up to which it is, rad
+    field: Unevenness = Unevenness()  # how uneven the field was, or may have been
+    alike: Alike = Alike(1.0)  # how many samples count as one; more by what stays than as neighbours shows a field
+    axes: tuple[int, ...] = (0, 1, 2)  # that were fitted
 
     def finished(
         self,
         measured: Floats,
-        doubt: Doubt,
         *,
-        tilt_range: float,
         method: str,
+        advice: str,
         reasons: Iterable[Reason | None],
         remarks: tuple[Note, ...],
+        alone: bool = False,
         stride: int = 1,
     ) -> Fitted:
         """Fit of the measured field (N, 3), µT, every `stride`-th that there was; or the reasons to refuse it.
 
         Those that rest on the result count where its heading error is not beyond *poor*: else they would be of noise.
+        `alone`: by the field's directions, no other sensor helped; `advice` says what else would make it better.
         """
-        sd, used, count = doubt.sd, self.used, int(np.count_nonzero(~self.used))
-        sure = self.solid and sd <= HEADING.poor
-        refuse(*reasons, *((unequal(self.matrix), wrong_field(self.radius, self.strength)) if sure else ()))
-        unscaled = self.strength is None and self.solid
-        scale = (info("calibration.own_scale", size=self.radius),) if unscaled else ()
+        strength, used, count = self.strength or self.radius, self.used, int(np.count_nonzero(~self.used))
+        sd, even = (
+            heading_sd(self.matrix, covariance, size=strength, dip=self.dip, tilt_range=self.tilt_range)
+            for covariance in (self.covariance, self.even)
+        )
+        directions, solid = (measured - self.bias)[used], len(self.axes) == len(self.bias)
+        if sd <= HEADING.poor:
+            fitted = self.matrix[np.ix_(self.axes, self.axes)]
+            refuse(*reasons, unequal(fitted), wrong_field(self.radius, self.strength, solid=solid))
+        else:
+            refuse(*reasons, self.uncertain(sd, even, advice, directions if alone else None))
+        scale = (info("calibration.own_scale", size=self.radius),) if self.strength is None and solid else ()
         thinned = (info("calibration.thinned", stride=stride),) if stride > 1 else ()
         aside = (info("calibration.set_aside", count=count, samples=len(used)),) if count else ()
         quality = Quality(
             grade=grade_of(sd, HEADING) or "poor",
             samples=int(np.count_nonzero(used)),
             outliers=count,
-            regions=int(np.count_nonzero(filled((measured - self.bias)[used]))) if self.solid else None,
+            regions=int(np.count_nonzero(filled(directions))) if solid else None,
             condition=self.condition,
             heading_sd=sd,
-            tilt_range=tilt_range,
+            tilt_range=self.tilt_range,
         )
-        size = (self.strength or self.radius) / self.radius
         calibration = TriadCalibration(
             matrix=self.matrix,
             bias=self.bias,
             unit_in=UNITS["mag"],
             unit_out=UNITS["mag"],
-            residual_rms=float(np.sqrt(np.mean(self.residuals[used] ** 2))) * size,
+            residual_rms=float(np.sqrt(np.mean(self.residuals[used] ** 2))) * strength / self.radius,
             covariance=self.covariance,
             reference=self.strength,
             method=method,
             quality=quality,
         )
-        told = (*remarks, *scale, *thinned, *aside, *uneven_told(doubt))
-        return Fitted(calibration, measured, self.residuals, used, told)
+        unevenness = self._unevenness(sd / even if even > 0.0 else 1.0)
+        return Fitted(calibration, measured, self.residuals, used, (*remarks, *scale, *thinned, *aside, *unevenness))
+
+    def uncertain(self, sd: float, even: float, advice: str, directions: Floats | None) -> Reason:
+        """Reason to refuse a heading error of `sd`, rad, beyond *poor*, that an even field would leave `even` of.
+
+        Of a magnetometer alone, the `directions` (N, 3) of its field explain it.
+        """
+        error = f"a heading error of {to_deg(sd):.2g}° (1 sd)" if sd < LOST else "no heading at all"
+        if even <= HEADING.poor and self.alike.unevenness > self.alike.memory:
+            what = (
+                "the residuals do not average out as noise does, but persist while the unit turns, as where the field "
+                f"differs from place to place, or the sensor is slow; that leaves {error}."
+            )
+            return Reason("uneven-field", what, EVEN)
+        if directions is None:
+            return Reason("ill-conditioned", f"the capture leaves {error}.", advice)
+        if not even <= HEADING.poor:
+            return Reason("too-few-regions", f"the capture leaves {error}; {regions_seen(directions)}.", advice)
+        what = (
+            "the unit turned too little to show whether the field is even, and in most rooms it is not; that leaves "
+            f"{error}."
+        )
+        longer = f"Keep turning it for a minute or two, through all attitudes, each several times. {EVEN}"
+        return Reason("too-few-regions", what, longer)
+
+    def _unevenness(self, more: float) -> tuple[Note, ...]:
+        """Remarks where the field differed from place to place or may have, or errors have a long memory.
+
+        `more` is the predicted error over that of an even field.
+        """
+        text = f"this makes the predicted error {more:.2g} times that of an even field."
+        if self.alike.unevenness > self.alike.memory:
+            return (warning("calibration.field_uneven", effect=text),)
+        code = "calibration.field_short" if self.field.short else "calibration.length_alone"
+        counts = (warning(code, sd=self.field.sd, effect=text),) if more > _COUNTS else ()
+        lasting = self.alike.memory > _LONG_MEMORY
+        return (*counts, *((info("calibration.autocorrelated", memory=self.alike.memory),) if lasting else ()))
+
+
+def regions_seen(directions: Floats) -> str:
+    """How many of the 18 directions were seen, by vectors (N, 3) from the centre, and which were not, in words."""
+    empty = np.flatnonzero(filled(directions) == 0).tolist()
+    text = f"{len(NAMES) - len(empty)} of {len(NAMES)} directions were seen"
+    return f"{text}, missing {region_names(empty)}" if empty else text
 
 
 def outliers(used: NDArray[np.bool_], advice: str, most: float = MOST_OUTLIERS) -> Reason | None:
@@ -218,57 +267,14 @@ def outliers(used: NDArray[np.bool_], advice: str, most: float = MOST_OUTLIERS) 
     return reason_if(not share <= most, "outliers", what, advice)
 
 
-def uncertain(doubt: Doubt, advice: str) -> Reason | None:
-    """Reason to refuse a fit that leaves a heading error beyond *poor*, with what to do; None where less."""
-    if doubt.sd <= HEADING.poor:
+def dip_angle(field: Floats, force: Floats, fewest: int = 1) -> float | None:
+    """Dip of calibrated fields (N, 3), rad, by the specific forces (N, 3) at the same instants, which point up.
+
+    None where fewer than `fewest` rows tell it: those in which both are finite, and the force is not zero.
+    """
+    tells = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1) & force.any(axis=1)
+    if np.count_nonzero(tells) < fewest:
         return None
-    what = f"the capture leaves {heading_told(doubt.sd)}."
-    return (uneven(doubt) if doubt.shown else None) or Reason("ill-conditioned", what, advice)
-
-
-def uneven(doubt: Doubt) -> Reason | None:
-    """Reason to refuse a heading error beyond *poor* only because of an uneven field, shown or not; None else."""
-    if not doubt.even <= HEADING.poor < doubt.sd:
-        return None
-    if not doubt.shown:
-        what = (
-            "the unit turned too little to show whether the field is even, and in most rooms it is not; that leaves "
-            f"{heading_told(doubt.sd)}."
-        )
-        return Reason(
-            "too-few-regions",
-            what,
-            f"Keep turning it for a minute or two, through all attitudes, each several times. {EVEN}",
-        )
-    what = (
-        "the residuals do not average out as noise does, but persist while the unit turns, as where the field "
-        f"differs from place to place, or the sensor is slow; that leaves {heading_told(doubt.sd)}."
-    )
-    return Reason("uneven-field", what, EVEN)
-
-
-def heading_told(sd: float) -> str:
-    """Heading error, rad, in words."""
-    return f"a heading error of {to_deg(sd):.2g}° (1 sd)" if sd < LOST else "no heading at all"
-
-
-def uneven_told(doubt: Doubt) -> tuple[Note, ...]:
-    """Remarks where the field differed from place to place or may have, or errors have a long memory."""
-    more = doubt.sd / doubt.even if doubt.even > 0.0 else 1.0
-    text = f"this makes the predicted error {more:.2g} times that of an even field."
-    if doubt.shown:
-        return (warning("calibration.field_uneven", effect=text),)
-    remarks: list[Note] = []
-    if more > _COUNTS and doubt.field.short:
-        remarks.append(warning("calibration.field_short", sd=doubt.field.sd, effect=text))
-    elif more > _COUNTS:
-        remarks.append(warning("calibration.length_alone", sd=doubt.field.sd, effect=text))
-    if doubt.memory > _LONG_MEMORY:
-        remarks.append(info("calibration.autocorrelated", memory=doubt.memory))
-    return tuple(remarks)
-
-
-def dip_angle(field: Floats, force: Floats) -> float:
-    """Dip of calibrated fields (N, 3), rad, by the specific forces (N, 3) at the same instants, which point up."""
+    field, force = field[tells], force[tells]
     down = -np.sum(field * force, axis=1) / np.linalg.norm(field, axis=1) / np.linalg.norm(force, axis=1)
     return float(np.arcsin(np.clip(np.median(down), -1.0, 1.0)))

@@ -28,9 +28,10 @@ from plumbob.calibration.ellipsoid_fit import (
 )
 from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, reason_if, refuse
 from plumbob.calibration.mag import checks
-from plumbob.calibration.mag.checks import Doubt, FieldEstimate
+from plumbob.calibration.mag.checks import FieldEstimate
 from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenness
-from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, region_names
+from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd
+from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.findings import Note, info, warning
@@ -181,30 +182,27 @@ def fit_mag(
     """Fit an ellipsoid to what a magnetometer measured in many attitudes, µT (N, 3), in order of time.
 
     Without a `shape`, the smallest that the capture does not contradict; without the `strength` of the field, the
-    sensor's own scale is kept on average. The specific force (N, 3) at the same instants shows the dip, and how the
-    unit was turned; dip and `tilt_range`, rad, are those that the predicted heading error holds for. Samples are
-    finite.
+    sensor's own scale is kept on average. The specific force (N, 3) at the same instants, NaN where there is none,
+    shows the dip, and how the unit was turned; dip and `tilt_range`, rad, are those that the predicted heading error
+    holds for. Samples are finite.
     """
     if shape is not None and not isinstance(shape, Shape):
         shapes = ", ".join(str(each) for each in Shape)
         raise ParameterError(f"shape must be one of {shapes}, or None to have it chosen, but it is {shape!r}.")
     checks.require_figures(strength=strength, dip=dip, tilt_range=tilt_range)
     mag = checks.finite_rows("mag", mag)
-    acc = None if acc is None else checks.forces(acc, len(mag))
+    acc = np.full_like(mag, np.nan) if acc is None else check.rows("acc", acc, 3, len(mag))
     least = (shape or Shape.ELLIPSOID).value + SPARE
     if len(mag) < least:
         refuse(Reason("too-few", f"{len(mag)} samples, but this shape needs {least} at least.", _ADVICE))
-    # a field that hardly changed; a weak one, of whatever scale, by as large a share of it
-    share = min(1.0, math.sqrt(float(np.mean(np.sum(mag * mag, axis=1)))) / checks.WEAKEST)
-    constant = unturned(mag, _ADVICE) if _change(mag) <= LEAST_CHANGE * share else None
-    refuse(constant or one_axis(mag, acc))
+    refuse(unturned(mag, _ADVICE) or one_axis(mag, acc))
     if (choice := choose(mag, shape)) is None:
-        raise CaptureRefusedError(unturned(mag, _ADVICE) or _shapeless(mag))
+        raise CaptureRefusedError(_shapeless(mag))
     fit, full, why = choice
     radius = mean_radius(fit.ellipsoid.shape)
     size = strength or radius
-    if dip is None:
-        dip = checks.DIP if acc is None else checks.dip_angle(fit.ellipsoid.to_sphere(mag)[fit.used], acc[fit.used])
+    if dip is None and (dip := checks.dip_angle(fit.ellipsoid.to_sphere(mag)[fit.used], acc[fit.used])) is None:
+        dip = checks.DIP
     directions, place = full.ellipsoid.to_sphere(mag), ReferenceField(size, dip, tilt_range)
     shared = alike(full.residuals, directions, full.used)
     field = unevenness(full.residuals, directions, full.used)
@@ -213,55 +211,42 @@ def fit_mag(
     residuals = full.residuals[full.used]
     covariance = field.counted(independent, memory=shared.memory, residuals=residuals, matrix=matrix, radius=radius)
     covariance = covariance * widening(mag, full, field, shared.memory, place)
-    sd, even = (heading_sd(matrix, c, **place._asdict()) for c in (covariance, independent * shared.memory))
-    doubt = Doubt(sd, even, field, shared.memory, shared.shown)
     estimate = FieldEstimate(
-        matrix, fit.ellipsoid.centre, covariance, fit.residuals, fit.used, radius, fit.condition, strength
-    )
-    narrow = None
-    if not sd <= HEADING.poor:
-        regions = _regions_told((mag - fit.ellipsoid.centre)[fit.used])
-        narrow = Reason("too-few-regions", f"the capture leaves {checks.heading_told(sd)}; {regions}.", _ADVICE)
+        matrix, fit.ellipsoid.centre, covariance, independent * shared.memory, fit.residuals, fit.used, radius,
+        fit.condition, strength, dip, tilt_range, field, shared,
+    )  # fmt: skip
     return estimate.finished(
         mag,
-        doubt,
-        tilt_range=tilt_range,
         method=f"magnetometer alone: {_WORDS[fit.shape]}",
-        reasons=(moved(mag, fit), checks.outliers(fit.used, _MOVED), checks.uneven(doubt) or narrow),
+        advice=_ADVICE,
+        reasons=(moved(mag, fit), checks.outliers(fit.used, _MOVED)),
         remarks=_remarks(fit, why),
+        alone=True,
     )
 
 
 def unturned(mag: Floats, advice: str) -> Reason | None:
-    """Reason to refuse a capture whose field (N, 3), µT, hardly changed, with what to do; None where it did."""
-    change = _change(mag)
+    """Reason to refuse a capture whose field (N, 3), µT, hardly changed, with what to do; None where it did.
+
+    A weak field, of whatever scale, by as large a share of it.
+    """
+    change = math.sqrt(float(np.sum(np.var(mag, axis=0))))
+    share = min(1.0, math.sqrt(float(np.mean(np.sum(mag * mag, axis=1)))) / checks.WEAKEST)
     what = f"the measured field only changed by {change:.2g} µT."
-    return reason_if(not change >= LEAST_CHANGE, "no-motion", what, advice)
-
-
-def _change(mag: Floats) -> float:
-    """Root mean square change of a field (N, 3)."""
-    return math.sqrt(float(np.sum(np.var(mag, axis=0))))
+    return reason_if(not change > LEAST_CHANGE * share, "no-motion", what, advice)
 
 
 def _shapeless(mag: Floats) -> Reason:
     """Reason to refuse a capture that no ellipsoid fits."""
     directions = mag - mag.mean(axis=0)
     if filled(directions).all():
-        change, mean = _change(mag), float(np.linalg.norm(mag.mean(axis=0)))
+        change, mean = (float(np.linalg.norm(of)) for of in (mag.std(axis=0), mag.mean(axis=0)))
         if change < _HARDLY * mean:
             what = f"no ellipsoid fits; the field changed by {change:.2g} µT about a mean of {mean:.2g} µT"
             return Reason("too-few-regions", f"{what}, as if the unit was hardly turned.", _ADVICE)
         what = f"no ellipsoid fits, although all {len(NAMES)} directions were seen: the field itself changed."
         return Reason("uneven-field", what, f"{checks.STEEL} {checks.EVEN}")
-    return Reason("too-few-regions", f"no ellipsoid fits; {_regions_told(directions)}.", _ADVICE)
-
-
-def _regions_told(directions: Floats) -> str:
-    counts = filled(directions)
-    empty = [i for i, count in enumerate(counts.tolist()) if count == 0]
-    text = f"{len(NAMES) - len(empty)} of {len(NAMES)} directions were seen"
-    return f"{text}, missing {region_names(empty)}" if empty else text
+    return Reason("too-few-regions", f"no ellipsoid fits; {checks.regions_seen(directions)}.", _ADVICE)
 
 
 def _remarks(fit: NormFit, why: str) -> tuple[Note, ...]:
@@ -276,7 +261,6 @@ def _remarks(fit: NormFit, why: str) -> tuple[Note, ...]:
 WIDEST_GAP: Final = deg(90.0)  # largest gap between the headings that were seen, rad
 LEANING: Final = deg(10.0)  # inclination above which a unit is not level, rad
 _FEWEST: Final = 4 * Shape.ELLIPSE.value
-_WEAKEST: Final = 2.0  # µT of level field, of which nobody can tell a heading
 _THICKEST: Final = 0.1  # scatter over radius
 _LEVEL_GROUND: Final = "Stay on level ground, or use a fit of all three axes."
 _DRIVE: Final = "Drive a full circle or more on level ground, away from iron."
@@ -305,7 +289,7 @@ def fit_mag_level(
     """
     checks.require_figures(strength=strength, dip=dip)
     mag = checks.finite_rows("mag", mag)
-    acc = None if acc is None else checks.forces(acc, len(mag))
+    acc = np.full_like(mag, np.nan) if acc is None else check.rows("acc", acc, 3, len(mag))
     if len(mag) < _FEWEST:
         refuse(Reason("too-few", f"{len(mag)} samples, but {_FEWEST} are needed.", _DRIVE))
     axis = _upright(mag, acc)
@@ -318,33 +302,28 @@ def fit_mag_level(
     radius = mean_radius(shape, axes=2)
     shared = alike(fit.residuals, (points - fit.ellipsoid.centre[:2]) @ shape[:2, :2], fit.used)
     matrix, independent = scaled(fit, wanted, alike=1.0)
-    sd, even = (
-        heading_sd(
-            matrix, c * independent, size=(wanted or radius) / math.cos(checks.DIP), dip=checks.DIP, tilt_range=0.0
-        )
-        for c in (shared.factor, shared.memory)
-    )
-    doubt = Doubt(sd, even, Unevenness(), shared.memory, shared.shown)
     back = np.argsort(order)
     rows = np.concatenate((back, 3 + (3 * back[:, np.newaxis] + back).ravel()))
+    covariance = independent[np.ix_(rows, rows)]
     estimate = FieldEstimate(
-        matrix[np.ix_(back, back)], fit.ellipsoid.centre[back], (shared.factor * independent)[np.ix_(rows, rows)],
-        fit.residuals, fit.used, radius, fit.condition, wanted, solid=False,
+        matrix[np.ix_(back, back)], fit.ellipsoid.centre[back], shared.factor * covariance, shared.memory * covariance,
+        fit.residuals, fit.used, radius, fit.condition, wanted, 0.0, 0.0, Unevenness(), shared,
+        tuple(order[:2]),
     )  # fmt: skip
     axes = " and ".join("xyz"[i] for i in order[:2])
     return estimate.finished(
         mag,
-        doubt,
-        tilt_range=0.0,
         method=f"magnetometer level only: ellipse of {axes}, {fit.shape.value} parameters",
-        reasons=_reasons(fit, points, radius, doubt),
+        advice=_DRIVE,
+        reasons=_reasons(fit, points, radius),
         remarks=_level_remarks(axis, radius, wanted),
     )
 
 
-def _upright(mag: Floats, acc: Floats | None) -> int:
-    """Axis that stood upright."""
-    if acc is None:
+def _upright(mag: Floats, acc: Floats) -> int:
+    """Axis that stood upright, by the rows of a specific force (N, 3) that are finite, else by the field (N, 3)."""
+    acc = acc[np.isfinite(acc).all(axis=1) & acc.any(axis=1)]
+    if not len(acc):
         return int(np.argmin(mag.std(axis=0)))
     mean = acc.mean(axis=0)
     axis = int(np.argmax(np.abs(mean)))
@@ -357,27 +336,17 @@ def _upright(mag: Floats, acc: Floats | None) -> int:
     return axis
 
 
-def _reasons(fit: NormFit, points: Floats, radius: float, doubt: Doubt) -> tuple[Reason | None, ...]:
+def _reasons(fit: NormFit, points: Floats, radius: float) -> tuple[Reason | None, ...]:
     x, y = ((points[fit.used] - fit.ellipsoid.centre[:2]) @ fit.ellipsoid.shape[:2, :2]).T
     course = np.sort(np.arctan2(y, x))
     gap = float(np.diff(course, append=course[0] + 2.0 * np.pi).max())
     open_ = f"headings cover {360.0 - to_deg(gap):.0f}°; 270° are needed."
     scatter = float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) / radius
     thick = f"the field of the level axes scatters by {100.0 * scatter:.0f} % of its size about the ellipse."
-    weak = f"the level field measures {radius:.3g} µT; {_WEAKEST:g} to {checks.STRONGEST:g} µT can be."
-    sure = doubt.sd <= HEADING.poor  # else what rests on the result would be that of noise
     return (
         reason_if(not gap <= WIDEST_GAP, "too-few-regions", open_, _DRIVE),
         reason_if(not scatter <= _THICKEST, "not-level", thick, _LEVEL_GROUND),
         checks.outliers(fit.used, checks.STEEL),
-        checks.uncertain(doubt, _DRIVE),
-        reason_if(
-            sure and not _WEAKEST <= radius <= checks.STRONGEST,
-            "wrong-field",
-            weak,
-            "Check the unit and the gain of the magnetometer.",
-        ),
-        checks.unequal(fit.ellipsoid.shape[:2, :2]) if sure else None,
     )
 
 

@@ -62,27 +62,20 @@ class Unevenness(NamedTuple):
     ) -> Floats:
         """Covariance (12, 12) of bias and matrix with what the field leaves, from that of independent samples.
 
-        `memory` neighbouring samples count as one; `residuals` (N,), µT, are of those that were fitted; the rest as in
-        `unseen`.
+        `memory` neighbouring samples count as one; `residuals` (N,), µT, are of those that were fitted; `radius`, µT,
+        is the strength of the field in the sensor's own scale; `turned`: no vertical shows a turn of the axes.
         """
-        return covariance * (memory + self.spread(residuals)) + self.unseen(matrix, radius, turned=turned)
+        unseen = np.zeros((12, 12))  # what no length shows: a hard iron, without a vertical a turn
+        unseen[:3, :3] = _HARD_IRON * self.sd**2 * np.eye(3)
+        for axis in np.eye(3) if turned else ():
+            change = np.cross(axis, matrix.T).T.ravel()
+            unseen[3:, 3:] += (self.sd / radius) ** 2 * np.outer(change, change)
+        return covariance * (memory + self.spread(residuals)) + unseen
 
     def spread(self, residuals: Floats) -> float:
         """How many of the residuals (N,), µT, count as one, for what wanders."""
         power = float(residuals @ residuals)
         return self.sd**2 * len(residuals) ** 2 / power / self.patches if power > 0.0 else 0.0
-
-    def unseen(self, matrix: Floats, radius: float, *, turned: bool = True) -> Floats:
-        """Covariance (12, 12) of bias and matrix by what no length shows: a hard iron, without a vertical a turn.
-
-        `radius` is the strength of the field in the sensor's own scale, µT.
-        """
-        covariance = np.zeros((12, 12))
-        covariance[:3, :3] = _HARD_IRON * self.sd**2 * np.eye(3)
-        for axis in np.eye(3) if turned else ():
-            change = np.cross(axis, matrix.T).T.ravel()
-            covariance[3:, 3:] += (self.sd / radius) ** 2 * np.outer(change, change)
-        return covariance
 
 
 def unevenness(
@@ -137,7 +130,7 @@ _CONSTANT: Final = deg(10.0)
 def one_axis(vectors: Floats, acc: Floats | None) -> Reason | None:
     """Reason to refuse vectors (N, 3) that were seen while turning about one axis only; None where they were not.
 
-    The specific force at the same instants distinguishes a level unit from an inclined one.
+    The specific force (N, 3) at the same instants, where finite, distinguishes a level unit from an inclined one.
     """
     centred = vectors - vectors.mean(axis=0)
     _, sizes, directions = np.linalg.svd(centred[:: max(1, len(centred) // 10_000)], full_matrices=False)
@@ -148,7 +141,7 @@ def one_axis(vectors: Floats, acc: Floats | None) -> Reason | None:
     label = f"the axis ({', '.join(f'{v:.2f}' for v in axis)})"
     if upright:
         label = f"the {'xyz'[int(np.argmax(np.abs(axis)))]} axis"
-    if acc is not None:
+    if acc is not None and len(acc := acc[np.isfinite(acc).all(axis=1) & acc.any(axis=1)]):
         mean = (acc / np.linalg.norm(acc, axis=1, keepdims=True)).mean(axis=0)
         size = float(np.linalg.norm(mean))
         spread = math.sqrt(max(0.0, 2.0 * (1.0 - size)))  # root mean square angle about the mean direction

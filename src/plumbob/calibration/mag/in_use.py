@@ -24,11 +24,10 @@ from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, distorti
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag import checks
 from plumbob.calibration.mag import windows as windowed
-from plumbob.calibration.mag.checks import Doubt, FieldEstimate
-from plumbob.calibration.mag.field_gradient import Unevenness
+from plumbob.calibration.mag.checks import FieldEstimate
 from plumbob.calibration.mag.with_acc import turn_angle
 from plumbob.calibration.mag.with_gyr import GAIN_SD
-from plumbob.calibration.predicted import TILT_RANGE, heading_sd
+from plumbob.calibration.predicted import TILT_RANGE
 from plumbob.core.check import Floats
 from plumbob.core.findings import Note, info
 from plumbob.core.units import dps, to_deg, to_dps
@@ -454,23 +453,18 @@ def fit_mag_in_use(
         raise CaptureRefusedError(Reason("ill-conditioned", what, _ADVICE))
     matrix, covariance = distortion_to_size(fit.distortion, fit.covariance, strength)
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
-    size = strength or radius
-    if dip is None:  # by the specific force; an assumed one without it
-        dip = checks.DIP
-        if acc is not None:
-            field = (mag - fit.bias) @ matrix.T
-            valid = np.isfinite(field).all(axis=1) & np.isfinite(acc).all(axis=1) & acc.any(axis=1)
-            dip = checks.dip_angle(field[valid], acc[valid]) if valid.any() else dip
-    sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
-    doubt = Doubt(sd, sd, Unevenness(), 1.0, shown=False)
-    estimate = FieldEstimate(matrix, fit.bias, covariance, fit.residuals, fit.used, radius, fit.condition, strength)
+    if dip is None and acc is not None:
+        dip = checks.dip_angle((mag - fit.bias) @ matrix.T, acc)
+    estimate = FieldEstimate(
+        matrix, fit.bias, covariance, covariance, fit.residuals, fit.used, radius, fit.condition, strength,
+        checks.DIP if dip is None else dip, tilt_range,
+    )  # fmt: skip
     return estimate.finished(
         fit.fields,
-        doubt,
-        tilt_range=tilt_range,
         method="magnetometer in use, with gyroscope: the field from moment to moment",
-        reasons=(checks.outliers(fit.used, checks.STEEL, MOST_OUTLIERS), checks.uncertain(doubt, _ADVICE)),
-        remarks=_remarks(fit, float(t[-1] - t[0]), size),
+        advice=_ADVICE,
+        reasons=(checks.outliers(fit.used, checks.STEEL, MOST_OUTLIERS),),
+        remarks=_remarks(fit, float(t[-1] - t[0]), strength or radius),
     )
 
 

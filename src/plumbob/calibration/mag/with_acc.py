@@ -24,10 +24,10 @@ from plumbob.calibration.autocorrelation import alike
 from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, Shape, mean_radius, to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, invert, reason_if, refuse
 from plumbob.calibration.mag import checks
-from plumbob.calibration.mag.checks import Doubt, FieldEstimate
+from plumbob.calibration.mag.checks import FieldEstimate
 from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.mag.field_gradient import unevenness
-from plumbob.calibration.predicted import TILT_RANGE, heading_sd
+from plumbob.calibration.predicted import TILT_RANGE
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.findings import Note, info
@@ -288,26 +288,19 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     covariance = field.counted(
         independent, memory=shared.memory, residuals=residuals, matrix=matrix, radius=radius, turned=False
     )
-    size = strength or radius
-    sd, even = (
-        heading_sd(matrix, c, size=size, dip=fit.dip, tilt_range=tilt_range)
-        for c in (covariance, independent * shared.memory)
-    )
-    doubt = Doubt(sd, even, field, shared.memory, shared.shown)
     estimate = FieldEstimate(
-        matrix, fit.centre, covariance, fit.residuals[:, 0], fit.used, radius, fit.condition, strength
-    )
+        matrix, fit.centre, covariance, independent * shared.memory, fit.residuals[:, 0], fit.used, radius,
+        fit.condition, strength, fit.dip, tilt_range, field, shared,
+    )  # fmt: skip
     scatters = f"the vertical of the accelerometer scatters by {to_deg(fit.down_sd):.2g}° about the field's dip."
     dip_sd = fit.dip_sd * math.sqrt(shared.memory + field.spread(residuals))
     return estimate.finished(
         points,
-        doubt,
-        tilt_range=tilt_range,
         method="magnetometer with accelerometer: ellipsoid, turn and dip, 13 parameters",
+        advice="Turn the unit through all attitudes: each face and edge up.",
         reasons=(
             checks.outliers(fit.used, "Move less, and look for moving iron and switched currents nearby."),
             reason_if(not fit.down_sd <= UNSTEADY, "not-still", scatters, _ADVICE),
-            checks.uncertain(doubt, "Turn the unit through all attitudes: each face and edge up."),
         ),
         remarks=_remarks(fit, dip_sd),
         stride=stride,

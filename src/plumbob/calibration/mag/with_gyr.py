@@ -21,12 +21,12 @@ from plumbob.calibration.autocorrelation import Alike, memory_of_each
 from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, distortion_to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, reason_if, refuse
 from plumbob.calibration.mag import checks
-from plumbob.calibration.mag.checks import Doubt, FieldEstimate
+from plumbob.calibration.mag.checks import FieldEstimate
 from plumbob.calibration.mag.ellipsoid import unturned
 from plumbob.calibration.mag.field_gradient import PATCH, Unevenness, unevenness
 from plumbob.calibration.mag.windows import by_error, floored_inverse, leaning, tightness
 from plumbob.calibration.mag.with_acc import turn_angle
-from plumbob.calibration.predicted import TILT_RANGE, heading_sd
+from plumbob.calibration.predicted import TILT_RANGE
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
 from plumbob.core.findings import Note, info
@@ -341,27 +341,25 @@ def fit_mag_gyr(
         raise CaptureRefusedError(Reason("ill-conditioned", what, first + _ADVICE))
     matrix, covariance = distortion_to_size(fit.distortion, fit.covariance, strength)
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
-    size, dip = strength or radius, checks.DIP
+    dip = checks.DIP
     if acc is not None:  # by the mean specific force in the axes of the start
         up = np.nanmean(np.einsum("nij,nj->ni", fit.turns, acc[samples]), axis=0)
         dip = float(-np.arcsin(np.clip(up @ fit.field_s / np.linalg.norm(up), -1.0, 1.0)))
-    sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
     # the field is shown to be uneven where most of it is seen, and counts
-    shown = 2.0 * fit.field.seen**2 > fit.field.sd**2 and fit.alike.shown
-    even = sd * math.sqrt(fit.alike.memory / fit.alike.factor)
-    doubt = Doubt(sd, even, fit.field, fit.alike.memory, shown)
+    shown = fit.alike if 2.0 * fit.field.seen**2 > fit.field.sd**2 else Alike(fit.alike.memory)
     walks = f"field and rates only agree if the attitude walks by {to_dps(fit.walk):.2g}°/√s, which no gyroscope does."
     keep = "Keep iron and magnets away, check the gyroscope's unit and range, and calibrate it first."
-    estimate = FieldEstimate(matrix, fit.bias, covariance, fit.residuals, fit.used, radius, fit.condition, strength)
+    estimate = FieldEstimate(
+        matrix, fit.bias, covariance, covariance * fit.alike.memory / fit.alike.factor, fit.residuals, fit.used, radius,
+        fit.condition, strength, dip, tilt_range, fit.field, shown,
+    )  # fmt: skip
     return estimate.finished(
         mag[samples],
-        doubt,
-        tilt_range=tilt_range,
         method=f"magnetometer with gyroscope: one field, {PARAMETERS} parameters delay included, and random walk",
+        advice=first + _ADVICE,
         reasons=(
             reason_if(not fit.walk <= WORST_WALK, "magnet-moved", walks, keep),
             checks.outliers(fit.used, first + checks.STEEL),
-            checks.uncertain(doubt, first + _ADVICE),
         ),
         remarks=_remarks(fit, dip, acc is not None),
         stride=stride,

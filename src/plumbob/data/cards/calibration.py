@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from functools import partial
 from typing import Any, ClassVar, Final, Self
 
 import numpy as np
@@ -63,11 +64,11 @@ class TriadCalibration:
     # unit_in, unit_out: of measurement and result; "rad/s", "m/s2" or "uT"
     unit_in: str
     unit_out: str
-    bias_per_k: Floats = field(default_factory=lambda: np.zeros((1, 3)))  # (3,) or (K, 3), unit/K^(k+1)
+    bias_per_k: Floats = field(default_factory=partial(np.zeros, (1, 3)))  # (3,) or (K, 3), unit/K^(k+1)
     temp_ref_c: float = 25.0
     residual_rms: float | None = None  # in `unit_out`
     # (3, 3), of a gyroscope, rad/s per m/s²: entry ij is the bias of axis i per calibrated specific force along j
-    g_sensitivity: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    g_sensitivity: Floats = field(default_factory=partial(np.zeros, (3, 3)))
     temp_span_c: tuple[float, float] | None = None  # of the calibration; beyond, the polynomial goes on as its tangent
     covariance: Floats | None = None  # (12, 12), of bias and matrix, row by row; zero for what was not fitted
     # bias_per_k_sd, g_sensitivity_sd: standard deviations, shaped as what they belong to
@@ -290,7 +291,6 @@ def require_sensor(matrix: Floats, bias: Floats, unit: str) -> None:
             "matrix is left-handed: its determinant is negative, as where an axis has the wrong sign or two are "
             "exchanged. Declare the axes in the profile (axes, mirrored) and calibrate again."
         )
-
     most = _BIASES.get(unit, np.inf)
     if (np.abs(bias) > most).any():
         raise CalibrationError(
