@@ -286,6 +286,14 @@ def test_attitude_behind_a_word_is_no_sensor(tmp_path, form, columns, answered):
     assert "[gyr]" not in draft.text
 
 
+def test_a_sensor_that_is_left_out_is_said(tmp_path):
+    told = "accel x: {:f} qy y: {:f} qy z: {:f} qy\ngyro x: {:f} y: {:f} z: {:f}\n"
+    lines = "".join(told.format(*row) for row in zip(*ACC.T, *DPS.T, strict=True))
+    recording = drafted(tmp_path, "a.txt", lines, {"gyr.unit": "deg/s", "time.rate": "100 Hz"})
+    assert recording.imu.triads == ("gyr",)
+    assert any("not used: accel x" in str(note) for note in recording.notes)
+
+
 @pytest.mark.parametrize("kind", LOGS)
 def test_what_a_file_says_is_taken_and_the_rest_is_answered(tmp_path, kind):
     recording = drafted(tmp_path, *LOGS[kind])

@@ -118,12 +118,8 @@ def _by_word(base: str) -> str:
         return "other"
     words = base.split()
     words = words[:1] if len(words) > 1 == len(words[0]) and {*words[1:]} <= _FRAMES else words
-    return next((name for name, word in _WORDS.items() if any(_is_word(word, token, words) for token in words)), "")
-
-
-def _is_word(word: re.Pattern[str], token: str, words: Sequence[str]) -> bool:
-    """Whether a word names a sensor; one letter does only alone, or behind the name of a unit."""
-    return bool(word.fullmatch(token)) and (len(token) > 1 or len(words) == 1 or token == words[-1])
+    telling = [*(word for word in words[:-1] if len(word) > 1), *words[-1:]]  # of one letter behind a unit's name alone
+    return next((name for name, word in _WORDS.items() if any(map(word.fullmatch, telling))), "")
 
 
 _LETTERS: Final = {"G": "g", "mG": "mg"}  # Gauss for a field, and for an acceleration what it is at rest
@@ -193,6 +189,11 @@ def is_unit(text: str) -> bool:
     return any(canonical(text, kind) for kind in Quantity)
 
 
+def measured_in(word: str) -> str:
+    """Sensor that a unit is of; empty for another word."""
+    return next((name for name, kind in QUANTITY_BY_TRIAD.items() if canonical(word, kind)), "")
+
+
 def _scaled(unit: str) -> tuple[str, float]:
     """Unit without a number before it, and that: of any time, of others a decimal part alone, as more is a range."""
     number = re.match(r"(\d+(?:\.\d+)?(?:e-?\d+)?)\s*[*x×]?\s*(?=[^\W\d]|°)(?!lsb)", unit, re.IGNORECASE)
@@ -232,7 +233,7 @@ def _unit_word(text: str, plain: str, count: int) -> str:
     """Unit that the last words of a name may be, as in ``acc_x_mg``; in its own letters where they are one word."""
     last = re.split(r"[\W_]+", plain.strip())[-1]
     unit = _SUFFIXES.get(text.replace(" ", ""), last if len(_WORD.findall(last)) == count else text)
-    if len(unit) == 1 and unit not in {"g", "s"}:
+    if (len(unit) == 1 and unit not in {"g", "s"}) or unit == "gamma":  # which is an angle, too
         return ""
     return unit if any(canonical(unit, kind) for kind in _ALL[:-1]) else ""
 

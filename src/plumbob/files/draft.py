@@ -30,7 +30,7 @@ from plumbob.core.units import QUANTITY_BY_TRIAD, UNITS, Quantity, is_name, to_s
 from plumbob.data import TITLES, TRIADS
 from plumbob.files import evidence
 from plumbob.files.arrow import text_bytes
-from plumbob.files.column_names import TABLES, WEEK, ColumnName, canonical, named_sensor, taken_apart
+from plumbob.files.column_names import TABLES, WEEK, ColumnName, canonical, measured_in, named_sensor, taken_apart
 from plumbob.files.columns import FORM, has_zone
 from plumbob.files.evidence import RELATIVE, TURNED, ColumnEvidence, Guess, field_unit, gravity_unit, single_line
 from plumbob.files.known_logs import KNOWN, refuse_known
@@ -180,7 +180,9 @@ def _joined(streams: Sequence[ColumnEvidence], accept: bool) -> Draft:
             stream.take_rates(forces[0])
         stream.turn_as(forces[0] if len(forces) == 1 else stream)
     measuring = [stream for stream in streams if stream.triads] or streams[:1]
-    drafts = [_DraftWriter(stream, accept=accept).draft() for stream in measuring]
+    idle = [stream for stream in streams if stream not in measuring]
+    idle_names = [name for stream in idle for name, part in zip(stream.names, stream.parts, strict=True) if part.sensor]
+    drafts = [_DraftWriter(stream, accept, idle_names * (stream is measuring[0])).draft() for stream in measuring]
     questions = dict.fromkeys(question for draft in drafts for question in draft.questions)
     facts = dict.fromkeys(fact for draft in drafts for fact in draft.evidence)
     return Draft("\n".join(draft.text for draft in drafts), tuple(questions), tuple(facts))
@@ -246,7 +248,7 @@ def _by_sensor(sample: Sample, answers: Mapping[str, Any]) -> list[Sample]:
         if len(words) > _MOST_SENSORS:
             continue
         units = _android_units(sample, i, values) if i not in values else {}
-        units = units or {word: (sensor, word) for word in words if (sensor := _measured_in(word))}
+        units = units or {word: (sensor, word) for word in words if (sensor := measured_in(word))}
         axes = [word for word in words if taken_apart(word).axis in {*"xyz"} and taken_apart(word).sensor]
         if len(axes) >= len("xyz"):
             raise DecodeError(f"a row holds several samples of an axis: {', '.join(axes)}. Write a row for each.")
@@ -260,11 +262,6 @@ def _by_sensor(sample: Sample, answers: Mapping[str, Any]) -> list[Sample]:
                 for word, sensor in sensors.items()
             ]
     return []
-
-
-def _measured_in(word: str) -> str:
-    """Sensor that a unit behind a row is of; empty for another word."""
-    return next((name for name, kind in QUANTITY_BY_TRIAD.items() if canonical(word, kind)), "")
 
 
 def _matching_rows(sample: Sample, column: int, word: str) -> Sample:
@@ -309,8 +306,8 @@ def _device(sample: Sample) -> tuple[int, tuple[str, ...]] | None:
 class _DraftWriter:
     """Makes the text, key by key, and collects the questions."""
 
-    def __init__(self, data: ColumnEvidence, *, accept: bool) -> None:
-        self._data, self._accept = data, accept
+    def __init__(self, data: ColumnEvidence, accept: bool, idle_names: Sequence[str]) -> None:
+        self._data, self._accept, self._idle_names = data, accept, idle_names
         self._lines: list[str] = []
         self._questions: list[tuple[str, str]] = []
         self._evidence: list[tuple[str, str]] = []
@@ -409,13 +406,12 @@ class _DraftWriter:
             self._lines.append(f'# device = "unit 1"                     # {name}')
         unused = [i for i in data.free() if i != data.temperature]
         sensors = [i for i in unused if self._accept and data.parts[i].sensor not in {"", "other"}]
-        names, measured = (
-            single_line(", ".join(data.names[i] or f"column {i + 1}" for i in some)) for some in (unused, sensors)
-        )
+        names, measured = ([data.names[i] or f"column {i + 1}" for i in some] for some in (unused, sensors))
+        measured += self._idle_names
         if unused:
-            self._lines.append(f"# Not used: {names}")
-        if sensors:
-            self._set("notes", (f"columns that are not used: {measured}",))
+            self._lines.append(f"# Not used: {single_line(', '.join(names))}")
+        if measured:
+            self._set("notes", (f"columns that are not used: {single_line(', '.join(measured))}",))
         if layout.separator:
             self._write_header(layout)
 

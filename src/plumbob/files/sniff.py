@@ -21,7 +21,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity
 from plumbob.files.arrow import text_bytes
-from plumbob.files.column_names import canonical, is_unit, named_sensor, taken_apart
+from plumbob.files.column_names import canonical, is_unit, measured_in, named_sensor, taken_apart
 from plumbob.files.columns import is_clocklike
 from plumbob.files.known_logs import SENTENCES
 from plumbob.files.profile import BLANK, JSON, QUOTED, TextLayout
@@ -146,7 +146,9 @@ def read_sample(path: Path) -> Sample:
     most = max((len(table.rows) for table in tables), default=0)
     named = []  # under a row of names, where only single cells of rows are words
     for table in (table for table in tables if len(table.rows) > most - FEWEST):
-        names = _headed(lines, table, "utf-8").names
+        names: tuple[str, ...] = ()
+        with suppress(DecodeError):  # of cells in two units
+            names = _headed(lines, table, "utf-8").names
         is_known = 2 * _known_names(names) >= len(names) and len({*names}) > len("xy")
         if is_known and 4 * table.readable > 3 * len(table.rows) * len(table.rows[0]):
             named.append(table)
@@ -278,13 +280,16 @@ def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
     tried = [_BESIDE_SIGNS.sub(r"\1", " ".join(TOKEN.sub("#", body).split())) for body in bodies[:TRIED]]
     counts = Counter(text for text in tried if text.count("#") > 1).most_common(_MOST_KINDS)
     kinds = [text for text, count in counts if 2 * count > counts[0][1] or text[0] in "$#!"]
+    units_behind = {text.rpartition("#")[2].strip() for text in kinds}
     labelled = all(_is_among_words(text.split("#")) for text in kinds)
+    labelled = labelled or (len(units_behind) == len(kinds) > 1 and all(map(measured_in, units_behind)))
     covered, several = sum(tried.count(text) for text in kinds), sum(text.count("#") > 1 for text in tried)
     if not kinds or not labelled or covered < max(0.5 * several, 0.25 * len(tried)):
         return []
     firsts = [bodies[tried.index(text)] for text in kinds]
     is_alone = sum(map(tried.count, kinds)) == len(tried) and len(kinds) == 1
-    for mark_of in (_first_word, all_words):  # the latter where lines of several sensors begin alike
+    words_of = (lambda row: among_words(row)[-1], all_words)  # the latter where lines of several sensors begin alike
+    for mark_of in words_of:
         marks, samples = [*map(mark_of, bodies)], list[Sample]()
         for body in firsts:
             mark, width = marks[bodies.index(body)], len(among_words(body))
@@ -292,11 +297,12 @@ def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
             where = (width, mark) if mark and not is_alone else ()
             checked = all(lines[i] != bodies[i] for i in of_kind)
             layout = TextLayout(" ", encoding=encoding, names=False, words=True, where=where, checksum=checked)
-            names, units = _fields(_first_word(body).strip("$#!"), width - 1, lines) or _labels(TOKEN.split(body))
+            names, units = _fields(among_words(body)[-1].strip("$#!"), width - 1, lines) or _labels(TOKEN.split(body))
             if "x" in names[names.index("z") + 1 if "z" in names else len(names) :]:
                 raise DecodeError(f"a line holds several samples: {excerpt(body)}. Write a row for each sample.")
             rows = [row for i in of_kind if len(row := among_words(bodies[i])) == width]
-            sample = Sample(layout, names, units, by_name=False, rows=rows, facts={})
+            sensor = "" if any(names) else measured_in(units[-1])
+            sample = Sample(layout, names, units, by_name=False, rows=rows, facts={}, sensor=sensor)
             alike = [other for other in samples if other.layout == layout]
             if any((other.names, other.units) != (names, units) for other in alike):
                 break
@@ -304,10 +310,6 @@ def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
         else:
             return [sample for sample in samples if sample.names] or samples
     raise DecodeError(f"lines of several sensors begin alike, as {excerpt(body)}. Write what they measure into each.")
-
-
-def _first_word(row: str) -> str:
-    return among_words(row)[-1]
 
 
 def _fields(word: str, width: int, lines: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:

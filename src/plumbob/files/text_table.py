@@ -33,8 +33,8 @@ from plumbob.files.profile import BLANK, JSON, QUOTED, ColumnRef, TextLayout
 TOKEN: Final = re.compile(
     r"^\s*\d+(?=: )|"
     r"(?<![\w.^:-])(?:\d{4}[-/]\d{1,2}[-/]\d{1,2}[T ])?\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?(?:Z\b|[-+]\d\d:?\d\d\b)?|"
-    r"(?<![\w.^+-])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\d.:x^])|\b(?:nan|NaN|null)\b"
-)  # A number or a clock time among words; not a digit of a name, an exponent or a code
+    r"(?<![\w.^+-])(?<![a-z]/)(?!(?<=\w\[)\d+\]\s*[:=])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\d.:x^])|\b(?:nan|NaN|null)\b"
+)  # A number or a clock time among words; not a digit of a name, its index, an exponent or a code
 
 
 _NO_WORDS: Final = re.compile(
@@ -292,7 +292,7 @@ def normal(text: str) -> str:
     for sign, plain in () if text.isascii() else _SIGNS.items():
         text = text.replace(sign, plain)
     text = text.removeprefix("\ufeff")
-    return re.sub(r"\x1b\[[\d;]*m", "", text) if "\x1b" in text else text
+    return re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", text) if "\x1b" in text else text
 
 
 _ASCII: Final = bytes(range(128))

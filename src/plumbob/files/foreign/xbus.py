@@ -35,6 +35,7 @@ _MTDATA, _MTDATA2 = 0x32, 0x36
 _DEVICE_ID, _CONFIGURATION, _PRODUCT_CODE, _OUTPUT_CONFIGURATION = 0x01, 0x0D, 0x1D, 0xC1
 _MASTER: Final = 0xFF
 _LONG: Final = 0xFF
+_PART: Final = 1 << 18  # bytes that are searched at a time
 _MOST_LAYOUTS: Final = 64  # of a unit's packets: its slower sensors are in some and not in others
 _QUATERNION, _MATRIX, _EULER = 0x2010, 0x2020, 0x2030
 _UTC: Final = 0x1010
@@ -128,31 +129,30 @@ def read_unit(raw: bytes, unit: str | None) -> XbusUnit:
 def _messages(raw: bytes, notes: list[Note]) -> _CheckedMessages:
     """Messages one after another; after damage the next is one whose checksum fits and that another follows."""
     data, size = np.frombuffer(raw, np.uint8), len(raw)
-    sums = np.cumsum(data, dtype=np.uint8).tobytes()
-    starts, ends = array("q"), array("q")
-    at = done = junk = 0
-    while 0 <= (at := raw.find(PREAMBLE, at)) <= size - 5:
-        length = raw[at + 3] if raw[at + 3] != _LONG else 2 + _uint(raw, at + 4, 2)
+    sums, starts, ends, done = np.cumsum(data, dtype=np.uint8), array("q"), array("q"), 0
+    for part in range(0, size - 4, _PART):
+        at = part + np.flatnonzero(data[part : min(part + _PART, size - 4)] == PREAMBLE)
+        length = data[at + 3].astype(np.int64)
+        long = at[length == _LONG]
+        length[length == _LONG] = 2 + 256 * data[long + 4].astype(np.int64) + data[np.minimum(long + 5, size - 1)]
         end = at + 5 + length
-        chained = at == done or end >= size or raw[end] == PREAMBLE
-        if end <= size and sums[end - 1] == sums[at] and chained:
-            starts.append(at)
-            ends.append(end)
-            junk, at = junk + at - done, end
-            done = end
-        else:
-            at += 1
+        fits = (end <= size) & (sums[np.minimum(end, size) - 1] == sums[at])
+        at, end = at[fits], end[fits]
+        chained = (end == size) | (data[np.minimum(end, size - 1)] == PREAMBLE)
+        for start, stop, is_followed in zip(at.tolist(), end.tolist(), chained.tolist(), strict=True):
+            if start == done or (start > done and is_followed):
+                starts.append(start)
+                ends.append(stop)
+                done = stop
     if not starts:
         raise DecodeError("it holds no message of the Xbus (FA, bus, kind, length, data, checksum); copy it again.")
-    if done < size and raw[done] == PREAMBLE:
+    begins, sizes = np.frombuffer(starts, np.int64), np.frombuffer(ends, np.int64) - np.frombuffer(starts, np.int64)
+    if is_cut := done < size and raw[done] == PREAMBLE:
         notes.append(warning("reading.cut_message_bytes", count=size - done))
-    else:
-        junk += size - done
-    if junk:
+    if junk := (done if is_cut else size) - int(sizes.sum()):
         notes.append(warning("reading.damage_checksums", junk=junk))
-    start, end_of = np.frombuffer(starts, np.int64), np.frombuffer(ends, np.int64)
-    head = np.where(data[start + 3] == _LONG, 6, 4)
-    return _CheckedMessages(raw, data, start + head, end_of - start - head - 1, data[start + 1], data[start + 2])
+    head = np.where(data[begins + 3] == _LONG, 6, 4)
+    return _CheckedMessages(raw, data, begins + head, sizes - head - 1, data[begins + 1], data[begins + 2])
 
 
 def _configuration(messages: _CheckedMessages) -> tuple[bytes, list[bytes]]:
