@@ -15,14 +15,13 @@ from benchmarks.harness.bar import Bar, bar_lines
 from plumbob import Filter, Frame, ImuData
 from plumbob.arm.array import Monitor
 from plumbob.data.array import ImuArray
-from plumbob.papers.arm import as_array, moved
+from plumbob.papers.arm import moved
 
 
 def large(units: int, rate: float, duration: float) -> Iterator[str]:
     """Many units as a stream: memory, and time beside that of one unit's filter."""
     rng, chunk = np.random.default_rng(1), 1000
-    base = moved(3, 10.0, moving=False, rate=rate, units=units)
-    whole = as_array(base)
+    whole, _ = moved(3, 10.0, moving=False, rate=rate, units=units)
     parts = [part for part in whole.chunks(chunk) if len(part) == chunk]
     watch, spent, single, rows = Monitor(whole.mounts, step=1.0 / rate), 0.0, 0.0, 0
     one = Filter("mekf", frame=Frame.NED)

@@ -14,9 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob.papers import outcome
-from plumbob.papers.description import PAPERS
-from plumbob.papers.outcome import PaperItem, cell, shown
+from plumbob.papers.description import CLAIMS, PAPERS, PaperItem, cell, shown
 from plumbob.papers.reproduce import NAMES
 
 HEAD = """\
@@ -67,9 +65,6 @@ SHOWN: Final = {
     ("rod", "drift.ratio"): "drift of the gyroscope alone over that of the fusion",
 }
 """Figures of the README's table, and how it names them."""
-CLAIMS: Final = tuple(
-    str(getattr(outcome, name)) for name in ("REPRODUCED", "BY_ARITHMETIC", "WITHIN", "REFUTED", "UNREACHED", "CANNOT")
-)
 _BEGIN, _END = "<!-- papers: made by make papers -->\n", "<!-- end of papers -->\n"
 
 

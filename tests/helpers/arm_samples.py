@@ -1,14 +1,18 @@
 """Chains and motions of an arm, for the tests of this room and of its verb."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from plumbob import ImuData, NoiseCard
 from plumbob.arm import JointTrack
-from plumbob.data.array import ImuArray, UnitMount
+from plumbob.data import TRIADS
+from plumbob.data.array import PRESETS, ImuArray, UnitMount
 from plumbob.data.cards.noise import TriadNoise
 from plumbob.data.chain import Chain, Joint, Limits, Segment
-from plumbob.papers.arm import as_array, moved
+from plumbob.papers.arm import RATE, REST
+from plumbob.papers.arm import moved as moved_array
 from plumbob.rotations import quat_from_rotvec
 
 
@@ -71,6 +75,20 @@ def sampled(t, mounts, *, gyr, acc, mag=None, noise=0.0, seed=0):
         values = {"gyr": gyr, "acc": force} | ({} if mag is None else {"mag": mag})
         units[name] = ImuData(t, **{k: v @ mount.dcm + noise * rng.normal(size=v.shape) for k, v in values.items()})
     return ImuArray(units, mounts)
+
+
+def moved(*args, **how):
+    """Values by unit and triad of `plumbob.papers.arm.moved`, to be changed; `truth` has times and attitudes."""
+    array, q_nb = moved_array(*args, **how)
+    values = {name: {triad: getattr(imu, triad).copy() for triad in TRIADS} for name, imu in array.units.items()}
+    return {"truth": {"t": array.t, "q_nb": q_nb}, **values}
+
+
+def as_array(values):
+    """Array of what `moved` gave."""
+    units = {name: ImuData(values["truth"]["t"], **of) for name, of in values.items() if name != "truth"}
+    places = [replace(mount, noise=REST.card(RATE)) for mount in PRESETS["arm"].values()]
+    return ImuArray(units, {name: places[k % 6] for k, name in enumerate(units)})
 
 
 def turned(*degrees):

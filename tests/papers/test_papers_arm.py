@@ -35,12 +35,12 @@ def least(turns, units, runs=2000, seed=0):
     causal filter can be better by more than chance.
     """
     noise, dt, rng = arm.TURN if turns else arm.REST, 1.0 / arm.RATE, np.random.default_rng([seed, turns, units])
-    share, level = 1.0 / np.sqrt(units), float(arm.FIELD[0])
+    share, level = 1.0 / np.sqrt(units), 50.0 * np.cos(np.radians(50.0))
     gyr, acc, mag = share * noise.gyr, share * noise.acc / arm.G0, share * noise.mag / level
     x = np.zeros((runs, 6))
     x[:, 3:] = rng.uniform(-noise.bias, noise.bias, (units, runs, 3)).mean(axis=0)
     h = np.zeros((3, 6))
-    h[0, 1], h[1, 0], h[2, 0], h[2, 2] = 1.0, 1.0, arm.FIELD[2] / level, -1.0
+    h[0, 1], h[1, 0], h[2, 0], h[2, 2] = 1.0, 1.0, np.tan(np.radians(50.0)), -1.0
     r = np.array([acc, acc, mag])
     p = np.diag([10.0] * 3 + [(share * noise.bias) ** 2 / 3.0] * 3)
     guess, errors = np.zeros_like(x), []
@@ -95,7 +95,7 @@ def test_the_direct_draws_are_those_of_the_simulator():
             "arm", frame="NED", sensors=sensors, unit="random", seed=3, rate=10.0,
             **({} if turns else {"turn": "0 deg"}),
         )  # fmt: skip
-        array, truth = arm.arm_array(3, turns=turns, noise=arm.UnitErrors(0.0, 0.0, 0.0, 0.0))
+        array, truth = arm.arm_array(3, turns=turns, noise=arm.UnitErrors(0.0, 0.0, 0.0))
         clean, there = array.units["u1"], made.imu  # u1 is aligned with the body
         assert made.truth.q_nb == pytest.approx(truth, abs=1e-12)
         for triad in ("gyr", "acc", "mag"):
@@ -109,8 +109,14 @@ def test_recovery_shows_a_mistake_of_units_and_has_its_closed_form():
     times = {name: arm.recovery(scheme)[0] for name, scheme in arm.RECOVERIES.items()}
     assert (times["fuzzy"], times["sum"]) == (pytest.approx(49.0, abs=0.5), pytest.approx(7.4, abs=0.2))
     assert (times["sum_alone"], times["ekf"]) == (pytest.approx(5.1, abs=0.2), pytest.approx(1.5, abs=0.05))
-    # two coupled modes of roll and yaw; the fast one and the size of 10° are left out of the closed form
-    assert times["control"] == pytest.approx(arm.slow_mode(), rel=0.03)
+    # A turn by yaw leans the field, too: the products of both vectors are M θ with the M of roll and yaw, whose smaller
+    # eigenvalue λ gives the poles of p² + λ Kp p + λ Ki = 0; the fast mode and the size of 10° are left out.
+    c, s = np.cos(np.radians(50.0)), np.sin(np.radians(50.0))
+    values, vectors = np.linalg.eigh(np.array([[1.0 + s * s, -c * s], [-c * s, c * c]]))
+    slow, fast = sorted(np.abs(np.roots([1.0, 0.8 * values[0], 0.02 * values[0]])))
+    closed = np.log(10.0 * vectors[1, 0] ** 2 * slow / (fast - slow) / 0.5) / slow
+    assert (values[0], closed) == pytest.approx((0.234, 47.6), rel=2e-3)  # as the page says
+    assert times["control"] == pytest.approx(closed, rel=0.03)
     assert arm.recovery(Scheme(set1="pi", ekf=False), (5.77, 5.77, 5.77))[0] == pytest.approx(34.0, abs=0.5)
 
 

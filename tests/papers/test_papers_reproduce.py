@@ -14,8 +14,7 @@ import pytest
 
 import plumbob
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, PlumbobError
-from plumbob.papers.description import PAPERS
-from plumbob.papers.outcome import Outcome, table
+from plumbob.papers.description import PAPERS, Outcome, table
 from plumbob.papers.reproduce import NAMES, claims, reproduce
 from plumbob.papers.studies import Study
 from plumbob.reporting.content import Both, said

@@ -72,7 +72,7 @@ SHORT = {
 }  # fmt: skip
 
 
-def true_teach_in(study, _):
+def true_teach_in(study):
     """What the simulator has of a teach-in: one through bytes costs 15 s."""
     sim = simulate_chain("teach", "teach", frame="NWU", sensors="ideal", unit="calibrated", seed=1, duration="12 s")
     joints = JointTrack(sim.t, sim.chain.angles, sim.angles, hand=sim.hand_n)

@@ -17,8 +17,7 @@ from plumbob.core.files import write_text
 from plumbob.core.series import needed
 from plumbob.core.text import counted
 from plumbob.fleet.workers import processes
-from plumbob.papers.description import PAPERS
-from plumbob.papers.outcome import HEAD, MISSED, NO, NOT_STATED, YES, Outcome, shown, table
+from plumbob.papers.description import HEAD, MISSED, NO, NOT_STATED, PAPERS, YES, Outcome, shown, table
 from plumbob.papers.studies import Study
 from plumbob.reporting.content import LANGUAGES, Both, Table
 from plumbob.reporting.page import part_links

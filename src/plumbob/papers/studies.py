@@ -34,8 +34,7 @@ from plumbob.live.session_toml import load_session
 from plumbob.live.sinks import RecordingSink, TextSink
 from plumbob.live.sources import open_source
 from plumbob.live.stream import Stream
-from plumbob.papers.description import PAPERS, filled
-from plumbob.papers.outcome import Outcome, Paper
+from plumbob.papers.description import PAPERS, Outcome, Paper, filled
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import find_format
 from plumbob.reporting.arm import stick_figure

@@ -20,6 +20,7 @@ from plumbob.simulation.signals import earth_field
 from plumbob.simulation.simulation import KINDS, Simulation, simulate
 
 if TYPE_CHECKING:
+    from plumbob.simulation.arrays import UnitErrors, draw_array
     from plumbob.simulation.bodies import ChainMotion, ChainSimulation, simulate_chain
     from plumbob.simulation.chains import CHAINS, SoftTissue, named_chain
     from plumbob.simulation.fields import BentRegion, Dipole, Disturbance
@@ -28,14 +29,14 @@ if TYPE_CHECKING:
 __getattr__, __dir__ = lazily(__name__, {
     "CHAINS": "chains", "PROGRAMS": "programs", "BentRegion": "fields", "ChainMotion": "bodies",
     "ChainSimulation": "bodies", "Dipole": "fields", "Disturbance": "fields", "ChainProgram": "programs",
-    "SoftTissue": "chains", "named_chain": "chains", "named_program": "programs", "simulate_chain": "bodies",
-    "waypoints": "programs",
+    "SoftTissue": "chains", "UnitErrors": "arrays", "draw_array": "arrays", "named_chain": "chains",
+    "named_program": "programs", "simulate_chain": "bodies", "waypoints": "programs",
 })  # fmt: skip
 
 __all__ = [
     "CHAINS", "KINDS", "PROGRAMS", "SCENARIOS", "BentRegion", "ChainMotion", "ChainProgram", "ChainSimulation",
     "ConingMotion", "DataSheetFigure", "Dipole", "Disturbance", "EulerMotion", "GimbalMotion", "Module", "Motion",
-    "PoseMotion", "Preset", "Scenario", "Simulation", "SoftTissue", "TriadErrors", "Truth", "draw_module",
-    "earth_field", "named_chain", "named_program", "preset", "preset_names", "scenario", "simulate", "simulate_chain",
-    "waypoints",
+    "PoseMotion", "Preset", "Scenario", "Simulation", "SoftTissue", "TriadErrors", "Truth", "UnitErrors", "draw_array",
+    "draw_module", "earth_field", "named_chain", "named_program", "preset", "preset_names", "scenario", "simulate",
+    "simulate_chain", "waypoints",
 ]  # fmt: skip
