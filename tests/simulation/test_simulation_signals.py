@@ -26,7 +26,7 @@ SIGNALS = {
     "windowed 3": signals.Windowed(WAVES3, MOVES), "ramps": signals.Ramps((1.0, 3.0, 5.0, 9.0), (0.5, -1.0, -1.0, 2.0)),
     "stack": signals.Stack((WAVES, MOVES, signals.constant(2.0))),
     "driven": signals.Driven(0.0, 0.5, RNG.normal(size=(20, 2)), 6.0, 0.3),
-    "mixed": signals.Mixed(WAVES3, RNG.normal(size=(2, 3))), "sine": signals.Sine(WAVES),
+    "mixed": signals.Linear(WAVES3, RNG.normal(size=(2, 3)).T.__rmatmul__), "sine": signals.Sine(WAVES),
     "warm-up": signals.WarmUp(15.0, 3.0),
 }  # fmt: skip
 

@@ -452,7 +452,9 @@ def estimate(
     parts = outline.gather(parts, used, progress, follow)
     attitude: AttitudeTrack | Path
     if written is not None and native and source.track is None:
-        attitude = _streamed(written, parts, source.name, doubt, overwrite)
+        attitude = written  # part by part: a `for` would keep a part
+        said = partial(_provenance, source.name, inferred=doubt)
+        write_parquet(written, map(lambda part: Recording(track=part, notes=said(part)), parts), overwrite)
     elif keep or written is not None:
         attitude = AttitudeTrack.joined(parts, len(used))
     else:
@@ -467,21 +469,8 @@ def estimate(
     return result
 
 
-def _streamed(
-    file: Path, parts: Iterator[AttitudeTrack], name: str, inferred: Sequence[Finding], overwrite: bool
-) -> Path:
-    """The file, written part by part."""
-    write_parquet(file, map(partial(_part, name, inferred), parts), overwrite)  # a `for` would keep a part
-    return file
-
-
 def _provenance(name: str, track: AttitudeTrack, inferred: Sequence[Finding]) -> tuple[Finding, ...]:
     return (info("source.estimated", name=name, by=track.source), *inferred)
-
-
-def _part(name: str, inferred: Sequence[Finding], track: AttitudeTrack) -> Recording:
-    """Part of a track as it is written, with where it comes from."""
-    return Recording(track=track, notes=_provenance(name, track, inferred))
 
 
 def opened_samples(

@@ -167,7 +167,7 @@ def outputs(
     if truth is None:
         return
     form = find_format(what)
-    if _chained(what, form) is not None:
+    if _is_rig(what, form) and isinstance(PLANS[form.name].scenario, Chained):
         yield from chain_files(Path(truth))
     for prefix in (
         [unit.prefix for unit in PLANS[form.name].units] if _is_rig(what, form) else unit_prefixes(form.messages[0])
@@ -196,11 +196,6 @@ def write_chain(path: Path, made: ChainSimulation, *, overwrite: bool = False) -
     write_table(angles, made.columns(), overwrite=overwrite)
     for file, chain in ((nominal, made.chain), (true, made.true_chain)):
         write_text(file, chain_text(chain), overwrite=overwrite)
-
-
-def _chained(what: str | Path, form: Format) -> Chained | None:
-    motion = PLANS[form.name].scenario if _is_rig(what, form) else None
-    return motion if isinstance(motion, Chained) else None
 
 
 def _is_rig(what: str | Path, form: Format) -> bool:

@@ -116,10 +116,11 @@ def record(
     PlumbobError
         As in `plumbob.load_session`.
     """
-    given_session = session if isinstance(session, Session) and not line else None
-    chosen = _with_outputs(
-        given_session or capture_session(_path(session), **line), out, next_part=next_part, text=text
-    )
+    if isinstance(session, Session) and line:
+        raise ParameterError("a Session says everything about its stream; leave the other options out.")
+    if not isinstance(session, Session):
+        session = capture_session(None if session is None else check.path("session", session), **line)
+    chosen = _with_outputs(session, out, next_part=next_part, text=text)
     chosen = with_sent(chosen, send)
     chosen = named_at(chosen, time.time_ns())
     seconds = given("duration", duration, Quantity.TIME, positive=True)
@@ -147,12 +148,6 @@ def record(
     if recording_sink is None:
         return RecordedStream(watch, None, False, sent)
     return RecordedStream(watch, recording_sink.facts, bool(recording_sink.failures), sent)
-
-
-def _path(session: "Session | str | Path | None") -> Path | None:
-    if isinstance(session, Session):
-        raise ParameterError("a Session says everything about its stream; leave the other options out.")
-    return None if session is None else check.path("session", session)
 
 
 def _with_outputs(session: Session, out: str | Path | None, *, next_part: bool, text: str | Path | None) -> Session:

@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import reduce
+from importlib import import_module
 from itertools import compress, repeat
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -289,7 +290,7 @@ def convert(
             if note is not None and finding.code == "card.temperature_beyond":
                 note(str(finding))
     writer = LAYOUTS[layout].write if layout is not None else _OWN.get(file.suffix)
-    apart = recording.track is not None and not _on_one_clock(recording, recording.track)
+    apart = (track := recording.track) and any(not np.array_equal(imu.t, track.t) for imu in _units(recording).values())
     if apart and (layout or file.suffix[1:]) not in (*_TRACKS, "mcap", "euroc"):
         raise ShapeError(f"{file}: samples and attitude have different times; convert one of them with --what.")
     for line in _lost(file, recording, layout):
@@ -393,10 +394,6 @@ def only(recording: Recording, what: str) -> Recording:
     return chosen
 
 
-def _on_one_clock(recording: Recording, track: AttitudeTrack) -> bool:
-    return all(np.array_equal(imu.t, track.t) for imu in _units(recording).values())
-
-
 def _attitude(file: Path, recording: Recording) -> AttitudeTrack:
     if recording.track is None:
         raise ShapeError(f"{file}: {file.suffix} holds an attitude, and there is none; estimate one first.")
@@ -421,21 +418,13 @@ def _write_text(file: Path, recording: Recording, overwrite: bool) -> None:
         stream.writelines(track_lines(track, head=True))
 
 
-def _of_ros(name: str) -> Callable[[Path, Recording, bool], None]:
-    """A writer of bags, which is imported when it is needed."""
+def _foreign(module: str, name: str) -> Callable[[Path, Recording, bool], None]:
+    """A writer of the files of another program, which is imported when it is needed."""
 
     def write(file: Path, recording: Recording, overwrite: bool) -> None:
-        from plumbob.files.foreign import ros_write
-
-        getattr(ros_write, name)(file, recording, overwrite)
+        getattr(import_module(f"plumbob.files.foreign.{module}"), name)(file, recording, overwrite)
 
     return write
-
-
-def _write_euroc(file: Path, recording: Recording, overwrite: bool) -> None:
-    from plumbob.files.foreign.euroc import write_euroc
-
-    write_euroc(file, recording, overwrite)
 
 
 _BARE: Final = ImuMeta()
@@ -467,12 +456,12 @@ _OWN: Final[dict[str, Callable[[Path, Recording, bool], None]]] = {
     ".tum": _write_tum,
     ".txt": _write_text,
     ".mcap": write_mcap,
-    ".bag": _of_ros("write_bag"),
+    ".bag": _foreign("ros_write", "write_bag"),
 }
 SUFFIXES: Final = (*_OWN, ".csv", ".parquet", ".mat", ".nc", ".sto")
 LAYOUTS: Final = {
-    "ros2": RecordingLayout((".mcap",), _of_ros("write_mcap")),
-    "rosbag2": RecordingLayout((), _of_ros("write_rosbag2")),
-    "euroc": RecordingLayout((), _write_euroc),
+    "ros2": RecordingLayout((".mcap",), _foreign("ros_write", "write_mcap")),
+    "rosbag2": RecordingLayout((), _foreign("ros_write", "write_rosbag2")),
+    "euroc": RecordingLayout((), _foreign("euroc", "write_euroc")),
     "tum": RecordingLayout((".tum", ".txt"), _write_tum),
 }

@@ -150,8 +150,9 @@ def replay(
     wanted += _sending(chosen, log, send, note)
     run_stream(stream, ReplaySource(log, speed), sinks=wanted)
     if note is not None:
-        for line in _lacking(log):
-            note(line)
+        missing = (f"{counted(count, 'row')} of {topic} missing" for topic, count in log.missing.items())
+        for line in (*missing, *map(str, log.damage)):
+            note(f"{log.paths[0].name}: {line}")
     track = collected.track() if keep == "all" else tracks.track()
     return Replayed(watch, log, collected, track, ReplayComparison.joined(checks) if checks else None)
 
@@ -177,24 +178,14 @@ def _checks(log: Log, session: Session) -> "list[Check]":
     return checks
 
 
-def _lacking(log: Log) -> list[str]:
-    """What of a recording is missing or damaged."""
-    missing = [f"{counted(count, 'row')} of {topic} missing" for topic, count in log.missing.items()]
-    return [f"{log.paths[0].name}: {line}" for line in (*missing, *map(str, log.damage))]
-
-
 def _session(log: Log, stored: Session | None, chosen: Session | str | Path | None) -> Session:
     if isinstance(chosen, Session):
         return chosen
     if chosen is not None:
-        return load_session(chosen, date=_day(log))
+        info, first = log.first_info, next(iter(log), None)
+        day = None if info is None or first is None else iso_day(info.epoch_offset_ns + first.t_ns)
+        return load_session(chosen, date=day)
     return stored or recorded_session(log.metadata, log.paths[0].stem)
-
-
-def _day(log: Log) -> str | None:
-    """Day of the first row, ISO 8601; None where it is not known."""
-    info, first = log.first_info, next(iter(log), None)
-    return None if info is None or first is None else iso_day(info.epoch_offset_ns + first.t_ns)
 
 
 def _changed(session: Session, unit: str | None, calibration: CalibrationCard | str | Path | None) -> Session:

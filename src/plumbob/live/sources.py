@@ -12,9 +12,6 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.event import Event
 from plumbob.core.files import existing_file
@@ -24,7 +21,7 @@ from plumbob.live.session import Session, SourceSpec
 from plumbob.live.stream import device_counts, time_spec
 from plumbob.live.timing.counter import CountedTime
 from plumbob.live.transports.transport import Received, Source
-from plumbob.protocols.decode import Frames, decode
+from plumbob.protocols.decode import decode
 from plumbob.protocols.format import Format
 
 if TYPE_CHECKING:
@@ -68,7 +65,9 @@ class CaptureSource:
             what = f"no frame of {self._form.name}, message {self._message}, in {counts.received} bytes"
             raise DecodeError(f"{self._path} holds {what}; 'plumbob decode' tries other formats.")
         frames = by_message[self._message]
-        t_ns = self._times(frames)
+        spec = time_spec(self._form, frames.message)
+        counted = CountedTime(replace(spec, rate=self._rate or spec.rate))
+        t_ns = counted.after_first(frames.start, **device_counts(frames))
         ends = [int(frames.start[k]) for k in range(_TOGETHER, len(frames), _TOGETHER)] + [len(data)]
         lasts = [*range(_TOGETHER - 1, len(frames) - 1, _TOGETHER)][: len(ends) - 1] + [len(frames) - 1]
         begins = [0, *ends[:-1]]
@@ -86,11 +85,6 @@ class CaptureSource:
 
     def close(self) -> None:
         """Nothing is held open."""
-
-    def _times(self, frames: Frames) -> NDArray[np.int64]:
-        spec = time_spec(self._form, frames.message)
-        counted = CountedTime(replace(spec, rate=self._rate or spec.rate))
-        return counted.after_first(frames.start, **device_counts(frames))
 
 
 class PipeSource:
@@ -286,7 +280,9 @@ class ReplaySource:
         items: list[Received | Event] = []
         for due_ns, item in self._items:
             if self._speed:
-                self._wait_for(due_ns, self._speed)
+                self._started = self._started or (due_ns, time.monotonic_ns())
+                due = self._started[1] + (due_ns - self._started[0]) / self._speed
+                time.sleep(max(0.0, (due - time.monotonic_ns()) / 1e9))
                 return [item]
             items.append(item)
             if len(items) == _AT_ONCE:
@@ -296,12 +292,6 @@ class ReplaySource:
 
     def close(self) -> None:
         """Nothing is held open."""
-
-    def _wait_for(self, t_ns: int, speed: float) -> None:
-        if self._started is None:
-            self._started = (t_ns, time.monotonic_ns())
-        due = self._started[1] + (t_ns - self._started[0]) / speed
-        time.sleep(max(0.0, (due - time.monotonic_ns()) / 1e9))
 
     def _all(self, log: Log) -> Iterator[Received | Event]:
         expected = Counter[str]()  # next row of each source

@@ -23,7 +23,6 @@ from plumbob.core.time import REMEMBERED, Repeats, to_ns, to_s
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray, UnitMount
 from plumbob.data.recording import TimeReport
-from plumbob.filters import Filter
 from plumbob.filters.known import ARRAY_FILTERS, EXTENSIBLE
 from plumbob.filters.offline import calibrated, make_follower, start_at
 from plumbob.filters.smoother import FixedLag
@@ -35,7 +34,6 @@ from plumbob.live.timing.spec import Counter, TimeSpec
 from plumbob.live.timing.timebase import TimeBase
 from plumbob.live.transports.transport import Received
 from plumbob.protocols.decode import Frames, joined, triads_of, unit_prefix, unit_temperature
-from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.rotations import Frame, in_body_axes, quat_from_euler_zyx
 
@@ -170,9 +168,13 @@ class Stream:
         self._counted = CountedTime(self._spec) if self.session.timed_by == "count" else None
         self._began_ns: int | None = None
         self._latest_ns = 0
-        self._units = {spec.unit: _UnitReader(spec) for spec in _specs(self.session)}
+        session, stage = self.session, self.session.stage
+        main = UnitSpec(session.unit, session.meta, session.card)  # which goes before what their list says of it
+        specs = [replace(main, mount=u.mount) if u.unit == main.unit else u for u in session.units] or [main]
+        self._units = {spec.unit: _UnitReader(spec) for spec in specs}
         self._repeats = Repeats()
-        self.filter = _estimator(self.session)
+        frame = session.frame if stage is None else needed_frame("[estimate]", session.frame)
+        self.filter = None if stage is None or frame is None else make_follower(stage, frame, session.meta)
         self.chain = self.session.made_chain
         self._unfollowed: list[ImuArray] = []  # samples that the chain has not had
         self._started = False
@@ -436,8 +438,9 @@ def time_spec(form: Format, message: Message) -> TimeSpec:
     """What the frames of a message bring to tell the time by."""
     device, count = message.of_role("clock"), message.of_role("counter")
     alone = len(form.messages) == 1 and not form.framing.length_field
+    tick = device and abs(Fraction(device.scale * 1e9).limit_denominator(1 << 30))  # exact: decimals and fractions
     return TimeSpec(
-        clock=Counter(device.width, _tick_ns(device), down=device.scale < 0.0) if device else None,
+        clock=Counter(device.width, tick, down=device.scale < 0.0) if device and tick else None,
         frames=Counter(count.width) if count else None,
         rate=form.framing.rate,
         frame_bytes=(message.length or None) if alone else None,
@@ -462,23 +465,6 @@ def _time_spec(session: Session, message: Message) -> TimeSpec:
         speed = 1.0 if session.source is None else float(session.source.settings.get("speed", 1.0))
         return replace(time_spec(session.form, message), rate=session.meta.rate_nominal, speed=speed)
     return TimeSpec(clock=Counter(64, 1), rate=session.meta.rate_nominal if session.timed_by == "poll" else None)
-
-
-def _tick_ns(device: Field) -> Fraction:
-    """Time of one count; a unit and a size are decimal numbers or fractions, so this is exact."""
-    return abs(Fraction(device.scale * 1e9).limit_denominator(1 << 30))
-
-
-def _specs(session: Session) -> list[UnitSpec]:
-    """Units to decode; what the session says of the estimated one goes before what it says in their list."""
-    main = UnitSpec(session.unit, session.meta, session.card)
-    return [replace(main, mount=unit.mount) if unit.unit == main.unit else unit for unit in session.units] or [main]
-
-
-def _estimator(session: Session) -> Filter | FixedLag | None:
-    if session.stage is None:
-        return None
-    return make_follower(session.stage, needed_frame("[estimate]", session.frame), session.meta)
 
 
 def _only(frames: Frames, rows: NDArray[np.bool_]) -> Frames:

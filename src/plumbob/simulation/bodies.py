@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from typing import Any, Final
 
 import numpy as np
@@ -22,7 +23,7 @@ from plumbob.simulation.fields import Disturbance, bent_at
 from plumbob.simulation.motion import Motion, Scenario, Truth, at_rest
 from plumbob.simulation.presets import Module, draw_module
 from plumbob.simulation.programs import ChainProgram, named_program
-from plumbob.simulation.signals import Jet, Signal
+from plumbob.simulation.signals import Jet, Linear, Signal
 from plumbob.simulation.simulation import WORLD, Simulation, simulate
 
 _IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
@@ -410,19 +411,6 @@ def _sway(motion: _UnitMotion, tissue: SoftTissue, length: float, rng: np.random
     for joint in motion.body.chain.joints:
         if joint.child == motion.segment:
             count = len(joint.axes)
-            angles = _SignalParts(motion.body.angles, first, first + count)
+            angles = Linear(motion.body.angles, itemgetter((slice(None), slice(first, first + count))))
         first += len(joint.axes)
     return tissue.sway(rng, start=start, step=_DRIVE_STEP, force=force, angles=angles, count=count)
-
-
-@dataclass(frozen=True)
-class _SignalParts(Signal):
-    """Components of a signal."""
-
-    signal: Signal
-    first: int
-    end: int
-
-    def at(self, t: Floats) -> Jet:
-        """Value and derivatives at the instants t (N,), s."""
-        return Jet(*(part[:, self.first : self.end] for part in self.signal.at(t)))

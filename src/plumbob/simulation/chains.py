@@ -18,7 +18,7 @@ from plumbob.data.array import UnitMount
 from plumbob.data.chain import Chain, parse_chain
 from plumbob.rotations import quat_from_rotvec, quat_multiply
 from plumbob.simulation.errors import stream
-from plumbob.simulation.signals import Driven, Mixed, Signal, Sine, Sum
+from plumbob.simulation.signals import Driven, Linear, Signal, Sine, Sum
 
 CHAINS: Final[Mapping[str, Chain]] = {
     name: parse_chain(packaged(f"simulation/chains/{name}.toml")) for name in ("arm", "arm7", "teach", "five")
@@ -127,9 +127,9 @@ class SoftTissue:
         hung = Driven(start, step, -(force - force.mean(axis=0)), 2.0 * math.pi * self.frequency, self.damping)
         turn, directions = rng.standard_normal((3, 3)), rng.standard_normal((2, 3, max(count, 1)))
         turn *= self.tilt / np.linalg.norm(turn, 2)
-        sway = Mixed(hung, np.vstack((np.eye(3), turn)))
+        sway = Linear(hung, np.vstack((np.eye(3), turn)).T.__rmatmul__)
         if angles is None or not count:
             return sway
         directions /= np.linalg.norm(directions, axis=1, keepdims=True) * math.sqrt(count)
         slide = np.vstack((self.skin_shift * directions[0], self.skin * directions[1]))
-        return Sum((sway, Mixed(Sine(angles), slide)))
+        return Sum((sway, Linear(Sine(angles), slide.T.__rmatmul__)))

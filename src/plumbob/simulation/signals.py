@@ -8,7 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -70,7 +70,7 @@ class Signal(ABC):
         return Sum((self, other))
 
     def __mul__(self, factor: float) -> "Signal":
-        return Scaled(self, factor)
+        return Linear(self, partial(np.multiply, factor))
 
     __rmul__ = __mul__
 
@@ -213,15 +213,15 @@ class Sum(Signal):
 
 
 @dataclass(frozen=True)
-class Scaled(Signal):
-    """A signal times a number."""
+class Linear(Signal):
+    """What a linear map, which does not change in time, makes of a signal: some times it, or some of its components."""
 
     signal: Signal
-    factor: float
+    map: Callable[[Floats], Floats]  # of values (N,) or (N, k)
 
     def at(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
-        return Jet(*(self.factor * part for part in self.signal.at(t)))
+        return Jet(*map(self.map, self.signal.at(t)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,18 +235,6 @@ class WarmUp(Signal):
         """Value and derivatives at the instants t (N,), s."""
         decay = self.rise * np.exp(-t / self.time)
         return Jet(self.rise - decay, decay / self.time, -decay / self.time**2)
-
-
-@dataclass(frozen=True, eq=False)
-class Mixed(Signal):
-    """A matrix (m, k) times a signal with k components."""
-
-    signal: Signal
-    matrix: Floats
-
-    def at(self, t: Floats) -> Jet:
-        """Value and derivatives at the instants t (N,), s."""
-        return Jet(*(part @ self.matrix.T for part in self.signal.at(t)))
 
 
 @dataclass(frozen=True)

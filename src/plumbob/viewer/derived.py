@@ -319,10 +319,7 @@ class Derived:
         if now - self._curve_at < ALLAN_S or not self._hub.clients:
             return
         self._curve_at = now
-        self._do(self._allan.curve, self._drawn)
-
-    def _drawn(self, curve: AllanCurve | None) -> None:
-        self._hub.supersede("allan", None if curve is None else asdict(curve))
+        self._do(self._allan.curve, lambda curve: self._hub.supersede("allan", curve and asdict(curve)))
 
     def _do(self, action: Callable[[], Any], then: Callable[[Any], None] | None = None) -> None:
         """Do something in the thread, in order, and something with its result in the loop."""

@@ -159,7 +159,10 @@ class Feed(Sink):
         self._preparing: dict[str, threading.Thread] = {}
         self._started = False
         self._figure = None if stream.chain is None else drawn.JointFigure(stream.chain, stream.session.frame)
-        self._own = None if session.stage is None else self._own_shown()
+        stage, filter_ = session.stage, stream.filter
+        self._own = None if stage is None or filter_ is None else rows.shown_estimator(
+            stage.name, stage.filter, drawn.described(filter_), primary=True
+        )  # fmt: skip
         self._layout = self._laid_out({})
         self._samples = 0
         self._greeted = False
@@ -370,12 +373,6 @@ class Feed(Sink):
         mode = report.mode if self._stream.session.timed_by == "frames" else self._stream.session.timed_by
         return {"lost": report.lost, "gaps": report.gap_count, "clock": mode,
                 "drift_ppm": float(drift) if long_enough and np.isfinite(drift) else None}  # fmt: skip
-
-    def _own_shown(self) -> rows.ShownEstimator:
-        stage, filter_ = self._stream.session.stage, self._stream.filter
-        assert stage is not None
-        assert filter_ is not None
-        return rows.shown_estimator(stage.name, stage.filter, drawn.described(filter_), primary=True)
 
     def _lay_out(self) -> None:
         """Take over other estimators."""

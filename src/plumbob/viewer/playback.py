@@ -150,7 +150,11 @@ def _loaded(
 
         imu = calibrated(imu, CalibrationCard.of(calibration))
     carries = track is not None and (imu is None or is_own(path))
-    estimates = [_carried(track, imu)] if carries and track is not None else []
+    estimates = []
+    if carries and track is not None:
+        title = track.source.partition(";")[0] or RECORDED
+        shown = rows.shown_of_track(RECORDED, track, title, primary=True)
+        estimates = [Estimate(shown, track, None if imu is None else imu.meta.declination)]
     timeline = imu if imu is not None else track
     if timeline is None:
         raise ShapeError(f"{path} holds neither samples nor an attitude.")
@@ -168,12 +172,6 @@ def _loaded(
         reference=None if carries else track,
         array=array if all_ else None,
     )
-
-
-def _carried(track: AttitudeTrack, imu: ImuData | None) -> Estimate:
-    title = track.source.partition(";")[0] or RECORDED
-    declination = None if imu is None else imu.meta.declination
-    return Estimate(rows.shown_of_track(RECORDED, track, title, primary=True), track, declination)
 
 
 def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, frame: Any) -> Loaded:

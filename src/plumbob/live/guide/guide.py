@@ -47,7 +47,9 @@ class Blocks:
 
     def feed(self, part: ImuData) -> Iterator[Block]:
         """Take a part, and yield the blocks that it completes; what is left waits for the next."""
-        rows = np.concatenate((self._pending, _rows(part)))
+        clipped = [(part.flags & np.uint32(TRIAD_FLAGS[name][1])) != 0 for name in TRIADS]
+        part_rows = np.column_stack((part.t, *(part.usable(name) for name in TRIADS), *clipped))
+        rows = np.concatenate((self._pending, part_rows))
         first = 0
         while first < len(rows):
             stop = max(int(np.searchsorted(rows[:, 0], rows[first, 0] + BLOCK)), first + FEWEST)
@@ -115,11 +117,6 @@ class RestDetector:
         if not self._has["acc"]:  # which says nothing against rest
             acc = BlockMoments(*np.zeros((2, self._count, 3)))
         self._runs = runs(at_rest(acc, gyr if self._has["gyr"] else None, self._size))
-
-
-def _rows(part: ImuData) -> Floats:
-    clipped = [(part.flags & np.uint32(TRIAD_FLAGS[name][1])) != 0 for name in TRIADS]
-    return np.column_stack((part.t, *(part.usable(name) for name in TRIADS), *clipped))
 
 
 def _block(rows: Floats) -> Block:
@@ -475,7 +472,9 @@ class MagGuide(Guide):
             self._judge_field(some)
             self._field = some[-1]
             self._sample.take(some, None if self._fit is None else self._fit.ellipsoid.centre)
-        self._judge_speed(block)
+        rate = np.linalg.norm(block.triads["gyr"], axis=1)
+        if np.isfinite(rate).any() and float(np.nanmean(rate)) > TOO_FAST:
+            self._warn(f"too fast: turn it slower than {to_deg(TOO_FAST):.0f}° in a second")
         self._count += 1
         idle = self._rest.lasting > _IDLE  # nothing new can be seen
         if self._count % _EVERY == 0 and len(self._sample.vectors) >= _FEWEST and not idle:
@@ -491,11 +490,6 @@ class MagGuide(Guide):
             return
         if (news := self._seen.update(filled(vectors - fit.ellipsoid.centre) > 0)) is not None:
             self._say(news)
-
-    def _judge_speed(self, block: Block) -> None:
-        rate = np.linalg.norm(block.triads["gyr"], axis=1)
-        if np.isfinite(rate).any() and float(np.nanmean(rate)) > TOO_FAST:
-            self._warn(f"too fast: turn it slower than {to_deg(TOO_FAST):.0f}° in a second")
 
     def _judge_field(self, samples: Floats) -> None:
         """Warn of a field whose length does not fit what was seen before in the same direction."""
@@ -518,8 +512,11 @@ class MagGuide(Guide):
     def _next(self, direction: Floats | None) -> tuple[int | None, AxisTurn | None]:
         """Direction to go to, and the turn towards it; a turn about another axis as long as no direction is known."""
         if direction is None:
-            few = len(self._sample.vectors) < _FEWEST
-            return None, None if few else AxisTurn(_least_turned(self._sample.vectors), _QUARTER)
+            vectors = self._sample.vectors
+            if len(vectors) < _FEWEST:
+                return None, None
+            _, _, directions = np.linalg.svd(vectors - vectors.mean(axis=0), full_matrices=False)
+            return None, AxisTurn(int(np.argmin(np.abs(directions[2]))), _QUARTER)  # across that of the largest turn
         missing = np.flatnonzero(~self._seen.filled).tolist()
         if not missing:
             return None, None
@@ -585,12 +582,6 @@ def _predicted_heading(fit: ellipsoid_fit.NormFit, vectors: Floats) -> tuple[flo
     counted = (field.counted(independent, **of) for field in fields)
     total, shown = (heading_sd(matrix, covariance, size=radius, dip=DIP) for covariance in counted)
     return total, shown
-
-
-def _least_turned(vectors: Floats) -> int:
-    """Axis of the case about which the unit turned least: across that about which it turned most."""
-    _, _, directions = np.linalg.svd(vectors - vectors.mean(axis=0), full_matrices=False)
-    return int(np.argmin(np.abs(directions[2])))
 
 
 GUIDES: Final[dict[str, type[Guide]]] = {"mag": MagGuide, "accel": AccelGuide, "gyro": RestGuide}

@@ -288,7 +288,9 @@ class TimeBase:
             host, _integers("place", place, size), second if self.spec.clock is None else counter, second,
             out.t_ns, out.step, out.flags, out.lost, out.kind,
         )  # fmt: skip
-        self._remember(before, out)
+        for k in np.flatnonzero(out.flags & flags.GAP)[-REMEMBERED:].tolist():
+            start = int(out.t_ns[k - 1]) if k else before
+            self._gaps.append((start, int(out.t_ns[k]), int(out.lost[k])))
         return out
 
     def reopened(self, t_ns: int) -> None:
@@ -344,11 +346,6 @@ class TimeBase:
         if counts is None:
             raise ShapeError(f"{name} is missing; the time comes from a counter of {counter.bits} bits.")
         return _integers(name, counts, size)
-
-    def _remember(self, before: int, stamps: Stamps) -> None:
-        for k in np.flatnonzero(stamps.flags & flags.GAP)[-REMEMBERED:].tolist():
-            start = int(stamps.t_ns[k - 1]) if k else before
-            self._gaps.append((start, int(stamps.t_ns[k]), int(stamps.lost[k])))
 
 
 def configure(ints: NDArray[np.int64], real: NDArray[np.float64], spec: state.TimeSpec) -> None:

@@ -5,13 +5,13 @@ Sources: Linux, Documentation/ABI/testing/sysfs-bus-iio (types, units, mount mat
 """
 
 import json
-import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, Final, Self
+from dataclasses import asdict, dataclass, field
+from typing import Final
 
-from plumbob.core.errors import DecodeError, ParameterError, UnitError
+from plumbob.core import schema
+from plumbob.core.errors import DecodeError, ParameterError, UnitError, one_line
 from plumbob.data import TRIADS
 from plumbob.protocols.field import Field, Provenance
 from plumbob.protocols.format import Format, Framing, Message
@@ -57,7 +57,7 @@ def parse_type(text: str) -> IioType:
 
 
 TIMESTAMP: Final = "timestamp"
-_CLOCKS: Final = ("", "monotonic", "realtime")
+_CLOCKS: Final = ("monotonic", "realtime")
 
 _NAME = re.compile(r"([a-z]+)(.*)")
 _KINDS: Final = {
@@ -113,27 +113,6 @@ def _split(name: str) -> tuple[str, str]:
     return (match[1], match[2]) if match else (name, "")
 
 
-def _channel_words(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """What a channel of a text says that is not text, each as its type."""
-    if type(entry["index"]) is not int:
-        raise TypeError(f"index {entry['index']!r}")
-    words = {key: _number(entry[key]) for key in ("scale", "offset")}
-    return {"type": parse_type(entry["type"]), **words}
-
-
-def _matrix(rows: Any) -> Any:
-    matrix = tuple(tuple(map(_number, row)) for row in rows)
-    if [len(row) for row in matrix] != [3, 3, 3]:
-        raise ValueError(f"a matrix of {len(matrix)} rows")
-    return matrix
-
-
-def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise TypeError(f"{value!r} is not a number")
-    return float(value)
-
-
 @dataclass(frozen=True)
 class IioLayout:
     """What the bytes of a device's scans mean, in `size` bytes each.
@@ -170,25 +149,17 @@ class IioLayout:
 
     def to_json(self) -> str:
         """One line of text that `from_json` reads, to lie beside raw scans in a recording."""
-        channels = [
-            {"name": c.name, "index": c.index, "type": str(c.type), "scale": c.scale, "offset": c.offset}
-            for c in self.channels
-        ]
-        layout = {"device": self.device, "channels": channels, "mounts": dict(self.mounts), "clock": self.clock}
-        return json.dumps(layout)
+        channels = [{**asdict(channel), "type": str(channel.type)} for channel in self.channels]
+        return json.dumps(asdict(self) | {"channels": channels})
 
-    @classmethod
-    def from_json(cls, text: str) -> Self:
+    @staticmethod
+    def from_json(text: str) -> "IioLayout":
         """Layout from the text of `to_json`; DecodeError where it is none."""
         try:
-            raw = json.loads(text)
-            channels = tuple(IioChannel(**{**entry, **_channel_words(entry)}) for entry in raw["channels"])
-            mounts = {triad: _matrix(rows) for triad, rows in raw["mounts"].items()}
-            if not isinstance(raw["device"], str) or raw["clock"] not in _CLOCKS:
-                raise ValueError(f"device {raw['device']!r}, clock {raw['clock']!r}")
-            return cls(raw["device"], channels, mounts, raw["clock"])
-        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
-            raise DecodeError(f"This is not a layout of IIO scans, or it is damaged: {error!r}.") from error
+            layout: IioLayout = _LAYOUT("layout", json.loads(text))
+        except (ValueError, RecursionError) as error:
+            raise DecodeError(f"This is not a layout of IIO scans, or it is damaged: {one_line(error)}") from error
+        return layout
 
     def _places(self) -> tuple[list[int], int]:
         places, end, largest = [], 0, 1
@@ -202,6 +173,13 @@ class IioLayout:
     def _axes(self, triad: str) -> list[int]:
         there = {channel.column for channel in self.channels if channel.name != TIMESTAMP}
         return [i for i, axis in enumerate(_AXES) if f"{triad}_{axis}" in there]
+
+
+_CHANNEL: Final = schema.table(IioChannel, type=schema.converted(parse_type))
+_LAYOUT: Final = schema.table(
+    IioLayout, channels=schema.listed(_CHANNEL), clock=schema.one_of("", *_CLOCKS),
+    mounts=schema.mapping(schema.listed(schema.listed(schema.number, 3), 3)),
+)  # fmt: skip
 
 
 def _aligned(at: int, size: int) -> int:

@@ -49,7 +49,8 @@ class UdpSource(Replug):
         sock = socket.socket(family, socket.SOCK_DGRAM)
         try:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, self._buffer)
-            _count_drops(sock)
+            if sys.platform == "linux":  # elsewhere drops show in the data only
+                sock.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
             sock.bind(address)
             sock.setblocking(False)
         except OSError as error:
@@ -105,11 +106,6 @@ class UdpWire(_SocketWire):
                 if count:
                     return [Event(now, "dropped", f"{self.where}: no room for {counted(count, 'datagram')}.", count)]
         return []
-
-
-def _count_drops(sock: socket.socket) -> None:
-    if sys.platform == "linux":  # elsewhere drops show in the data only
-        sock.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
 
 
 class TcpSource(Replug):
