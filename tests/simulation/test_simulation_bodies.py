@@ -157,8 +157,8 @@ def test_a_dipole_and_a_bent_region_in_closed_form_and_a_magnet_on_a_segment():
     magnet = Dipole((1.0, 0.0, 0.0), (0.0, 0.0, 0.1))
     places = np.array([(1.0, 0.0, 0.2), (1.2, 0.0, 0.0)])
     # B = μ0 m / (2π r³) on the axis and −μ0 m / (4π r³) at the side: 2.5 and −1.25 µT for 0.1 A m² at 0.2 m
-    np.testing.assert_allclose(magnet.at(places, None), [(0.0, 0.0, 2.5), (0.0, 0.0, -1.25)], atol=1e-12)
-    assert np.isfinite(magnet.at(np.array([(1.0, 0.0, 0.0)]), None)).all()
+    np.testing.assert_allclose(magnet.added_field(places, None), [(0.0, 0.0, 2.5), (0.0, 0.0, -1.25)], atol=1e-12)
+    assert np.isfinite(magnet.added_field(np.array([(1.0, 0.0, 0.0)]), None)).all()
     magnet = Dipole((0.19, 0.07, 0.0), (0.0, 0.05, 0.0), on="forearm")
     common = {"frame": "NED", "unit": "calibrated", "seed": 3, "duration": 6.0}
     plain = simulate_chain("arm", "fast", **common)
@@ -170,7 +170,7 @@ def test_a_dipole_and_a_bent_region_in_closed_form_and_a_magnet_on_a_segment():
     assert np.ptp(added["hand"], axis=0).max() > 0.01
     np.testing.assert_array_equal(bent.array.units["hand"].acc, plain.array.units["hand"].acc)
     region = BentRegion((0.0, 0.0, 0.0), (20.0, 0.0, 0.0), radius=0.1)
-    found = region.at(np.array([(0.0, 0.0, 0.0), (0.0, 0.2, 0.0)]), None)
+    found = region.added_field(np.array([(0.0, 0.0, 0.0), (0.0, 0.2, 0.0)]), None)
     np.testing.assert_allclose(found[:, 0], [20.0, 20.0 * np.exp(-2.0)])
 
 
@@ -213,7 +213,7 @@ def test_each_unit_has_errors_and_noise_of_its_own_and_other_ranges_cut_into_as_
 @pytest.mark.parametrize("name", CHAINS)
 def test_programs_keep_their_chain_within_its_limits(name, program):
     made = simulate_chain(name, program, frame="ENU", unit="calibrated", seed=11, duration=40.0, rate=50.0)
-    jet = made.program.angles.at(made.t)
+    jet = made.program.angles.jet(made.t)
     for k, limit in enumerate(made.chain.limits):
         assert limit.low - 1e-9 <= jet.value[:, k].min()
         assert jet.value[:, k].max() <= limit.high + 1e-9

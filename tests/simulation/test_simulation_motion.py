@@ -162,7 +162,7 @@ def test_a_plain_line_is_even_to_the_nanosecond_and_stamps_scatter_by_the_jitter
     assert line.sampled.size == 300
     np.testing.assert_allclose(line.sampled, np.arange(300) / 75.0, atol=0.5e-9)
     np.testing.assert_array_equal(line.stamps, line.sampled)
-    assert line.kept.all()
+    assert line.received.all()
     line = time_line(rate=100.0, duration=200.0, jitter=1e-3, seed=3)
     stray = line.stamps - line.sampled
     np.testing.assert_allclose(stray.std(), 1e-3, rtol=4.0 / np.sqrt(2.0 * stray.size))  # sd of n normal numbers
@@ -172,12 +172,12 @@ def test_a_plain_line_is_even_to_the_nanosecond_and_stamps_scatter_by_the_jitter
 
 
 def test_lost_samples_are_their_share_by_a_stream_of_their_own():
-    kept = np.array([time_line(rate=100.0, duration=20.0, lost=0.3, seed=s).kept for s in range(20)])
-    assert kept[:, 0].all()
-    share = 1.0 - kept[:, 1:].mean()
-    assert share == pytest.approx(0.3, abs=4.0 * np.sqrt(0.3 * 0.7 / kept[:, 1:].size))  # binomial
-    alone = time_line(rate=100.0, duration=20.0, lost=0.3, seed=5).kept
-    both = time_line(rate=100.0, duration=20.0, lost=0.3, jitter=1e-3, seed=5).kept
+    received = np.array([time_line(rate=100.0, duration=20.0, lost=0.3, seed=s).received for s in range(20)])
+    assert received[:, 0].all()
+    share = 1.0 - received[:, 1:].mean()
+    assert share == pytest.approx(0.3, abs=4.0 * np.sqrt(0.3 * 0.7 / received[:, 1:].size))  # binomial
+    alone = time_line(rate=100.0, duration=20.0, lost=0.3, seed=5).received
+    both = time_line(rate=100.0, duration=20.0, lost=0.3, jitter=1e-3, seed=5).received
     np.testing.assert_array_equal(alone, both)
 
 
@@ -222,7 +222,7 @@ def test_strength_dip_and_declination_come_back(frame, dip, declination):
 
 def peaks(program, k):
     t = np.linspace(0.0, program.duration, 200_001)
-    _, rate, acc = (part[:, k] for part in program.angles.at(t))
+    _, rate, acc = (part[:, k] for part in program.angles.jet(t))
     return np.abs(rate).max(), np.abs(acc).max(), np.abs(np.gradient(acc, t)).max()
 
 
@@ -248,7 +248,7 @@ def test_waypoints_are_reached_with_their_stops():
     made = waypoints(chain, poses, dwell=(1.0, 0.5, 2.0))
     for pose, (start, end), long in zip(poses, made.stops, (1.0, 0.5, 2.0), strict=True):
         assert end - start == pytest.approx(long)
-        jet = made.angles.at(np.array([start, 0.5 * (start + end), end]))
+        jet = made.angles.jet(np.array([start, 0.5 * (start + end), end]))
         np.testing.assert_allclose(jet.value, np.tile(pose, (3, 1)), atol=1e-12)
         np.testing.assert_allclose(jet.rate, 0.0, atol=1e-9)
     assert made.duration == made.stops[-1][1]

@@ -39,10 +39,10 @@ def away_from_joints(t):
 @pytest.mark.parametrize("name", SIGNALS)
 def test_derivatives_are_those_of_the_value(name, closes_in):
     signal, t = SIGNALS[name], away_from_joints(T)
-    (shape,) = {(part.shape, part.dtype.name) for part in signal.at(T)}
+    (shape,) = {(part.shape, part.dtype.name) for part in signal.jet(T)}
     assert (shape[0][0], shape[1]) == (T.size, "float64")
-    closes_in(lambda s: signal.at(s).value, lambda s: signal.at(s).rate, t)
-    closes_in(lambda s: signal.at(s).rate, lambda s: signal.at(s).acc, t)
+    closes_in(lambda s: signal.jet(s).value, lambda s: signal.jet(s).rate, t)
+    closes_in(lambda s: signal.jet(s).rate, lambda s: signal.jet(s).acc, t)
 
 
 @pytest.mark.parametrize("law", [signals.quintic, signals.cycloid])
@@ -57,20 +57,20 @@ def test_a_law_goes_from_rest_at_0_to_rest_at_1(law):
 def test_moves_join_without_a_step_and_stay_where_they_arrive():
     h = 1e-9
     for joint in (1.0, 3.0, 4.0, 5.5, 6.0, 9.0):
-        before, after = (MOVES.at(np.array([joint + side])) for side in (-h, h))
+        before, after = (MOVES.jet(np.array([joint + side])) for side in (-h, h))
         # twice continuously differentiable: over 2e-9 s nothing changes by more than that times the next derivative,
         # whose largest value is 60 change / duration³ < 20 (third derivative of 10u³ − 15u⁴ + 6u⁵ at u = 0)
         for part_before, part_after in zip(before, after, strict=True):
             assert abs(part_after[0] - part_before[0]) < 20.0 * 2.0 * h
     t = np.array([0.0, 3.5, 5.75, 20.0])
-    np.testing.assert_allclose(MOVES.at(t).value, [0.0, 0.7, -0.4, 0.0], atol=1e-15)  # running sums of the changes
-    assert not MOVES.at(t).rate.any()
+    np.testing.assert_allclose(MOVES.jet(t).value, [0.0, 0.7, -0.4, 0.0], atol=1e-15)  # running sums of the changes
+    assert not MOVES.jet(t).rate.any()
 
 
 def test_a_stroke_has_the_velocity_of_a_table_slide():
     v, duration = 2.0, 0.4
     t = np.linspace(0.0, duration, 401)
-    slide = signals.Moves((1.0,), (duration,), (0.5 * v * duration,), signals.cycloid).at(t + 1.0)
+    slide = signals.Moves((1.0,), (duration,), (0.5 * v * duration,), signals.cycloid).jet(t + 1.0)
     # closed form: velocity v/2 (1 − cos(2πt/T)), its integral and its derivative
     turn = 2.0 * np.pi / duration
     np.testing.assert_allclose(slide.rate, 0.5 * v * (1.0 - np.cos(turn * t)), atol=1e-12)
@@ -84,12 +84,12 @@ def test_sinusoids_are_their_sum_phasors_rotating_pointers_and_ramps_areas_under
     direct = sum(
         a * np.cos(w * t) + b * np.sin(w * t) for w, a, b in zip(WAVES.omega, WAVES.cosine, WAVES.sine, strict=True)
     )
-    np.testing.assert_allclose(WAVES.at(t).value, direct, atol=1e-12)  # definition
+    np.testing.assert_allclose(WAVES.jet(t).value, direct, atol=1e-12)  # definition
     omega, z = np.array([1.3, 4.0]), np.array([1.0 - 2.0j, 0.3 + 0.1j])
     direct = (z * np.exp(1j * np.outer(T, omega))).sum(axis=1).real
-    np.testing.assert_allclose(signals.Sinusoids.from_phasors(omega, z).at(T).value, direct, atol=1e-13)  # definition
+    np.testing.assert_allclose(signals.Sinusoids.from_phasors(omega, z).jet(T).value, direct, atol=1e-13)  # definition
     signal = signals.Ramps((1.0, 3.0, 5.0), (0.0, 4.0, 4.0))
-    value, rate, acc = signal.at(np.array([0.0, 2.0, 3.0, 4.0, 6.0]))
+    value, rate, acc = signal.jet(np.array([0.0, 2.0, 3.0, 4.0, 6.0]))
     # a triangle of 2 s and 4/s, then a rectangle that goes on after the last knot
     np.testing.assert_array_equal(value, [0.0, 1.0, 4.0, 8.0, 16.0])
     np.testing.assert_array_equal(rate, [0.0, 2.0, 4.0, 4.0, 4.0])
@@ -99,7 +99,7 @@ def test_sinusoids_are_their_sum_phasors_rotating_pointers_and_ramps_areas_under
 def test_oscillator_answers_a_wave_with_its_transfer_function_and_rests_where_a_steady_force_holds_it():
     omega, damping, drive, step = 2.0 * np.pi * 6.0, 0.3, 2.0 * np.pi * 1.3, 1e-3
     knots = step * np.arange(10001)
-    found = signals.Driven(0.0, step, 4.0 * np.cos(drive * knots)[:, np.newaxis], omega, damping).at(T[T > 4.0])
+    found = signals.Driven(0.0, step, 4.0 * np.cos(drive * knots)[:, np.newaxis], omega, damping).jet(T[T > 4.0])
     # 1 / (ω² − w² + 2jζωw); what was left of the start has died out by exp(−0.3 ω 4) = 2e-20
     answer = 4.0 / (omega**2 - drive**2 + 2j * damping * omega * drive) * np.exp(1j * drive * T[T > 4.0])
     # straight lines between knots are wrong by (w h)² / 8 of the drive at most; a spring of ζ = 0.3 makes at most
@@ -108,7 +108,7 @@ def test_oscillator_answers_a_wave_with_its_transfer_function_and_rests_where_a_
     wanted = (answer, 1j * drive * answer, -(drive**2) * answer)
     for got, want, unit in zip(found, wanted, (omega**2, omega, 1.0), strict=True):
         np.testing.assert_allclose(got[:, 0], want.real, rtol=0.0, atol=wrong / unit)
-    found = signals.Driven(1.0, 0.1, np.full((5, 1), 3.0), 10.0, 0.2).at(np.array([1.0, 1.23, 1.4]))
+    found = signals.Driven(1.0, 0.1, np.full((5, 1), 3.0), 10.0, 0.2).jet(np.array([1.0, 1.23, 1.4]))
     np.testing.assert_allclose(found.value, 0.03, rtol=1e-12)  # drive / ω²
     np.testing.assert_allclose(found.rate, 0.0, atol=1e-12)
 
@@ -202,14 +202,14 @@ def test_significant_height_is_four_standard_deviations(seed):
     duration, size = 7200.0, np.abs(waves.phasor)
     apart = np.abs(waves.omega[:, np.newaxis] - waves.omega) + np.eye(size.size) * waves.omega
     mixing = np.sum(np.outer(size, size) / (apart * duration))
-    variance = elevation(waves).at(np.arange(0.0, duration, 0.25)).value.var()
+    variance = elevation(waves).jet(np.arange(0.0, duration, 0.25)).value.var()
     assert mixing < 0.1 * variance
     assert variance == pytest.approx((1.5 / 4.0) ** 2, abs=mixing)
 
 
 def test_the_spectrum_peaks_at_the_period_has_its_energy_and_is_narrower_on_the_low_side():
     t = np.arange(0.0, 7200.0, 0.5)
-    f, power = welch(elevation(sea(peakedness=7.0)).at(t).value, fs=2.0, nperseg=240)
+    f, power = welch(elevation(sea(peakedness=7.0)).jet(t).value, fs=2.0, nperseg=240)
     spacing = 3.4 / 6.0 / 64.0  # between wave trains; the analyser's own bins are 1/120 Hz apart
     assert f[np.argmax(power)] == pytest.approx(1.0 / 6.0, abs=spacing + 1.0 / 120.0)
     energy, _ = quad(

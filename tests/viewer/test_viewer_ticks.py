@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from websockets.sync.client import connect
 
 from plumbob.core.flags import GYR_CLIPPED
-from plumbob.viewer.charts import History, Rows, Thinner, envelope
+from plumbob.viewer.charts import RowHistory, Rows, Thinner, envelope
 from plumbob.viewer.hub import Client, Hub, NewestItems
 from plumbob.viewer.messages import Attitude, Hello, Link, State
 from plumbob.viewer.pipe import PipeMessage
@@ -163,7 +163,7 @@ def test_a_slow_stream_is_not_thinned_its_history_is_kept_where_columns_change_a
     rows = Rows(np.arange(10000) / 100.0, np.zeros(10000, dtype=np.uint32), np.zeros((10000, 1)))
     assert thinner.take(rows, rate=100.0) is rows and thinner.take(rows, rate=1000.0, speed=0.1) is rows
     assert len(Thinner(1).take(rows, rate=100.0, speed=10.0).t) <= 120 * 10.0 + 2
-    history = History(["a", "b"])
+    history = RowHistory(["a", "b"])
     history.add(Rows(np.array([1.0, 2.0]), np.array([1, 2], dtype=np.uint32), np.array([[1.0, 10.0], [2.0, 20.0]])))
     found = parsed(history.with_columns(["b", "c"]).chunk(0, 3)[0])
     assert (found.kind, found.epoch, found.state) == (2, 3, {})

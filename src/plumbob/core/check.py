@@ -144,10 +144,10 @@ def unit_norm(name: str, q: Floats, tolerance: float = 1e-6) -> None:
         )
 
 
-def one_of(name: str, value: str, known: Sequence[str]) -> str:
-    """Refuse a word that is not in `known`."""
-    if not isinstance(value, str) or value not in known:
-        raise ShapeError(f"{name} must be one of {', '.join(known)}, but it is {said(value)}.{closest(value, known)}")
+def one_of(name: str, value: str, words: Sequence[str]) -> str:
+    """Refuse a word that is not in `words`."""
+    if not isinstance(value, str) or value not in words:
+        raise ShapeError(f"{name} must be one of {', '.join(words)}, but it is {said(value)}.{closest(value, words)}")
     return value
 
 

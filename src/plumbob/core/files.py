@@ -171,11 +171,11 @@ def require_place(path: Path, *, overwrite: bool = False) -> None:
         raise DecodeError(f"{path} cannot be written: it is write-protected. Nothing was changed there.")
 
 
-def is_same_file(one: Path, other: Path) -> bool:
+def is_same_file(first: Path, second: Path) -> bool:
     """Whether two paths lead to one file, by whatever links; one that does not exist yet is compared by its path."""
-    if one.exists() and other.exists():
-        return one.samefile(other)
-    return os.path.realpath(one) == os.path.realpath(other)  # where a link leads to itself, Path.resolve raises
+    if first.exists() and second.exists():
+        return first.samefile(second)
+    return os.path.realpath(first) == os.path.realpath(second)  # where a link leads to itself, Path.resolve raises
 
 
 def require_other(path: Path, inputs: Iterable[Path]) -> None:
@@ -209,7 +209,7 @@ def replacing(path: Path, *, overwrite: bool = False, seeks: bool = False) -> It
 @contextmanager
 def replacing_all(*paths: Path, overwrite: bool = False) -> Iterator[tuple[Path, ...]]:
     """As `replacing`, for files that belong together: all are on disk before the first takes its name."""
-    targets = [_Target(path, overwrite) for path in paths]
+    targets = [_Written(path, overwrite) for path in paths]
     try:
         for target in targets:
             target.create()
@@ -233,12 +233,12 @@ def replacing_all(*paths: Path, overwrite: bool = False) -> Iterator[tuple[Path,
 
 
 @contextmanager
-def replacing_folder(path: Path, *, overwrite: bool, known: Callable[[Path], bool]) -> Iterator[Path]:
+def replacing_folder(path: Path, *, overwrite: bool, may_replace: Callable[[Path], bool]) -> Iterator[Path]:
     """As `replacing`, for a folder: give a path that does not exist yet, for a folder that is to take the final name.
 
-    A folder that is not of the kind that is written (`known`) is never replaced.
+    A folder that is not of the kind that is written (`may_replace`) is never replaced.
     """
-    require_folder_place(path, overwrite=overwrite, known=known)
+    require_folder_place(path, overwrite=overwrite, may_replace=may_replace)
     final = Path(os.path.realpath(path))
     start, held = f".{final.name[:40]}.plumbob-", -1
     beside = final.with_name(f"{start}{secrets.token_hex(4)}.tmp")
@@ -253,7 +253,7 @@ def replacing_folder(path: Path, *, overwrite: bool, known: Callable[[Path], boo
                 with (Path(folder) / name).open("rb+") as file:
                     os.fsync(file.fileno())
         with _uninterrupted():
-            require_folder_place(path, overwrite=overwrite, known=known)
+            require_folder_place(path, overwrite=overwrite, may_replace=may_replace)
             if final.exists():
                 final.rename(beside / "before")
             made.rename(final)
@@ -296,7 +296,7 @@ def _remove_abandoned_folders(parent: Path, start: str) -> None:
                 os.close(descriptor)
 
 
-def require_folder_place(path: Path, *, overwrite: bool, known: Callable[[Path], bool]) -> None:
+def require_folder_place(path: Path, *, overwrite: bool, may_replace: Callable[[Path], bool]) -> None:
     """Refuse a place where no folder can be written; errors as in `require_place`."""
     if not path.parent.is_dir():
         raise DecodeError(f"{path} cannot be written: there is no folder {path.parent}; create it first.")
@@ -306,11 +306,11 @@ def require_folder_place(path: Path, *, overwrite: bool, known: Callable[[Path],
         raise DecodeError(f"{path} cannot be written: something other than a folder is there; name another one.")
     if not overwrite:
         raise _exists(path)
-    if any(path.iterdir()) and not known(path):
+    if any(path.iterdir()) and not may_replace(path):
         raise ParameterError(f"{path} is a folder of something else, and is never replaced; name another one.")
 
 
-def _remove(targets: Sequence["_Target"]) -> None:
+def _remove(targets: Sequence["_Written"]) -> None:
     """Remove the temporaries that have not taken their names."""
     with _uninterrupted():
         for target in targets:
@@ -320,7 +320,7 @@ def _remove(targets: Sequence["_Target"]) -> None:
                 target.held = -1
 
 
-class _Target:
+class _Written:
     """A file to write: where its bytes go until they are complete, and where it lies then.
 
     The temporary is locked as long as its writer lives, so that nobody takes it for one that was left behind.

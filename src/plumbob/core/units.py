@@ -114,13 +114,15 @@ UNITS: dict[str, Unit] = {
 _ALIASES = {
     alias: name
     for name, aliases in {
-        "deg/s": "dps,°/s,°/sec,deg/sec,degrees/s,degree/s", "mdeg/s": "mdps,m°/s", "rad/s": "rad/sec,rad s^-1",
-        "deg/h": "°/h,°/hr,deg/hr", "rpm": "r/min,rev/min", "m/s2": "m/s^2,m/s²,m/s/s,m s^-2", "gauss": "Gs,Ga,Gauss",
-        "mgauss": "mGs,mGa,mGauss,milligauss", "Oe": "Oersted", "T": "tesla", "uT": "uTesla,microtesla",
-        "deg": "°,degrees", "degC": "°C,℃,deg C,Celsius,celsius", "s": "sec,seconds", "ms": "msec,milliseconds",
-        "us": "usec,microseconds", "1/s2": "1/s²,1/s^2",
+        "deg/s": ("dps", "°/s", "°/sec", "deg/sec", "degrees/s", "degree/s"), "mdeg/s": ("mdps", "m°/s"),
+        "rad/s": ("rad/sec", "rad s^-1"), "deg/h": ("°/h", "°/hr", "deg/hr"), "rpm": ("r/min", "rev/min"),
+        "m/s2": ("m/s^2", "m/s²", "m/s/s", "m s^-2"), "gauss": ("Gs", "Ga", "Gauss"),
+        "mgauss": ("mGs", "mGa", "mGauss", "milligauss"), "Oe": ("Oersted",), "T": ("tesla",),
+        "uT": ("uTesla", "microtesla"), "deg": ("°", "degrees"),
+        "degC": ("°C", "℃", "deg C", "Celsius", "celsius"), "s": ("sec", "seconds"), "ms": ("msec", "milliseconds"),
+        "us": ("usec", "microseconds"), "1/s2": ("1/s²", "1/s^2"),
     }.items()
-    for alias in aliases.split(",")
+    for alias in aliases
 }  # fmt: skip
 _SYMBOLS = {
     ("G", Quantity.FIELD): "gauss",

@@ -50,16 +50,16 @@ class UnitMount:
         return dcm_from_quat(np.array(self.q_bs))
 
 
-def named_unit(names: Sequence[str], asked: str) -> str:
+def named_unit(names: Sequence[str], wanted: str) -> str:
     """One of the names, by itself, by its letters and digits alone, or by its number from 1; ParameterError else."""
-    letters = {name: "".join(filter(str.isalnum, name.casefold())) for name in (*names, asked)}
-    alike = [name for name in names if letters[name] == letters[asked]]
-    if asked in names or alike:
-        return asked if asked in names else alike[0]
-    if asked.isdecimal() and 1 <= int(asked) <= len(names):
-        return names[int(asked) - 1]
+    letters = {name: "".join(filter(str.isalnum, name.casefold())) for name in (*names, wanted)}
+    alike = [name for name in names if letters[name] == letters[wanted]]
+    if wanted in names or alike:
+        return wanted if wanted in names else alike[0]
+    if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
+        return names[int(wanted) - 1]
     units = ", ".join(f"{name} ({number})" for number, name in enumerate(names[:20], 1))
-    raise ParameterError(f"there is no unit '{asked}'; there are {units}.")
+    raise ParameterError(f"there is no unit '{wanted}'; there are {units}.")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -219,15 +219,15 @@ def _opened(
     profile: Path | None,
     load: Sequence[str],
 ) -> Capture:
-    asked: dict[str, Any] = {
+    how_read: dict[str, Any] = {
         "triads": how.triads, "if_present": how.if_present, "span": span, "device": device, "base": base
     }  # fmt: skip
     if not isinstance(recording, Recording | ImuData):
-        return read_capture(check.path("recording", recording), profile=profile, load=load, **asked)
+        return read_capture(check.path("recording", recording), profile=profile, load=load, **how_read)
     imu = recording.of_unit(None).imu if isinstance(recording, Recording) else recording
     if imu is None:
         raise CalibrationError("the recording holds an attitude but no sensor data, so there is nothing to calibrate.")
-    return capture(imu, **asked)
+    return capture(imu, **how_read)
 
 
 Found = tuple["Mapping[str, Fitted]", "Mounted | None"]

@@ -113,8 +113,7 @@ class Estimated(Series):
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the track, with where it comes from; errors as of `plumbob.write`."""
-        track = self.track
-        write(path, track, notes=_provenance(self.name, track, self.inferred), overwrite=overwrite)
+        write(path, _noted(self.name, self.inferred, self.track), overwrite=overwrite)
 
     def acceleration(
         self, *, gravity: float = G0, noise: "NoiseCard | str | Path | None" = None
@@ -430,7 +429,7 @@ def estimate(
     notes: list[Finding] = []
     written = None if out is None else check.path("out", out)
     native = written is not None and written.suffix.lower() == ".parquet"
-    label, source, imu = opened_samples(recording, profile, unit, whole=keep and not native, carded=calibration is None)
+    label, source, imu = opened_samples(recording, profile, unit, load=keep and not native, carded=calibration is None)
     named, settings = offline.lagged(filter, lag, params, causal=causal)
     stage = offline.Stage(named or SMOOTHER, dict(settings or {}), noise=given_noise(noise), init=init)
     frame = offline.navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
@@ -448,13 +447,11 @@ def estimate(
     say(*before, *beyond, *upside_down(imu, frame), name=f"{source.name}: ")
     used, runs = offline.started(imu, stage, frame, source.track)
     made_by = offline.make_estimator(stage, frame, imu.meta) if isinstance(runs, Filter) else runs
-    parts, outline = offline.track_parts(used, runs), Outline()
-    parts = outline.gather(parts, used, progress, follow)
-    attitude: AttitudeTrack | Path
+    outline = Outline()
+    parts = outline.gather(offline.track_parts(used, runs), used, progress, follow)
     if written is not None and native and source.track is None:
-        attitude = written  # part by part: a `for` would keep a part
-        said = partial(_provenance, source.name, inferred=doubt)
-        write_parquet(written, map(lambda part: Recording(track=part, notes=said(part)), parts), overwrite)
+        attitude: AttitudeTrack | Path = written
+        write_parquet(written, map(partial(_noted, source.name, doubt), parts), overwrite)  # a `for` would keep a part
     elif keep or written is not None:
         attitude = AttitudeTrack.joined(parts, len(used))
     else:
@@ -469,8 +466,8 @@ def estimate(
     return result
 
 
-def _provenance(name: str, track: AttitudeTrack, inferred: Sequence[Finding]) -> tuple[Finding, ...]:
-    return (info("source.estimated", name=name, by=track.source), *inferred)
+def _noted(name: str, inferred: Sequence[Finding], track: AttitudeTrack) -> Recording:
+    return Recording(track=track, notes=(info("source.estimated", name=name, by=track.source), *inferred))
 
 
 def opened_samples(
@@ -478,7 +475,7 @@ def opened_samples(
     profile: str | Path | None,
     unit: str | None,
     *,
-    whole: bool,
+    load: bool,
     carded: bool = False,
 ) -> tuple[str, Recording, ImuData]:
     """What messages call it, the recording, and its samples, by its session's card if `carded`.
@@ -493,7 +490,7 @@ def opened_samples(
         files = [check.path("recording", file) for file in as_list(given)]
         described = None if profile is None else Path(profile)
         path = files[0] if len(files) == 1 else files
-        source = read(path, profile=described, whole=whole, unit=unit, calibrated=carded).of_unit(None)
+        source = read(path, profile=described, whole=load, unit=unit, calibrated=carded).of_unit(None)
         label, source = str(files[0]), replace(source, name=files[0].name)
     if source.imu is None:
         raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")

@@ -134,7 +134,7 @@ def filter_rates(
     DecodeError
         If a file cannot be read.
     """
-    label, source, imu = opened_samples(recording, profile, unit, whole=True, carded=calibration is None)
+    label, source, imu = opened_samples(recording, profile, unit, load=True, carded=calibration is None)
     if imu.gyr is None:
         raise ShapeError(f"{label} has no gyroscope, whose rates are filtered.")
     notes: list[Finding] = []

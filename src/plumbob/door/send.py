@@ -147,7 +147,7 @@ def send(
         if opened is not None:
             opened(target)
         _await_client(target, say, stop)
-        clock = _Pace(pace, stop, direct.tend)
+        clock = _Pacer(pace, stop, direct.tend)
         for a in attitudes(
             track, rows, t0_ns=t0_ns, utc=t0_ns > 0, body=asked_body(spec), declination=angle, imu=imu, more=more
         ):
@@ -202,7 +202,7 @@ def _await_client(target: Target, say: Note, stop: Stopping | None) -> None:
         time.sleep(_PAUSE)
 
 
-class _Pace:
+class _Pacer:
     """Waits for the time of each attitude; who comes late does not hurry after."""
 
     def __init__(self, speed: float, stop: Stopping | None, tend: Callable[[], None]) -> None:

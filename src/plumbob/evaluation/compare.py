@@ -265,11 +265,11 @@ def _fine(
     middle = 0.5 * (float(b.t[0]) + float(b.t[-1]))
     clock, rotation, observed, width = Clock(offset, np.nan, 0.0, np.nan, middle, correlation), np.eye(3), False, COARSE
     for _ in range(2):
-        curves = _Curve(a, "gyr", width), _Curve(b, "gyr", width)
+        curves = _TriadSpline(a, "gyr", width), _TriadSpline(b, "gyr", width)
         x = curves[0].interpolate(a.t)
         rotation, observed = _rotation(x[0], curves[1].interpolate(clock.back(a.t))[0])
         clock, rotation, turn_sd = _settled(a.t, x, curves[1], clock, rotation, observed)
-        y = _Curve(b, "gyr").interpolate(clock.back(a.t))[0] @ rotation.T
+        y = _TriadSpline(b, "gyr").interpolate(clock.back(a.t))[0] @ rotation.T
         raw = a.usable("gyr")
         both = np.isfinite(raw + y).all(axis=1)
         band, _ = _spectra(raw[both], y[both], float(np.median(np.diff(a.t))))
@@ -283,7 +283,7 @@ def _fine(
 
 
 def _settled(
-    t: Floats, x: tuple[Floats, Floats], curve: "_Curve", clock: Clock, rotation: Floats, observed: bool
+    t: Floats, x: tuple[Floats, Floats], curve: "_TriadSpline", clock: Clock, rotation: Floats, observed: bool
 ) -> tuple[Clock, Floats, Floats]:
     """Gauss-Newton steps until they vanish."""
     begin, turn_sd = clock.offset, np.full(3, np.nan)
@@ -362,7 +362,7 @@ def _rotation(x: Floats, y: Floats) -> tuple[Floats, bool]:
     return rotation, bool(s[1] > PLANE**2 * s[0])
 
 
-class _Curve:
+class _TriadSpline:
     """A triad between its samples: cubic, never across a gap nor beyond the ends."""
 
     def __init__(self, imu: ImuData, name: str, width: float = 0.0) -> None:
@@ -394,7 +394,7 @@ def _difference(
 ) -> TriadDifference | None:
     x = a.usable(name)
     same = clock is SAME and np.array_equal(a.t, b.t)
-    y = b.usable(name) if same else _Curve(b, name).interpolate(clock.back(a.t))[0]
+    y = b.usable(name) if same else _TriadSpline(b, name).interpolate(clock.back(a.t))[0]
     y = y if q_ab is IDENTITY else y @ dcm_from_quat(q_ab).T
     both = np.isfinite(x + y).all(axis=1)
     if both.sum() < FEWEST:

@@ -194,7 +194,7 @@ def _before(place: Place, key: str, row: Mapping[str, Any]) -> Mapping[str, Any]
 def _worked(settings: BatchSettings, item: Item, given: Path | Recording) -> tuple[dict[str, Any], _JobResult]:
     """Estimate and judge: numbers of the row, and what is written."""
     gatherer = make_gatherer(burst=settings.burst, tilt_limit=settings.tilt_limit, waves=settings.waves)
-    with opened(given, settings.how, whole=True) as (recording, paths, session):
+    with opened(given, settings.how, in_memory=True) as (recording, paths, session):
         if recording.imu is None:
             raise errors.ShapeError("it holds an attitude but no sensor data, so there is nothing to estimate from.")
         card = settings.card_for(recording.imu.meta.device)

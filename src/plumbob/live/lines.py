@@ -101,7 +101,7 @@ def decoder_of(form: Format) -> "Decoder | LineDecoder":
     return LineDecoder(form) if isinstance(form, LineFormat) else Decoder(form)
 
 
-class _Row(NamedTuple):
+class _TextRow(NamedTuple):
     """A sample: its first byte in the stream, the host's and the device's time, ns, flags, sensor and values (K,)."""
 
     start: int
@@ -112,7 +112,7 @@ class _Row(NamedTuple):
     values: Floats
 
 
-class _Rows:
+class _ProfileRows:
     """Rows of one profile."""
 
     def __init__(self, profile: Profile, message: Message) -> None:
@@ -176,7 +176,7 @@ class _Rows:
             return list(cells.values())
         return text_table.row_cells(row, layout, number)
 
-    def rows(self, sensor: int) -> Iterator[_Row]:
+    def rows(self, sensor: int) -> Iterator[_TextRow]:
         """What was taken since the last call, as of the sensor of that number."""
         if not self._lines:
             return
@@ -197,7 +197,7 @@ class _Rows:
         lines, self._lines, self._numbers = self._lines, [], {}
         self._reading = replace(reading, texts={ref: [] for ref in reading.texts})
         for (start, host_ns), t_ns, row, word in zip(lines, stamps, values, flags, strict=True):
-            yield _Row(start, host_ns, t_ns, word, sensor, row)
+            yield _TextRow(start, host_ns, t_ns, word, sensor, row)
 
     def _stamps(self, table: text_table.TextTable) -> list[int]:
         """Times by the device, ns, of an origin that is one for all."""
@@ -224,23 +224,23 @@ class _Rows:
         return 1e9 * units.unit(source.unit).factor * source.unit_per_count if source.unit else 1.0
 
 
-class _Clock:
+class _TextClock:
     """A time that goes on, of stamps that repeat, come round or begin again."""
 
-    def __init__(self, rows: _Rows, *, spread: bool) -> None:
+    def __init__(self, rows: _ProfileRows, *, spread: bool) -> None:
         self._rows, self._spread = rows, spread
         self._last: int | None = None
         self._host_ns = self._ahead = self._at_once = self._odd = 0
         self._before, self._largest, self._typical, self._tick = 1, 0, 0.0, 0
-        self._held: _Row | None = None
+        self._held: _TextRow | None = None
         self.again = self.off = self.turned = 0
         self.turned_at = ""
 
-    def take(self, row: _Row) -> list[_Row]:
+    def take(self, row: _TextRow) -> list[_TextRow]:
         """Rows whose time is known now."""
         if self._last is None:
             return [self._go(row)]
-        out, held, self._held = list[_Row](), self._held, None
+        out, held, self._held = list[_TextRow](), self._held, None
         if held is not None:
             if self._follows(self._last, row) and not self._follows(held.t_ns, row):
                 self.off += 1
@@ -252,7 +252,7 @@ class _Clock:
             return out
         return [*out, self._go(row)]
 
-    def finish(self) -> list[_Row]:
+    def finish(self) -> list[_TextRow]:
         """The row that waits, where one does."""
         held, self._held = self._held, None
         return [] if held is None else [self._go(held)]
@@ -261,7 +261,7 @@ class _Clock:
     def _room(self) -> float:
         return GAP_FACTOR * self._typical
 
-    def _follows(self, t_ns: int, row: _Row) -> bool:
+    def _follows(self, t_ns: int, row: _TextRow) -> bool:
         return bool(0 <= row.t_ns - t_ns <= self._room)
 
     def _comes_round(self, step: int) -> bool:
@@ -276,7 +276,7 @@ class _Clock:
                 return True
         return False
 
-    def _go(self, row: _Row) -> _Row:
+    def _go(self, row: _TextRow) -> _TextRow:
         step = 0 if self._last is None else row.t_ns - self._last
         if self._typical and step < -self._room:  # it has begun again
             self.again += 1
@@ -310,11 +310,11 @@ class _Join:
 
     def __init__(self, lead: int) -> None:
         self._lead = lead
-        self._rows: list[_Row] = []
-        self._loose: list[_Row] = []
+        self._rows: list[_TextRow] = []
+        self._loose: list[_TextRow] = []
         self._step = 0
 
-    def take(self, row: _Row) -> list[_Row]:
+    def take(self, row: _TextRow) -> list[_TextRow]:
         """Rows that are whole now."""
         if row.sensor != self._lead:
             if self._rows and row.t_ns <= self._rows[-1].t_ns:
@@ -326,18 +326,18 @@ class _Join:
         loose, self._loose = self._loose, []
         for other in loose:
             self._give(other)
-        whole, self._rows = self._rows[:-1], self._rows[-1:]
-        self._step = row.t_ns - whole[-1].t_ns if whole else self._step
-        return whole
+        complete, self._rows = self._rows[:-1], self._rows[-1:]
+        self._step = row.t_ns - complete[-1].t_ns if complete else self._step
+        return complete
 
-    def finish(self) -> list[_Row]:
+    def finish(self) -> list[_TextRow]:
         """What waits."""
         for other in self._loose:
             self._give(other)
         rows, self._rows, self._loose = self._rows, [], []
         return rows
 
-    def _give(self, other: _Row) -> None:
+    def _give(self, other: _TextRow) -> None:
         if not self._rows:
             return
         row = min(self._rows, key=lambda row: abs(row.t_ns - other.t_ns))
@@ -353,10 +353,10 @@ class LineDecoder:
         self.form, self._message = form, form.messages[0]
         self.counts = Counts(frames={self._message.name: 0})
         parts = [part for _, part in form.profile.streams] or [form.profile]
-        self._sensors = [_Rows(part, self._message) for part in parts]
+        self._sensors = [_ProfileRows(part, self._message) for part in parts]
         self._has_words = any(part.layout.words for part in parts)
         is_timed = self._message.of_role("clock") is not None
-        self._clock = _Clock(self._sensors[0], spread=len(parts) == 1) if is_timed else None
+        self._clock = _TextClock(self._sensors[0], spread=len(parts) == 1) if is_timed else None
         lead = next((i for i, part in enumerate(parts) if "gyr" in part.triads), 0)
         self._join = _Join(lead) if len(parts) > 1 else None
         self._reads, self._pending, self._done = Reads(), b"", 0
@@ -368,15 +368,15 @@ class LineDecoder:
     def notes(self) -> tuple[Finding, ...]:
         """What was left out, and what the clock did."""
         clock, error = self._clock, self._error or "a time stamp is far off those around it"
-        count, found = self._left_out + (clock.off if clock else 0), list[Finding]()
+        count, findings = self._left_out + (clock.off if clock else 0), list[Finding]()
         if count:
-            found.append(warning("reading.lines_left_out", count=count, rows=self._lines, error=error.rstrip("."),
+            findings.append(warning("reading.lines_left_out", count=count, rows=self._lines, error=error.rstrip("."),
                                  lines=tuple(self._bad_lines[1:])))  # fmt: skip
         if clock and clock.turned:
-            found.append(warning("reading.clock_turned", at=clock.turned_at, count=clock.turned))
+            findings.append(warning("reading.clock_turned", at=clock.turned_at, count=clock.turned))
         if clock and clock.again:
-            found.append(warning("reading.clock_again", count=clock.again))
-        return tuple(found)
+            findings.append(warning("reading.clock_again", count=clock.again))
+        return tuple(findings)
 
     def feed(self, data: bytes, t_ns: int = 0) -> dict[str, Frames]:
         """Take bytes, and return the rows that they complete, as of `Decoder.feed`."""
@@ -409,7 +409,7 @@ class LineDecoder:
         closed = (line for line in reversed(lines) if not text_table.is_open(line[1].decode("latin-1")))
         return next((line.end() for line in closed), lines[0].start() if lines else end)
 
-    def _taken(self, end: int) -> list[_Row]:
+    def _taken(self, end: int) -> list[_TextRow]:
         """Samples of the lines up to a byte of what is pending."""
         part, self._pending = self._pending[:end], self._pending[end:]
         lines = [*_LINE.finditer(part)]
@@ -428,7 +428,7 @@ class LineDecoder:
         self.counts.framed = max(self.counts.received - self.counts.junk - self.counts.pending, 0)
         return self._joined(chain.from_iterable(map(self._clock.take, rows)) if self._clock else rows)
 
-    def _joined(self, rows: Iterable[_Row]) -> list[_Row]:
+    def _joined(self, rows: Iterable[_TextRow]) -> list[_TextRow]:
         return [*(chain.from_iterable(map(self._join.take, rows)) if self._join else rows)]
 
     def _line(self, line: bytes, start: int) -> bool:
@@ -448,7 +448,7 @@ class LineDecoder:
             self._bad_lines += [str(self._lines)] if len(self._bad_lines) < _MOST_NAMED else []
             return False
 
-    def _frames(self, rows: list[_Row]) -> dict[str, Frames]:
+    def _frames(self, rows: list[_TextRow]) -> dict[str, Frames]:
         if not rows:
             return {}
         self.counts.frames[self._message.name] += len(rows)

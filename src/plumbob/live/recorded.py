@@ -422,7 +422,7 @@ def _foreign(module: str, name: str) -> Callable[[Path, Recording, bool], None]:
     """A writer of the files of another program, which is imported when it is needed."""
 
     def write(file: Path, recording: Recording, overwrite: bool) -> None:
-        getattr(import_module(f"plumbob.files.foreign.{module}"), name)(file, recording, overwrite)
+        getattr(import_module(f".foreign.{module}", files.__name__), name)(file, recording, overwrite)
 
     return write
 

@@ -23,7 +23,7 @@ from plumbob.live import rows
 from plumbob.live.runner import Note, Ran, Watch, run_stream
 from plumbob.live.session import Session
 from plumbob.live.session_toml import load_session, of_unit, recorded_session
-from plumbob.live.sinks import Collected, Sink, Tracks, estimate_rows
+from plumbob.live.sinks import Collected, Sink, TrackKeeper, estimate_rows
 from plumbob.live.sources import ReplaySource
 from plumbob.live.stream import ItemResult, Stream
 from plumbob.rotations import Frame
@@ -143,7 +143,7 @@ def replay(
     chosen = _estimated(chosen, *lagged(filter, lag, params), frame, noise, init)
     if opened is not None:
         opened(chosen)
-    stream, collected, tracks = Stream(chosen, covariance=covariance), Collected(), Tracks()
+    stream, collected, tracks = Stream(chosen, covariance=covariance), Collected(), TrackKeeper()
     watch, checks = Watch(stream, note, events=False), _checks(log, chosen) if check else []
     collectors: dict[str, Sink] = {"all": collected, "track": tracks}
     wanted = [watch, *([collectors[keep]] if keep in collectors else []), *checks, *sinks]

@@ -316,16 +316,16 @@ def _place_and_day(imu: Mapping[str, Any], source: parts.SourceSpec | None, date
     return imu["place"], day
 
 
-def of_unit(session: parts.Session, asked: str) -> parts.Session:
+def of_unit(session: parts.Session, wanted: str) -> parts.Session:
     """Session of another unit in the same frames, by its name or number from 1; ``"all"``: of all, as it is else."""
     message = session.form.message(session.message)
-    if asked == ALL and session.units:
+    if wanted == ALL and session.units:
         return session
-    if asked == ALL and prefix_by_unit(message) != ("",):
+    if wanted == ALL and prefix_by_unit(message) != ("",):
         main = parts.UnitSpec(session.unit, session.meta, session.card)
         units = _units(prefix_by_unit(message), {}, session.meta, message)
         return replace(session, units=tuple(main if spec.unit == session.unit else spec for spec in units))
-    unit = unit_prefix(message, asked)
+    unit = unit_prefix(message, wanted)
     if specs := [spec for spec in session.units if spec.unit == unit]:
         return replace(session, unit=unit, meta=specs[0].meta, card=specs[0].card)
     return replace(session, unit=unit, meta=replace(session.meta, **_ranges(message, unit, session.meta.axes)))

@@ -107,7 +107,7 @@ def _joined_imu(parts: Sequence[ImuData]) -> ImuData | None:
     return ImuData(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names}, meta=parts[0].meta)
 
 
-class Tracks(Sink):
+class TrackKeeper(Sink):
     """Keeps attitudes alone, packed: a few parts of a few rows each take more memory than all their numbers."""
 
     def __init__(self) -> None:

@@ -250,11 +250,11 @@ def _rows(track: AttitudeTrack, rows: slice) -> AttitudeTrack:
 
 @contextmanager
 def opened(
-    file: str | Path | Recording | ImuData, how: Mapping[str, Any], *, whole: bool = False
+    file: str | Path | Recording | ImuData, how: Mapping[str, Any], *, in_memory: bool = False
 ) -> "Iterator[tuple[Recording, tuple[Path, ...], Session | None]]":
     """The recording, its files, and its session where it is of a line; `how` names its profile and unit.
 
-    With `whole`, its samples are read into memory once.
+    With `in_memory`, its samples are read into memory once.
     """
     if isinstance(file, ImuData):
         from plumbob.data.recording import unsaved
@@ -270,7 +270,7 @@ def opened(
         return
     profile = how.get("profile")
     profile = None if profile is None else Path(profile)
-    recording = read(path, profile=profile, whole=whole, unit=how.get("unit")).of_unit(None)
+    recording = read(path, profile=profile, whole=in_memory, unit=how.get("unit")).of_unit(None)
     parts = sorted(part for part in path.rglob("*") if part.is_file()) if path.is_dir() else [path]
     yield replace(recording, name=path.name), tuple(parts), None
 

@@ -144,7 +144,7 @@ def static_test(
     note : callable, optional
         Called with what was found in files.
     """
-    label, source, measured = opened_samples(recording, profile, None, whole=True)
+    label, source, measured = opened_samples(recording, profile, None, load=True)
     for line in warnings(source.notes) if note is not None else ():
         note(f"{source.name}: {line}")  # type: ignore[misc]
     if source.track is None and reference is None:

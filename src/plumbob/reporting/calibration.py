@@ -236,12 +236,12 @@ def coverage_figure(coverage: Coverage) -> Figure:
     return Figure(f"Directions covered: {np.count_nonzero(covered)} / {covered.size}", draw, key, height=3.9)
 
 
-def size_figure(name: str, found: Sizes) -> Figure:
+def size_figure(name: str, sizes: Sizes) -> Figure:
     """Sizes of the vectors over the samples, before and after."""
-    unit, x = SHOWN[name][0], (0.5, found.before.size + 0.5)
-    pairs = ((found.before, BEFORE), (found.after, AFTER))
-    lines = [_over_samples(from_si(np.where(found.used, values, np.nan), unit), colour) for values, colour in pairs]
-    lines.append(PlotLine(np.linspace(*x, 3), np.full(3, from_si(found.expected, unit)), INK, "dashed", width=0.7))
+    unit, x = SHOWN[name][0], (0.5, sizes.before.size + 0.5)
+    pairs = ((sizes.before, BEFORE), (sizes.after, AFTER))
+    lines = [_over_samples(from_si(np.where(sizes.used, values, np.nan), unit), colour) for values, colour in pairs]
+    lines.append(PlotLine(np.linspace(*x, 3), np.full(3, from_si(sizes.expected, unit)), INK, "dashed", width=0.7))
     panel = PlotPanel(f"magnitude [{written(unit)}]", lines, "sample", x=x, room=0.12, columns=_COLUMNS)
     key = [("before", BEFORE, "solid"), ("after", AFTER, "solid"), ("expected", INK, "dashed")]
     return Figure("Magnitude before and after calibration", partial(draw_panels, lambda: [panel]), key)

@@ -36,7 +36,7 @@ class Info(FactsText):
     grade: "Grade | None" = None  # what the recording is worth, with the reasons
     points: float | None = None  # of the recording, or of a card, which has a grade of its own
 
-    def reaches(self, asked: float | str) -> bool:
+    def reaches(self, wanted: float | str) -> bool:
         """Whether the grade is at least a number from 0 to 100, or a word: GOOD, FAIR or POOR."""
         from plumbob.quality.grade import WORDS
 
@@ -45,11 +45,11 @@ class Info(FactsText):
                 f"{self.numbers['file']} has no grade; grades are of recordings and calibration cards."
             )
         least = dict(WORDS)
-        if isinstance(asked, str):
-            if asked not in least:
-                raise ParameterError(f"a grade must be GOOD, FAIR or POOR, or a number, but got {check.said(asked)}.")
-            return self.points >= least[asked]
-        return self.points >= check.number("grade", asked, "points")
+        if isinstance(wanted, str):
+            if wanted not in least:
+                raise ParameterError(f"a grade must be GOOD, FAIR or POOR, or a number, but got {check.said(wanted)}.")
+            return self.points >= least[wanted]
+        return self.points >= check.number("grade", wanted, "points")
 
     def facts(self) -> Mapping[str, str]:
         """The file, and what is in it."""

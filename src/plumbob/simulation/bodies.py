@@ -72,7 +72,7 @@ class ChainMotion:
 
     def _truth(self, t: Floats) -> dict[str, Truth]:
         truths = {self.chain.segments[0].name: self._rooted(t)}
-        angles = self.angles.at(t)
+        angles = self.angles.jet(t)
         first = 0
         for joint in self.chain.joints:
             at = truths[joint.parent].at_lever(joint.place).turned(joint.q_pc)
@@ -106,7 +106,7 @@ class _UnitMotion:
         segment = replace(self.segments(t)[self.segment], t=t)
         if self.sway is None:
             return segment.at_lever(self.mount.lever_b).turned(self.mount.q_bs)
-        jet = self.sway.at(t + self.mount.clock_offset)
+        jet = self.sway.jet(t + self.mount.clock_offset)
         place = Jet(jet.value[:, :3] + self.mount.lever_b, jet.rate[:, :3], jet.acc[:, :3])
         at = segment.at_moving(place)
         for k, axis in enumerate(np.eye(3), 3):
@@ -137,7 +137,7 @@ class _Ridden(Scenario):
         segments = self.unit.segments(body.t) if any(disturbance.on for disturbance in self.disturbances) else {}
         total = earth_n
         for disturbance in self.disturbances:
-            total = total + disturbance.at(body.pos_n, segments[disturbance.on] if disturbance.on else None)
+            total = total + disturbance.added_field(body.pos_n, segments[disturbance.on] if disturbance.on else None)
         return total
 
 
@@ -322,7 +322,7 @@ def simulate_chain(
     imus = {name: run.imu for name, run in units.items()}
     t = next(iter(imus.values())).t
     nominal = {rider.unit: replace(rider.mount, noise=units[rider.unit].noise) for rider in riders}
-    array, angles = ImuArray(imus, nominal), moves.angles.at(t).value
+    array, angles = ImuArray(imus, nominal), moves.angles.jet(t).value
     return ChainSimulation(geometry, array, t, angles, body.truth(t), true_mounts, units, moves)
 
 
@@ -331,7 +331,7 @@ def _programmed(chain: Chain, program: str | ChainProgram, seed: int, duration: 
         rng = stream(seed, "program")
         return named_program(program, chain, rng=rng, duration=60.0 if duration is None else duration)
     made = check.kind("program", program, ChainProgram)
-    count = made.angles.at(np.zeros(1)).value.shape
+    count = made.angles.jet(np.zeros(1)).value.shape
     if count != (1, len(chain.angles)):
         raise ParameterError(
             f"{chain.name} has the {len(chain.angles)} angles {', '.join(chain.angles)}, but the program gives "

@@ -23,7 +23,7 @@ class Disturbance(Protocol):
     def on(self) -> str:
         """Segment that it is fixed to; empty where it stands in the room."""
 
-    def at(self, place_n: Floats, segment: Truth | None) -> Floats:
+    def added_field(self, place_n: Floats, segment: Truth | None) -> Floats:
         """Field (N, 3) that it adds at places (N, 3), m; navigation frame, µT. `segment` is the one that it is on."""
 
 
@@ -49,7 +49,7 @@ class Dipole:
         """Validate."""
         _finite("a dipole", self.place, self.moment)
 
-    def at(self, place_n: Floats, segment: Truth | None) -> Floats:
+    def added_field(self, place_n: Floats, segment: Truth | None) -> Floats:
         """Field (N, 3) at places (N, 3), m; navigation frame, µT."""
         moment = np.asarray(self.moment) if segment is None else quat_rotate(segment.q_nb, self.moment)
         way = place_n - _centre(self.place, segment)
@@ -88,7 +88,7 @@ class BentRegion:
         if not self.radius > 0.0:
             raise ParameterError(f"a bent region needs a radius above 0 m, but it is {self.radius:g} m.")
 
-    def at(self, place_n: Floats, segment: Truth | None) -> Floats:
+    def added_field(self, place_n: Floats, segment: Truth | None) -> Floats:
         """Field (N, 3) at places (N, 3), m; navigation frame, µT."""
         way = (place_n - _centre(self.place, segment)) / self.radius
         return np.asarray(np.exp(-0.5 * np.sum(way**2, axis=1, keepdims=True)) * np.asarray(self.change_n))

@@ -179,10 +179,10 @@ class EulerMotion:
 
     def truth(self, t: Floats) -> Truth:
         """State at the instants t (N,), s."""
-        angle, speed, acceleration = self.angles.at(t)
+        angle, speed, acceleration = self.angles.jet(t)
         rate_b = rotations.body_rate_from_euler_zyx(angle, speed)
         rate_dot_b = rotations.body_rate_from_euler_zyx(angle, acceleration) + _turning_axes(angle, speed, rate_b)
-        pivot = Truth(t, self.frame, rotations.quat_from_euler_zyx(angle), rate_b, rate_dot_b, *self.position.at(t))
+        pivot = Truth(t, self.frame, rotations.quat_from_euler_zyx(angle), rate_b, rate_dot_b, *self.position.jet(t))
         return pivot.at_lever(self.lever_b) if any(self.lever_b) else pivot
 
 
@@ -246,7 +246,7 @@ class GimbalMotion:
         """State at the instants t (N,), s."""
         state = at_rest(t, self.frame)
         for axis, signal in self.gimbals:
-            state = state.hinged(_AXES[axis], signal.at(t))
+            state = state.hinged(_AXES[axis], signal.jet(t))
         return state
 
 

@@ -60,10 +60,10 @@ class Jet(NamedTuple):
 
 
 class Signal(ABC):
-    """A function of time; `at` evaluates it."""
+    """A function of time; `jet` evaluates it."""
 
     @abstractmethod
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
 
     def __add__(self, other: "Signal") -> "Signal":
@@ -81,7 +81,7 @@ class Polynomial(Signal):
 
     coefficients: ArrayLike  # (n,) or (n, k), ascending, in units per s to their power
 
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
         powers = np.polynomial.polynomial
         c = check.floats("coefficients", self.coefficients)
@@ -115,7 +115,7 @@ class Sinusoids(Signal):
         """Real part of ``Σ phasors[i] exp(j omega[i] t)``."""
         return cls(omega, np.ascontiguousarray(phasors.real), np.ascontiguousarray(-phasors.imag))
 
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
         weights = self._weights()
         out = np.empty((t.size, weights.shape[1]))
@@ -169,7 +169,7 @@ class Moves(Signal):
         if not (duration > 0.0).all() or (start[1:] < start[:-1] + duration[:-1] - 1e-9).any():
             raise ParameterError("moves need a positive duration each and must not overlap.")
 
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
         start, duration = check.floats("start", self.start), check.floats("duration", self.duration)
         change = check.floats("change", self.change)
@@ -188,7 +188,7 @@ class Ramps(Signal):
     knots: ArrayLike  # increasing (m,), s
     rates: ArrayLike  # rate at each (m,); the value is 0 at the first
 
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
         knots, rates = check.column("knots", self.knots), check.column("rates", self.rates)
         slope = np.diff(rates) / np.diff(knots)
@@ -206,9 +206,9 @@ class Sum(Signal):
 
     terms: tuple[Signal, ...]
 
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
-        jets = [term.at(t) for term in self.terms]
+        jets = [term.jet(t) for term in self.terms]
         return Jet(*(np.sum(parts, axis=0) for parts in zip(*jets, strict=True)))
 
 
@@ -219,9 +219,9 @@ class Linear(Signal):
     signal: Signal
     map: Callable[[Floats], Floats]  # of values (N,) or (N, k)
 
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
-        return Jet(*map(self.map, self.signal.at(t)))
+        return Jet(*map(self.map, self.signal.jet(t)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +231,7 @@ class WarmUp(Signal):
     rise: float
     time: float
 
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
         decay = self.rise * np.exp(-t / self.time)
         return Jet(self.rise - decay, decay / self.time, -decay / self.time**2)
@@ -243,9 +243,9 @@ class Sine(Signal):
 
     signal: Signal
 
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
-        x, dx, ddx = self.signal.at(t)
+        x, dx, ddx = self.signal.jet(t)
         c, s = np.cos(x), np.sin(x)
         return Jet(s, c * dx, c * ddx - s * dx * dx)
 
@@ -263,7 +263,7 @@ class Driven(Signal):
     omega: float  # natural angular frequency ω, rad/s
     damping: float  # ζ, below 1
 
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
         pole, ringing = self._pole, self._knots
         k = np.clip(((t - self.start) / self.step).astype(np.intp), 0, len(self.drive) - 2)
@@ -301,10 +301,10 @@ class Windowed(Signal):
     signal: Signal
     window: Signal
 
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
-        x, dx, ddx = self.signal.at(t)
-        w, dw, ddw = (_shaped(part, x) for part in self.window.at(t))
+        x, dx, ddx = self.signal.jet(t)
+        w, dw, ddw = (_shaped(part, x) for part in self.window.jet(t))
         return Jet(w * x, dw * x + w * dx, ddw * x + 2.0 * dw * dx + w * ddx)
 
 
@@ -314,9 +314,9 @@ class Stack(Signal):
 
     components: tuple[Signal, ...]
 
-    def at(self, t: Floats) -> Jet:
+    def jet(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
-        jets = [component.at(t) for component in self.components]
+        jets = [component.jet(t) for component in self.components]
         return Jet(*(np.stack(parts, axis=-1) for parts in zip(*jets, strict=True)))
 
 

@@ -39,7 +39,7 @@ class TimeLine:
 
     sampled: Floats
     stamps: Floats
-    kept: NDArray[np.bool_]
+    received: NDArray[np.bool_]
     rate: float
 
 
@@ -239,16 +239,16 @@ def simulate(
     world = _World(
         line=line,
         body=cache(lambda delay: motion.truth(line.sampled - delay).in_frame(frame)),
-        temp_c=warmth.at(line.sampled).value,
+        temp_c=warmth.jet(line.sampled).value,
         field_n=partial(plan.field_n, earth_n=earth_field(frame, strength=strength, dip=dip, declination=declination)),
         declination=declination,
     )
     stamped = motion.truth(line.stamps).in_frame(frame) if jitter else world.body(0.0)
-    made = _simulation(world, stamped.rows(line.kept), plan, module, seed, calibrated=unit == "calibrated")
+    made = _simulation(world, stamped.rows(line.received), plan, module, seed, calibrated=unit == "calibrated")
     if module.attitude is None:
         return made
     angles = module.attitude.said(stamped.in_frame(Frame.NED).q_nb, seed=seed, rate=rate)
-    return replace(made, angles=angles[line.kept])
+    return replace(made, angles=angles[line.received])
 
 
 def _simulation(
@@ -275,7 +275,7 @@ def _simulation(
             q_nb=kinematics.q_nb,
             frame=kinematics.frame,
             north=North.TRUE,
-            bias_b=measured["gyr"].bias[world.line.kept] if "gyr" in measured else None,
+            bias_b=measured["gyr"].bias[world.line.received] if "gyr" in measured else None,
             source=f"simulated {plan.told}, seed {seed}",
         ),
         calibration=_calibration(unit, meta.device),
@@ -347,13 +347,13 @@ def _sense(world: _World, triad: str, errors: TriadErrors, seed: int) -> Measure
     if rows.size == count:
         return measured
     spread = Measured(np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.zeros((count, 3), dtype=bool))
-    for whole, part in zip(spread, measured, strict=True):
-        whole[rows] = part
+    for column, part in zip(spread, measured, strict=True):
+        column[rows] = part
     return spread
 
 
 def _recording(world: _World, measured: dict[str, Measured], meta: ImuMeta) -> ImuData:
-    received = world.line.kept
+    received = world.line.received
     marks = np.zeros(received.size, dtype=np.uint32)
     for name, triad in measured.items():  # before the sensor's errors, a value at the end may look smaller
         marks[triad.clipped.any(axis=1)] |= np.uint32(_CLIPPED[name])

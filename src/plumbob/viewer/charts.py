@@ -91,7 +91,7 @@ class Thinner:
         return rows
 
 
-class History:
+class RowHistory:
     """The last minute of rows, by the number of a row since the start."""
 
     def __init__(self, keys: Sequence[str]) -> None:
@@ -130,9 +130,9 @@ class History:
         places = np.arange(start, stop) % self._room
         return binary(HISTORY, None, self._t[places], self._flags[places], self._values[:, places], epoch), stop
 
-    def with_columns(self, keys: Sequence[str]) -> "History":
+    def with_columns(self, keys: Sequence[str]) -> "RowHistory":
         """The same rows with other columns: NaN where one is new."""
-        other = History(keys)
+        other = RowHistory(keys)
         other._t, other._flags, other.end, other._floor = self._t, self._flags, self.end, self._floor
         other._values.fill(np.nan)
         columns = {key: i for i, key in enumerate(self.keys)}

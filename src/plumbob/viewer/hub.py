@@ -16,7 +16,7 @@ import numpy as np
 
 from plumbob.core.flags import names
 from plumbob.core.text import counted
-from plumbob.viewer.charts import History, Rows, Tare, Thinner, shown_attitudes, tick
+from plumbob.viewer.charts import RowHistory, Rows, Tare, Thinner, shown_attitudes, tick
 from plumbob.viewer.messages import Answer, Happened, Lines, as_json, numbers
 from plumbob.viewer.pipe import PipeMessage
 
@@ -189,7 +189,7 @@ class Hub:
         self.hello_text = ""  # the same as it is sent
         self.hellos = self.layouts = 0  # how many there were, and how many with other columns than before
         self.epoch = 0  # rises when time begins again
-        self.history, self._thinner = History(()), Thinner(0)
+        self.history, self._thinner = RowHistory(()), Thinner(0)
         self.ticks: NewestItems[bytes] = NewestItems(50)
         self.events: NewestItems[str] = NewestItems(1000)
         self.lines: NewestItems[str] = NewestItems(100)

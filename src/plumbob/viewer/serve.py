@@ -103,7 +103,7 @@ def application(hub: Hub, control: "Control", rules: GuardRules, places: Places)
         Route("/api/hello", api.hello, methods=["GET"]),
         Route("/api/state", api.state, methods=["GET"]),
         Route("/api/command", api.command, methods=["POST"]),
-        WebSocketRoute("/ws", _placed(places, Page(hub, control).serve)),
+        WebSocketRoute("/ws", _placed(places, PageSocket(hub, control).serve)),
         WebSocketRoute("/foxglove", _placed(places, Foxglove(hub).serve)),
     ]
     starlette = Starlette(routes=routes)
@@ -201,7 +201,7 @@ def _placed(places: Places, serve: Serving) -> Serving:
     return serving
 
 
-class Page:
+class PageSocket:
     """What a page gets over its WebSocket, and what it may ask for."""
 
     def __init__(self, hub: Hub, control: "Control") -> None:

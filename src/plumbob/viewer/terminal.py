@@ -116,7 +116,7 @@ class Terminal:
     def lines(self, width: int, height: int, now_ns: int) -> list[Text]:
         """What the screen shows: lines of at most `width`, `height` of them at most."""
         with self._lock:
-            return _Page(self.now, self._words, width, now_ns).lines(height)
+            return _Screen(self.now, self._words, width, now_ns).lines(height)
 
     def _command(self, key: str) -> Command | None:
         """What a key asks of the session; what it asks of the view is done here."""
@@ -145,7 +145,7 @@ class Terminal:
                 self.now.tare.set(first["q_nb"])
 
 
-class _Page:
+class _Screen:
     """A screen of text."""
 
     def __init__(self, now: Now, words: Mapping[str, str], width: int, now_ns: int) -> None:

@@ -175,7 +175,7 @@ def write_euroc(path: Path, recording: Recording, overwrite: bool = False) -> No
     for imu in units.values():
         if not _complete(imu).any():
             raise ShapeError(f"{path}: EuRoC holds rates with accelerations, and no sample has both.")
-    with replacing_folder(path, overwrite=overwrite, known=is_euroc) as folder:
+    with replacing_folder(path, overwrite=overwrite, may_replace=is_euroc) as folder:
         for number, (name, imu) in enumerate(units.items()):
             mount = UnitMount() if recording.array is None else recording.array.mounts[name]
             rate = 1.0 / float(np.median(np.diff(imu.t))) if len(imu) > 1 else 0.0

@@ -68,7 +68,7 @@ def write_rosbag2(path: Path, recording: Recording, overwrite: bool = False) -> 
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
     rows = _rows(recording)
-    with replacing_folder(path, overwrite=overwrite, known=is_rosbag2) as folder:
+    with replacing_folder(path, overwrite=overwrite, may_replace=is_rosbag2) as folder:
         bag = Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP)
         bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         with bag:

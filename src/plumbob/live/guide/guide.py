@@ -39,7 +39,7 @@ class Block(NamedTuple):
     clipped: dict[str, NDArray[np.bool_]]  # (N,), samples at the end of the triad's range
 
 
-class Blocks:
+class BlockCutter:
     """Cuts parts of a recording in blocks: each ends with the first sample that is `BLOCK` later than its first."""
 
     def __init__(self) -> None:
@@ -226,7 +226,7 @@ class Guide(ABC):
 
     def __init__(self) -> None:
         self.timeline: list[Moment] = []
-        self._blocks, self._rest = Blocks(), RestDetector()
+        self._blocks, self._rest = BlockCutter(), RestDetector()
         self._start: float | None = None
         self._now = 0.0
         self._known = 0.0
@@ -438,7 +438,7 @@ class MagGuide(Guide):
     def __init__(self) -> None:
         super().__init__()
         self._seen = Seen()
-        self._sample = _Sample()
+        self._sample = _EvenVectors()
         self._count = 0
         self._fit: ellipsoid_fit.NormFit | None = None
         self._sd: tuple[float, float] | None = None
@@ -531,7 +531,7 @@ class MagGuide(Guide):
         return f"{turn}, to {NAMES[goal]}"
 
 
-class _Sample:
+class _EvenVectors:
     """Samples (N, 3) of a stream that every direction has its share in, and every moment within a direction."""
 
     def __init__(self) -> None:

@@ -112,7 +112,7 @@ class Tcp(_Addressed):
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
-class _Client:
+class _ServerClient:
     """One client of a server, with the messages that wait for it."""
 
     def __init__(self, sock: socket.socket, name: str) -> None:
@@ -156,7 +156,7 @@ class TcpServer(Target):
     def __init__(self, host: str, port: int) -> None:
         self.host, self.port = host, port
         self._listening: socket.socket | None = None
-        self.clients: list[_Client] = []
+        self.clients: list[_ServerClient] = []
 
     def require(self) -> None:
         """Refuse an address that is not free."""
@@ -198,7 +198,7 @@ class TcpServer(Target):
                 break
             sock.setblocking(False)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self.clients.append(_Client(sock, f"{address[0]}:{address[1]}"))
+            self.clients.append(_ServerClient(sock, f"{address[0]}:{address[1]}"))
         for client in list(self.clients):
             try:
                 client.flush()
