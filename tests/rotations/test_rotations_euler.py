@@ -27,16 +27,6 @@ def apart(angles, others):
     return np.abs((np.subtract(angles, others) + np.pi) % (2 * np.pi) - np.pi)
 
 
-def test_order_is_yaw_then_pitch_then_roll_about_moving_axes():
-    """Three rotation vectors, each about the axis that the ones before have turned."""
-    yaw, pitch, roll = 0.7, -0.4, 1.1
-    z, y, x = (rot.quat_from_rotvec(a * e) for a, e in zip((yaw, pitch, roll), np.eye(3)[::-1], strict=True))
-    assert (
-        rot.quat_angle(rot.quat_from_euler_zyx([yaw, pitch, roll]), rot.quat_multiply(rot.quat_multiply(z, y), x))
-        <= ROUNDING
-    )
-
-
 @pytest.mark.parametrize(("angles_deg", "axis", "expected"), [
     # in NED, body forward-right-down: what a pilot says
     ((90, 0, 0), [1, 0, 0], [0, 1, 0]),  # heading 90°: the nose points east

@@ -206,13 +206,6 @@ def test_bijection_with_quaternions_by_proper_rotations(rotvec):
     assert (back[..., 0] >= 0).all()
 
 
-def test_matrix_times_vector_is_rotation_of_vector(quats):
-    """[Sola2017] (115)."""
-    v = np.random.default_rng(5).normal(size=(1000, 3))
-    turned = (dcm_from_quat(quats) @ v[..., np.newaxis])[..., 0]
-    np.testing.assert_allclose(turned, quat_rotate(quats, v), rtol=0, atol=16 * EPS * np.abs(v).max())
-
-
 def test_the_24_right_angle_rotations_are_exact_and_tolerance_is_on_the_orthogonality():
     """All proper signed permutation matrices: every pivot of the conversion, and all 180° turns."""
     proper = [

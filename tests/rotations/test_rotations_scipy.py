@@ -40,6 +40,7 @@ def test_bridge(quats, theirs):
 
 
 def test_product_matrix_and_vectors(quats, theirs):
+    """[Sola2017] (115)."""
     assert quat_angle(quat_multiply(quats, quats[::-1]), quat_from_rotation(theirs * theirs[::-1])).max() <= BOTH
     assert np.abs(dcm_from_quat(quats) - theirs.as_matrix()).max() <= BOTH
     assert quat_angle(quat_from_dcm(theirs.as_matrix()), quats).max() <= BOTH
