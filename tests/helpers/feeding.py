@@ -19,6 +19,7 @@ import numpy as np
 from websockets.sync.client import connect
 
 from plumbob.rotations import euler_zyx_from_quat, quat_from_rotvec, quat_multiply
+from plumbob.viewer.child import Serving
 from plumbob.viewer.pipe import MessageUnpacker, PipeMessage, PipeWriter
 
 TURN = 0.7  # rad/s, about an axis that is none of the body's
@@ -169,15 +170,13 @@ serve.sys.exit(serve.main())"""
 
 
 @contextmanager
-def serving(
-    *options: str, folder: Path, token: str | None = None, host: str | None = None, patience: float | None = None
-) -> Iterator[Served]:
-    """Run a server as a process of its own, and end it; `patience` is how long it waits for anybody, s."""
+def serving(*, folder: Path, token: str | None = None, patience: float | None = None, **how: Any) -> Iterator[Served]:
+    """Run a server, `how` it serves, as a process of its own, and end it; `patience`: its longest waits, s."""
     token = token or secrets.token_urlsafe(24)
     ours, theirs = socket.socketpair()
     begin = ["-m", "plumbob.viewer.serve"] if patience is None else ["-c", IMPATIENT.format(patience)]
-    command = [sys.executable, *begin, "--fd", str(theirs.fileno()), "--port", "0",
-               "--folder", str(folder), *(("--host", host) if host else ()), *options]  # fmt: skip
+    words = Serving(port=0, folder=folder, **how).words(theirs.fileno(), 0)
+    command = [sys.executable, *begin, *words[-2:]]
     with (folder / "server.log").open("wb") as log:
         process = subprocess.Popen(
             command, pass_fds=[theirs.fileno()], env=os.environ | {"PLUMBOB_VIEW_TOKEN": token}, stdout=log, stderr=log
@@ -310,11 +309,11 @@ class Asking:
 
 @contextmanager
 def asked(
-    *options: str, folder: Path, patience: float | None = None, **changed: Any
+    *, folder: Path, commands: bool = False, patience: float | None = None, **changed: Any
 ) -> Iterator[tuple[Served, Asking]]:
-    """A server that has got its hello, and a client of it."""
+    """A server that has got its hello, and may take commands, and a client of it."""
     with (
-        serving(*options, folder=folder, patience=patience) as served,
+        serving(control=commands, folder=folder, patience=patience) as served,
         connect(served.socket_url(), max_size=None) as line,
     ):
         served.feed.say("hello", hello(**changed))

@@ -20,8 +20,8 @@ def chromium():
 
 @pytest.fixture(scope="module")
 def served(request, tmp_path_factory):
-    """A server that has got its hello; a file's `OPTIONS` are those of its command line."""
+    """A server that has got its hello; a file's `OPTIONS` are how it serves."""
     folder = tmp_path_factory.mktemp("view")
-    with serving(*getattr(request.module, "OPTIONS", ()), folder=folder) as server:
+    with serving(**getattr(request.module, "OPTIONS", {}), folder=folder) as server:
         server.feed.say("hello", hello())
         yield server

@@ -280,7 +280,7 @@ LISTEN = beside(__file__, "listen.js")
 
 
 def test_a_browser_comes_in_by_the_link_and_the_page_runs_under_its_policy(chromium, tmp_path):
-    with serving("--control", folder=tmp_path) as served:
+    with serving(control=True, folder=tmp_path) as served:
         served.feed.say("hello", hello())
         served.play(Body(), 0, 100)
         page = chromium.new_context().new_page()
@@ -302,7 +302,7 @@ def test_a_browser_comes_in_by_the_link_and_the_page_runs_under_its_policy(chrom
 def test_a_page_of_another_port_of_this_machine_gets_nothing(chromium, tmp_path):
     (tmp_path / "one").mkdir()
     (tmp_path / "other").mkdir()
-    with serving(folder=tmp_path / "one") as served, serving("--control", folder=tmp_path / "other") as other:
+    with serving(folder=tmp_path / "one") as served, serving(control=True, folder=tmp_path / "other") as other:
         other.feed.say("hello", hello())
         other.play(Body(), 0, 100)
         context = chromium.new_context()

@@ -18,7 +18,7 @@ from tests.helpers.commandline import table_of
 from tests.helpers.feeding import Asking, Body, asked, hello, request
 
 BODY = Body(100.0)
-OPTIONS = ("--control",)
+OPTIONS = {"control": True}
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=30),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
@@ -104,7 +104,7 @@ def test_a_command_goes_to_the_session_and_its_answer_to_who_gave_it_alone(serve
 
 def test_a_session_that_does_not_answer_is_not_waited_for_for_ever(tmp_path):
     begin = time.monotonic()
-    with asked("--control", folder=tmp_path, patience=1.0) as (_, asking):
+    with asked(commands=True, folder=tmp_path, patience=1.0) as (_, asking):
         found = asking.ask("stop")
     assert not found["ok"] and "not answered within 1 s" in found["text"]
     assert time.monotonic() - begin > 0.9
@@ -128,7 +128,7 @@ def batch_at(k, q_nb):
 
 def test_after_a_tare_angles_turn_the_body_from_where_it_was(tmp_path):
     start = quat_from_rotvec(np.array([0.4, -0.7, 2.0]))
-    with asked("--control", folder=tmp_path) as (served, asking):
+    with asked(commands=True, folder=tmp_path) as (served, asking):
         assert asking.ask("tare") == {"type": "answer", "id": 1, "ok": False,
                                       "text": "There is no attitude to count from yet. Wait for one."}  # fmt: skip
         served.feed.write(batch_at(0, start))

@@ -104,7 +104,7 @@ def test_the_allan_deviation_begins_again_behind_a_gap_and_behind_a_sample_that_
 
 def test_a_guided_calibration_makes_the_card_that_a_recording_of_it_would_make(tmp_path):
     sensed = turned(6000)
-    with asked("--control", folder=tmp_path) as (served, asking):
+    with asked(commands=True, folder=tmp_path) as (served, asking):
         assert "cannot be calibrated" in asking.ask("calibrate", name="mount")["text"]
         assert asking.ask("calibrate", name="mag")["ok"]
         assert "End that first" in asking.ask("calibrate", name="gyro")["text"]
@@ -140,7 +140,7 @@ def test_the_cards_so_far_is_completed_in_a_new_file(tmp_path):
     before = tmp_path / "before.json"
     calibrate(imu, "mag").save(before)
     kept = before.read_bytes()
-    with asked("--control", folder=tmp_path, card=str(before)) as (served, asking):
+    with asked(commands=True, folder=tmp_path, card=str(before)) as (served, asking):
         assert asking.ask("calibrate", name="gyro")["ok"]
         feed(served, still(3000))
         answer = asking.ask("calibrate-end")
@@ -152,7 +152,7 @@ def test_the_cards_so_far_is_completed_in_a_new_file(tmp_path):
 
 
 def test_a_capture_that_is_not_enough_or_whose_time_begins_again_makes_no_card_and_says_why(tmp_path):
-    with asked("--control", folder=tmp_path, device="made-up") as (served, asking):
+    with asked(commands=True, folder=tmp_path, device="made-up") as (served, asking):
         assert asking.ask("calibrate", name="accel")["ok"]
         assert "nothing to calibrate" in asking.ask("calibrate-end")["text"]
         assert asking.ask("calibrate", name="accel")["ok"]
@@ -166,7 +166,7 @@ def test_a_capture_that_is_not_enough_or_whose_time_begins_again_makes_no_card_a
         assert asking.ask("calibrate", name="gyro")["ok"] and asking.ask("calibrate-cancel")["ok"]
         assert "Nothing is being calibrated" in asking.ask("calibrate-cancel")["text"]
     assert list(tmp_path.glob("*.card.json")) == []
-    with asked("--control", folder=tmp_path) as (served, asking):
+    with asked(commands=True, folder=tmp_path) as (served, asking):
         assert asking.ask("calibrate", name="gyro")["ok"]
         served.feed.say("reset")
         asking.text(lambda one: "given up" in one.get("text", ""))

@@ -190,7 +190,7 @@ def test_every_answer_forbids_what_a_page_must_not_do(served):
 
 
 def test_an_origin_that_was_named_may_open_a_websocket_with_the_token_in_its_address_and_do_no_more(tmp_path):
-    with serving("--allow-origin", "https://app.foxglove.dev", folder=tmp_path) as served:
+    with serving(allow_origin=["https://app.foxglove.dev"], folder=tmp_path) as served:
         head = f"Host: {served.host}\r\nOrigin: https://app.foxglove.dev\r\nSec-Fetch-Site: cross-site"
         assert upgrade(served, head, f"/ws?token={served.token}") == 101
         assert upgrade(served, f"{head}\r\nCookie: plumbob-{served.port}={served.token}") == 403

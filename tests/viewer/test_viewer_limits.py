@@ -18,13 +18,13 @@ from websockets.sync.client import connect
 from tests.helpers.feeding import Asking, Body, hello, parsed, raw_request, request, serving
 
 BODY = Body(1000.0)
-OPTIONS = ("--control", "--clients", "40")
+OPTIONS = {"control": True, "clients": 40}
 HASTE = 1.0  # s, for which a server waits that is not given the 5 s of one in use
 
 
 @pytest.fixture(scope="module")
 def hasty(tmp_path_factory):
-    with serving(*OPTIONS, folder=tmp_path_factory.mktemp("hasty"), patience=HASTE) as server:
+    with serving(**OPTIONS, folder=tmp_path_factory.mktemp("hasty"), patience=HASTE) as server:
         server.feed.say("hello", hello())
         yield server
 

@@ -663,7 +663,7 @@ class _MountProblem:
                 attitudes[parent], quat_conjugate(np.array(mounts[joint.parent].q_bs))
             )  # fmt: skip
             after = quat_multiply(attitudes[child], quat_conjugate(np.array(mounts[joint.child].q_bs)))
-            off = quat_multiply(quat_conjugate(quat_multiply(before, joint.turned(joint_angles)[0])), after)
+            off = quat_multiply(quat_conjugate(quat_multiply(before, joint.rotation(joint_angles)[0])), after)
             rows.append(rotations.rotvec_from_quat(off) / self._pose_sd)
         return rows
 

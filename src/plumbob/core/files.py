@@ -243,7 +243,7 @@ def replacing_folder(path: Path, *, overwrite: bool, may_replace: Callable[[Path
     start, held = f".{final.name[:40]}.plumbob-", -1
     beside = final.with_name(f"{start}{secrets.token_hex(4)}.tmp")
     try:
-        _remove_abandoned_folders(final.parent, start)
+        _remove_abandoned(final.parent, start)
         beside.mkdir()
         held = _locked(beside)
         made = beside / final.name
@@ -282,18 +282,17 @@ def _locked(folder: Path) -> int:
     return descriptor
 
 
-def _remove_abandoned_folders(parent: Path, start: str) -> None:
-    """Remove temporary folders whose writer was killed: then nobody has them locked."""
+def _remove_abandoned(parent: Path, start: str) -> None:
+    """Remove temporary files and folders whose writer was killed: then nobody has them locked."""
     for other in parent.iterdir():
-        if sys.platform == "win32" or not re.fullmatch(rf"{re.escape(start)}[0-9a-f]{{8}}\.tmp", other.name):
-            continue
-        with suppress(OSError):  # locked, gone, or another user's
-            descriptor = os.open(other, os.O_RDONLY | os.O_DIRECTORY)
-            try:
-                lock(descriptor)
-                shutil.rmtree(other)
-            finally:
-                os.close(descriptor)
+        if re.fullmatch(rf"{re.escape(start)}[0-9a-f]{{8}}\.tmp", other.name):
+            with suppress(OSError):  # locked, gone, or another user's
+                descriptor = os.open(other, os.O_RDONLY if other.is_dir() else os.O_RDWR)
+                try:
+                    lock(descriptor)
+                    shutil.rmtree(other) if other.is_dir() else other.unlink()
+                finally:
+                    os.close(descriptor)
 
 
 def require_folder_place(path: Path, *, overwrite: bool, may_replace: Callable[[Path], bool]) -> None:
@@ -341,9 +340,7 @@ class _Written:
         if self._is_stream:
             return
         with suppress(OSError):  # a folder that may be written to but not be read
-            for other in self._final.parent.iterdir():
-                if other.name.startswith(self._start) and other.suffix == ".tmp":
-                    _remove_abandoned(other)
+            _remove_abandoned(self._final.parent, self._start)
         with _uninterrupted():
             self.held = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
         with suppress(OSError):  # a disk without locks
@@ -379,17 +376,6 @@ class _Written:
             if self._final.exists():
                 raise _exists(self._path) from None
             self.temporary.rename(self._final)
-
-
-def _remove_abandoned(temporary: Path) -> None:
-    """Remove a temporary file whose writer does not live any more: then nobody has it locked."""
-    with suppress(OSError):  # locked, gone, or another user's
-        descriptor = os.open(temporary, os.O_RDWR)
-        try:
-            lock(descriptor)
-            temporary.unlink()
-        finally:
-            os.close(descriptor)
 
 
 def lock(descriptor: int) -> None:

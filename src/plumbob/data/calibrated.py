@@ -76,7 +76,7 @@ def calibrated_meta(card: CalibrationCard, meta: ImuMeta, triads: Sequence[str])
     gyr_left = left_by("gyr", card.gyr, card.mount) if fitted else None
     missing = [name for name in triads if name not in card.parts]
     calibration = f"{card.name}; NOT calibrated: {', '.join(missing)}" if missing else card.name
-    meta = meta if card.mount is None else meta.turned(dcm_from_quat(card.mount.q_bs))
+    meta = meta if card.mount is None else meta.rotated(dcm_from_quat(card.mount.q_bs))
     return replace(meta, calibration=calibration, gyr_left=gyr_left, acc_left=acc_left, mag_left=mag_left)
 
 

@@ -124,7 +124,7 @@ class Joint:
         count = DEGREES_OF_FREEDOM[self.kind]
         return (self.name,) if count == 1 else tuple(f"{self.name}{k + 1}" for k in range(count))
 
-    def turned(self, angles: Floats) -> Floats:
+    def rotation(self, angles: Floats) -> Floats:
         """Attitude of the child in the parent's axes (N, 4) at angles (N, degrees of freedom), rad."""
         q = np.broadcast_to(np.array(self.q_pc), (len(angles), 4))
         for k, axis in enumerate(self.axes):
@@ -288,7 +288,7 @@ class Chain(FactsText):
         for joint, turns in zip(self.joints, self.split(angles), strict=True):
             parent = postures[joint.parent]
             postures[joint.child] = Posture(
-                rotations.quat_multiply(parent.q_nb, joint.turned(turns)),
+                rotations.quat_multiply(parent.q_nb, joint.rotation(turns)),
                 parent.pos_n + rotations.quat_rotate(parent.q_nb, np.array(joint.place)),
             )
         return postures

@@ -26,7 +26,7 @@ class EarthField(NamedTuple):
     model: str  # name of the model, and the day that it was asked for
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """The field in words."""
         return (
             f"{self.strength:.2f} uT, dip {to_deg(self.dip):.2f} deg, declination {to_deg(self.declination):.2f} deg, "

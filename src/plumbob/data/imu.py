@@ -138,7 +138,7 @@ class ImuMeta:
         limit: Range = getattr(self, f"{name}_range")
         return None if limit is None else np.broadcast_to(np.asarray(limit, dtype=np.float64), 3)
 
-    def turned(self, dcm: Floats) -> Self:
+    def rotated(self, dcm: Floats) -> Self:
         """Meta of a recording whose triads a matrix has turned: each range is the greatest value of the turned axis."""
         ranges: dict[str, Any] = {}
         for name in TRIADS:

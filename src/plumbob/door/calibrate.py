@@ -518,8 +518,8 @@ def _field(
     if not opened.dated:
         say(f"the recording has no date; the field is that of today, {opened.date}")
     field = earth_field_at(*parse_place(place), opened.date)
-    say(f"field at the place: {field.told}")
-    return field.strength, field.dip, (f"Field at the place of the capture: {field.told}.",)
+    say(f"field at the place: {field.description}")
+    return field.strength, field.dip, (f"Field at the place of the capture: {field.description}.",)
 
 
 def read_track(given: str | Path | Recording) -> AttitudeTrack:

@@ -94,7 +94,7 @@ class Estimated(Series):
         }
 
     @property
-    def told(self) -> str:
+    def filter_words(self) -> str:
         """What ran, in words: what differs from the defaults."""
         facts = self.filter.facts()
         name = facts["name"] if facts["params"] == "defaults" else f"{facts['name']} ({facts['params']})"
@@ -162,7 +162,7 @@ class Estimated(Series):
         report = self.summary()
         last, north = report["last_attitude_deg"], report["north"]
         lines = [
-            f"filter       {self.told}",
+            f"filter       {self.filter_words}",
             f"frame        {report['frame']}, heading from {counted_from(north, report['declination_deg'])}",
             f"calibration  {calibration_told(report['calibration'])}",
         ]
@@ -533,7 +533,7 @@ def _placed(
     if "declination" in stage.params:
         raise ParameterError("place and the parameter declination both give the declination. Give one of them.")
     imu, field = located(imu, place, date=date)
-    say(info("place.reference", field=field.told))
+    say(info("place.reference", field=field.description))
     if (doubt := unlike(imu, field)) is not None:
         say(doubt)
     return imu

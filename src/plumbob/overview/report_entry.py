@@ -147,7 +147,7 @@ def subject_from(
     last, numbers = result.outline.last, result.summary()
     facts = [
         ("noise card", result.noise_card or "none; the filter's own figures"),
-        ("estimate", result.told.partition("; --causal")[0]),
+        ("estimate", result.filter_words.partition("; --causal")[0]),
         ("frame", f"{last.frame}, heading from {counted_from(last.north, numbers['declination_deg'])}"),
     ]
     remarks = tuple(dict.fromkeys((*of_file, *result.notes)))

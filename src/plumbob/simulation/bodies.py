@@ -75,7 +75,7 @@ class ChainMotion:
         angles = self.angles.jet(t)
         first = 0
         for joint in self.chain.joints:
-            at = truths[joint.parent].at_lever(joint.place).turned(joint.q_pc)
+            at = truths[joint.parent].at_lever(joint.place).rotated(joint.q_pc)
             for axis in joint.axes:
                 at = at.hinged(axis, Jet(*(part[:, first] for part in angles)))
                 first += 1
@@ -105,13 +105,13 @@ class _UnitMotion:
         """State of the unit, in its axes, when it takes the values of its times t (N,), s."""
         segment = replace(self.segments(t)[self.segment], t=t)
         if self.sway is None:
-            return segment.at_lever(self.mount.lever_b).turned(self.mount.q_bs)
+            return segment.at_lever(self.mount.lever_b).rotated(self.mount.q_bs)
         jet = self.sway.jet(t + self.mount.clock_offset)
         place = Jet(jet.value[:, :3] + self.mount.lever_b, jet.rate[:, :3], jet.acc[:, :3])
         at = segment.at_moving(place)
         for k, axis in enumerate(np.eye(3), 3):
             at = at.hinged(axis, Jet(*(part[:, k] for part in jet)))
-        return at.turned(self.mount.q_bs)
+        return at.rotated(self.mount.q_bs)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +124,7 @@ class _Ridden(Scenario):
     disturbances: tuple[Disturbance, ...]
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """Program, and which segment the unit is on."""
         return f"{self.title}, unit on {self.unit.segment}"
 

@@ -95,7 +95,7 @@ class Truth:
             acc_n=self.acc_n + rotations.quat_rotate(self.q_nb, pull),
         )
 
-    def turned(self, q_bs: ArrayLike) -> Self:
+    def rotated(self, q_bs: ArrayLike) -> Self:
         """State in axes s that are fixed to the body, q_bs (4,)."""
         q, q_sb = np.asarray(q_bs, dtype=np.float64), rotations.quat_conjugate(q_bs)
         return replace(
@@ -329,7 +329,7 @@ class Scenario(ABC):
                 raise ParameterError(f"{p.name} must be a whole number, but it is {value:g}.")
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """Name with its parameters, each in its unit."""
         values = (f"{p.name}={shown(p, getattr(self, p.name))}" for p in describe(type(self)))
         return f"{type(self).__name__.lower()} ({', '.join(values)})"

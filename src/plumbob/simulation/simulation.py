@@ -276,7 +276,7 @@ def _simulation(
             frame=kinematics.frame,
             north=North.TRUE,
             bias_b=measured["gyr"].bias[world.line.received] if "gyr" in measured else None,
-            source=f"simulated {plan.told}, seed {seed}",
+            source=f"simulated {plan.description}, seed {seed}",
         ),
         calibration=_calibration(unit, meta.device),
         noise=NoiseCard(meta.device, f"simulated from {unit.source}", **noises),

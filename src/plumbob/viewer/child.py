@@ -1,5 +1,6 @@
 """The server as a process of its own: started, fed through a pipe, started again where it dies, ended with the view."""
 
+import json
 import os
 import re
 import secrets
@@ -57,11 +58,8 @@ class Serving:
 
     def words(self, number: int, port: int) -> list[str]:
         """Command that starts the server with its end of the pipe."""
-        words = [sys.executable, "-m", "plumbob.viewer.serve", "--fd", str(number), "--host", self.host]
-        words += ["--port", str(port), "--folder", str(self.folder)]
-        words += ["--control"] if self.control else []
-        words += [] if self.clients is None else ["--clients", str(self.clients)]
-        return words + [word for origin in self.allow_origin for word in ("--allow-origin", origin)]
+        how = json.dumps(asdict(self) | {"port": port}, default=str)
+        return [sys.executable, "-m", "plumbob.viewer.serve", str(number), how]
 
 
 def require_view() -> None:

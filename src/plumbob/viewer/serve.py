@@ -1,15 +1,16 @@
 """The process that serves the live view: it reads the feed's messages from a pipe, and talks to whoever looks.
 
-``python -m plumbob.viewer.serve --fd N --host H --port P``; the token comes in the environment as
-``PLUMBOB_VIEW_TOKEN``. It ends when the pipe ends, or by a signal.
+``python -m plumbob.viewer.serve N JSON``: the number of the pipe, a socket that was inherited, and a `Serving` of
+`plumbob.viewer.child`; the token comes in the environment as ``PLUMBOB_VIEW_TOKEN``. It ends when the pipe ends, or by
+a signal.
 
 What it answers is a fixed table of routes, made at its start; nothing that a client sends becomes a path. Of commands,
 what is a matter of the view is done here, what is one of the session goes over the pipe.
 """
 
-import argparse
 import asyncio
 import contextlib
+import json
 import mimetypes
 import os
 import socket
@@ -24,6 +25,7 @@ from typing import TYPE_CHECKING, Any, Final
 from plumbob.core.errors import LineError, MissingExtraError, ParameterError, PlumbobError, one_line
 from plumbob.core.resources import asset
 from plumbob.core.signals import on_signals
+from plumbob.viewer.child import Serving
 from plumbob.viewer.commands import RefusedError, parse_command
 from plumbob.viewer.derived import Derived
 from plumbob.viewer.foxglove import Foxglove
@@ -181,10 +183,10 @@ def _answer(answer: Answer, status: int) -> "Response":
     return _json(as_json(asdict(answer)), status)
 
 
-Serving = Callable[["WebSocket"], Awaitable[None]]
+SocketServing = Callable[["WebSocket"], Awaitable[None]]
 
 
-def _placed(places: Places, serve: Serving) -> Serving:
+def _placed(places: Places, serve: SocketServing) -> SocketServing:
     """Serve a WebSocket where there is room for it."""
 
     async def serving(socket: "WebSocket") -> None:
@@ -249,26 +251,14 @@ _SENT: Final = 128 << 10  # bytes that the system keeps for a client that does n
 def main(arguments: Sequence[str] | None = None) -> int:
     """Serve until the pipe ends."""
     token = os.environ.pop(TOKEN, "")
-    options = _options(arguments)
+    number, how = arguments or sys.argv[1:]
     try:
         _require(token)
-        asyncio.run(_run(options, token))
+        asyncio.run(_run(int(number), Serving(**json.loads(how)), token))
     except PlumbobError as error:
         sys.stderr.write(f"plumbob: {one_line(error)}\n")
         return 1
     return 0
-
-
-def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="plumbob.viewer.serve", description="Serve the live view.")
-    parser.add_argument("--fd", type=int, required=True, help="the pipe: a socket that was inherited")
-    parser.add_argument("--host", default=LOOPBACK[0])
-    parser.add_argument("--port", type=int, default=0)
-    parser.add_argument("--control", action="store_true", help="take commands")
-    parser.add_argument("--clients", type=int, help="clients at most; without it 32, and 8 of one address")
-    parser.add_argument("--allow-origin", action="append", default=[], metavar="ORIGIN")
-    parser.add_argument("--folder", type=Path, default=Path(), help="where calibration cards are written")
-    return parser.parse_args(arguments)
 
 
 def _require(token: str) -> None:
@@ -279,23 +269,23 @@ def _require(token: str) -> None:
     require_packages()
 
 
-async def _run(options: argparse.Namespace, token: str) -> None:
+async def _run(number: int, how: Serving, token: str) -> None:
     from plumbob.viewer.guard import http_server
 
     # Each send gives the interpreter away; a thread that computes would keep it for 5 ms each time.
     sys.setswitchinterval(0.0005)
-    sockets = listening(options.host, options.port)
+    sockets = listening(how.host, how.port)
     port = sockets[0].getsockname()[1]
-    hosts = [socket.gethostname() if options.host in ("0.0.0.0", "::") else options.host]
-    rules = GuardRules(token, port, hosts, tuple(options.allow_origin))
-    places = Places(options.clients or 32, options.clients or 8)
-    hub = Hub(control=options.control)
+    hosts = [socket.gethostname() if how.host in ("0.0.0.0", "::") else how.host]
+    rules = GuardRules(token, port, hosts, how.allow_origin)
+    places = Places(how.clients or 32, how.clients or 8)
+    hub = Hub(control=how.control)
     pipe = Pipe(hub)
     control = Control(hub, pipe.write)
-    derived = Derived(hub, options.folder)
+    derived = Derived(hub, Path(how.folder))
     control.here.update(derived.commands)
     server = http_server(application(hub, control, rules, places))
-    await pipe.open(socket.socket(fileno=options.fd), server)
+    await pipe.open(socket.socket(fileno=number), server)
     with on_signals(lambda *_: setattr(server, "should_exit", True), "SIGTERM", "SIGINT"):
         serving = asyncio.create_task(server.serve(sockets))
         while not server.started and not serving.done():

@@ -50,7 +50,7 @@ class MountedMotion:
 
     def truth(self, t: Floats) -> simulated.Truth:
         """State at the instants t (N,), s, in the unit's axes."""
-        return self.motion.truth(t).in_frame(self.frame).turned(self.q_bs)
+        return self.motion.truth(t).in_frame(self.frame).rotated(self.q_bs)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,11 +66,11 @@ class MountedScenario(simulated.Scenario):
     rate: ClassVar[float] = 100.0
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """The body's scenario, how the unit is said to sit on it, and how far that is from the truth."""
         turned = "" if self.q_bs == ALIGNED else f", of a unit at q_bs = {self.q_bs}"
         off = f", mounted {to_deg(float(np.linalg.norm(self.off))):.3g}° off" if any(self.off) else ""
-        return self.plan.told + turned + off
+        return self.plan.description + turned + off
 
     @property
     def duration(self) -> float:

@@ -4,6 +4,7 @@ import contextlib
 import errno
 import os
 import struct
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -211,7 +212,48 @@ _UNSIGNED: Final = {"adxrs290": 16}
 Linux drivers/iio/gyro/adxrs290.c before commit fde272e78e, "fix data signedness" (2021)."""
 
 
-class IioSource(Replug):
+class _DescribedSource:
+    """A source whose bytes mean what the kernel says of its device, which has to be what `_must` says, if anything."""
+
+    _device: str | int
+    _channels: tuple[str, ...] | None
+    _roots: tuple[Path, Path]
+    _must: IioLayout | None
+    _layout: IioLayout | None = None
+
+    @abstractmethod
+    def _describe(self, device: IioDevice) -> IioLayout:
+        """What the kernel says."""
+
+    @property
+    def layout(self) -> IioLayout:
+        """What the bytes mean; read from the device, which need not be open; LineError where it cannot be read."""
+        if self._layout is None:
+            try:
+                self._layout = self._identified()[1]
+            except NoLine as no:
+                raise LineError(no.text) from no.__cause__
+        return self._layout
+
+    def _identified(self) -> tuple[IioDevice, IioLayout]:
+        """Device, and its layout; NoLine where it cannot be read, or has become another."""
+        try:
+            device = find_device(self._device, *self._roots)
+            layout = self._describe(device)
+        except PlumbobError as error:
+            raise NoLine("refused", str(error)) from error
+        except OSError as error:
+            raise NoLine("absent", f"the device cannot be read: {error}.") from error
+        if self._must not in (None, layout):
+            raise NoLine(
+                "refused",
+                f"{layout.device}: channels, scales, mounting or clock have changed since it was first read; "
+                "the bytes would be misread. Start again.",
+            )
+        return device, layout
+
+
+class IioSource(_DescribedSource, Replug):
     """Whole scans of an IIO buffer, as bytes; a device whose scans are not as a `layout` says is refused.
 
     The device is set up at opening, and put back as it was at closing. Scans carry the kernel's time stamps on the
@@ -239,19 +281,13 @@ class IioSource(Replug):
         self._rate, self._trigger, self._length, self._watermark = rate, trigger, length, watermark
         self._stall_periods = stall_periods
         self._roots = Path(sys_root), Path(dev_root)
-        self._layout: IioLayout | None = None
         self._must = layout
 
-    @property
-    def layout(self) -> IioLayout:
-        """What the bytes mean; read from the device, which need not be open; LineError where it cannot be read."""
-        if self._layout is None:
-            self._layout = _now(lambda: scan_layout(find_device(self._device, *self._roots), self._channels))
-        return self._layout
+    def _describe(self, device: IioDevice) -> IioLayout:
+        return scan_layout(device, self._channels)
 
     def _connect(self, patience: float) -> "IioWire":
-        device = find_device(self._device, *self._roots)
-        self._layout = _as_before(self._must, _described(lambda: scan_layout(device, self._channels)))
+        device, self._layout = self._identified()
         fd = _open_node(device)
         settings = BufferAttributes(device)
         try:
@@ -286,32 +322,6 @@ class IioSource(Replug):
         except ValueError:
             return 1_000_000_000
         return round(max(self._stall_periods, 2.0 * self._watermark) / rate * 1e9) if rate > 0.0 else 1_000_000_000
-
-
-def _now(describe: Callable[[], IioLayout]) -> IioLayout:
-    try:
-        return _described(describe)
-    except NoLine as no:
-        raise LineError(no.text) from no.__cause__
-
-
-def _described(describe: Callable[[], IioLayout]) -> IioLayout:
-    try:
-        return describe()
-    except PlumbobError as error:
-        raise NoLine("refused", str(error)) from error
-    except OSError as error:
-        raise NoLine("absent", f"the device cannot be read: {error}.") from error
-
-
-def _as_before(before: IioLayout | None, now: IioLayout) -> IioLayout:
-    if before is not None and now != before:
-        raise NoLine(
-            "refused",
-            f"{now.device}: channels, scales, mounting or clock have changed since it was first read; "
-            "the bytes would be misread. Start again.",
-        )
-    return now
 
 
 def _open_node(device: IioDevice) -> int:
@@ -354,7 +364,7 @@ class IioWire:
         os.close(self._fd)
 
 
-class IioPollSource(Polled):
+class IioPollSource(_DescribedSource, Polled):
     """Values of ``in_*_raw``, read at a rate, for drivers without a buffer, as that of the ADXRS450 and ADXRS453.
 
     Each poll is one `Received`: a 32-bit little-endian number for each channel, in the order of `layout`. The time is
@@ -367,24 +377,14 @@ class IioPollSource(Polled):
     ) -> None:  # fmt: skip
         super().__init__(f"iio {device}", rate, **pace)
         self._device, self._channels = device, None if channels is None else tuple(channels)
-        self._sys_root = Path(sys_root)
-        self._layout: IioLayout | None = None
-        self._must = layout
+        self._roots, self._must = (Path(sys_root), DEV), layout
         self._files: list[tuple[int, int]] = []  # descriptor, and bits where the kernel forgets the sign
 
-    @property
-    def layout(self) -> IioLayout:
-        """What the bytes mean; read from the device, which need not be open; LineError where it cannot be read."""
-        if self._layout is None:
-            self._layout = _now(lambda: raw_layout(self._find(), self._channels))
-        return self._layout
-
-    def _find(self) -> IioDevice:
-        return find_device(self._device, self._sys_root, DEV)
+    def _describe(self, device: IioDevice) -> IioLayout:
+        return raw_layout(device, self._channels)
 
     def _connect(self) -> str:
-        device = self._find()
-        self._layout = _as_before(self._must, _described(lambda: raw_layout(device, self._channels)))
+        device, self._layout = self._identified()
         for channel in self._layout.channels:
             bits = _UNSIGNED.get(device.name, 0) if channel.name.startswith("anglvel") else 0
             self._files.append((os.open(device.path / f"in_{channel.name}_raw", os.O_RDONLY), bits))
