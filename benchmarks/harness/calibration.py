@@ -8,8 +8,7 @@ from benchmarks.harness.bar import Bar, bar_lines
 from benchmarks.harness.calibration_accel import CARES, measure_accel
 from benchmarks.harness.calibration_accel import ROWS as POSITIONS
 from benchmarks.harness.calibration_mag import CASES, measure_mag
-from benchmarks.harness.calibration_stops import ROWS as BY_STOPS
-from benchmarks.harness.calibration_stops import measure_stops
+from benchmarks.harness.calibration_stops import FINS, measure_stops
 from benchmarks.harness.calibration_table import SESSIONS, measure_table
 from benchmarks.harness.calibration_temperature import OTHERS, SOAKS, measure_drift, measure_temperature
 from benchmarks.harness.section import Section
@@ -37,7 +36,7 @@ PARTS: Final[Mapping[str, Part]] = {
     "mag": Part(measure_mag, len(CASES)),
     "accel": Part(measure_accel, len(CARES) * len(POSITIONS)),
     "table": Part(measure_table, len(SESSIONS)),
-    "stops": Part(measure_stops, len(BY_STOPS)),
+    "stops": Part(measure_stops, 1 + len(FINS)),
     "temperature": Part(measure_temperature, len(SOAKS)),
     "drift": Part(measure_drift, len(OTHERS)),
 }

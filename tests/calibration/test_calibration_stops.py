@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import plumbob
-from benchmarks.harness.calibration_stops import ROWS, measure_stops
+from benchmarks.harness.calibration_stops import FINS, measure_stops
 from plumbob.calibration.gyr.rest import Rates
 from plumbob.calibration.gyr.stops import fit_stops
 from plumbob.core.errors import ParameterError
@@ -32,7 +32,7 @@ SIX = [(axis, sign * QUARTER) for sign in (1.0, -1.0) for axis in range(3)]
 def test_gain_and_drift_are_as_predicted():
     section = measure_stops(range(8))
     assert all(bar.met for bar in section.bars[:2])
-    error, predicted, _, within = section.rows[ROWS[1]]
+    error, predicted, _, within = section.rows[FINS[0]]
     assert 0.5 < predicted / error < 2.0 and 45.0 < within < 90.0  # 32 instants of 8 units that hang together
 
 

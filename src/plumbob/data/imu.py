@@ -74,9 +74,9 @@ class ImuMeta:
     calibration : str or None
         Name of the calibration card that has been applied; None says uncalibrated.
     gyr_left, acc_left, mag_left : tuple of 78 floats or None
-        What errors the calibration leaves, as `plumbob.data.cards.calibration` has it; None: nothing of a calibrated
-        recording, and of an uncalibrated one all that the data sheet of a common part allows. Of a gyroscope, whose
-        errors are estimated, None says that nothing is known.
+        What errors the calibration leaves, as `plumbob.data.cards.residuals` has it, of a gyroscope perhaps 120; None:
+        nothing of a calibrated recording, and of an uncalibrated one all that the data sheet of a common part allows.
+        Of a gyroscope, whose errors are estimated, None says that nothing is known.
     unit_check : bool
         Refuse a recording whose typical size does not fit its units. Switch off for a centrifuge or a drop tower; it is
         off where a format said the units.
@@ -696,7 +696,7 @@ def _stamps(t: ArrayLike) -> tuple[NDArray[np.int64], Floats]:
 
 
 def _checked_half(name: str, value: Any) -> Half:
-    half = check.column(name, value, 78)
+    half = check.column(name, value, 120 if name == "gyr_left" and np.size(value) > 78 else 78)
     if not np.isfinite(half).all():
         raise ShapeError(f"{name} must hold finite numbers, but it does not.")
     return tuple(half.tolist())

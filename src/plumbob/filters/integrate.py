@@ -9,7 +9,8 @@ For rates that are already means over the step (a sensor that gives angle increm
 sample alone then spans the step, with the coning term of neighbouring increments.
 
 What a calibration card leaves of the gyroscope's errors grows with time and turning: with ``δ = d + E ω`` the attitude
-is off by ``∫ R δ dt`` since the start. The claim counts that and nothing else: no noise, and no error of the start.
+is off by ``∫ R δ dt`` since the start, and where an axis is read late by τ_i, by ``∫ R τ_i ω̇_i e_i dt``, which grows as
+``−τ_i ∫ R (ω × e_i) ω_i dt``. The claim counts that and nothing else: no noise, and no error of the start.
 
 When to choose it: to see what the gyroscope alone can do, for short manoeuvres, and as the truth of other integrators.
 
@@ -32,14 +33,14 @@ from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit,
 SUMMARY: Final = "gyroscope integration, exact exponential with coning term"
 REFERENCES: Final = ("Bortz1971",)
 NEEDS: Final = ("gyr",)
-STATE: Final = 40
+STATE: Final = 49
 
 MEAN_RATE: Final = OWN_C
 OLDER: Final = OWN  # rate of the sample before the last, rad/s, 3
 STEP: Final = OWN + 3  # step between those two, s; 0 where there is none
-# ∫ R (I, ωᵀ ⊗ I) dt, row by row of R: how the attitude leans by d and E in navigation axes, 3 × 12
+# ∫ R (I, ωᵀ ⊗ I, [ω]× diag ω) dt, row by row of R: how the attitude leans by d, E and τ in navigation axes, 3 × 15
 LEAN: Final = OWN + 4
-SENSITIVITY: Final = slice(LEAN, LEAN + 36)
+SENSITIVITY: Final = slice(LEAN, LEAN + 45)
 
 
 class Params(NamedTuple):
@@ -83,23 +84,29 @@ def turn(x: Floats, rx: float, ry: float, rz: float) -> None:
 
 @kernel
 def lean(x: Floats, dt: float, rx: float, ry: float, rz: float) -> None:
-    """Add what a constant error of the rates, or one in proportion to them, turns in a step by a rotation vector."""
-    for j in range(3):
-        ux, uy, uz = (1.0 if j == 0 else 0.0), (1.0 if j == 1 else 0.0), (1.0 if j == 2 else 0.0)
-        nx, ny, nz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], ux, uy, uz)
-        for i in range(3):
-            at, entry = LEAN + 12 * i, nx if i == 0 else ny if i == 1 else nz
+    """Add what errors of the rates turn in a step by r: constant ones, those in proportion, and axes that are late."""
+    for i in range(3):
+        wx, wy, wz = (1.0 if i == 0 else 0.0), (1.0 if i == 1 else 0.0), (1.0 if i == 2 else 0.0)
+        nx, ny, nz = rotate(x[Q], -x[Q + 1], -x[Q + 2], -x[Q + 3], wx, wy, wz)  # row i of R
+        at = LEAN + 15 * i
+        for j in range(3):
+            entry = nx if j == 0 else ny if j == 1 else nz
             x[at + j] += dt * entry
             x[at + 3 + 3 * j] += rx * entry
             x[at + 4 + 3 * j] += ry * entry
             x[at + 5 + 3 * j] += rz * entry
+        if dt > 0.0:
+            ax, ay, az = cross(nx, ny, nz, rx, ry, rz)  # R (ω × e_j), row i
+            x[at + 12] += ax * rx / dt
+            x[at + 13] += ay * ry / dt
+            x[at + 14] += az * rz / dt
 
 
 def sensitivity(q_nb: Floats, entries: Floats) -> Floats:
-    """How the attitude error in body axes answers to d and E of the gyroscope, row by row, (N, 3, 12)."""
+    """How the attitude error in body axes answers to d, E and τ of the gyroscope, row by row, (N, 3, 15)."""
     from plumbob.rotations import dcm_from_quat
 
-    turned: Floats = np.swapaxes(dcm_from_quat(q_nb), 1, 2) @ entries.reshape(-1, 3, 12)
+    turned: Floats = np.swapaxes(dcm_from_quat(q_nb), 1, 2) @ entries.reshape(-1, 3, 15)
     return turned
 
 

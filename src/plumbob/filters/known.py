@@ -34,7 +34,7 @@ class FilterModule(Protocol):
     It may hold more functions. ``covariance(q_nb, entries)`` gives the covariance of the attitude error in body axes,
     (N, 3, 3), rad², from the entries of the state that the slice ``COVARIANCE`` names. Of a filter that corrects
     nothing, ``sensitivity(q_nb, entries)``, from those of ``SENSITIVITY``, says in its place how that error answers to
-    what a card leaves of the gyroscope's, (N, 3, 12). ``from_noise(card)`` gives parameters from a `NoiseCard`.
+    what a card leaves of the gyroscope's, (N, 3, 15). ``from_noise(card)`` gives parameters from a `NoiseCard`.
     """
 
     SUMMARY: str

@@ -162,7 +162,9 @@ def residual_covariance(sensitivity: Floats, half: Half) -> Floats:
     """Covariance (N, 3, 3) that errors of this covariance, by its upper half, cause with this sensitivity."""
     if not any(half):
         return np.zeros((len(sensitivity), 3, 3))
-    cov: Floats = sensitivity @ full_covariance(half) @ np.swapaxes(sensitivity, 1, 2)  # [Schmidt1966]
+    errors = full_covariance(half)
+    sensitivity = sensitivity[:, :, : len(errors)]
+    cov: Floats = sensitivity @ errors @ np.swapaxes(sensitivity, 1, 2)  # [Schmidt1966]
     return 0.5 * (cov + np.swapaxes(cov, 1, 2))
 
 

@@ -12,6 +12,9 @@ scale alone, as a tilted axis comes round again. What no turn shows keeps what d
 
 Without an accelerometer nobody knows what gravity adds to the rates. A turn is freed of the mean of both rests beside
 it; the bias of the card is that of all rests, and as uncertain as they differ from pose to pose.
+
+Nor does a turn about one axis show whether the axes are read at the same time, of which a swing makes a drift: a row
+holds the last reading of each part, which may be a step old, so each axis is late by 0 to one step, uniformly.
 """
 
 from collections.abc import Sequence
@@ -117,6 +120,7 @@ def fit_stops(
         bias=means.mean(axis=0),
         covariance=covariance,
         residual_rms=float(np.sqrt(np.mean(misses**2))),
+        delay_sd=float(np.median(np.diff(t))) / np.sqrt(12.0),
         method=f"gyr alone, {counted(len(moves), 'turn')} from stop to stop",
         quality=Quality(
             grade=worst_grade(*grades),

@@ -77,6 +77,7 @@ class TriadCalibration:
     reference: float | None = None  # what the fit took as known: gravity, m/s², or the field's strength, µT
     method: str = ""
     date: str = ""  # ISO 8601
+    delay_sd: float | None = None  # of a gyroscope, of the time at which an axis is read, s, standard deviation
     # per_load, per_load_sd: (K, 3), of a magnetometer, what a unit of each of the `loads` adds, and its deviation
     per_load: Floats | None = None
     per_load_sd: Floats | None = None
@@ -99,7 +100,7 @@ class TriadCalibration:
             if (value := getattr(self, name)) is not None:
                 object.__setattr__(self, name, finite(name, value, (len(self.loads), 3)))
         require_number("temp_ref_c", self.temp_ref_c)
-        for name in ("residual_rms", "reference"):
+        for name in ("residual_rms", "reference", "delay_sd"):
             if getattr(self, name) is not None:
                 require_number(name, getattr(self, name))
                 require_no_negative(name, getattr(self, name))

@@ -4,7 +4,8 @@ After calibration a vector u still is wrong by ``δ = d + E u``, with an offset 
 whose covariance the card has; of a part without a card, the data sheet says how large they may be. Such an error does
 not average out, so it is not noise: it is *considered* (`plumbob.filters.mekf`).
 
-A covariance of (d, E row by row) is kept as its upper half, 78 numbers row by row, so that it is plain data.
+A covariance of (d, E row by row) is kept as its upper half, 78 numbers row by row, so that it is plain data. Of a
+gyroscope whose axes may be read at different times it is that of (d, E, τ), 120 numbers: how late each axis is, s.
 """
 
 from functools import lru_cache
@@ -20,10 +21,8 @@ from plumbob.rotations import dcm_from_quat
 if TYPE_CHECKING:
     from plumbob.data.cards.calibration import Mount, TriadCalibration
 
-Half = tuple[float, ...]  # Upper half of a covariance (12, 12)
-
-_ROWS, _COLUMNS = np.triu_indices(12)
-SIZE: Final = _ROWS.size
+Half = tuple[float, ...]  # Upper half of a covariance (12, 12), or (15, 15)
+SIZE: Final = 78
 
 _LIMITS: Final = {
     # InvenSense MPU-6000 data sheet: zero-g ±50, ±50 and ±80 mg, of which the root mean square, for no axis is known to
@@ -62,6 +61,8 @@ def left_by(triad: str, model: "TriadCalibration | None", mount: "Mount | None")
         turn = np.zeros((12, 12))
         turn[:3, :3], turn[3:, 3:] = dcm_bs, np.kron(dcm_bs, dcm_bs)
         residual = turn @ residual @ turn.T
+    if model.delay_sd is not None:
+        residual = np.pad(residual, (0, 3)) + np.diag(np.repeat((0.0, model.delay_sd**2), (12, 3)))
     return upper_half(residual)
 
 
@@ -70,14 +71,16 @@ NOTHING: Final[Half] = (0.0,) * SIZE
 
 
 def upper_half(covariance: Floats) -> Half:
-    """Upper half of a covariance (12, 12)."""
-    return tuple(covariance[_ROWS, _COLUMNS].tolist())
+    """Upper half of a covariance."""
+    return tuple(covariance[np.triu_indices(len(covariance))].tolist())
 
 
 @lru_cache
 def full_covariance(half: Half) -> Floats:
-    """Covariance (12, 12) of its upper half."""
-    covariance = np.empty((12, 12))
-    covariance[_ROWS, _COLUMNS] = covariance[_COLUMNS, _ROWS] = half
+    """Covariance of its upper half."""
+    size = int((2 * len(half)) ** 0.5)
+    rows, columns = np.triu_indices(size)
+    covariance = np.empty((size, size))
+    covariance[rows, columns] = covariance[columns, rows] = half
     covariance.flags.writeable = False
     return covariance

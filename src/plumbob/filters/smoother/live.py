@@ -216,7 +216,7 @@ class Live:
     ) -> None:
         self.p, self._left, self._start = p, meta.left, start
         self._drift = samples.FreeHeading(meta, p, GIVEN**2 if start is not None and start.headed else None)
-        self._unit = None if meta.gyr_left is None else full_covariance(meta.gyr_left)
+        self._unit = None if meta.gyr_left is None else full_covariance(meta.gyr_left)[:12, :12]
         self._arriving, self._proven = Arriving(p, mag=mag), Proven()
         self._thread = ThreadPoolExecutor(1, "plumbob-look") if background else None
         self._running: Running | None = None

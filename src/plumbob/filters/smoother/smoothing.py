@@ -185,7 +185,7 @@ class Smoother(AttitudeEstimator):
 def _prior(meta: ImuMeta, start: Given | None) -> Known:
     """What the unit's card says of its gyroscope, and the first attitude."""
     residual = meta.gyr_left
-    return Known(unit=None if residual is None else full_covariance(residual), start=start)
+    return Known(unit=None if residual is None else full_covariance(residual)[:12, :12], start=start)
 
 
 AT_ONCE: Final = 4096  # samples that are followed at a time; the result does not depend on it
