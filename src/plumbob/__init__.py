@@ -58,6 +58,7 @@ from plumbob.core import __version__, lazily
 if TYPE_CHECKING:
     from plumbob import arm, noise, rotations, simulation
     from plumbob.arm import array
+    from plumbob.arm.joints import joints
     from plumbob.core import errors, flags, units
     from plumbob.core.errors import PlumbobError, PlumbobWarning
     from plumbob.core.extensions import register
@@ -118,7 +119,8 @@ _HOME = {
     "docs": "core.resources", "doctor": "door.doctor", "earth_acceleration": "door.estimate",
     "emulate": "live.emulated", "estimate": "door.estimate", "evaluate": "door.evaluate", "convert": "live.recorded",
     "filter_names": "filters", "filter_rates": "door.rates", "find_format": "protocols.format_toml",
-    "info": "reporting.info", "json_schema": "live.session_toml", "load_session": "live.session_toml",
+    "info": "reporting.info", "joints": "arm.joints", "json_schema": "live.session_toml",
+    "load_session": "live.session_toml",
     "open_card": "data.cards", "plot": "reporting.overview", "profile": "live.listen", "read": "door.reading",
     "record": "live.record", "register": "core.extensions", "repair": "files.mcap", "report": "reporting.overview",
     "reproduce": "papers.reproduce", "replay": "live.replay", "send": "door.send", "simulate": "simulation",
@@ -173,6 +175,7 @@ __all__ = [
     "find_format",
     "flags",
     "info",
+    "joints",
     "json_schema",
     "load_chain",
     "load_session",

@@ -209,8 +209,7 @@ def test_each_unit_has_errors_and_noise_of_its_own_and_other_ranges_cut_into_as_
     np.testing.assert_allclose(module.acc.lsb, 2.0 * G0 / 8192.0)  # the sheet's 8192 counts per g at ±4 g
 
 
-@pytest.mark.parametrize("program", PROGRAMS)
-@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize(("name", "program"), [(n, p) for n in CHAINS for p in PROGRAMS if p != "walk" or n == "leg"])
 def test_programs_keep_their_chain_within_its_limits(name, program):
     made = simulate_chain(name, program, frame="ENU", unit="calibrated", seed=11, duration=40.0, rate=50.0)
     jet = made.program.angles.jet(made.t)

@@ -316,7 +316,7 @@ CASES = [
     *((without, {"left_out": name}, TypeError, name) for name in ("frame", "unit") if name in WHOLE),
     (another_card, {"unit": "random"}, CalibrationError, "device"),
     # a chain
-    (chained, {"chain": "leg"}, ParameterError, "no chain"),
+    (chained, {"chain": "tail"}, ParameterError, "no chain"),
     (chained, {"program": "dance"}, ParameterError, "no program of a chain"),
     (chained, {"frame": "XYZ"}, FrameError, "XYZ"),
     (chained, {"jitter": 1e-4}, ParameterError, "one time line"),

@@ -10,6 +10,8 @@ import numpy as np
 
 from plumbob import rotations
 from plumbob.arm import geometry
+from plumbob.arm.array.channels import joined
+from plumbob.arm.clocks import UnitClock
 from plumbob.arm.filter import Params, UnitSamples
 from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, JointLink, chain_links, joint_axes, unit_numbers
 from plumbob.arm.smoother import Attitudes, UnitAttitudes
@@ -27,6 +29,7 @@ from plumbob.filters.smoother.preprocess import SampleWatch, watched
 from plumbob.rotations import quat_conjugate, quat_multiply
 
 if TYPE_CHECKING:
+    from plumbob.data.imu import ImuData
     from plumbob.door.reading import Source
 
 ROUNDS: Final = 10  # attitudes and geometry are found in turn, so often at most,
@@ -46,6 +49,7 @@ CALIBRATED_BIAS: Final = dps(0.1)
 CALIBRATED_SCALE: Final = 0.0005
 """What is left of a calibrated gyroscope's bias, rad/s, and scale: it was some other day, at another temperature."""
 NOISE_MARGIN: Final = 2.0  # arms shake units more than a table at rest, where noise cards come from
+POSE_SD: Final = deg(1.0)  # a pose is held to this, rad, where nothing else is said
 ODD: Final = 3.5  # a mount farther off than so many standard deviations, each of its three components, is not believed;
 FAR: Final = 5.0  # nor is a length, an axis or a pose that is farther off
 
@@ -236,17 +240,52 @@ def align(
         if not 0.0 < value < np.inf:
             raise ParameterError(f"{name} must be above 0 and finite, but it is {value:g}.")
     array = opened_array(array)
-    samples, settings = chain_samples(chain, array), filter_params(chain, array, params)
-    samples = samples.rows(0, int(np.searchsorted(samples.t, samples.t[0] + LONGEST)))
+    mounting = _Mounting(poses, held, mount_angle, mount_shift)
+    return _aligned(chain, lambda _: array, mounting, params, note)[0]
+
+
+def align_units(
+    chain: Chain, units: Mapping[str, "ImuData"], clocks: Mapping[str, UnitClock], *, poses: Sequence[Pose] = (),
+    params: Mapping[str, Any] | None = None,
+) -> tuple[ArmCard, dict[str, UnitClock]]:  # fmt: skip
+    """As `align`, of units with clocks of their own that are known roughly; gives the clocks, too.
+
+    `units`: by name, the chain's; the first has the clock that all are brought to.
+    """
+    mounting = _Mounting(poses, POSE_SD, MOUNT_ANGLE, MOUNT_SHIFT)
+    return _aligned(chain, lambda current: on_one_clock(units, current), mounting, params, None, clocks)
+
+
+def on_one_clock(units: Mapping[str, "ImuData"], clocks: Mapping[str, UnitClock]) -> ImuArray:
+    """Units with their clocks put right, at the times of the first."""
+    start = next(iter(units.values())).meta.t0_ns
+    return joined({
+        name: replace(imu, t=clock.corrected(np.array(imu.t)), meta=replace(imu.meta, t0_ns=start))
+        if (clock := clocks.get(name)) is not None else imu
+        for name, imu in units.items()
+    })  # fmt: skip
+
+
+def _aligned(
+    chain: Chain, at: Callable[[Mapping[str, UnitClock]], ImuArray], mounting: "_Mounting",
+    params: Mapping[str, Any] | None, note: Callable[[str], None] | None, clocks: Mapping[str, UnitClock] | None = None,
+) -> tuple[ArmCard, dict[str, UnitClock]]:  # fmt: skip
+    """Card and clocks; `at` gives the units with clocks put right."""
+
+    def samples_at(current: Mapping[str, UnitClock]) -> UnitSamples:
+        samples = chain_samples(chain, at(current))
+        return samples.rows(0, int(np.searchsorted(samples.t, samples.t[0] + LONGEST)))
+
+    samples, settings = samples_at(clocks or {}), filter_params(chain, at(clocks or {}), params)
     if samples.t[-1] - samples.t[0] < SHORTEST:
         raise ShapeError(
             f"the motion lasts {samples.t[-1] - samples.t[0]:.3g} s, but {SHORTEST:g} s are needed at least; a minute "
             "in which every joint turns is enough."
         )
-    search = _AlternatingSearch(chain, samples, settings, _Mounting(poses, held, mount_angle, mount_shift))
+    search = _AlternatingSearch(chain, samples, settings, mounting, None if clocks is None else samples_at, clocks)
     fits, mounted, sd = search.solve(), search.chain, search.mount_sd
     if not chain.known:
-        mounted, sd = _geometry(chain, fits, poses), _found_sd(chain, fits)
+        mounted, sd = _geometry(chain, fits, mounting.poses), _found_sd(chain, fits)
     units = {segment.name: segment.unit for segment in chain.segments}
     joints = tuple(
         _card(link, fits, k, search.mount_sd, units, search.odd.get(link.joint.child, ""))
@@ -256,7 +295,7 @@ def align(
         if note and not joint.rating.startswith("good"):
             note(f"{joint.name}: {joint.rating}")
     source = f"{samples.t[-1] - samples.t[0]:.3g} s of motion"
-    return ArmCard(chain=mounted, joints=joints, mount_sd=sd, source=source)
+    return ArmCard(chain=mounted, joints=joints, mount_sd=sd, source=source), search.clocks
 
 
 def filter_params(chain: Chain, array: ImuArray, params: Mapping[str, Any] | None) -> Params:
@@ -332,7 +371,12 @@ class _AlternatingSearch:
     what motion shows badly, a neighbouring joint or a posture may show well.
     """
 
-    def __init__(self, chain: Chain, samples: UnitSamples, params: Params, mounting: "_Mounting") -> None:
+    def __init__(
+        self, chain: Chain, samples: UnitSamples, params: Params, mounting: "_Mounting",
+        at: Callable[[Mapping[str, UnitClock]], UnitSamples] | None = None,
+        clocks: Mapping[str, UnitClock] | None = None,
+    ) -> None:  # fmt: skip
+        self._at, self.clocks = at, dict(clocks or {})
         self._samples, self._params, self._chain, self._mounting = samples, params, chain, mounting
         self._links = chain_links(chain) if chain.known else _unknown_links(chain, samples)
         self.chain, self.mount_sd, self.odd = chain, dict[str, Any](), dict[str, str]()
@@ -346,7 +390,9 @@ class _AlternatingSearch:
             terms = geometry.force_terms(self._samples, motion, mean_rate=self._params.mean_rate)
             if not self._chain.known:
                 self._begin_axes(terms)
-            arms = [geometry.fit_arms(terms, link, self._before(link)) for link in self._links]
+            arms = [
+                geometry.fit_arms(terms, link, self._before(link), clocks=self._at is not None) for link in self._links
+            ]
             axes = [None if link.joint.kind == "ball" else self._axes(terms, link) for link in self._links]
             new = [_fitted(link, arm, axis) for link, arm, axis in zip(self._links, arms, axes, strict=True)]
             fits = _Fits(new, arms, axes, motion)
@@ -354,8 +400,21 @@ class _AlternatingSearch:
                 fits = fits._replace(links=self._mounted(fits, doubt))
             moved, turned = _change(self._links, fits.links)
             self._links, rounds = fits.links, rounds + 1
-            if (moved < SETTLED[0] and turned < SETTLED[1] and doubt < SURE) or rounds == ROUNDS:
+            late = 0.0 if self._at is None else self._set_clocks(fits)
+            if (max(moved, late) < SETTLED[0] and turned < SETTLED[1] and doubt < SURE) or rounds == ROUNDS:
                 return fits
+
+    def _set_clocks(self, fits: _Fits) -> float:
+        """Put right the clock of each unit against its neighbour's; gives the largest change, s."""
+        assert self._at is not None
+        units, changes = {segment.name: segment.unit for segment in self._chain.segments}, dict[str, Floats]()
+        for link, arm in zip(fits.links, fits.arms, strict=True):
+            offset, drift, sd = arm.clock
+            changes[link.joint.child] = changes.get(link.joint.parent, np.zeros(2)) + (offset, drift)
+            unit = units[link.joint.child]
+            self.clocks[unit] = self.clocks[unit].changed(changes[link.joint.child], sd)
+        self._samples = self._at(self.clocks)
+        return max(float(abs(change[0])) for change in changes.values())
 
     def _mounted(self, fits: _Fits, doubt: float) -> list[JointLink]:
         """Links of the chain whose mounts explain best what was found."""

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from plumbob import rotations
 from plumbob.arm.alignment import ArmCard, chain_samples, filter_params, opened_chain, parsed_chain, require_units
 from plumbob.arm.anchor import UNKNOWN, Anchored, anchored, directions_at, drifting
-from plumbob.arm.angles import JointTrack
+from plumbob.arm.angles import JointTrack, write_table
 from plumbob.arm.filter import Params, UnitSamples
+from plumbob.arm.gait import Strides
 from plumbob.arm.links import GROUND, JointLink, chain_links, unit_numbers
 from plumbob.arm.smoother import FRAME_SD, LOST, Attitudes, ChainStart, UnitAttitudes
 from plumbob.core import check, flags
@@ -63,6 +64,10 @@ class ArmEstimate(Series):
         By joint, at keyframes: covariance of the child's attitude against the parent's, parent axes, rad².
     notes : tuple of str
         What a reader should know.
+    strides : mapping of str to Strides
+        Of each leg that walks, by its side, "_r" or "_l"; only of `plumbob.joints`.
+    card : ArmCard or None
+        What `plumbob.joints` aligned, for another recording of the same units where they sit.
     """
 
     joints: JointTrack
@@ -72,6 +77,8 @@ class ArmEstimate(Series):
     rows: NDArray[np.intp] = field(repr=False)
     joint_cov: Mapping[str, Floats] = field(repr=False)
     notes: tuple[Note, ...] = ()
+    strides: Mapping[str, Strides] = field(default_factory=dict, repr=False)
+    card: ArmCard | None = field(default=None, repr=False)
 
     def facts(self) -> Mapping[str, str]:
         """Chain, frame, and how sure it is."""
@@ -85,6 +92,11 @@ class ArmEstimate(Series):
             "samples": f"{len(self.joints.t)} from {self.joints.t[0]:.6g} to {self.joints.t[-1]:.6g} s",
             "frame": f"{self.frame}, heading {next(iter(self.tracks.values())).north}",
             "standard deviations": f"{said} (medians)",
+            **{
+                f"{name} ({side[1]})": text
+                for side, walk in self.strides.items()
+                for name, text in walk.facts().items()
+            },
             "method": self.joints.source,
         }
 
@@ -101,7 +113,6 @@ class ArmEstimate(Series):
         """All numbers, as JSON can hold them; angles in degrees."""
         joints = self.joints
         assert joints.sd is not None
-        assert joints.hand is not None
         assert joints.flags is not None
         return {
             "chain": self.chain.name,
@@ -113,7 +124,8 @@ class ArmEstimate(Series):
                 name: {"last": float(to_deg(last)), "sd": float(to_deg(sd)), "median_sd": float(to_deg(median))}
                 for (name, last, sd), median in zip(self.at_end(), np.nanmedian(joints.sd, axis=0), strict=True)
             },
-            "hand_m": joints.hand[-1].tolist(),
+            **({} if joints.hand is None else {"hand_m": joints.hand[-1].tolist()}),
+            **({"strides": {side: walk.summary() for side, walk in self.strides.items()}} if self.strides else {}),
             "flags": flags.counts(joints.flags),
             "method": joints.source,
             "notes": as_json(self.notes),
@@ -126,6 +138,22 @@ class ArmEstimate(Series):
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the joint angles; as `JointTrack.save`."""
         return self.joints.save(path, overwrite=overwrite)
+
+    def save_strides(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the mean stride of all legs, ``.csv`` or ``.parquet``.
+
+        Raises
+        ------
+        ParameterError
+            If nothing walks, the suffix is another, or a file lies there and `overwrite` is false.
+        """
+        if not self.strides:
+            raise ParameterError(
+                f"no walk was seen in the motion of {self.chain.name}: strides need a shank, foot or thigh that swings "
+                "at least three times, and the body upright at some time."
+            )
+        columns = {name: column for walk in self.strides.values() for name, column in walk.columns().items()}
+        return write_table(path, columns, source=f"mean stride of {self.chain.name}", overwrite=overwrite)
 
     def postures(self) -> dict[str, Posture]:
         """Where every segment is: in the axes of a root that stands still, else in ENU; the root's origin stays."""

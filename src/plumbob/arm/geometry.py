@@ -16,6 +16,9 @@ CUT_OFF: Final = 3.0  # forces are compared below this, Hz: above, noise of the 
 ARM_SD: Final = 0.3  # an arm of which nothing is known is shorter than about this, m
 LEAST_FORCE_SD: Final = 0.05  # m/s²; less is not believed of a joint,
 LEAST_PLAY: Final = deg(0.2)  # nor is an axis that strays by less, rad
+CLOCK_SD: Final = (0.1, 100e-6)  # s and s/s: of clocks that have been brought together roughly
+REPEATS: Final = 1.0
+"""Limbs repeat their motion after about this, s, and what units on skin say wrongly of it comes again with it."""
 MEAN_OVER: Final = 0.1  # the filter takes means of forces over about this, s
 
 
@@ -57,6 +60,7 @@ class GeometryFit(NamedTuple):
     residual: float
     lasts: float
     shake: float = 0.0
+    clock: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of fit_arms: offset, s, drift, s/s, and sd of the offset, s
 
 
 class Terms(NamedTuple):
@@ -104,15 +108,15 @@ def _bias(motion: Attitudes, t: Floats, u: int) -> Floats:
     return np.stack([np.interp(t, times, motion.bias[:, u, axis]) for axis in range(3)], axis=1)
 
 
-def _slow(values: Floats, t: Floats) -> tuple[Floats, float]:
-    """Values (N, …) below the cut-off, thinned out, and how many of them say the same."""
+def below(values: Floats, t: Floats, cut_off: float = CUT_OFF) -> tuple[Floats, int]:
+    """Values (N, …) below a cut-off, Hz, thinned out, and of how many one is left."""
     from scipy.signal import butter, sosfiltfilt
 
     rate = 1.0 / float(np.median(np.diff(t)))
-    if rate > 2.5 * CUT_OFF and len(t) > 30:
-        values = sosfiltfilt(butter(2, CUT_OFF, fs=rate, output="sos"), values, axis=0)
-    every = max(1, int(rate / (4.0 * CUT_OFF)))
-    return values[::every], max(1.0, rate / every / (2.0 * CUT_OFF))
+    if rate > 2.5 * cut_off and len(t) > 30:
+        values = sosfiltfilt(butter(2, cut_off, fs=rate, output="sos"), values, axis=0)
+    every = max(1, int(rate / (4.0 * cut_off)))
+    return values[::every], every
 
 
 def lasting(values: Floats, step: float) -> float:
@@ -151,8 +155,12 @@ def arms_from_sizes(samples: UnitSamples, link: JointLink) -> Floats:
     return best.reshape(2, 3)
 
 
-def fit_arms(terms: Terms, link: JointLink, prior: Prior) -> GeometryFit:
-    """Arms that give both sides of a joint one force; linear least squares that a few bad moments do not disturb."""
+def fit_arms(terms: Terms, link: JointLink, prior: Prior, *, clocks: bool = False) -> GeometryFit:
+    """Arms that give both sides of a joint one force; linear least squares that a few bad moments do not disturb.
+
+    `clocks`: whether the child's clock may differ from the parent's; `clock` is by how much its stamps must grow. What
+    the forces leave, over how fast they change, says how well that is known, of as many values as differ in `REPEATS`.
+    """
     child = terms.matrix[link.child] @ terms.lever[link.child]
     ours = np.einsum("nij,nj->ni", terms.matrix[link.child], terms.force[link.child])
     if link.parent == GROUND:
@@ -161,10 +169,19 @@ def fit_arms(terms: Terms, link: JointLink, prior: Prior) -> GeometryFit:
         parent = -terms.matrix[link.parent] @ terms.lever[link.parent]
         theirs = np.einsum("nij,nj->ni", terms.matrix[link.parent], terms.force[link.parent])
     both, off = np.concatenate((parent, child), axis=2), theirs - ours
-    a, alike = _slow(both, terms.t)
-    y, _ = _slow(off, terms.t)
-    fit = _solved(a.reshape(-1, 6), y.ravel(), prior, alike, LEAST_FORCE_SD)
-    residual = off - both @ fit.value.ravel()
+    if clocks:  # what was felt at t + c is felt at t: less by c times its change
+        change = -np.gradient(ours + child @ link.arms[1], terms.t, axis=0)[:, :, np.newaxis]
+        since = (terms.t - 0.5 * (terms.t[0] + terms.t[-1]))[:, np.newaxis, np.newaxis]
+        both = np.concatenate((both, change, change * since), axis=2)
+    a, every = below(both, terms.t)
+    y, _ = below(off, terms.t)
+    alike = max(1.0, 1.0 / float(np.median(np.diff(terms.t))) / every / (2.0 * CUT_OFF))
+    fit, x = _solved(a.reshape(-1, a.shape[2]), y.ravel(), prior, alike, LEAST_FORCE_SD)
+    if clocks:
+        rate = float(np.sqrt(np.mean(a[:, :, 6] ** 2)))
+        offset_sd = fit.residual / max(rate, 1e-6) / float(np.sqrt(3.0 * 2.0 * CUT_OFF * REPEATS))
+        fit = fit._replace(clock=(float(x[6]), float(x[7]), offset_sd))
+    residual = off - both @ x
     count = max(1, round(MEAN_OVER / float(np.median(np.diff(terms.t)))))
     means = residual[: len(residual) // count * count].reshape(-1, count, 3).mean(axis=1)
     sides = 1.0 if link.parent == GROUND else 2.0
@@ -175,17 +192,20 @@ def fit_arms(terms: Terms, link: JointLink, prior: Prior) -> GeometryFit:
     )
 
 
-def _solved(a: Floats, y: Floats, prior: Prior, alike: float, least: float) -> GeometryFit:
-    """Least squares with a prior; residuals beyond two standard deviations count less."""
-    before, weight, sd = prior.value.ravel(), np.ones(len(y)), 10.0 * least
+def _solved(a: Floats, y: Floats, prior: Prior, alike: float, least: float) -> tuple[GeometryFit, Floats]:
+    """Least squares with a prior; residuals beyond two standard deviations count less. The fit, and all its numbers."""
+    before, weight, sd = np.zeros(a.shape[1]), np.ones(len(y)), 10.0 * least
+    before[:6] = prior.value.ravel()
+    information = np.diag(np.array([*(prior.sd,) * 6, *CLOCK_SD][: a.shape[1]]) ** -2.0)
     for _ in range(_ROUNDS):
         w = weight / (alike * sd**2)
-        normal = (a * w[:, np.newaxis]).T @ a + np.eye(6) / prior.sd**2
-        x = np.linalg.solve(normal, (a * w[:, np.newaxis]).T @ y + before / prior.sd**2)
+        normal = (a * w[:, np.newaxis]).T @ a + information
+        x = np.linalg.solve(normal, (a * w[:, np.newaxis]).T @ y + information @ before)
         off = np.abs(y - a @ x)
         sd = max(1.4826 * float(np.median(off)), least)
         weight = 1.0 / np.maximum(1.0, off / (2.0 * sd))
-    return GeometryFit(np.asarray(x).reshape(2, 3), np.asarray(np.linalg.inv(normal)), sd, MEAN_OVER)
+    cov = np.asarray(np.linalg.inv(normal))[:6, :6]
+    return GeometryFit(np.asarray(x[:6]).reshape(2, 3), cov, sd, MEAN_OVER), np.asarray(x)
 
 
 def first_axes(terms: Terms, link: JointLink) -> Floats:

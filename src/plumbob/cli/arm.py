@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
 from plumbob.cli.engine import Call, Verb, show
@@ -68,7 +68,18 @@ def align(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Estimate joint angles."""
-    motion = call(array=_read(args, call))
+    return _show_motion(args, verb, call(array=_read(args, call)))
+
+
+def joints(args: argparse.Namespace, verb: Verb, call: Call) -> int:
+    """Align units and estimate joint angles; files of a unit each have clocks of their own."""
+    pairs = [source.partition("=") for source in args.array]
+    named = {name: path for name, equals, path in pairs if equals}
+    sources = named if len(named) == len(pairs) else args.array[0] if len(pairs) == 1 else args.array
+    return _show_motion(args, verb, call(array=sources))
+
+
+def _show_motion(args: argparse.Namespace, verb: Verb, motion: Any) -> int:
     ends = {name: f"{to_deg(last):8.2f}° ± {to_deg(sd):.2f}° at the end" for name, last, sd in motion.at_end()}
     if not args.json:
         common.note(*map(str, motion.notes))

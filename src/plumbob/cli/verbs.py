@@ -19,7 +19,7 @@ def arm_page(motion: Any, _args: Namespace) -> Any:
     facts = [(name, value) for name, value in motion.facts().items() if name in ("frame", "method")]
     return arm_report(
         motion.chain, motion.joints, postures=motion.postures(), facts=facts, remarks=motion.notes,
-        title=motion.chain.name,
+        title=motion.chain.name, strides=motion.strides,
     )  # fmt: skip
 
 
@@ -45,6 +45,14 @@ def _write_hand(replay: Any, path: Path, args: Namespace) -> None:
     from plumbob.arm.angles import write_table
 
     write_table(path, replay.columns(), source=f"{Path(args.model).name} moved", overwrite=args.force)
+
+
+def _write_strides(motion: Any, path: Path, args: Namespace) -> None:
+    motion.save_strides(path, overwrite=args.force)
+
+
+def _write_card(motion: Any, path: Path, args: Namespace) -> None:
+    motion.card.save(path, overwrite=args.force)
 
 
 _LINE: Final = ("file", "capture", "date", "filter", "lag", "params", "noise", "init", "frame")
@@ -447,6 +455,20 @@ UNITS: Final = {
             ),
             "monitor": _array("which unit contradicts the others, since when", "monitor", example=" --out one.parquet"),
         },
+    ),
+    "joints": Verb(
+        "angles of a knee, a leg, an arm or a back from a unit on each segment, and the strides of a walk",
+        "joints.md", "plumbob joints thigh.csv shank.csv --hinge knee --upright 0s..2s --out knee.csv",
+        hidden=_HIDDEN, run="arm.joints", pages=arm_page,
+        writes={"out": ("file", save), "stride": ("strides", _write_strides), "card": ("card", _write_card)},
+        exclusive=(("hinge", "chain"),),
+        more={
+            "out": ("FILE", "table of angles: .csv, .parquet, or .mot for OpenSim"),
+            "stride": ("FILE", "the mean stride from 0 to 100 %%: .csv or .parquet"),
+            "card": ("JSON", "the chain as it was aligned, which --chain takes for another recording"),
+        },
+        note="Give a file for each unit, from the root on, or one recording of all. The axes of a segment come from "
+        "when the body stood upright; without a stretch of that a hinge's angle counts from the first sample.",
     ),
     "arm": Verb(
         "joint angles of a chain, and programs taught with it",

@@ -69,6 +69,7 @@ class Joint:
     # angles. A ball joint without any has yaw, pitch and roll of the child in the parent.
     axes: tuple[Vec, ...] = ()
     limits: tuple[Limits, ...] = ()  # of each angle; none: without limits
+    angle_names: tuple[str, ...] = ()  # of its angles; none: its own name, with 1, 2, 3 behind where it has several
 
     def __post_init__(self) -> None:
         """Validate, and normalise axes and rotation."""
@@ -95,6 +96,10 @@ class Joint:
         q = check.last_axis("q_pc", self.q_pc, 4)
         check.unit_norm("q_pc", q, 1e-3)
         limits = self.limits or (Limits(),) * count
+        if self.angle_names and len(self.angle_names) != count:
+            raise ParameterError(
+                f"the joint '{self.name}' has {counted(count, 'angle')}, but names {self.angle_names}."
+            )
         if len(limits) != count:
             raise ParameterError(f"the joint '{self.name}' has {counted(count, 'angle')}, but {len(limits)} limits.")
         for limit in limits:
@@ -120,8 +125,10 @@ class Joint:
 
     @property
     def angles(self) -> tuple[str, ...]:
-        """Names of its angles: its own, with 1, 2, 3 behind where it has several."""
+        """Names of its angles."""
         count = DEGREES_OF_FREEDOM[self.kind]
+        if self.angle_names:
+            return self.angle_names
         return (self.name,) if count == 1 else tuple(f"{self.name}{k + 1}" for k in range(count))
 
     def rotation(self, angles: Floats) -> Floats:
@@ -382,6 +389,8 @@ def _lines(chain: Chain) -> Iterator[str]:
     for joint in chain.joints:
         yield from ("", "[[joint]]")
         yield from (f"{key} = {toml_text(getattr(joint, key))}" for key in ("name", "parent", "child", "kind"))
+        if joint.angle_names:
+            yield f"angle_names = [{', '.join(map(toml_text, joint.angle_names))}]"
         if joint.origin is None:
             continue
         yield f"origin = {_lengths(joint.origin)}"
@@ -492,6 +501,7 @@ _ENDS: Final = {
 _JOINT: Final = schema.form(
     {
         **_ENDS,
+        "angle_names": schema.converted(tuple, schema.listed(_NAME)),
         "origin": PLACE,
         "axes": schema.either(list, _VECTORS, schema.described(_axes, type="string")),
         "q_pc": QUATERNION,

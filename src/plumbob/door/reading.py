@@ -138,8 +138,7 @@ def read_array(
         If a card does not fit the unit, or is applied a second time.
     """
     if not isinstance(sources, str | os.PathLike):
-        named = sources if isinstance(sources, Mapping) else _by_stem(sources)
-        array, notes = _joined(named), list[Finding]()
+        array, notes = _joined(read_units(sources)), list[Finding]()
     elif format is not None:
         array, notes = _of_bytes(check.path("sources", sources), format, rate)
     else:
@@ -189,19 +188,29 @@ def _of_bytes(file: Path, format: str | Path, rate: float | str | None) -> "tupl
     return array, [decoded_note(stream)]
 
 
-def _joined(named: Mapping[str, Source]) -> "ImuArray":
-    """Units of files that hold one each."""
-    from plumbob.data.array import ImuArray
+def read_units(sources: "Sequence[Source] | Mapping[str, Source | ImuData]") -> "dict[str, ImuData]":
+    """Units of files of one each, by the files' stems or as the mapping calls them; errors as of `read_array`."""
+    from plumbob.data.imu import ImuData
     from plumbob.live.recorded import read_recorded
 
     units: dict[str, ImuData] = {}
-    for name, source in named.items():
+    for name, source in (sources if isinstance(sources, Mapping) else _by_stem(sources)).items():
+        if isinstance(source, ImuData):
+            units[name] = source
+            continue
         file = check.path("sources", source)
         recording = read_recorded(file, calibrated=True) if is_own(file) else read(file)
         imu = recording.of_unit(None).imu
         if imu is None:
             raise DecodeError(f"{source} holds an attitude but no sensor data.")
         units[name] = imu
+    return units
+
+
+def _joined(units: "dict[str, ImuData]") -> "ImuArray":
+    """Units of files on one time line."""
+    from plumbob.data.array import ImuArray
+
     starts = {imu.meta.t0_ns for imu in units.values()} - {0}
     if len(starts) > 1:
         raise ClockError(

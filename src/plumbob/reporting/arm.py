@@ -10,6 +10,7 @@ from plumbob.arm.angles import JointTrack
 from plumbob.arm.array.monitoring import Monitored
 from plumbob.arm.array.relative import ArrayInfo
 from plumbob.arm.array.virtual_unit import Combined
+from plumbob.arm.gait import PERCENT, Strides
 from plumbob.arm.program import Program
 from plumbob.arm.replayed import in_order
 from plumbob.core import flags
@@ -80,10 +81,11 @@ def arm_report(
     title: str = "",
     facts: Sequence[tuple[str, str]] = (),
     remarks: Sequence[str] = (),
+    strides: Mapping[str, Strides] | None = None,
 ) -> Report:
     """Report of a motion: a stick figure, joint angles with their standard deviation, the hand, and a program.
 
-    `truth` are true angles at the same times, drawn pale.
+    `truth` are true angles at the same times, drawn pale; `strides` are those of each leg that walks.
     """
     angles = in_order(chain, track)
     if truth is not None and not np.array_equal(truth.t, track.t):
@@ -91,7 +93,11 @@ def arm_report(
     true = None if truth is None else in_order(chain, truth)
     tables = [_angles_table(chain, angles, track, true)]
     figures = [_angles_figure(chain, track, angles, program, true)]
-    if track.hand is not None or np.isfinite(angles).all():
+    has_hand = track.hand is not None or bool(chain.hand or any(chain.hand_b))
+    if strides:
+        figures.insert(0, _strides_figure(strides))
+        tables.insert(0, _strides_table(strides))
+    if has_hand and (track.hand is not None or np.isfinite(angles).all()):
         figures.append(_hand_figure(chain, track, angles, true))
     parts = [] if program is None else [_program_part(chain, program)]
     return Report(
@@ -103,6 +109,35 @@ def arm_report(
         parts=parts,
         scenes=[stick_figure(chain, track.t, angles, postures=postures, shadow=true)],
     )
+
+
+def _strides_figure(strides: Mapping[str, Strides]) -> Figure:
+    """Mean of each angle over the stride, a panel each, both legs in it, with the band of a standard deviation."""
+    names = list(dict.fromkeys(name[:-2] for walk in strides.values() for name in walk.names))
+    key = [({"_r": "right", "_l": "left"}[side], SERIES[k], "solid") for k, side in enumerate(strides)]
+
+    def panels() -> list[PlotPanel]:
+        made = []
+        for name in names:
+            lines = []
+            for k, (side, walk) in enumerate(strides.items()):
+                if name + side in walk.names:
+                    curves = to_deg(walk.curves[:, :, walk.names.index(name + side)])
+                    mean, sd = curves.mean(axis=0), curves.std(axis=0, ddof=1)
+                    lines.append(PlotLine(PERCENT, mean, SERIES[k], width=1.2,
+                                          band=(mean - sd, mean + sd, SERIES[k], 0.25)))  # fmt: skip
+            made.append(PlotPanel(f"{name.replace('_', ' ')} [°]", lines, "stride [%]", x=(0.0, 100.0)))
+        return made
+
+    return Figure("Mean stride, with the band of ± a standard deviation between strides", partial(draw_panels, panels),
+                  key, height=0.6 + 1.3 * len(names))  # fmt: skip
+
+
+def _strides_table(strides: Mapping[str, Strides]) -> Table:
+    facts = {side: dict(walk.facts()) for side, walk in strides.items()}
+    names = dict.fromkeys(name for texts in facts.values() for name in texts)
+    rows = [[name, *(texts.get(name, "") for texts in facts.values())] for name in names]
+    return Table("Strides", ["", *({"_r": "right", "_l": "left"}[side] for side in facts)], rows)
 
 
 def _angles_table(chain: Chain, angles: Floats, track: JointTrack, true: Floats | None) -> Table:

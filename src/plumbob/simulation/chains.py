@@ -1,4 +1,4 @@
-"""Chains by name, each a chain file: an arm of a person, a machine that is taught, a free chain of five.
+"""Chains by name, each a chain file: an arm of a person, a machine that is taught, a free chain of five, a leg.
 
 Units have errors of mounting, and soft tissue between bone and unit.
 """
@@ -21,9 +21,9 @@ from plumbob.simulation.errors import stream
 from plumbob.simulation.signals import Driven, Linear, Signal, Sine, Sum
 
 CHAINS: Final[Mapping[str, Chain]] = {
-    name: parse_chain(packaged(f"simulation/chains/{name}.toml")) for name in ("arm", "arm7", "teach", "five")
+    name: parse_chain(packaged(f"simulation/chains/{name}.toml")) for name in ("arm", "arm7", "teach", "five", "leg")
 }
-"""Chains by name: `arm` (ball, hinge, universal), `arm7` (with pronation), `teach` (six axes), `five` (free)."""
+"""Chains by name: `arm` (ball, hinge, universal), `arm7` (with pronation), `teach` (six axes), `five`, `leg` (free)."""
 
 
 def named_chain(name: str) -> Chain:

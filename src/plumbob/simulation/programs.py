@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check
 from plumbob.core.check import Floats
@@ -15,7 +15,18 @@ from plumbob.core.units import deg, dps
 from plumbob.data.chain import Chain, Limits
 from plumbob.rotations import Frame
 from plumbob.simulation.motion import EulerMotion, Motion
-from plumbob.simulation.signals import Moves, Signal, Sinusoids, Stack, Windowed, constant, random_phases, sinusoid
+from plumbob.simulation.signals import (
+    Linear,
+    Moves,
+    Ramps,
+    Signal,
+    Sinusoids,
+    Stack,
+    Windowed,
+    constant,
+    random_phases,
+    sinusoid,
+)
 
 _PEAKS: Final = (15.0 / 8.0, 10.0 / math.sqrt(3.0), 60.0)
 """Greatest velocity, acceleration and jerk of `quintic`, which goes from 0 to 1 in 1."""
@@ -206,12 +217,68 @@ def _still(chain: Chain, rng: np.random.Generator, duration: float) -> ChainProg
     return ChainProgram("at rest", constant(_span(chain).home), duration, ((0.0, duration),))
 
 
+_STRIDE: Final[Mapping[str, tuple[float, ...]]] = {
+    "hip1": (28, 24, 15, 6, -3, -9, -4, 12, 25, 30), "hip2": (0, 5, 5, 3, 1, -2, -5, -4, -2, -1),
+    "hip3": (-2, 0, 2, 2, 2, 3, 0, -2, -3, -2), "knee": (4, 15, 17, 11, 5, 8, 32, 59, 48, 16),
+    "ankle1": (0, -3, 3, 6, 9, 6, -15, -9, 0, 1), "ankle2": (1, -3, -3, -2, -1, 2, 5, 3, 2, 1),
+    "ankle3": (0, 1, 2, 2, 1, 0, -2, -3, -1, 0),
+}  # fmt: skip
+"""Angles of walking at each tenth of a stride from the heel's contact on, °, read off the means of Winter 1991."""
+
+
+def _angles(values: Floats) -> Floats:
+    return values[:, :3]
+
+
+def _place(values: Floats) -> Floats:
+    return values[:, 3:]
+
+
+def _walk(chain: Chain, rng: np.random.Generator, duration: float) -> ChainProgram:
+    """Walking, after standing upright to 1° in each angle: strides of 1.0 to 1.2 s, each some per cent different."""
+    if unknown := [name for name in chain.angles if name not in _STRIDE]:
+        raise ParameterError(f"walking moves {', '.join(_STRIDE)}, but {chain.name} has {', '.join(unknown)}.")
+    stride, phase = float(rng.uniform(1.0, 1.2)), float(rng.uniform(0.0, 1.0))
+    base, modulated = 2.0 * math.pi / stride, 2.0 * math.pi * rng.uniform(0.05, 0.15, 2)
+    steps = Moves((_LEAD, duration - 2.0), (1.5, 1.5), (1.0, -1.0))
+
+    def periodic(phasors: NDArray[np.complex128]) -> Signal:
+        """Harmonics (K, n) of a stride from the mean on, whose size varies by some per cent."""
+        n = np.arange(len(phasors))
+        turned = phasors * np.exp(2j * math.pi * phase * n)[:, np.newaxis]
+        omega, sides = base * n, [(0.0, 1.0), *((sign * w, 0.02) for w in modulated for sign in (1.0, -1.0))]
+        frequencies = np.concatenate([np.abs(omega + shift) for shift, _ in sides])
+        flips = np.concatenate([np.where(omega + shift < 0.0, -1.0, 1.0) for shift, _ in sides])[:, np.newaxis]
+        sizes = np.concatenate([size * turned for _, size in sides])
+        return Sinusoids.from_phasors(frequencies, np.where(flips < 0.0, sizes.conj(), sizes))
+
+    curves = np.deg2rad(np.array([_STRIDE[name] for name in chain.angles]).T)
+    harmonics = np.fft.rfft(curves, axis=0)[:5] / 5.0
+    harmonics[0] *= 0.5
+    sway = np.zeros((3, 6), dtype=np.complex128)  # pelvis: yaw, pitch, roll, rad; East, North and up, m
+    sway[1, [0, 2, 4]], sway[2, [1, 3, 5]] = (deg(4.0), deg(3.0), 0.025), (deg(1.5), 0.015, 0.022j)
+    winding = Sinusoids.from_phasors(2.0 * math.pi * np.array([0.021, 0.034]), deg(5.0) * random_phases(2, rng))
+    pelvis = Windowed(periodic(sway), steps)
+    still = np.zeros(6)
+    still[2] = 0.5 * math.pi  # y up
+    ends = np.array([_LEAD, _LEAD + 1.5, duration - 2.0, duration - 0.5])
+    way = Ramps(ends, np.array([0.0, 1.0, 1.0, 0.0]) * 1.4 / stride)  # 1.4 m each stride
+    turn = (
+        Stack((Windowed(winding, steps), *(constant(0.0),) * 2, way, *(constant(0.0),) * 2)) + pelvis + constant(still)
+    )
+    root = EulerMotion(Frame.ENU, Linear(turn, _angles), Linear(turn, _place))
+    posture = constant(deg(1.0) * rng.standard_normal(len(chain.angles)))  # nobody stands exactly upright
+    angles = Windowed(periodic(harmonics), steps) + Windowed(posture, constant(1.0) + -1.0 * steps)
+    return ChainProgram("walking", angles, duration, ((0.0, _LEAD),), root)
+
+
 PROGRAMS: Final[Mapping[str, Callable[[Chain, np.random.Generator, float], ChainProgram]]] = {
     "teach": _teach,
     "calibration": _calibration,
     "slow": _slow,
     "fast": _fast,
     "still": _still,
+    "walk": _walk,
 }
 """Programs by name: each is made for a chain, from a source of chance, to last a duration, s."""
 
@@ -243,7 +310,7 @@ def named_program(name: str, chain: Chain, *, rng: np.random.Generator, duration
     if not 0.0 < duration < math.inf:
         raise ParameterError(f"duration must be positive, but it is {duration:g} s.")
     made = (PROGRAMS[name] if chain.angles else _still)(chain, rng, duration)
-    root = None if chain.base_fixed else _wander(rng, still=name == "still")
+    root = made.root or (None if chain.base_fixed else _wander(rng, still=name == "still"))
     rests = root is None or name == "still"  # one that is carried stands still before it is taken up, and never again
     stops = tuple(
         (start, min(end, duration)) for start, end in made.stops if start < duration and (rests or end <= _LEAD)

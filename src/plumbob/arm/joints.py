@@ -1,0 +1,402 @@
+"""Joint angles of a body from a unit on each segment: `plumbob.joints`, with the joints of people by name.
+
+A joint's angles are those of the joint coordinate system [GroodSuntay1983] as the ISB names them [Wu2002] [Wu2005]: the
+axes of a segment point ahead (x), up (y) and to the right (z) when the body stands upright with hanging arms, where all
+angles are zero; flexion turns about the z axis of the parent, rotation about the y axis of the child, and abduction
+about the axis between them. Names are those of OpenSim's models, with ``_r`` or ``_l`` behind.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.arm.alignment import ArmCard, align, align_units, on_one_clock, opened_chain
+from plumbob.arm.angles import JointTrack
+from plumbob.arm.clocks import UnitClock, first_offset
+from plumbob.arm.estimation import ArmEstimate, run
+from plumbob.arm.gait import walked
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, unknown_name
+from plumbob.core.findings import Note, info, warning
+from plumbob.core.units import Quantity, deg, given, to_deg
+from plumbob.data.array import ImuArray, UnitMount
+from plumbob.data.chain import Chain, Joint, Segment
+from plumbob.data.imu import ImuData
+from plumbob.rotations import Frame, dcm_from_quat, quat_conjugate, quat_from_dcm, quat_multiply, quat_rotate
+
+if TYPE_CHECKING:
+    from plumbob.door.reading import Source
+
+SWAY: Final = deg(0.3)
+"""A body that stands still turns by so much, rad: gyroscopes show their bias to this over the time."""
+TOGETHER: Final = 0.5
+"""Correlation that turns about two axes of a limb may have in a walk: by so much of one the axis of the other errs."""
+STAMPS: Final = ("unknown", "mean", "instant")
+
+
+class BodyJoint(NamedTuple):
+    """A joint of a body: segments, kind, letters of the axes of its angles on the right side, and their names."""
+
+    parent: str
+    child: str
+    kind: str
+    axes: str
+    angles: tuple[str, ...]
+    one_sided: bool = False  # whether it hardly goes beyond upright to the other side, as a knee
+
+
+JOINTS: Final[Mapping[str, BodyJoint]] = {
+    "hip": BodyJoint("pelvis", "thigh", "ball", "z x y", ("hip_flexion", "hip_adduction", "hip_rotation")),
+    "knee": BodyJoint("thigh", "shank", "hinge", "-z", ("knee_angle",), one_sided=True),
+    "ankle": BodyJoint("shank", "foot", "ball", "z x y", ("ankle_angle", "subtalar_angle", "ankle_rotation")),
+    "lumbar": BodyJoint("pelvis", "thorax", "ball", "z x y", ("lumbar_extension", "lumbar_bending", "lumbar_rotation")),
+    "shoulder": BodyJoint("thorax", "upperarm", "ball", "z x y", ("arm_flex", "arm_add", "arm_rot")),
+    "elbow": BodyJoint("upperarm", "forearm", "hinge", "z", ("elbow_flex",), one_sided=True),
+    "wrist": BodyJoint("forearm", "hand", "ball", "x z y", ("wrist_flex", "wrist_dev", "wrist_rot")),
+}
+"""Joints by name; positive are flexion, adduction, internal rotation, dorsiflexion and inversion, and of the back
+extension, bending to the right and turning to the left."""
+CHAINS: Final[Mapping[str, tuple[str, ...]]] = {
+    **{name: (name,) for name in JOINTS},
+    "leg": ("hip", "knee", "ankle"), "legs": ("hip", "knee", "ankle"), "arm": ("shoulder", "elbow", "wrist"),
+    "back": ("lumbar",),
+}  # fmt: skip
+
+
+def joints(
+    array: "ImuArray | Source | Sequence[Source] | Mapping[str, Source]",
+    *,
+    hinge: str | None = None,
+    chain: Chain | ArmCard | str | Path | None = None,
+    side: str = "right",
+    upright: tuple[float, float] | None = None,
+    upright_sd: float | str = "1 deg",
+    stamps: str = "unknown",
+    frame: Frame | str | None = None,
+    params: Mapping[str, Any] | None = None,
+) -> ArmEstimate:
+    """Joint angles of a body from a unit on each segment, aligned by the motion itself.
+
+    Where every segment has a file of its own, the clocks may differ: offset and drift are found from the motion.
+
+    Parameters
+    ----------
+    array : ImuArray, or what `plumbob.read_array` reads
+        The units, from the root of the chain on: thigh and shank for a knee. Names that contain those of the segments
+        may stand in any order.
+    hinge : str, optional
+        One hinge between two units: "knee", "elbow", or any word for the hinge of a machine.
+    chain : str, Chain, ArmCard or path, optional
+        In place of a hinge: "knee", "elbow", "ankle", "hip", "leg" (pelvis, thigh, shank, foot), "legs" (pelvis, and
+        both), "arm" (thorax, upper arm, forearm, hand), "back" (pelvis, thorax); or a chain file or card.
+    side : {"right", "left"}
+        Of the body, which says what adduction, inversion and internal rotation are.
+    upright : (float, float), optional
+        From when to when, s, the body stood upright with hanging arms, where all angles are zero. Joints other than
+        hinges need it; the angle of a hinge counts from the first sample without it.
+    upright_sd : float or str
+        How exactly it did, of each segment, rad, or text with a unit.
+    stamps : {"unknown", "mean", "instant"}
+        Whether a sample is the mean since the one before, or the value at its time. Where it is unknown, angles lie
+        between, and their claim covers both.
+    frame : Frame or str, optional
+        Navigation frame of the segments' attitudes; by default that of the recording, else ENU.
+    params : mapping, optional
+        Of the filter, `plumbob.arm.filter.Params`.
+
+    Returns
+    -------
+    ArmEstimate
+        With `strides` where the motion is a walk.
+
+    Raises
+    ------
+    ParameterError
+        If neither or both of `hinge` and `chain` are given, units do not fit, or a pose is needed.
+    ClockError
+        If units have no time in common, or the motion does not show how their clocks differ.
+    """
+    if (hinge is None) == (chain is None):
+        raise ParameterError("joints takes either a hinge, as knee, or a chain, as leg or a file; give one of them.")
+    check.one_of("stamps", stamps, STAMPS)
+    check.one_of("side", side, ("right", "left"))
+    held = given("upright_sd", upright_sd, Quantity.ANGLE, positive=True) or 0.0
+    units, separate = _opened_units(array)
+    body, named = _chain_of(hinge, chain, tuple(units), side)
+    geometry = body if isinstance(body, Chain) else body.chain
+    if named and upright is None and any(JOINTS[joint].kind != "hinge" for joint in named.values()):
+        raise ParameterError(
+            f"the angles of {geometry.name} count from the body upright with hanging arms, so joints needs to "
+            "know when it stood so: --upright 0s..2s. A hinge alone does without."
+        )
+    settings = {"mean_rate": stamps != "instant", **dict(params or {})}
+    poses = [] if upright is None else [(*upright, [0.0] * len(geometry.angles))]
+    clocks = _first_clocks(units, geometry) if separate else {}
+    if upright is not None:
+        units = _less_bias(units, clocks, upright)
+        settings = {"bias_sd": SWAY / (upright[1] - upright[0]), **settings}
+    if isinstance(body, ArmCard) and separate:
+        raise ParameterError("a card says nothing of clocks: give all units in one recording, or the chain's name.")
+    card = body if isinstance(body, ArmCard) else None
+    if card is None and separate:
+        card, clocks = align_units(geometry, units, clocks, poses=poses, params=settings)
+    recording = on_one_clock(units, clocks)
+    card = align(geometry, recording, poses=poses, params=settings) if card is None else card
+    notes: list[Note] = [
+        info("joints.clock", unit=unit, offset_ms=1e3 * clock.offset, sd_ms=1e3 * clock.sd, ppm=1e6 * clock.drift)
+        for unit, clock in clocks.items()
+    ]
+    if named and upright is not None and isinstance(body, Chain):
+        card, remarks = _in_body_axes(card, recording, named, upright, held)
+        notes += remarks
+    estimate = run(card, recording, frame=_frame(recording, frame), params=settings)
+    track = _with_timing(estimate, card, recording, clocks, 0.25 if stamps == "unknown" else 0.0)
+    if upright is None and isinstance(body, Chain) and track.sd is not None and not body.known:
+        track = replace(track, sd=np.hypot(track.sd, track.sd[0]))  # the angle at the first sample is 0 by name alone
+    if named:
+        track = replace(track, hand=None, hand_sd=None)
+        if upright is None:
+            joint = geometry.joints[0].name
+            track = replace(track, angles=track.angles * (np.sign(np.nanmean(track.angles)) or 1.0))
+            notes.append(warning("joints.first_sample", joint=joint))
+    notes += estimate.notes
+    strides = walked(track, card.chain, recording) if named and upright is not None else {}
+    return replace(estimate, joints=track, notes=tuple(notes), strides=strides, card=card)
+
+
+def _opened_units(array: Any) -> tuple[dict[str, ImuData], bool]:
+    """Units by name, and whether each has a clock of its own."""
+    from plumbob.door.reading import opened_array, read_units
+
+    if isinstance(array, ImuArray | str | Path):
+        return dict(opened_array(array).units), False
+    units = read_units(array)
+    return units, len(units) > 1
+
+
+def _chain_of(
+    hinge: str | None, chain: Chain | ArmCard | str | Path | None, units: tuple[str, ...], side: str
+) -> tuple[Chain | ArmCard, dict[str, str]]:
+    """The chain, and which joint of people each of its joints is, by name; none of a machine or a file."""
+    wanted = chain or hinge or ""
+    if isinstance(wanted, Chain | ArmCard) or (chain is not None and str(wanted) not in CHAINS):
+        if isinstance(wanted, str) and not Path(wanted).suffix:
+            raise unknown_name("chain", wanted, CHAINS, hint="A file ends in .toml, .urdf or .json.")
+        return opened_chain(wanted), {}
+    name = str(wanted)
+    if hinge is not None and (name not in CHAINS or JOINTS[name].kind != "hinge"):
+        if name in CHAINS:
+            raise ParameterError(f"the {name} is not a hinge; use --chain {name}.")
+        require_count(units, ("the part before it", "the part behind it"), name)
+        parts = tuple(Segment(unit, unit) for unit in units)
+        return Chain(name, parts, (Joint(name, units[0], units[1], "hinge", origin=None),)), {}
+    ends = ("_r", "_l") if name == "legs" else ("_" + side[0],)
+    joints, named = list[Joint](), dict[str, str]()
+    segments = [_name_with_side(JOINTS[CHAINS[name][0]].parent, ends[0])]
+    for end in ends:
+        for joint in CHAINS[name]:
+            kind = JOINTS[joint]
+            title = _name_with_side(joint, end)
+            angles = kind.angles if title == joint else tuple(angle + end for angle in kind.angles)
+            parent, child = _name_with_side(kind.parent, end), _name_with_side(kind.child, end)
+            joints.append(Joint(title, parent, child, kind.kind, origin=None, angle_names=angles))
+            named[title] = joint
+            segments.append(joints[-1].child)
+    carried = _units_by_segment(segments, units, name)
+    return Chain(name, tuple(Segment(part, carried[part]) for part in segments), tuple(joints)), named
+
+
+def _name_with_side(name: str, end: str) -> str:
+    """Name with the side, of what the body has twice."""
+    return name if name in ("pelvis", "thorax", "lumbar") else name + end
+
+
+def require_count(units: Sequence[str], segments: Sequence[str], name: str) -> None:
+    """Refuse more or fewer units than segments."""
+    if len(units) != len(segments):
+        raise ParameterError(
+            f"{name} has {len(segments)} segments ({', '.join(segments)}), each with a unit, but the recording has "
+            f"{len(units)}: {', '.join(units)}."
+        )
+
+
+def _units_by_segment(segments: Sequence[str], units: Sequence[str], name: str) -> dict[str, str]:
+    """Unit on each segment: the one whose name contains the segment's, for all; else in the order given."""
+    require_count(units, segments, name)
+    words = {unit: "".join(filter(str.isalnum, unit.casefold())) for unit in units}
+    sides = {"_r": ("right", "r"), "_l": ("left", "l")}
+    fits = {}
+    for segment in segments:
+        part, end = (segment[:-2], segment[-2:]) if segment[-2:] in sides else (segment, "")
+        same = [unit for unit in units if part in words[unit]]
+        if len(same) > 1 and end:
+            same = [unit for unit in same if words[unit].replace(part, "").startswith(sides[end])]
+        fits[segment] = same
+    if all(len(same) == 1 for same in fits.values()) and len({same[0] for same in fits.values()}) == len(units):
+        return {segment: same[0] for segment, same in fits.items()}
+    return dict(zip(segments, units, strict=True))
+
+
+def _less_bias(
+    units: Mapping[str, ImuData], clocks: Mapping[str, UnitClock], upright: tuple[float, float]
+) -> dict[str, ImuData]:
+    """Units less what their gyroscopes say on average while the body stands upright."""
+    less = {}
+    for name, imu in units.items():
+        t = clocks[name].corrected(imu.t) if name in clocks else imu.t
+        gyr = imu.usable("gyr")
+        rows = (t >= upright[0]) & (t <= upright[1]) & np.isfinite(gyr).all(axis=1)
+        if not rows.any():
+            raise ParameterError(
+                f"'{name}' has no sample from {upright[0]:g} to {upright[1]:g} s, when the body is said to be upright."
+            )
+        less[name] = imu.corrected(meta=imu.meta, gyr=gyr - gyr[rows].mean(axis=0))
+    return less
+
+
+def _first_clocks(units: Mapping[str, ImuData], chain: Chain) -> dict[str, UnitClock]:
+    """Clocks of all units but the root's, roughly, against the root's."""
+    on = {segment.name: segment.unit for segment in chain.segments}
+    root, clocks = units[on[chain.segments[0].name]], dict[str, UnitClock]()
+    dated = all(imu.meta.t0_ns for imu in units.values())
+    for joint in chain.joints:
+        unit, parent = units[on[joint.child]], units[on[joint.parent]]
+        expected = 1e-9 * (unit.meta.t0_ns - parent.meta.t0_ns) if dated else None
+        offset = first_offset(parent, unit, name=on[joint.child], expected=expected)
+        offset += clocks[on[joint.parent]].offset if on[joint.parent] in clocks else 0.0
+        middle = 0.5 * float(root.t[0] + root.t[-1]) - offset
+        clocks[on[joint.child]] = UnitClock(offset, 0.0, middle)
+    return clocks
+
+
+def _frame(recording: ImuArray, frame: Frame | str | None) -> Frame:
+    """Frame of the attitudes; joint angles do not depend on it."""
+    return Frame.parse(frame) if frame is not None else next(iter(recording.units.values())).meta.frame or Frame.ENU
+
+
+def _in_body_axes(
+    card: ArmCard, recording: ImuArray, named: Mapping[str, str], upright: tuple[float, float], held: float
+) -> tuple[ArmCard, list[Note]]:
+    """The card with segments in the axes of the ISB: y up in the upright pose, z along the hinges to the right."""
+    chain, rows = card.chain, (recording.t >= upright[0]) & (recording.t <= upright[1])
+    on, notes = {segment.name: recording.units[segment.unit] for segment in chain.segments}, list[Note]()
+    posed = {chain.segments[0].name: np.array([1.0, 0.0, 0.0, 0.0])}  # of each unit in the root's, when upright
+    for joint in chain.joints:
+        posed[joint.child] = quat_multiply(posed[joint.parent], np.array(joint.q_pc))
+    forces = [quat_rotate(posed[name], np.nanmean(imu.usable("acc")[rows], axis=0)) for name, imu in on.items()]
+    up = _unit(np.sum(forces, axis=0))
+    right, right_sd = _to_the_right(chain, on, posed, named, rows, up)
+    if right_sd:
+        notes.append(warning("joints.main_axis", segment=chain.segments[-1].name, sd_deg=to_deg(right_sd)))
+    base = np.stack([np.cross(up, right), up, right])  # rows: ahead, up, right in the root's unit
+    turns = {name: base @ dcm_from_quat(q) for name, q in posed.items()}
+    turn_sds = {name: np.hypot(held / math.sqrt(2.0), [0.0, right_sd, 0.0]) for name in on}
+    for link, joint_card in zip(card.links(), card.joints, strict=True):
+        if link.joint.kind == "hinge":  # its axis is known better than how the body stood
+            # what strays comes again with each stride, so that all strides say the same of the axis
+            repeated = math.sqrt(max(float(recording.t[-1] - recording.t[0]) / (2.0 * link.play_time), 1.0))
+            for name, axis in zip((link.joint.parent, link.joint.child), link.axes[:, 0], strict=True):
+                z = axis * np.sign(axis @ turns[name][2])
+                y = _unit(turns[name][1] - z * (z @ turns[name][1]))
+                turns[name] = np.stack([np.cross(y, z), y, z])
+                turn_sds[name][:2] = repeated * max(joint_card.axis_sd)
+    quats = {name: quat_from_dcm(turn) for name, turn in turns.items()}
+    segments = tuple(
+        replace(
+            body,
+            mount=UnitMount(
+                tuple(quats[body.name].tolist()), tuple((turns[body.name] @ np.array(body.mount.lever_b)).tolist())
+            ),
+        )
+        for body in chain.segments
+    )
+    joints = tuple(_named_joint(joint, quats, turns, named[joint.name]) for joint in chain.joints)
+    sds = {body.unit: [*turn_sds[body.name].tolist(), *card.mount_sd[body.unit][3:]] for body in chain.segments}
+    return replace(card, chain=replace(chain, segments=segments, joints=joints), mount_sd=sds), notes
+
+
+def _named_joint(joint: Joint, quats: Mapping[str, Floats], turns: Mapping[str, Floats], name: str) -> Joint:
+    """A joint in the axes of its segments, with the axes of its angles in their order and sign."""
+    body = JOINTS[name]
+    nominal = np.array([_sign_of(axis) * np.eye(3)["xyz".index(axis[-1])] for axis in body.axes.split()])
+    if joint.name.endswith("_l"):  # what turns about x and y goes the other way
+        nominal = nominal * np.array([-1.0, -1.0, 1.0])
+    q = quat_multiply(quat_multiply(quats[joint.parent], np.array(joint.q_pc)), quat_conjugate(quats[joint.child]))
+    axes = nominal
+    if body.kind == "hinge":
+        axes = np.array(joint.axes) @ turns[joint.child].T
+        axes = axes * np.sign(axes @ nominal[0])
+    return replace(
+        joint, origin=tuple((turns[joint.parent] @ np.array(joint.place)).tolist()), q_pc=tuple(q.tolist()),
+        axes=tuple(tuple(axis) for axis in axes.tolist()),
+    )  # fmt: skip
+
+
+def _sign_of(axis: str) -> float:
+    return -1.0 if axis.startswith("-") else 1.0
+
+
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _to_the_right(
+    chain: Chain, on: Mapping[str, ImuData], posed: Mapping[str, Floats], named: Mapping[str, str],
+    rows: NDArray[np.bool_], up: Floats,
+) -> tuple[Floats, float]:  # fmt: skip
+    """Level axis to the right in the root's unit when upright, and its standard deviation, rad, where it was guessed.
+
+    A knee or an elbow says it, as it goes to one side alone; else it is the axis that the last segment turns about
+    most, and a walk goes ahead: a leg swings ahead faster than back.
+    """
+    total = np.zeros(3)
+    for joint in chain.joints:
+        body = JOINTS[named[joint.name]]
+        if body.one_sided:
+            axis = np.array(joint.axes[0])  # in the child's unit; the parent's is that turned by q_pc
+            rates = [_rates(on[name], rows) @ a for name, a in (
+                (joint.child, axis), (joint.parent, quat_rotate(np.array(joint.q_pc), axis)))]  # fmt: skip
+            t = on[joint.child].t
+            angle = np.cumsum((rates[0] - rates[1]) * np.diff(t, prepend=t[0]))
+            way = float(np.mean(angle))  # flexion is to the side that the angle is mostly on
+            total += np.sign(way) * _sign_of(body.axes) * quat_rotate(posed[joint.child], axis)
+    if total.any():
+        return _unit(total - up * (up @ total)), 0.0
+    name = chain.segments[-1].name
+    rate = quat_rotate(posed[name], _rates(on[name], rows))
+    level = rate - np.outer(rate @ up, up)
+    sizes, axes = np.linalg.eigh(level.T @ level)
+    axis = axes[:, -1]
+    return _unit(axis * np.sign(np.mean((rate @ axis) ** 3))), TOGETHER * math.sqrt(max(sizes[-2], 0.0) / sizes[-1])
+
+
+def _rates(imu: ImuData, rows: NDArray[np.bool_]) -> Floats:
+    """Rates (N, 3) less what the gyroscope says at rest in the rows, 0 where there are none, rad/s."""
+    gyr = imu.usable("gyr")
+    return np.asarray(np.nan_to_num(gyr - np.nanmean(gyr[rows], axis=0)))
+
+
+def _with_timing(
+    estimate: ArmEstimate, card: ArmCard, recording: ImuArray, clocks: Mapping[str, UnitClock], share: float
+) -> JointTrack:
+    """Angles whose claims count what clocks and stamps leave open; `share` of a step as far as stamps are unknown."""
+    track, sd = estimate.joints, np.array(estimate.joints.sd)
+    step = share * float(np.median(np.diff(track.t)))
+    speed = np.gradient(track.angles, track.t, axis=0)
+    on = {segment.name: segment.unit for segment in card.chain.segments}
+    late = [
+        np.broadcast_to(
+            (clocks[on[joint.child]].sd if on[joint.child] in clocks else 0.0)
+            * np.linalg.norm(np.nan_to_num(recording.units[on[joint.child]].usable("gyr")), axis=1)[:, np.newaxis],
+            (len(track.t), len(joint.angles)),
+        )
+        for joint in card.chain.joints
+    ]
+    sd = np.sqrt(sd**2 + (step * speed) ** 2 + np.hstack(late) ** 2)
+    return replace(track, angles=track.angles - step * speed, sd=sd)

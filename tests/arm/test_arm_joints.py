@@ -1,0 +1,129 @@
+"""Joint angles of a leg that walks, on one clock or on several, and its strides; truth is that of the simulator."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import plumbob
+from plumbob.arm.joints import CHAINS, JOINTS
+from plumbob.data.array import ImuArray
+from plumbob.data.chain import chain_text, parse_chain
+from plumbob.simulation import simulate_chain
+
+UPRIGHT = (0.0, 1.8)
+OFFSET, DRIFT = 0.03, 40e-6
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return simulate_chain(
+        "leg", "walk", frame="ENU", sensors="icm20948", unit="random", seed=2, rate=100.0, duration="24 s",
+        gyr_range="2000 deg/s", acc_range="16 g", mount_angle="15 deg", mount_shift="2 cm",
+    )  # fmt: skip
+
+
+def units(walk, *names):
+    return ImuArray({name: walk.array.units[name] for name in names})
+
+
+def error_of(walk, found, name, column):
+    """Error behind the upright pose, rad, and the whole error."""
+    true = np.interp(found.joints.t, walk.t, walk.angles[:, column])
+    error = found.joints.angles[:, found.joints.names.index(name)] - true
+    return error - error[found.joints.t < UPRIGHT[1]].mean(), error
+
+
+def rms(error):
+    return np.degrees(np.sqrt(np.mean(error**2)))
+
+
+def test_files_on_clocks_of_their_own_give_the_knee_and_its_strides(walk, tmp_path):
+    shank = walk.array.units["shank"]
+    late = replace(shank, t=np.array(shank.t) * (1.0 + DRIFT) + OFFSET)
+    plumbob.write(tmp_path / "my_shank.csv", late)
+    plumbob.write(tmp_path / "thigh.csv", walk.array.units["thigh"])
+    files = [tmp_path / "my_shank.csv", tmp_path / "thigh.csv"]  # in the wrong order: their names say what they are
+    found = plumbob.joints(files, hinge="knee", upright=UPRIGHT)
+    behind, whole = error_of(walk, found, "knee_angle_r", 3)
+    assert rms(behind) < 1.0  # issue's bar; half a step of unknown stamps is 2° at 400°/s
+    assert np.mean(np.abs(whole) < 2.0 * found.joints.sd[:, 0]) > 0.9
+    (clock,) = [note.values for note in found.notes if getattr(note, "code", "") == "joints.clock"]
+    middle = OFFSET + DRIFT * 12.0
+    assert abs(clock["offset_ms"] + 1e3 * middle) < 3.0 * clock["sd_ms"]
+    stride = found.strides["_r"]
+    spectrum = np.abs(np.fft.rfft(walk.angles[500:2000, 3] - walk.angles[500:2000, 3].mean(), 1 << 16))
+    assert stride.cadence == pytest.approx(120.0 * np.fft.rfftfreq(1 << 16, 0.01)[np.argmax(spectrum)], rel=0.02)
+    assert len(stride) >= 12
+    grids = stride.start[:, np.newaxis] + np.outer(stride.end - stride.start, np.linspace(0.0, 1.0, 101))
+    true = np.interp(grids, walk.t, walk.angles[:, 3])
+    assert rms(np.ptp(stride.curves[:, :, 0], axis=1) - np.ptp(true, axis=1)) < 1.0
+    found.save(tmp_path / "knee.mot")
+    again = ImuArray({"my_shank": shank, "thigh": walk.array.units["thigh"]})
+    assert plumbob.joints(again, chain=found.card).joints.names == ("knee_angle_r",)
+
+
+def test_all_angles_of_a_leg_and_what_is_said_of_them(walk, tmp_path):
+    found = plumbob.joints(walk.array, chain="leg", upright=UPRIGHT, stamps="instant")
+    names = [angle + "_r" for joint in CHAINS["leg"] for angle in JOINTS[joint].angles]
+    assert list(found.joints.names) == names
+    for k, name in enumerate(names):
+        behind, whole = error_of(walk, found, name, k)
+        assert rms(behind) < 1.5, name
+        assert np.mean(np.abs(whole) < 2.0 * found.joints.sd[:, k]) > 0.85, name
+    assert found.joints.hand is None
+    assert "hand_m" not in found.summary()
+    assert parse_chain(chain_text(found.chain)).angles == found.chain.angles
+    text = found.save(tmp_path / "leg.mot").read_text().splitlines()
+    assert text[6].split("\t") == ["time", *names]
+    assert float(text[7 + 500].split("\t")[4]) == np.degrees(found.joints.angles[500, 3])
+
+
+def test_the_left_side_is_the_right_one_in_a_mirror(walk):
+    right = plumbob.joints(units(walk, "pelvis", "thigh"), chain="hip", upright=UPRIGHT).joints
+    left = plumbob.joints(units(walk, "pelvis", "thigh"), chain="hip", upright=UPRIGHT, side="left").joints
+    assert left.names == ("hip_flexion_l", "hip_adduction_l", "hip_rotation_l")
+    assert np.allclose(left.angles, right.angles * [1.0, -1.0, -1.0], atol=1e-9)
+
+
+def test_a_hinge_without_a_pose_counts_from_the_first_sample(walk):
+    found = plumbob.joints(units(walk, "thigh", "shank"), hinge="knee", stamps="instant")
+    assert "joints.first_sample" in [getattr(note, "code", "") for note in found.notes]
+    true = walk.angles[:, 3] - walk.angles[0, 3]
+    assert np.mean(np.abs(found.joints.angles[:, 0] - true) < 2.0 * found.joints.sd[:, 0]) > 0.85
+    machine = plumbob.joints(units(walk, "thigh", "shank"), hinge="boom", stamps="instant")
+    assert machine.joints.names == ("boom",)
+    assert not machine.strides
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({}, "either a hinge"),
+        ({"hinge": "knee", "chain": "leg"}, "either a hinge"),
+        ({"hinge": "hip"}, "--chain hip"),
+        ({"chain": "hip"}, "--upright"),
+        ({"chain": "lge"}, "leg"),
+        ({"chain": "leg", "upright": UPRIGHT}, "4 segments"),
+        ({"hinge": "knee", "upright": (100.0, 101.0)}, "no sample"),
+        ({"hinge": "knee", "stamps": "late"}, "unknown"),
+    ],
+)
+def test_what_does_not_fit_is_refused(walk, given, said):
+    with pytest.raises(plumbob.PlumbobError, match=said):
+        plumbob.joints(units(walk, "thigh", "shank"), **given)
+
+
+def test_a_walk_without_a_beginning_and_without_dates_has_no_one_offset(walk):
+    """Of parts that begin in the middle of strides that repeat themselves, an offset is refused or right."""
+    parts = {name: walk.array.units[name][600:2000] for name in ("thigh", "shank")}
+    parts = {name: replace(imu, t=np.array(imu.t) - imu.t[0]) for name, imu in parts.items()}
+    parts["shank"] = parts["shank"][700:]
+    parts["shank"] = replace(parts["shank"], t=np.array(parts["shank"].t) - parts["shank"].t[0])
+    try:
+        found = plumbob.joints(parts, hinge="knee")
+    except plumbob.PlumbobError as error:
+        assert "repeats itself" in str(error)
+    else:
+        (clock,) = [note.values for note in found.notes if getattr(note, "code", "") == "joints.clock"]
+        assert abs(clock["offset_ms"] - 7000.0) < 3.0 * clock["sd_ms"] + 5.0
