@@ -60,7 +60,11 @@ def test_files_on_clocks_of_their_own_give_the_knee_and_its_strides(walk, tmp_pa
     assert rms(np.ptp(stride.curves[:, :, 0], axis=1) - np.ptp(true, axis=1)) < 1.0
     found.save(tmp_path / "knee.mot")
     again = ImuArray({"my_shank": shank, "thigh": walk.array.units["thigh"]})
-    assert plumbob.joints(again, chain=found.card).joints.names == ("knee_angle_r",)
+    by_card = plumbob.joints(again, chain=found.card, upright=UPRIGHT)
+    assert by_card.joints.names == ("knee_angle_r",)
+    assert len(by_card.strides["_r"]) == len(stride)
+    by_card = plumbob.joints({"my_shank": late, "thigh": walk.array.units["thigh"]}, chain=found.card, upright=UPRIGHT)
+    assert rms(error_of(walk, by_card, "knee_angle_r", 3)[0]) < 1.0
 
 
 def test_all_angles_of_a_leg_and_what_is_said_of_them(walk, tmp_path):
@@ -84,6 +88,9 @@ def test_the_left_side_is_the_right_one_in_a_mirror(walk):
     left = plumbob.joints(units(walk, "pelvis", "thigh"), chain="hip", upright=UPRIGHT, side="left").joints
     assert left.names == ("hip_flexion_l", "hip_adduction_l", "hip_rotation_l")
     assert np.allclose(left.angles, right.angles * [1.0, -1.0, -1.0], atol=1e-9)
+    named = ImuArray({f"Left {name}": walk.array.units[name] for name in ("thigh", "shank")})
+    with pytest.raises(plumbob.PlumbobError, match="say left"):
+        plumbob.joints(named, hinge="knee", upright=UPRIGHT)
 
 
 def test_a_hinge_without_a_pose_counts_from_the_first_sample(walk):

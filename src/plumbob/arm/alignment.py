@@ -391,7 +391,10 @@ class _AlternatingSearch:
             if not self._chain.known:
                 self._begin_axes(terms)
             arms = [
-                geometry.fit_arms(terms, link, self._before(link), clocks=self._at is not None) for link in self._links
+                geometry.fit_arms(
+                    terms, link, self._before(link), clocks=self._at is not None and link.parent != GROUND
+                )
+                for link in self._links
             ]
             axes = [None if link.joint.kind == "ball" else self._axes(terms, link) for link in self._links]
             new = [_fitted(link, arm, axis) for link, arm, axis in zip(self._links, arms, axes, strict=True)]
@@ -411,8 +414,8 @@ class _AlternatingSearch:
         for link, arm in zip(fits.links, fits.arms, strict=True):
             offset, drift, sd = arm.clock
             changes[link.joint.child] = changes.get(link.joint.parent, np.zeros(2)) + (offset, drift)
-            unit = units[link.joint.child]
-            self.clocks[unit] = self.clocks[unit].changed(changes[link.joint.child], sd)
+            if (unit := units[link.joint.child]) in self.clocks:
+                self.clocks[unit] = self.clocks[unit].changed(changes[link.joint.child], sd)
         self._samples = self._at(self.clocks)
         return max(float(abs(change[0])) for change in changes.values())
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.arm.alignment import ArmCard, align, align_units, on_one_clock, opened_chain
+from plumbob.arm.alignment import ArmCard, Pose, align, align_units, on_one_clock, opened_chain, require_units
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.clocks import UnitClock, first_offset
 from plumbob.arm.estimation import ArmEstimate, run
@@ -136,18 +136,21 @@ def joints(
             "know when it stood so: --upright 0s..2s. A hinge alone does without."
         )
     settings = {"mean_rate": stamps != "instant", **dict(params or {})}
-    poses = [] if upright is None else [(*upright, [0.0] * len(geometry.angles))]
+    require_units(geometry, tuple(units))
+    root = next(segment.unit for segment in geometry.segments if segment.unit)
+    units, t = {root: units[root], **units}, units[root].t  # the first one has the clock of all
+    poses = list[Pose]()
+    if upright is not None:  # from 0 s on means from the first sample
+        poses = [(max(upright[0], float(t[0])), min(upright[1], float(t[-1])), [0.0] * len(geometry.angles))]
     clocks = _first_clocks(units, geometry) if separate else {}
     if upright is not None:
         units = _less_bias(units, clocks, upright)
         settings = {"bias_sd": SWAY / (upright[1] - upright[0]), **settings}
-    if isinstance(body, ArmCard) and separate:
-        raise ParameterError("a card says nothing of clocks: give all units in one recording, or the chain's name.")
-    card = body if isinstance(body, ArmCard) else None
-    if card is None and separate:
-        card, clocks = align_units(geometry, units, clocks, poses=poses, params=settings)
+    aligned = None
+    if separate:
+        aligned, clocks = align_units(geometry, units, clocks, poses=poses, params=settings)
     recording = on_one_clock(units, clocks)
-    card = align(geometry, recording, poses=poses, params=settings) if card is None else card
+    card = body if isinstance(body, ArmCard) else aligned or align(geometry, recording, poses=poses, params=settings)
     notes: list[Note] = [
         info("joints.clock", unit=unit, offset_ms=1e3 * clock.offset, sd_ms=1e3 * clock.sd, ppm=1e6 * clock.drift)
         for unit, clock in clocks.items()
@@ -157,17 +160,24 @@ def joints(
         notes += remarks
     estimate = run(card, recording, frame=_frame(recording, frame), params=settings)
     track = _with_timing(estimate, card, recording, clocks, 0.25 if stamps == "unknown" else 0.0)
-    if upright is None and isinstance(body, Chain) and track.sd is not None and not body.known:
-        track = replace(track, sd=np.hypot(track.sd, track.sd[0]))  # the angle at the first sample is 0 by name alone
-    if named:
+    if upright is None and not geometry.known:
+        track, remarks = _from_first_sample(track, geometry, named)
+        notes += remarks
+    if not (geometry.hand or any(geometry.hand_b)):
         track = replace(track, hand=None, hand_sd=None)
-        if upright is None:
-            joint = geometry.joints[0].name
-            track = replace(track, angles=track.angles * (np.sign(np.nanmean(track.angles)) or 1.0))
-            notes.append(warning("joints.first_sample", joint=joint))
-    notes += estimate.notes
-    strides = walked(track, card.chain, recording) if named and upright is not None else {}
-    return replace(estimate, joints=track, notes=tuple(notes), strides=strides, card=card)
+    in_body_axes = any(segment.mount.q_bs != UnitMount().q_bs for segment in card.chain.segments)
+    strides = walked(track, card.chain, recording) if in_body_axes else {}
+    return replace(estimate, joints=track, notes=(*notes, *estimate.notes), strides=strides, card=card)
+
+
+def _from_first_sample(track: JointTrack, chain: Chain, named: Mapping[str, str]) -> tuple[JointTrack, list[Note]]:
+    """Angles that are 0 at the first sample by name alone: it counts in the claim of all, and the sign is a guess."""
+    assert track.sd is not None
+    track = replace(track, sd=np.hypot(track.sd, track.sd[0]))
+    if not named:
+        return track, []
+    track = replace(track, angles=track.angles * (np.sign(np.nanmean(track.angles)) or 1.0))
+    return track, [warning("joints.first_sample", joint=chain.joints[0].name)]
 
 
 def _opened_units(array: Any) -> tuple[dict[str, ImuData], bool]:
@@ -196,6 +206,11 @@ def _chain_of(
         require_count(units, ("the part before it", "the part behind it"), name)
         parts = tuple(Segment(unit, unit) for unit in units)
         return Chain(name, parts, (Joint(name, units[0], units[1], "hinge", origin=None),)), {}
+    other = "left" if side == "right" else "right"
+    if name != "legs" and any(other in unit.casefold() for unit in units):
+        raise ParameterError(
+            f"the names of the units, {', '.join(units)}, say {other}, but the side is {side}; give it."
+        )
     ends = ("_r", "_l") if name == "legs" else ("_" + side[0],)
     joints, named = list[Joint](), dict[str, str]()
     segments = [_name_with_side(JOINTS[CHAINS[name][0]].parent, ends[0])]
@@ -263,9 +278,11 @@ def _less_bias(
 def _first_clocks(units: Mapping[str, ImuData], chain: Chain) -> dict[str, UnitClock]:
     """Clocks of all units but the root's, roughly, against the root's."""
     on = {segment.name: segment.unit for segment in chain.segments}
-    root, clocks = units[on[chain.segments[0].name]], dict[str, UnitClock]()
+    root, clocks = next(iter(units.values())), dict[str, UnitClock]()
     dated = all(imu.meta.t0_ns for imu in units.values())
     for joint in chain.joints:
+        if not on[joint.parent]:  # the ground has no clock
+            continue
         unit, parent = units[on[joint.child]], units[on[joint.parent]]
         expected = 1e-9 * (unit.meta.t0_ns - parent.meta.t0_ns) if dated else None
         offset = first_offset(parent, unit, name=on[joint.child], expected=expected)
