@@ -272,17 +272,19 @@ def _aligned(
 ) -> tuple[ArmCard, dict[str, UnitClock]]:  # fmt: skip
     """Card and clocks; `at` gives the units with clocks put right."""
 
-    def samples_at(current: Mapping[str, UnitClock]) -> UnitSamples:
-        samples = chain_samples(chain, at(current))
+    def used(array: ImuArray) -> UnitSamples:
+        samples = chain_samples(chain, array)
         return samples.rows(0, int(np.searchsorted(samples.t, samples.t[0] + LONGEST)))
 
-    samples, settings = samples_at(clocks or {}), filter_params(chain, at(clocks or {}), params)
+    array = at(clocks or {})
+    samples, settings = used(array), filter_params(chain, array, params)
     if samples.t[-1] - samples.t[0] < SHORTEST:
         raise ShapeError(
             f"the motion lasts {samples.t[-1] - samples.t[0]:.3g} s, but {SHORTEST:g} s are needed at least; a minute "
             "in which every joint turns is enough."
         )
-    search = _AlternatingSearch(chain, samples, settings, mounting, None if clocks is None else samples_at, clocks)
+    samples_at = None if clocks is None else lambda current: used(at(current))
+    search = _AlternatingSearch(chain, samples, settings, mounting, samples_at, clocks)
     fits, mounted, sd = search.solve(), search.chain, search.mount_sd
     if not chain.known:
         mounted, sd = _geometry(chain, fits, mounting.poses), _found_sd(chain, fits)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, ShapeError, UnitError, excerpt
-from plumbob.core.files import existing_file, reading, require_room, write_text
+from plumbob.core.files import existing_file, reading, require_room
 from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns, to_s
@@ -24,8 +24,6 @@ from plumbob.files.arrow import column_numbers, unpacked_bytes
 if TYPE_CHECKING:
     import pyarrow as pa
 
-MOTION: Final = ".mot"
-SUFFIXES: Final = (*arrow.TABLES, MOTION)  # of the files of joint angles
 TIME: Final = "t [s]"
 RECORDED: Final = "recorded [s]"  # column of a program: when each place of its path was recorded
 _KEY: Final = b"plumbob joint angles"
@@ -140,9 +138,12 @@ class JointTrack(Series):
         DecodeError
             If the system refuses.
         """
-        if check.path("path", path).suffix.lower() == MOTION:
-            return write_motion(path, {"time": self.t} | dict(zip(self.names, to_deg(self.angles.T), strict=True)),
-                                overwrite=overwrite)  # fmt: skip
+        if (file := check.path("path", path)).suffix.lower() == ".mot":
+            from plumbob.files.foreign.opensim import write_motion
+
+            angles = dict(zip(self.names, to_deg(self.angles.T), strict=True))
+            write_motion(file, {"time": self.t, **angles}, overwrite=overwrite)
+            return file
         return write_table(path, self.columns(), source=self.source, overwrite=overwrite)
 
     @classmethod
@@ -174,16 +175,6 @@ def write_table(
     file = check.path("path", path)
     about = json.dumps({"format_version": _VERSION, "source": source})
     arrow.write_table(file, columns, metadata={_KEY: about.encode()}, overwrite=overwrite)
-    return file
-
-
-def write_motion(path: str | Path, columns: Mapping[str, Floats], *, overwrite: bool = False) -> Path:
-    """Write a motion of OpenSim, ``.mot``: coordinates by name, degrees, and times; errors as of `JointTrack.save`."""
-    file = check.path("path", path)
-    count, first = len(next(iter(columns.values()))), "\t".join(columns)
-    head = f"{file.stem}\nversion=1\nnRows={count}\nnColumns={len(columns)}\ninDegrees=yes\nendheader\n{first}\n"
-    rows = ("\t".join(map(repr, row)) for row in zip(*(column.tolist() for column in columns.values()), strict=True))
-    write_text(file, head + "".join(f"{row}\n" for row in rows), overwrite=overwrite)
     return file
 
 

@@ -4,7 +4,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.arm.geometry import REPEATS, below, lever_matrices
+from plumbob.arm.geometry import CLOCK_SD, REPEATS, below, lever_matrices
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError
@@ -13,7 +13,6 @@ from plumbob.data.imu import ImuData
 CUT_OFF: Final = 6.0  # sizes are compared below this, Hz: strides differ least in what is slow
 SEARCH: Final = 1.0  # clocks that know the date differ by less than this, s
 STEP: Final = 0.08  # s between offsets to begin from: half of the period of the fastest forces compared
-DRIFT_SD: Final = 100e-6  # of clocks against each other: quartz is good to 50 ppm, a resonator's clock to 200
 EVEN: Final = 3.0  # standard deviations by which an offset must explain the forces better than any other
 ROUNDS: Final = 12  # of the search that begins at an offset
 MOST: Final = 500  # offsets that are tried, unless the strengths of both motions say where to look
@@ -144,7 +143,7 @@ def _fit(near_side: _Sizes, far_side: _Sizes, begin: float) -> _Fit | None:
     rows = (near_side.t >= low) & (near_side.t <= high)
     if high - low < SHORTEST or np.count_nonzero(rows) < 30:
         return None
-    t, x, prior = near_side.t[rows], np.zeros(8), np.array([*(_ARM_SD,) * 6, STEP, DRIFT_SD])
+    t, x, prior = near_side.t[rows], np.zeros(8), np.array([*(_ARM_SD,) * 6, STEP, CLOCK_SD[1]])
     for _ in range(ROUNDS):
         stamps = t - begin - x[6] - x[7] * (t - 0.5 * (low + high))
         (size, slope), (others, their_slope) = near_side.with_arm(x[:3]), far_side.with_arm(x[3:6])

@@ -16,7 +16,10 @@ CUT_OFF: Final = 3.0  # forces are compared below this, Hz: above, noise of the 
 ARM_SD: Final = 0.3  # an arm of which nothing is known is shorter than about this, m
 LEAST_FORCE_SD: Final = 0.05  # m/s²; less is not believed of a joint,
 LEAST_PLAY: Final = deg(0.2)  # nor is an axis that strays by less, rad
-CLOCK_SD: Final = (0.1, 100e-6)  # s and s/s: of clocks that have been brought together roughly
+CLOCK_SD: Final = (
+    0.1,
+    100e-6,
+)  # s and s/s: of clocks brought together roughly; quartz is good to 50 ppm
 REPEATS: Final = 1.0
 """Limbs repeat their motion after about this, s, and what units on skin say wrongly of it comes again with it."""
 MEAN_OVER: Final = 0.1  # the filter takes means of forces over about this, s

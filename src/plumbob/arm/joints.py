@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plumbob.arm.alignment import ArmCard, Pose, align, align_units, on_one_clock, opened_chain, require_units
 from plumbob.arm.angles import JointTrack
@@ -203,7 +202,7 @@ def _chain_of(
     if hinge is not None and (name not in CHAINS or JOINTS[name].kind != "hinge"):
         if name in CHAINS:
             raise ParameterError(f"the {name} is not a hinge; use --chain {name}.")
-        require_count(units, ("the part before it", "the part behind it"), name)
+        _require_count(units, ("the part before it", "the part behind it"), name)
         parts = tuple(Segment(unit, unit) for unit in units)
         return Chain(name, parts, (Joint(name, units[0], units[1], "hinge", origin=None),)), {}
     other = "left" if side == "right" else "right"
@@ -232,7 +231,7 @@ def _name_with_side(name: str, end: str) -> str:
     return name if name in ("pelvis", "thorax", "lumbar") else name + end
 
 
-def require_count(units: Sequence[str], segments: Sequence[str], name: str) -> None:
+def _require_count(units: Sequence[str], segments: Sequence[str], name: str) -> None:
     """Refuse more or fewer units than segments."""
     if len(units) != len(segments):
         raise ParameterError(
@@ -243,7 +242,7 @@ def require_count(units: Sequence[str], segments: Sequence[str], name: str) -> N
 
 def _units_by_segment(segments: Sequence[str], units: Sequence[str], name: str) -> dict[str, str]:
     """Unit on each segment: the one whose name contains the segment's, for all; else in the order given."""
-    require_count(units, segments, name)
+    _require_count(units, segments, name)
     words = {unit: "".join(filter(str.isalnum, unit.casefold())) for unit in units}
     sides = {"_r": ("right", "r"), "_l": ("left", "l")}
     fits = {}
@@ -308,7 +307,7 @@ def _in_body_axes(
         posed[joint.child] = quat_multiply(posed[joint.parent], np.array(joint.q_pc))
     forces = [quat_rotate(posed[name], np.nanmean(imu.usable("acc")[rows], axis=0)) for name, imu in on.items()]
     up = _unit(np.sum(forces, axis=0))
-    right, right_sd = _to_the_right(chain, on, posed, named, rows, up)
+    right, right_sd = _to_the_right(chain, on, posed, named, up)
     if right_sd:
         notes.append(warning("joints.main_axis", segment=chain.segments[-1].name, sd_deg=to_deg(right_sd)))
     base = np.stack([np.cross(up, right), up, right])  # rows: ahead, up, right in the root's unit
@@ -364,11 +363,11 @@ def _unit(vector: Floats) -> Floats:
 
 
 def _to_the_right(
-    chain: Chain, on: Mapping[str, ImuData], posed: Mapping[str, Floats], named: Mapping[str, str],
-    rows: NDArray[np.bool_], up: Floats,
+    chain: Chain, on: Mapping[str, ImuData], posed: Mapping[str, Floats], named: Mapping[str, str], up: Floats
 ) -> tuple[Floats, float]:  # fmt: skip
     """Level axis to the right in the root's unit when upright, and its standard deviation, rad, where it was guessed.
 
+    The rates of the units are less their biases, as the upright pose shows them.
     A knee or an elbow says it, as it goes to one side alone; else it is the axis that the last segment turns about
     most, and a walk goes ahead: a leg swings ahead faster than back.
     """
@@ -377,7 +376,7 @@ def _to_the_right(
         body = JOINTS[named[joint.name]]
         if body.one_sided:
             axis = np.array(joint.axes[0])  # in the child's unit; the parent's is that turned by q_pc
-            rates = [_rates(on[name], rows) @ a for name, a in (
+            rates = [_rates(on[name]) @ a for name, a in (
                 (joint.child, axis), (joint.parent, quat_rotate(np.array(joint.q_pc), axis)))]  # fmt: skip
             t = on[joint.child].t
             angle = np.cumsum((rates[0] - rates[1]) * np.diff(t, prepend=t[0]))
@@ -386,17 +385,16 @@ def _to_the_right(
     if total.any():
         return _unit(total - up * (up @ total)), 0.0
     name = chain.segments[-1].name
-    rate = quat_rotate(posed[name], _rates(on[name], rows))
+    rate = quat_rotate(posed[name], _rates(on[name]))
     level = rate - np.outer(rate @ up, up)
     sizes, axes = np.linalg.eigh(level.T @ level)
     axis = axes[:, -1]
     return _unit(axis * np.sign(np.mean((rate @ axis) ** 3))), TOGETHER * math.sqrt(max(sizes[-2], 0.0) / sizes[-1])
 
 
-def _rates(imu: ImuData, rows: NDArray[np.bool_]) -> Floats:
-    """Rates (N, 3) less what the gyroscope says at rest in the rows, 0 where there are none, rad/s."""
-    gyr = imu.usable("gyr")
-    return np.asarray(np.nan_to_num(gyr - np.nanmean(gyr[rows], axis=0)))
+def _rates(imu: ImuData) -> Floats:
+    """Rates (N, 3), rad/s, 0 where there are none."""
+    return np.asarray(np.nan_to_num(imu.usable("gyr")))
 
 
 def _with_timing(
@@ -410,7 +408,7 @@ def _with_timing(
     late = [
         np.broadcast_to(
             (clocks[on[joint.child]].sd if on[joint.child] in clocks else 0.0)
-            * np.linalg.norm(np.nan_to_num(recording.units[on[joint.child]].usable("gyr")), axis=1)[:, np.newaxis],
+            * np.linalg.norm(_rates(recording.units[on[joint.child]]), axis=1)[:, np.newaxis],
             (len(track.t), len(joint.angles)),
         )
         for joint in card.chain.joints

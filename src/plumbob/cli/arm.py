@@ -1,7 +1,7 @@
 """plumbob arm and array: sources of several units, poses, programs, and what the kinds print."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,13 +22,18 @@ def _read(args: argparse.Namespace, call: Call, note: Callable[[str], object] = 
     """Units of the sources, which are files or UNIT=FILE."""
     from plumbob.door.reading import read_array
 
-    pairs = [source.partition("=") for source in args.array]
-    if any(equals for _, equals, _ in pairs):
-        if not all(equals for _, equals, _ in pairs):
-            raise ParameterError("either every SOURCE has the form UNIT=FILE or none has; name all units.")
-        return read_array({name: path for name, _, path in pairs}, note=note)
+    if named := _named(args.array):
+        return read_array(named, note=note)
     units: ImuArray = call(read_array, sources=args.array, note=note)
     return units
+
+
+def _named(sources: Sequence[str]) -> dict[str, str]:
+    """Files by the names of their units, where the sources are UNIT=FILE; else empty."""
+    pairs = [source.partition("=") for source in sources]
+    if any(equals for _, equals, _ in pairs) and not all(equals for _, equals, _ in pairs):
+        raise ParameterError("either every SOURCE has the form UNIT=FILE or none has; name all units.")
+    return {name: path for name, equals, path in pairs if equals}
 
 
 def array(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -73,10 +78,8 @@ def run(args: argparse.Namespace, verb: Verb, call: Call) -> int:
 
 def joints(args: argparse.Namespace, verb: Verb, call: Call) -> int:
     """Align units and estimate joint angles; files of a unit each have clocks of their own."""
-    pairs = [source.partition("=") for source in args.array]
-    named = {name: path for name, equals, path in pairs if equals}
-    sources = named if len(named) == len(pairs) else args.array[0] if len(pairs) == 1 else args.array
-    return _show_motion(args, verb, call(array=sources))
+    one_recording = len(args.array) == 1
+    return _show_motion(args, verb, call(array=_named(args.array) or (args.array[0] if one_recording else args.array)))
 
 
 def _show_motion(args: argparse.Namespace, verb: Verb, motion: Any) -> int:

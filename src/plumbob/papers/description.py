@@ -127,8 +127,8 @@ class Outcome:
     def verdict(self) -> tuple[Both, Both, Both]:
         """Whether the paper's figure is reached, whether our bars are kept, and with what."""
         barred = (self.faithful_bar, self.best_bar) != (OPEN, OPEN)
-        kept = (KEPT if barred else NO_BAR) if self.met else MISSED
-        return NOT_STATED if self.reached is None else YES if self.reached else NO, kept, self.by
+        bars = (KEPT if barred else NO_BAR) if self.met else MISSED
+        return NOT_STATED if self.reached is None else YES if self.reached else NO, bars, self.by
 
     def summary(self) -> dict[str, Any]:
         """What JSON has of it; an open end of a bar is null, and so is a value that is not finite."""

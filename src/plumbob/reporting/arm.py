@@ -122,8 +122,8 @@ def _strides_figure(strides: Mapping[str, Strides]) -> Figure:
             lines = []
             for k, (side, walk) in enumerate(strides.items()):
                 if name + side in walk.names:
-                    curves = to_deg(walk.curves[:, :, walk.names.index(name + side)])
-                    mean, sd = curves.mean(axis=0), curves.std(axis=0, ddof=1)
+                    columns = walk.columns()
+                    mean, sd = (to_deg(columns[f"{name}{side}{end} [rad]"]) for end in ("", "_sd"))
                     lines.append(PlotLine(PERCENT, mean, SERIES[k], width=1.2,
                                           band=(mean - sd, mean + sd, SERIES[k], 0.25)))  # fmt: skip
             made.append(PlotPanel(f"{name.replace('_', ' ')} [°]", lines, "stride [%]", x=(0.0, 100.0)))

@@ -96,13 +96,13 @@ def _facts(name: str, c: TriadCalibration, lengths: Sizes | None, coverage: "Cov
     """How it was found, how well, and where it holds."""
     missing = "" if coverage is None else region_names(np.flatnonzero(~coverage.covered).tolist())
     unit = SHOWN[name][-1]
-    known = "" if c.reference is None else f"{_REFERENCE[name]} of {from_si(c.reference, unit):.6g} {written(unit)}"
+    reference = "" if c.reference is None else f"{_REFERENCE[name]} of {from_si(c.reference, unit):.6g} {written(unit)}"
     data, predicted = ("", "") if c.quality is None else _quality(c.quality)
     facts = [("method", c.method), ("date", c.date), ("residual", _residual(name, c, lengths)), ("data", data)]
     facts += [
         ("not covered", missing),
         ("predicted", predicted),
-        ("reference", known),
+        ("reference", reference),
         ("temperature", _temperature(c)),
     ]
     return [(label, text) for label, text in facts if text]

@@ -8,7 +8,7 @@ quantity, as `IMUDataReader` calls its tables, in SI.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -118,8 +118,22 @@ def write_orientations(path: str | Path, tracks: Mapping[str, AttitudeTrack], *,
     rate = (len(t) - 1) / (t[-1] - t[0]) if len(t) > 1 else 0.0
     facts = {"DataRate": f"{rate:.6f}", "DataType": "Quaternion", "version": "3", "OpenSimVersion": "4.5"}
     facts |= {"frame": str(frame), "north": str(first.north), "source": visible(" ".join(first.source.split()))}
-    head = "".join(f"{key}={value}\n" for key, value in facts.items())
-    with replacing(Path(path), overwrite=overwrite) as temporary, temporary.open("w", encoding="utf-8") as stream:
-        stream.write("\t".join([f"{head}endheader\ntime", *tracks]) + "\n")
-        for time, *cells in zip(t, *(q_nb.tolist() for q_nb in turned), strict=True):
-            stream.write("\t".join([repr(time), *(",".join(map(repr, q)) for q in cells)]) + "\n")
+    columns = {name: [",".join(map(repr, q)) for q in q_nb.tolist()] for name, q_nb in zip(tracks, turned, strict=True)}
+    _write(Path(path), facts, {"time": map(repr, t), **columns}, overwrite)
+
+
+def write_motion(path: Path, columns: Mapping[str, Floats], *, overwrite: bool = False) -> None:
+    """Write a motion, ``.mot``: times, s, and coordinates, degrees, by name."""
+    facts = {"version": "1", "nRows": str(len(columns["time"])), "nColumns": str(len(columns)), "inDegrees": "yes"}
+    cells = {name: map(repr, values.tolist()) for name, values in columns.items()}
+    _write(path, facts, cells, overwrite, title=f"{path.stem}\n")
+
+
+def _write(
+    path: Path, facts: Mapping[str, str], columns: Mapping[str, Iterable[str]], overwrite: bool, title: str = ""
+) -> None:
+    head = title + "".join(f"{key}={value}\n" for key, value in facts.items())
+    with replacing(path, overwrite=overwrite) as temporary, temporary.open("w", encoding="utf-8") as stream:
+        stream.write(f"{head}endheader\n" + "\t".join(columns) + "\n")
+        for cells in zip(*columns.values(), strict=True):
+            stream.write("\t".join(cells) + "\n")
