@@ -165,12 +165,12 @@ LOGS = {  # name of the file, its text, what a user answers
     "names in a line of JSON": (
         "a.csv", "# " + json.dumps({"imu": {"fs": 100, "columns": ["t [s]", *names("a* [g]", "g* [dps]").split(",")]}})
         + "\n" + rows(T, *G.T, *DPS.T), UP),
-    "a number in each row, one axis after the other": (
-        "a.csv", "nr;time;sensor;axis;unit;value\n" + "".join(
-            f"{k};{t:.2f};{sensor};{axis};{unit};{v:.6f}\n"
+    "a number in each row, one axis after the other, each under a head of its own": (
+        "a.csv", "".join(
+            "#default;_result\n#unit;s\nnr;time;sensor;axis;unit;value\n" + "".join(
+                f"{k};{t:.2f};{sensor};{axis};{unit};{v:.6f}\n" for k, (t, v) in enumerate(zip(T, values, strict=True)))
             for sensor, unit, vectors in (("acc", "g", G), ("gyro", "°/s", DPS))
-            for axis, values in zip("xyz", vectors.T, strict=True)
-            for k, (t, v) in enumerate(zip(T, values, strict=True))), UP),
+            for axis, values in zip("xyz", vectors.T, strict=True)), UP),
     "a number in each row, in turns": (
         "a.csv", "ts,topic,payload\n" + "".join(f"{s},home/{name},{v:.6f}\n" for s, values in zip(
             STAMPS, np.hstack([ACC, GYR]), strict=True) for name, v in zip(

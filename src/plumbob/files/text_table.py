@@ -343,10 +343,11 @@ def channels_as_columns(text: str, layout: TextLayout) -> tuple[str, TextLayout]
             continue
         cells = split_row(row, layout.separator, line)
         places = places or [column_index(ref, head.names, len(cells), layout) for ref in layout.channels]
-        if len(cells) <= max(places):
+        number = cells[places[-1]].strip() if len(cells) > max(places) else "cut"
+        if not NUMBER[layout.decimal].fullmatch(number.replace(layout.thousands, "")) and number not in layout.missing:
             broken.append(row)
             continue
-        time, *words, number = (cells[place].strip() for place in places)
+        time, *words = (cells[place].strip() for place in places[:-1])
         name = channel(words)
         rows.setdefault((time, counts[name, time]), {})[name] = number
         counts[name, time] += 1

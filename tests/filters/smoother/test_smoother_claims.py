@@ -23,7 +23,7 @@ from tests.helpers.motion import heading_sd
 from tests.helpers.smoother_pieces import in_stretches
 
 UNITS, RATE, SECONDS = 30, 100.0, 30.0
-ESTIMATED = {"acc_offset": 0.0, "latency_sd": 0.0, "mag_direction_sd": 0.0}
+ESTIMATED = {"acc_offset": 0.0, "latency": 0.0, "latency_sd": 0.0, "mag_direction_sd": 0.0}
 """What is only counted, and not in these recordings."""
 
 
@@ -102,6 +102,19 @@ def test_what_is_not_estimated_is_counted():
     rate = h.gyr - base.bias_b
     expected = 1e-4 * rate[:, :, np.newaxis] * rate[:, np.newaxis, :]
     assert np.abs(late.cov_b - base.cov_b - expected).max() < 0.03 * np.abs(expected).max()  # scale of a hundredth
+
+
+@pytest.mark.parametrize(("rate", "lag"), [(20.0, None), (20.0, 0.0), (150.0, None)])
+def test_slow_samples_may_be_means_or_momentary(rate, lag):
+    """A momentary value is half a step less 4 ms younger than a mean; all between is alike likely: that squared, /3."""
+    h = by_hand(20.0, rate, seed=1)
+    known, unknown = (
+        Smoother(frame="ENU", params={**ESTIMATED, "lag": lag, "latency": n}).process(h.imu()) for n in (0, None)
+    )
+    expected = max(0.5 / rate - 0.004, 0.0) ** 2 / 3.0 * h.gyr[:, :, np.newaxis] * h.gyr[:, np.newaxis, :]
+    assert np.array_equal(known.q_nb, unknown.q_nb)
+    added = (unknown.cov_b - known.cov_b - expected)[h.t > 1.0]  # behind the first looks
+    assert np.abs(added).max() <= 0.06 * np.abs(expected).max()  # bias and scale of hundredths
 
 
 def test_an_uncalibrated_unit_is_less_certain_than_a_calibrated_one():

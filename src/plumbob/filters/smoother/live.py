@@ -37,7 +37,7 @@ from plumbob.filters.smoother.field import (
 )
 from plumbob.filters.smoother.inertial import GIVEN, LEAK, WINDOW, Given, level_speed, peaks
 from plumbob.filters.smoother.keyframes import Keyframes, between, path
-from plumbob.filters.smoother.model import FREE_HEADING, KEPT, SIZE, B, M, ModelVariances, Params
+from plumbob.filters.smoother.model import FREE_HEADING, KEPT, SIZE, B, M, ModelVariances, Params, timing_sd
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
 from plumbob.filters.smoother.preprocess import Arriving
 from plumbob.filters.smoother.samples import MARGIN
@@ -100,6 +100,7 @@ class Running:
     unknown: int  # flag of a field that no turning in it has shown up to the look
     turned: float  # by how much headings were turned since the look, rad, to go on from those before it
     rooms: list[causal.Room]  # the steps since the look, from none on; where there is a lag
+    timing_sd: float  # of the time at which attitudes are true, s
 
     def back(self, n: int) -> tuple[Floats, Floats, Floats, NDArray[np.uint32], Floats]:
         """What is known now of the last n steps, or as many as there are since the look and in it.
@@ -499,7 +500,7 @@ class Live:
             ModelVariances.from_params(p, bend),
             float(frames.time[-1]), flags.AT_REST if smoothed.resting[-1] else 0, float(smoothed.weight[-1]),
             np.zeros(1), other, self._proven.settled, standing, smoothed.doubt,
-            flags.FIELD_UNKNOWN if sought and not turned else 0, by, [room],
+            flags.FIELD_UNKNOWN if sought and not turned else 0, by, [room], timing_sd(p, frames.t),
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
@@ -606,7 +607,7 @@ class Live:
         word, weight = word[skip:], weight[skip:]
         rows = slice(first + skip - self._base, first + skip - self._base + len(q))
         smoothed, bias, rate = self._running.smoothed, x[:, B : B + 3], _corrected(x, gyr)
-        cov_b = samples.body_cov(q, cov, smoothed, rate, self.p, self._left)
+        cov_b = samples.body_cov(q, cov, smoothed, self._running.timing_sd * rate, self.p, self._left)
         word = word | self._flags(smoothed, weight, cov) | np.uint32(self._running.unknown)
         self._rate[rows], self._bias_sd[rows] = rate, smoothed.bias_sd
         if self.p.latency:

@@ -16,7 +16,7 @@ from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards.residuals import Half, full_covariance, uncalibrated
 from plumbob.filters.settling import considered
 from plumbob.filters.smoother.keyframes import BLOCK, Keyframes
-from plumbob.filters.smoother.model import Params
+from plumbob.filters.smoother.model import Params, timing_sd
 from plumbob.filters.smoother.passes import Smoothed, at_samples, rates
 from plumbob.rotations import Frame, dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, quat_slerp
 from plumbob.rotations.frames import turn_heading
@@ -96,11 +96,11 @@ def sample_part(data: ImuData, smoothed: Smoothed, p: Params, heading_var: float
     rate = rates(frames, smoothed.sweep)
     q = at_samples(frames, smoothed.sweep, smoothed.resting, rate)
     place = np.searchsorted(frames.first, np.arange(frames.t.size))
-    step, cov = np.maximum(place - 1, 0), np.empty((len(q), 3, 3))
+    step, cov, late = np.maximum(place - 1, 0), np.empty((len(q), 3, 3)), timing_sd(p, frames.t) * rate
     for i in range(0, len(q), BLOCK):  # temporaries are larger
         rows = slice(i, i + BLOCK)
         in_n = smoothed.sweep.cov[place[rows], :3, :3]
-        cov[rows] = body_cov(q[rows], in_n, smoothed, rate[rows], p, data.meta.left)
+        cov[rows] = body_cov(q[rows], in_n, smoothed, late[rows], p, data.meta.left)
     if smoothed.reference is None:
         drift, behind = FreeHeading(data.meta, p, heading_var), frames.time[1:][frames.gap]
         gap = float(behind[0]) if behind.size else math.inf
@@ -196,14 +196,17 @@ def continued(part: SampleEstimates, stretch: Stretch, before: Floats, last: Str
     return part._replace(q=turn_heading(part.q, -angle, Frame.ENU))
 
 
-def body_cov(q: Floats, in_n: Floats, smoothed: Smoothed, rate: Floats, p: Params, halves: tuple[Half, Half]) -> Floats:
-    """Covariance of the attitude error in body axes, of one in navigation axes (N, 3, 3), and what is not estimated."""
+def body_cov(q: Floats, in_n: Floats, smoothed: Smoothed, late: Floats, p: Params, halves: tuple[Half, Half]) -> Floats:
+    """Covariance of the attitude error in body axes, of one in navigation axes (N, 3, 3), and what is not estimated.
+
+    `late` (N, 3) is by how much the body turns in the standard deviation of the time, rad.
+    """
     c_nb, in_n = dcm_from_quat(q), in_n.copy()
     in_n[:, [0, 1], [0, 1]] += (p.acc_offset / G0) ** 2 + smoothed.tilt_var
     if smoothed.reference is not None:
         in_n[:, 2, 2] += smoothed.heading_var + p.mag_direction_sd**2
     cov = np.swapaxes(c_nb, 1, 2) @ in_n @ c_nb
-    cov += p.latency_sd**2 * rate[:, :, np.newaxis] * rate[:, np.newaxis, :]
+    cov += late[:, :, np.newaxis] * late[:, np.newaxis, :]
     if any(halves[0]) or any(halves[1]):
         reference = smoothed.reference
         field = np.zeros(2) if reference is None else np.array([reference.level, reference.vertical])
