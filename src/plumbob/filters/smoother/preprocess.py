@@ -407,10 +407,9 @@ class Arriving:
         self._variance.add(variance)
         self._time.add(self._t[int(last[0]) : int(last[-1]) + 1][last - last[0]])
         first = self._last[old : self.steps + 1]
-        for k in range(last.size):  # a step's mean does not depend on how many came with it
-            rows = slice(int(first[k]) + 1, int(first[k + 1]) + 1)
-            self._rate.add(self._gyr[rows].mean(axis=0)[np.newaxis])
-            self._force.add(self._acc[rows].mean(axis=0)[np.newaxis])
+        rows, count = slice(int(first[0]) + 1, int(first[-1]) + 1), np.diff(first)[:, np.newaxis]
+        for means, values in ((self._rate, self._gyr), (self._force, self._acc)):  # whatever came with a step
+            means.add(np.add.reduceat(values[rows], first[:-1] - first[0]) / count)
         begin = self._gap.begin
         quiet, steps = np.empty(last.size, dtype=bool), slice(begin, self.steps)
         self._around.add(np.empty((last.size, 3)))
