@@ -3,6 +3,9 @@
 Each sea is Gaussian: sinusoids of random phases *and* amplitudes, apart by less than a burst can tell, of a spectrum
 and a cos-2s spread that are known. What is measured is compared with the hull's true way in the same burst, by the same
 spectra; and the band that is claimed with the sea's own Hm0, of which the burst is a sample, through the hull.
+
+Chance gives a burst several peaks, and two may be the highest to a thousandth: the peak's period is compared with that
+of the nearest true peak that is the highest to `UNDECIDED`, and *ties* counts where that is another one.
 """
 
 import argparse
@@ -21,6 +24,7 @@ from plumbob.simulation.motion import Sea, jonswap, oscillator
 from plumbob.simulation.scenarios import Buoy
 
 APART = 1.0 / 3600.0  # of the sinusoids, Hz
+UNDECIDED = 0.04  # of a density: what the bar of Hm0, 2 %, leaves open
 HULLS = {  # natural periods of way and tilt, s, and damping of the tilt: floats of .2, .9 and 3 m
     "small": (0.6, 1.0, 0.4), "medium": (1.3, 2.0, 0.3), "large": (2.4, 3.2, 0.25),
 }  # fmt: skip
@@ -89,6 +93,18 @@ def one(trains, hull, seed, *, sensors, unit, rate, duration):
     return measured, true, plan.of_hull(measured.high), spent
 
 
+def off_peak(got, true) -> tuple[float, bool]:
+    """By how many bins the peak is off, and whether the nearest true peak ties with a higher one."""
+    measured, density = (np.nan_to_num(state.density) for state in (got, true))
+    top, highest = int(measured.argmax()), int(density.argmax())
+    inner = np.flatnonzero((density[1:-1] >= density[:-2]) & (density[1:-1] >= density[2:])) + 1
+    peaks = inner[density[inner] >= (1.0 - UNDECIDED) * density[highest]]
+    nearest = int(peaks[np.abs(peaks - top).argmin()])
+    if nearest != highest:
+        return float(top - nearest), True
+    return (1.0 / got.tp - 1.0 / true.tp) / got.frequency[0], False
+
+
 def main() -> None:
     """Print a row for each sea and hull."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -100,8 +116,8 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=10.0)
     parser.add_argument("--duration", type=float, default=1200.0)
     args = parser.parse_args()
-    print(f"{'sea':10} {'hull':7} {'Hm0 rms %':>9} {'Tm02 %':>7} {'Tp bins':>7} {'dir °':>6} {'spread °':>8} "
-          f"{'in band %':>9} {'dir in 2σ %':>11} {'flags':>6} {'none':>4} {'CPU s':>6}")  # fmt: skip
+    print(f"{'sea':10} {'hull':7} {'Hm0 rms %':>9} {'Tm02 %':>7} {'Tp bins':>7} {'ties':>4} {'dir °':>6} "
+          f"{'spread °':>8} {'in band %':>9} {'dir in 2σ %':>11} {'flags':>6} {'none':>4} {'CPU s':>6}")  # fmt: skip
     every = []
     for sea in args.seas.split(","):
         for hull in args.hulls.split(","):
@@ -115,12 +131,12 @@ def main() -> None:
                     nothing += 1
                     continue
                 turn = math.degrees(math.remainder(got.direction - true.direction, 2.0 * math.pi))
-                bins = (1.0 / got.tp - 1.0 / true.tp) / got.frequency[0]
+                bins, tied = off_peak(got, true)
                 off = abs(math.remainder(got.direction - mean, 2.0 * math.pi)) / max(got.direction_sd, 1e-9)
                 rows.append((got.hm0 / true.hm0 - 1.0, got.tm02 / true.tm02 - 1.0, bins, turn,
                              math.degrees(got.spread - true.spread),
-                             got.hm0_low <= own <= got.hm0_high, off < 2.0))  # fmt: skip
-            table = np.array(rows, dtype=float).reshape(-1, 7)
+                             got.hm0_low <= own <= got.hm0_high, off < 2.0, tied))  # fmt: skip
+            table = np.array(rows, dtype=float).reshape(-1, 8)
             every.append(table)
             print(row(sea, hull, table, flags, nothing, spent / args.seeds), flush=True)
     print(row("all", "", np.concatenate(every), 0, 0, 0.0))
@@ -131,8 +147,9 @@ def row(sea, hull, table, flags, nothing, spent) -> str:
     if not len(table):
         return f"{sea:10} {hull:7} nothing above the noise, {nothing} of {nothing}"
     rms, share = np.sqrt(np.mean(table**2, axis=0)), 100.0 * np.mean(table, axis=0)
-    return (f"{sea:10} {hull:7} {100 * rms[0]:9.2f} {100 * rms[1]:7.2f} {np.abs(table[:, 2]).max():7.2f} {rms[3]:6.2f} "
-            f"{rms[4]:8.2f} {share[5]:9.0f} {share[6]:11.0f} {flags:6d} {nothing:4d} {spent:6.2f}")  # fmt: skip
+    return (f"{sea:10} {hull:7} {100 * rms[0]:9.2f} {100 * rms[1]:7.2f} {np.abs(table[:, 2]).max():7.2f} "
+            f"{table[:, 7].sum():4.0f} {rms[3]:6.2f} {rms[4]:8.2f} {share[5]:9.0f} {share[6]:11.0f} "
+            f"{flags:6d} {nothing:4d} {spent:6.2f}")  # fmt: skip
 
 
 if __name__ == "__main__":

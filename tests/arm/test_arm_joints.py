@@ -9,6 +9,7 @@ import plumbob
 from plumbob.arm.joints import CHAINS, JOINTS
 from plumbob.data.array import ImuArray
 from plumbob.data.chain import chain_text, parse_chain
+from plumbob.rotations import quat_rotate
 from plumbob.simulation import simulate_chain
 
 UPRIGHT = (0.0, 1.8)
@@ -51,6 +52,9 @@ def test_files_on_clocks_of_their_own_give_the_knee_and_its_strides(walk, tmp_pa
     (clock,) = [note.values for note in found.notes if getattr(note, "code", "") == "joints.clock"]
     middle = OFFSET + DRIFT * 12.0
     assert abs(clock["offset_ms"] + 1e3 * middle) < 3.0 * clock["sd_ms"]
+    axis = quat_rotate(np.array(found.chain.joints[0].q_pc), np.array(found.chain.joints[0].axes[0]))
+    by_cov = np.sqrt(axis @ found.joint_cov["knee_r"] @ axis)  # clocks and stamps count in both
+    assert by_cov == pytest.approx(found.joints.sd[found.rows, 0], rel=0.05)
     stride = found.strides["_r"]
     spectrum = np.abs(np.fft.rfft(walk.angles[500:2000, 3] - walk.angles[500:2000, 3].mean(), 1 << 16))
     assert stride.cadence == pytest.approx(120.0 * np.fft.rfftfreq(1 << 16, 0.01)[np.argmax(spectrum)], rel=0.02)
@@ -113,12 +117,27 @@ def test_a_hinge_without_a_pose_counts_from_the_first_sample(walk):
         ({"chain": "lge"}, "leg"),
         ({"chain": "leg", "upright": UPRIGHT}, "4 segments"),
         ({"hinge": "knee", "upright": (100.0, 101.0)}, "no sample"),
+        ({"hinge": "knee", "upright": (3.0, 6.0)}, r"'thigh' turns by .* of the recording.* at 0, 1 s"),  # it walks
         ({"hinge": "knee", "stamps": "late"}, "unknown"),
     ],
 )
 def test_what_does_not_fit_is_refused(walk, given, said):
     with pytest.raises(plumbob.PlumbobError, match=said):
         plumbob.joints(units(walk, "thigh", "shank"), **given)
+
+
+def test_an_upright_pose_that_sways_claims_less_and_counts_on_the_first_clock(walk):
+    """The first step begins at 2 s: in 0.2 s of it the mean force turns by 2°, which the pose and the bias then may."""
+    still, swayed = (
+        plumbob.joints(units(walk, "thigh", "shank"), hinge="knee", stamps="instant", upright=(0.0, end))
+        for end in (UPRIGHT[1], 2.2)
+    )
+    assert "joints.sways" in [getattr(note, "code", "") for note in swayed.notes]
+    assert np.median(swayed.joints.sd) > 2.0 * np.median(still.joints.sd)
+    shank = walk.array.units["shank"]
+    ahead = {"thigh": walk.array.units["thigh"], "shank": replace(shank, t=np.array(shank.t) + 10.0)}
+    with pytest.raises(plumbob.PlumbobError, match=r"of the clock of 'thigh'.* at 0, 1 s"):
+        plumbob.joints(ahead, hinge="knee", upright=(10.0, 11.8))  # it stood then on the clock of the shank
 
 
 def test_a_walk_without_a_beginning_and_without_dates_has_no_one_offset(walk):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from plumbob import rotations
 from plumbob.arm.alignment import ArmCard, Pose, align, align_units, on_one_clock, opened_chain, require_units
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.clocks import UnitClock, first_offset
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
 
 SWAY: Final = deg(0.3)
 """A body that stands still turns by so much, rad: gyroscopes show their bias to this over the time."""
+LEAN: Final = deg(6.0)
+"""Who leans by more must step, rad: the middle of a body, .95 m high, is then .1 m from that of a foot of .25 m."""
+CALM: Final = 1.0  # s in which a body that stands shows it
 TOGETHER: Final = 0.5
 """Correlation that turns about two axes of a limb may have in a walk: by so much of one the axis of the other errs."""
 STAMPS: Final = ("unknown", "mean", "instant")
@@ -137,28 +141,30 @@ def joints(
     settings = {"mean_rate": stamps != "instant", **dict(params or {})}
     require_units(geometry, tuple(units))
     root = next(segment.unit for segment in geometry.segments if segment.unit)
-    units, t = {root: units[root], **units}, units[root].t  # the first one has the clock of all
-    poses = list[Pose]()
+    units, t, poses = {root: units[root], **units}, units[root].t, list[Pose]()  # the first one has the clock of all
     if upright is not None:  # from 0 s on means from the first sample
         poses = [(max(upright[0], float(t[0])), min(upright[1], float(t[-1])), [0.0] * len(geometry.angles))]
-    clocks = _first_clocks(units, geometry) if separate else {}
+    clocks, notes = _first_clocks(units, geometry) if separate else {}, list[Note]()
     if upright is not None:
-        units = _less_bias(units, clocks, upright)
-        settings = {"bias_sd": SWAY / (upright[1] - upright[0]), **settings}
+        units, swayed = _less_bias(units, clocks, upright)
+        more = max(swayed.values(), default=0.0)
+        held, settings = math.hypot(held, more), {"bias_sd": max(SWAY, more) / (upright[1] - upright[0]), **settings}
+        notes = _upright_notes(root if separate else "", upright, swayed)
     aligned = None
     if separate:
         aligned, clocks = align_units(geometry, units, clocks, poses=poses, params=settings)
     recording = on_one_clock(units, clocks)
     card = body if isinstance(body, ArmCard) else aligned or align(geometry, recording, poses=poses, params=settings)
-    notes: list[Note] = [
+    notes += [
         info("joints.clock", unit=unit, offset_ms=1e3 * clock.offset, sd_ms=1e3 * clock.sd, ppm=1e6 * clock.drift)
         for unit, clock in clocks.items()
     ]
     if named and upright is not None and isinstance(body, Chain):
         card, remarks = _in_body_axes(card, recording, named, upright, held)
         notes += remarks
-    estimate = run(card, recording, frame=_frame(recording, frame), params=settings)
-    track = _with_timing(estimate, card, recording, clocks, 0.25 if stamps == "unknown" else 0.0)
+    estimate = run(card, recording, frame=frame or recording.units[root].meta.frame or Frame.ENU, params=settings)
+    estimate = _with_timing(estimate, card, recording, clocks, 0.25 if stamps == "unknown" else 0.0)
+    track = estimate.joints
     if upright is None and not geometry.known:
         track, remarks = _from_first_sample(track, geometry, named)
         notes += remarks
@@ -259,19 +265,56 @@ def _units_by_segment(segments: Sequence[str], units: Sequence[str], name: str) 
 
 def _less_bias(
     units: Mapping[str, ImuData], clocks: Mapping[str, UnitClock], upright: tuple[float, float]
-) -> dict[str, ImuData]:
-    """Units less what their gyroscopes say on average while the body stands upright."""
-    less = {}
-    for name, imu in units.items():
-        t = clocks[name].corrected(imu.t) if name in clocks else imu.t
-        gyr = imu.usable("gyr")
-        rows = (t >= upright[0]) & (t <= upright[1]) & np.isfinite(gyr).all(axis=1)
-        if not rows.any():
+) -> tuple[dict[str, ImuData], dict[str, float]]:
+    """Units less what their gyroscopes say on average while the body stands upright, and by how much some sway, rad."""
+    times = {name: clocks[name].corrected(imu.t) if name in clocks else imu.t for name, imu in units.items()}
+    rests = {name: _rest(imu, times[name], *upright) for name, imu in units.items()}
+    root, shared = next(iter(units)), times[next(iter(units))]
+    for name, rest in rests.items():
+        if rest.turn > LEAN:
+            spans = {float(t): [_rest(imu, times[unit], t, t + CALM).turn for unit, imu in units.items()]
+                     for t in np.arange(shared[0], shared[-1] - CALM, CALM)}  # fmt: skip
+            calm = ", ".join([f"{t:.0f}" for t, turns in spans.items() if max(turns) <= SWAY][:5])
+            what = f"turns by {to_deg(rest.turn):.0f}°" if math.isfinite(rest.turn) else "has no sample"
+            clock = f"the clock of '{root}'" if clocks else "the recording"
             raise ParameterError(
-                f"'{name}' has no sample from {upright[0]:g} to {upright[1]:g} s, when the body is said to be upright."
+                f"'{name}' {what} from {upright[0]:g} to {upright[1]:g} s of {clock}, when the body is said to stand "
+                f"upright; all stand still for a second at {calm or 'no'} s."
             )
-        less[name] = imu.corrected(meta=imu.meta, gyr=gyr - gyr[rows].mean(axis=0))
-    return less
+    less = {name: imu.corrected(meta=imu.meta, gyr=imu.usable("gyr") - rests[name].rate) for name, imu in units.items()}
+    return less, {name: rest.turn for name, rest in rests.items() if rest.turn > SWAY}
+
+
+class _Rest(NamedTuple):
+    """Mean rate (3,), rad/s, and by how much a unit turns meanwhile, rad."""
+
+    rate: Floats
+    turn: float
+
+
+def _rest(imu: ImuData, t: Floats, begin: float, end: float) -> _Rest:
+    """Of a unit in a span, s; its turn is infinite without a sample.
+
+    What comes and goes shows in the turn by the rates less their mean, what goes one way in the mean force of the
+    second half against the first: twice, as the halves' middles are half of the span apart.
+    """
+    span = slice(int(np.searchsorted(t, begin)), int(np.searchsorted(t, end, side="right")))
+    t, gyr, acc = t[span], imu.usable("gyr")[span], imu.usable("acc")[span]
+    finite = np.isfinite(gyr).all(axis=1) & np.isfinite(acc).all(axis=1)
+    if np.count_nonzero(finite) < 2:
+        return _Rest(np.zeros(3), math.inf)
+    t, gyr, acc = t[finite], gyr[finite], acc[finite]
+    bias = gyr.mean(axis=0)
+    turns = np.cumsum((gyr - bias) * np.gradient(t)[:, np.newaxis], axis=0)
+    first, second = (_unit(half.mean(axis=0)) for half in np.array_split(acc, 2))
+    there = np.sqrt(np.mean(np.sum((turns - turns.mean(axis=0)) ** 2, axis=1)))
+    return _Rest(bias, max(float(there), 2.0 * math.asin(min(1.0, float(np.linalg.norm(np.cross(first, second)))))))
+
+
+def _upright_notes(clock: str, upright: tuple[float, float], swayed: Mapping[str, float]) -> list[Note]:
+    """What sways in the upright pose, and on which clock it counts where there are several."""
+    notes: list[Note] = [info("joints.upright", unit=clock, begin_s=upright[0], end_s=upright[1])] if clock else []
+    return notes + [warning("joints.sways", unit=unit, turn_deg=to_deg(turn)) for unit, turn in swayed.items()]
 
 
 def _first_clocks(units: Mapping[str, ImuData], chain: Chain) -> dict[str, UnitClock]:
@@ -289,11 +332,6 @@ def _first_clocks(units: Mapping[str, ImuData], chain: Chain) -> dict[str, UnitC
         middle = 0.5 * float(root.t[0] + root.t[-1]) - offset
         clocks[on[joint.child]] = UnitClock(offset, 0.0, middle)
     return clocks
-
-
-def _frame(recording: ImuArray, frame: Frame | str | None) -> Frame:
-    """Frame of the attitudes; joint angles do not depend on it."""
-    return Frame.parse(frame) if frame is not None else next(iter(recording.units.values())).meta.frame or Frame.ENU
 
 
 def _in_body_axes(
@@ -399,19 +437,22 @@ def _rates(imu: ImuData) -> Floats:
 
 def _with_timing(
     estimate: ArmEstimate, card: ArmCard, recording: ImuArray, clocks: Mapping[str, UnitClock], share: float
-) -> JointTrack:
-    """Angles whose claims count what clocks and stamps leave open; `share` of a step as far as stamps are unknown."""
-    track, sd = estimate.joints, np.array(estimate.joints.sd)
+) -> ArmEstimate:
+    """Estimate whose claims count what clocks and stamps leave open; `share` of a step as far as stamps are unknown."""
+    track, covs, variances = estimate.joints, dict(estimate.joint_cov), list[Floats]()
     step = share * float(np.median(np.diff(track.t)))
-    speed = np.gradient(track.angles, track.t, axis=0)
-    on = {segment.name: segment.unit for segment in card.chain.segments}
-    late = [
-        np.broadcast_to(
-            (clocks[on[joint.child]].sd if on[joint.child] in clocks else 0.0)
-            * np.linalg.norm(_rates(recording.units[on[joint.child]]), axis=1)[:, np.newaxis],
-            (len(track.t), len(joint.angles)),
-        )
-        for joint in card.chain.joints
-    ]
-    sd = np.sqrt(sd**2 + (step * speed) ** 2 + np.hstack(late) ** 2)
-    return replace(track, angles=track.angles - step * speed, sd=sd)
+    on = {segment.name: segment for segment in card.chain.segments}
+    rates = {name: _rates(recording.units[body.unit]) @ body.mount.dcm.T for name, body in on.items() if body.unit}
+    for joint in card.chain.joints:
+        parent, child = (estimate.tracks[name].q_nb for name in (joint.parent, joint.child))
+        relative = quat_multiply(quat_conjugate(parent), child)
+        turning = quat_rotate(relative, rates[joint.child])  # in the parent's axes
+        late = clocks.get(on[joint.child].unit, UnitClock()).sd
+        for turn in (late * turning, step * (turning - rates.get(joint.parent, np.zeros(3)))):
+            halves = (quat_multiply(rotations.quat_from_rotvec(part * turn), relative) for part in (0.5, -0.5))
+            variances.append(rotations.wrap(np.subtract(*map(joint.angles_of, halves))) ** 2)
+            covs[joint.name] = covs[joint.name] + turn[estimate.rows, :, np.newaxis] * turn[estimate.rows, np.newaxis]
+    assert track.sd is not None
+    sd = np.sqrt(track.sd**2 + np.hstack(variances[::2]) + np.hstack(variances[1::2]))
+    angles = track.angles - step * np.gradient(track.angles, track.t, axis=0)
+    return replace(estimate, joints=replace(track, angles=angles, sd=sd), joint_cov=covs)

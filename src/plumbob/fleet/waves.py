@@ -353,27 +353,18 @@ def _response(given_: "str | Path | tuple[ArrayLike, ArrayLike]") -> tuple[tuple
     if isinstance(given_, str | Path):
         path = check.path("response", given_)
         try:
-            lines = [line.split(",") for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-            rows = [[float(cell) for cell in line] for line in lines[not _is_number(lines[0][0]) :]]
-            f, rises = (np.array(column) for column in zip(*rows, strict=True))
+            rows = np.genfromtxt(path, delimiter=",", encoding="utf-8", ndmin=2)
+            f, rises = rows[int(np.isnan(rows[0, 0])) :].T  # the first line may be titles
         except (OSError, ValueError, IndexError) as error:
             raise DecodeError(f"{path} must have two columns, frequency in Hz and response: {error}.") from error
     else:
         f, rises = (check.floats("response", part) for part in given_)
-    if f.ndim != 1 or f.shape != rises.shape or f.size < 2 or np.any(np.diff(f) <= 0.0) or not (rises >= 0.0).all():
+    if f.ndim != 1 or f.shape != rises.shape or f.size < 2 or not (np.diff(f) > 0.0).all() or not (rises >= 0.0).all():
         raise ParameterError(
             "response needs rising frequencies, Hz, and as many numbers of 0 or more: how much of a wave's height the "
             "hull rises."
         )
     return tuple(f.tolist()), tuple(rises.tolist())
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _latitude_longitude(place: str) -> tuple[float, float]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.quality.quality import FAIL, HOLE, PASS, SUSPECT
-from plumbob.quality.spectra import cross_spectra
+from plumbob.quality.spectra import Spectra, cross_spectra, peak_period
 
 LONGEST_WAVES: Final = 0.03  # Hz; wind makes no swell longer than about 30 s
 SHORTEST_WAVES: Final = 1.0  # Hz; shorter waves, of 1.6 m and less, pass below a float
@@ -278,15 +278,10 @@ def _heights(f: Floats, height: Floats, effective: float, nu: float, scale_sd: f
         return {}
     chance = float(np.sum(height**2) * f[0]) / (1.0 + 2.0 / nu) / effective / m[0] ** 2
     below, above = _band(2.0 / (chance + (2.0 * scale_sd) ** 2))
-    hm0 = 4.0 * math.sqrt(m[0])
-    top, shift = int(np.argmax(height)), 0.0
-    if 0 < top < f.size - 1 and height[top - 1 : top + 2].min() > 0.0:
-        before, middle, after = np.log(height[top - 1 : top + 2])
-        bend = before - 2.0 * middle + after
-        shift = float(0.5 * (before - after) / bend) if bend < 0.0 else 0.0
+    hm0, spectrum = 4.0 * math.sqrt(m[0]), Spectra(f, height[:, np.newaxis], np.ones(1, np.int64), math.nan, 0)
     return {
         "hm0": hm0, "hm0_low": hm0 * math.sqrt(below), "hm0_high": hm0 * math.sqrt(above),
-        "tp": float(1.0 / (f[top] + shift * f[0])), "tm01": m[0] / m[1], "tm02": math.sqrt(m[0] / m[2]),
+        "tp": peak_period(spectrum, 0), "tm01": m[0] / m[1], "tm02": math.sqrt(m[0] / m[2]),
         "tm_10": m[-1] / m[0],
     }  # fmt: skip
 
