@@ -25,7 +25,7 @@ from plumbob.core.units import deg, to_deg
 from plumbob.data import ImuData
 from plumbob.data.array import ImuArray
 from plumbob.data.chain import Chain, Joint, Segment
-from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate, rotvec_from_quat
+from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate, rotvec_from_quat, wrap
 from plumbob.simulation.bodies import simulate_chain
 
 REAL = Chain(
@@ -244,10 +244,6 @@ SENSORS = {"sensors": "mpu6000+hmc5983", "unit": "calibrated", "gyr_range": "100
 INSTANT = {"mean_rate": False}  # the simulator samples instants
 
 
-def wrapped(x):
-    return (x + np.pi) % (2.0 * np.pi) - np.pi
-
-
 def still_until(sim):
     moved = np.flatnonzero(np.abs(sim.angles - sim.angles[0]).max(axis=1) > 1e-4)
     return float(sim.t[moved[0]]) if moved.size else float(sim.t[-1])
@@ -287,7 +283,7 @@ def alone(sim):
 
 
 def scored(angles, hand, sim):
-    off = to_deg(wrapped(angles - sim.angles))
+    off = to_deg(wrap(angles - sim.angles))
     return np.sqrt(np.mean(off**2, axis=0)), 100.0 * rms(np.linalg.norm(hand - sim.hand_n, axis=1)) / sim.chain.length
 
 
@@ -301,7 +297,7 @@ def one_arm(chain, program, seed, *, exact):
         sd = deg(0.01 if exact else HELD_DEG)
         est = run(known, sim.array, frame="ENU", causal=causal, pose=pose, pose_sd=sd, params=INSTANT)
         joints, hand = scored(est.joints.angles, est.joints.hand, sim)
-        off = [np.abs(wrapped(est.joints.angles - sim.angles)) < est.joints.sd]
+        off = [np.abs(wrap(est.joints.angles - sim.angles)) < est.joints.sd]
         off.append(np.abs(est.joints.hand - sim.hand_n) < est.joints.hand_sd)
         found[causal] = joints, hand, 100.0 * np.mean(np.hstack(off))
     return found, scored(*alone(sim), sim)

@@ -13,6 +13,8 @@ error is the same at all times; *inside* counts the whole error. Beside it, on o
 """
 
 import argparse
+import contextlib
+import io
 import time
 from dataclasses import replace
 
@@ -107,7 +109,8 @@ def by_qmt(made, names):
     ((joint, _, _, true),) = joints_of(made, names)
     one, other = (made.array.units[name] for name in names)
     gyr = [np.array(imu.gyr - imu.gyr[: int(UPRIGHT[1] / 0.01)].mean(axis=0)) for imu in (one, other)]
-    axes = qmt.jointAxisEstHingeOlsson(np.array(one.acc), np.array(other.acc), *gyr)
+    with contextlib.redirect_stdout(io.StringIO()):  # it prints each step
+        axes = qmt.jointAxisEstHingeOlsson(np.array(one.acc), np.array(other.acc), *gyr)
     hinge, turned, rates = np.array(joint.axes[0]), [], []
     for name, q, rate, estimated in zip(names, attitudes(made, names), gyr, axes, strict=True):
         axis = np.ravel(estimated)
