@@ -19,7 +19,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.findings import Finding, Note, as_json, info, warning
 from plumbob.core.result import plain
 from plumbob.noise.curve import Curve, curve
-from plumbob.noise.findings import Analysis, Coefficient
+from plumbob.noise.findings import Analysis
 from plumbob.noise.spectrum import Spectrum, spectrum
 from plumbob.noise.terms import FAR, TERMS
 
@@ -145,7 +145,11 @@ def differences(first: Analysis, second: Analysis, *, among: int = 1) -> list[Di
         pair = [each.terms.get(letter) for each in (first, second)]
         if not all(c is not None and (c.observable or math.isfinite(c.upper)) for c in pair):
             continue
-        (a, below, above), (b, under, over) = (_with_deviations(c) for c in pair if c is not None)
+        (a, below, above), (b, under, over) = (  # values, and deviations; of one that is not observable of its limit
+            (c.value, c.value - c.lo, c.hi - c.value) if c.observable else (0.0, 0.0, c.upper / _LIMIT)
+            for c in pair
+            if c is not None
+        )
         if abs(b - a) > surely * (math.hypot(below, over) if b < a else math.hypot(above, under)):
             if a and b:
                 lower, upper = math.hypot(above / a, under / b), math.hypot(below / a, over / b)
@@ -153,11 +157,6 @@ def differences(first: Analysis, second: Analysis, *, among: int = 1) -> list[Di
             else:
                 unlike.append(Difference(letter, math.inf if b else 0.0, math.nan, math.nan))
     return unlike
-
-
-def _with_deviations(c: Coefficient) -> tuple[float, float, float]:
-    """Value, and standard deviations below and above it; of one that is not observable 0, and of its limit."""
-    return (c.value, c.value - c.lo, c.hi - c.value) if c.observable else (0.0, 0.0, c.upper / _LIMIT)
 
 
 def _filter_between(before: Spectrum, after: Spectrum) -> tuple[float | None, float | None]:

@@ -299,15 +299,11 @@ def unusable(rate: Floats, before: int = 0) -> ShapeError:
     )
 
 
-def _mirrored(angle: Floats) -> Floats:
-    """θ, continued beyond each end by its reflection in the end point: 3N − 1 points."""
-    inner = angle[-2:0:-1]
-    return np.concatenate((2.0 * angle[0] - inner, angle, 2.0 * angle[-1] - inner))  # [Riley2008] (25)
-
-
 def _variance(angle: Floats, factors: Factors, kind: str) -> Floats:
     shape = SHAPES[kind]
-    points = _mirrored(angle) if kind == "totdev" else angle
+    points, inner = angle, angle[-2:0:-1]
+    if kind == "totdev":  # θ, continued beyond each end by its reflection in the end point: 3N − 1 points
+        points = np.concatenate((2.0 * angle[0] - inner, angle, 2.0 * angle[-1] - inner))  # [Riley2008] (25)
     sums, terms = np.zeros(factors.size), np.empty(factors.size)
     if shape.view is None:
         shape.add_squares(points, factors, sums)  # together, which is several times as fast

@@ -16,6 +16,7 @@ integration [Kasdin1995] and of random walks have exactly these.
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ from plumbob.noise.findings import Sinusoid
 _SINGLE = 64  # lowest coefficients kept one by one; the ramp, and most of what is known about K and B, is in them
 _PER_DECADE = 60  # bins: within one of 4 % width no spectrum of the terms changes by more than 8 %
 _AT_ONCE = 1 << 18  # coefficients whose products are held
+_TRANSFORMING = Lock()  # one thread at a time: a transform works in buffers as large as three records
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +93,8 @@ def spectrum(samples: Floats, dt: float, averaged: int = 1) -> Spectrum:
 
     count = samples.size
     step = dt * averaged
-    coefficients = dct(samples - np.mean(samples), type=2, norm="ortho", overwrite_x=True)
+    with _TRANSFORMING:
+        coefficients = dct(samples - np.mean(samples), type=2, norm="ortho", overwrite_x=True)
     coefficients *= np.sqrt(step)
     start = edges(count)
     sums = []  # of whole bins at a time: products of all would be several records more
@@ -260,8 +263,10 @@ def _periodogram(samples: Floats, dt: float) -> tuple[Floats, Floats]:
     t *= np.pi / samples.size
     np.cos(t, out=t)
     detrended *= np.square(t, out=t)  # (1 + cos 2x) / 2
-    transform = rfft(detrended)
-    del t, detrended  # as large as the record, each
+    del t  # as large as the record, as each here is
+    with _TRANSFORMING:
+        transform = rfft(detrended)
+    del detrended
     density = np.square(np.abs(transform)) * (dt / (0.375 * samples.size))  # of a Hann window's squares
     del transform
     stop = density.size // _BLOCK * _BLOCK

@@ -344,6 +344,7 @@ _LOW = 2.0  # inches of one of several panels
 _FADED = 0.35
 _LISTED = 9  # channels whose values fit into a key
 _LETTER = 6.5  # points of a value beside its mark
+_MARK = 2.5  # points from the middle of a mark to its corners
 _PLACES: Final = [  # offsets of a value from its mark, points
     (x, y) for k in (1, 2, 3) for x, y in ((0, -6 * k), (6, -4 * k), (-6, -4 * k), (0, 6 * k), (6, 4 * k), (-6, 4 * k))
 ]
@@ -434,18 +435,22 @@ def _curve_lines(a: findings.Analysis, colour: str, *, band: float) -> Iterator[
 def _write_values(ax: "Axes", panel: PlotPanel, channels: Mapping[str, findings.Analysis]) -> None:
     """Marks where coefficients are read off, each with its value where that covers nothing that is drawn."""
     dpi, box = ax.figure.dpi / 72.0, ax.get_window_extent()
-    marks = [(colour, a, letter, (at, from_si(dev, DEVIATION[a.quantity]))) for colour, a in channels.items()
-             for letter, at, dev in findings.points(a)]  # fmt: skip
-    taken = _covered_points(ax, [*panel.lines, *(PlotLine(*np.array(mark)[:, np.newaxis]) for *_, mark in marks)])
-    for colour, a, letter, mark in marks:
+    marks = [(colour, a, letter, (tau, from_si(dev, DEVIATION[a.quantity]))) for colour, a in channels.items()
+             for letter, tau, dev in findings.points(a)]  # fmt: skip
+    marks = [mark for mark in marks if mark[3][1] > ax.get_ylim()[0]]
+    middles = ax.transData.transform(np.reshape([mark for *_, mark in marks], (-1, 2)))
+    corners = dpi * _MARK * (np.indices((3, 3)).reshape(2, -1).T - 1.0)  # of a mark, and places between them
+    taken = np.concatenate([_covered_points(ax, panel.lines), *(middle + corners for middle in middles)])
+    for middle, (colour, a, letter, mark) in zip(middles, marks, strict=True):
         ax.plot(*mark, "D", color=colour, markersize=3.5, markeredgecolor=INK, mew=0.5, zorder=4)
         value = _values(a)[letter]
         texts = (with_unit(value, DATASHEET[a.quantity][letter]), value)
         for text, offset in product(texts, _PLACES if len(channels) == 1 else _PLACES[:12]):
             size, sign = dpi * _LETTER * np.array([0.6 * len(text), 1.1]), np.sign(offset)
-            corner = ax.transData.transform(mark) + dpi * np.array(offset) - 0.5 * (1.0 - sign) * size
-            inside = (corner > box.min).all() and (corner + size < box.max).all()
-            if inside and not ((taken > corner) & (taken < corner + size)).all(axis=1).any():
+            corner = middle + dpi * np.array(offset) - 0.5 * (1.0 - sign) * size
+            apart, others = (np.hypot(*(m - np.clip(m, corner, corner + size)).T) for m in (middle, middles))
+            fits = (corner > box.min).all() and (corner + size < box.max).all() and apart <= others.min() + dpi
+            if fits and not ((taken > corner) & (taken < corner + size)).all(axis=1).any():
                 ax.annotate(
                     text, mark, xytext=offset, textcoords="offset points", color=colour, fontsize=_LETTER,
                     ha=_SIDES[0][sign[0]], va=_SIDES[1][sign[1]],
@@ -468,15 +473,14 @@ def _covered_points(ax: "Axes", lines: Iterable[PlotLine]) -> Floats:
 def _range(analyses: Sequence[findings.Analysis]) -> tuple[float, float]:
     """Least and greatest deviation of the picture: those of trusted points, or of all where none can be trusted.
 
-    A picture of one channel shows its read-off points too, if they are not far below the curve.
+    Read-off points are in it too, if they are not far below the curves.
     """
     devs = [a.curve.dev[use if (use := findings.trusted(a.curve)).any() else slice(None)] for a in analyses]
     tops = [a.curve.hi[findings.trusted(a.curve) & np.isfinite(a.curve.hi)] for a in analyses]
     low = min(float(dev[dev > 0.0].min(initial=math.inf)) for dev in devs)
     high = max(float(values.max(initial=0.0)) for values in [*devs, *tops])
-    if len(analyses) == 1:
-        low = min([low, *(point.dev for point in findings.points(analyses[0]) if point.dev > low / 30.0)])
-    return low / 1.7, high * 1.5
+    marks = (point.dev for a in analyses for point in findings.points(a) if point.dev > low / 30.0)
+    return min(low, *marks, low) / 1.7, high * 1.5
 
 
 def card_report(card: NoiseCard) -> Report:
