@@ -51,22 +51,36 @@ class Timing:
     jitter: float  # standard deviation of the steps that are not gaps, s
     gaps: int  # number of steps longer than `GAP_FACTOR` median steps
     longest: float  # longest step, s
+    in_gaps: float = 0.0  # by how much the gaps are longer than a usual step, s, in all
+    repeated: int = 0  # steps so short that they repeat a stamp
+    wander: float = 0.0  # standard deviation of the other steps about whole numbers of the usual one, in steps
+    lost: float = 0.0  # share of the rows that are missing one to four at a time
+
+
+TINY: Final = 0.02  # a step shorter than this share of the usual one repeats a stamp
 
 
 def timing(t: Floats) -> Timing:
-    """Measure rate, jitter and gaps of increasing times (N,), s."""
+    """Measure rate, jitter and gaps of increasing times (N,), s; a day of them leaves little room for copies."""
     dt_ns = np.diff(to_ns(t))
     if not dt_ns.size:
         return Timing(1, 0.0, float("nan"), 0.0, 0, 0.0)
-    gaps = is_gap(dt_ns)
+    gaps, usual, count = is_gap(dt_ns), usual_step(dt_ns) / 1e9, dt_ns.size
+    total, longest, jitter = int(dt_ns.sum()) / 1e9, int(dt_ns.max()) / 1e9, float(np.std(dt_ns, where=~gaps)) / 1e9
+    steps, number = dt_ns / (1e9 * usual), int(np.count_nonzero(gaps))
+    del dt_ns
+    between = float(np.sum(steps, where=~gaps))
+    tiny, even = steps < TINY, count - number
+    multiples = np.maximum(np.rint(steps), 1.0)
+    steady = ~(gaps | tiny)
+    skipped = float(np.sum(multiples, where=steady)) - np.count_nonzero(steady)
+    np.subtract(steps, multiples, out=steps)
+    wander = float(np.std(steps, where=steady)) if steady.any() else 0.0
+    missing = max(0.0, min(skipped, between - even - 3.0 * wander * np.sqrt(even)))  # by which jitter moves the mean
     return Timing(
-        samples=dt_ns.size + 1,
-        duration=int(dt_ns.sum()) / 1e9,
-        rate=1e9 / usual_step(dt_ns),
-        jitter=float(np.std(dt_ns, where=~gaps)) / 1e9,
-        gaps=int(np.count_nonzero(gaps)),
-        longest=int(dt_ns.max()) / 1e9,
-    )
+        count + 1, total, 1.0 / usual, jitter, number, longest, total - usual * (between + number),
+        int(np.count_nonzero(tiny)), wander, float(missing / (missing + even + 1.0)),
+    )  # fmt: skip
 
 
 def usual_step(dt_ns: NDArray[np.int64]) -> float:

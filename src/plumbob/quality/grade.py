@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from typing import Any, Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.findings import Finding, as_findings, as_json, info
-from plumbob.core.time import GAP_FACTOR, is_gap, to_ns, usual_step
+from plumbob.core.time import GAP_FACTOR, Timing, timing
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.imu import BLOCK, TRIAD_FLAGS, median, norms
@@ -56,8 +57,6 @@ BEGIN: Final = 5.0
 GAIN: Final = (0.01, 0.1)
 """Departure of the rates from the turning of gravity and field, relative, less three deviations: one in a hundred turns
 a quarter turn into one that is off by a degree."""
-TINY: Final = 0.02
-"""A step shorter than this many usual ones repeats a time stamp."""
 FASTEST: Final = float(dps(4000.0))
 """No MEMS gyroscope in use measures more than 4000 °/s: an attitude that turns faster has jumped, rad/s."""
 
@@ -157,7 +156,7 @@ def grade(imu: ImuData, notes: Sequence[Finding] = ()) -> Grade:
     notes : sequence of Finding
         What the reading of the file found; those about gaps that only the host's clock shows count.
     """
-    steps = _Steps.measure(bursts(imu.t), np.diff(imu.t_ns))
+    times, pauses = _times(sample_times(imu), imu.t)
     repeated, card = {name: statistics(imu, name).repeats for name in imu.triads}, imu.meta.calibration
     costs = {"gyr": 20.0, "acc": 15.0, "mag": 5.0}
     absent = tuple(name for name in costs if name not in imu.triads)
@@ -165,8 +164,8 @@ def grade(imu: ImuData, notes: Sequence[Finding] = ()) -> Grade:
     only_mag = {"only_mag" if absent == ("mag",) else "others": "yes"}
     made = (
         Criterion("sensors", 20.0, min(20.0, sum(costs[name] for name in absent)), (sensors,), costs | only_mag),
-        *_timing(steps),
-        *_losses(imu, repeated, steps, notes),
+        *_timing(times),
+        *_losses(imu, repeated, times, notes),
         *_repetition(imu, repeated),
         _plausible(imu, still := _rest(imu)),
         Criterion("calibration", 10.0, 0.0 if card else 10.0,
@@ -175,14 +174,14 @@ def grade(imu: ImuData, notes: Sequence[Finding] = ()) -> Grade:
             "rest", 5.0, still.first, REST, info("criterion.rest", percent=100.0 * still.share, first=still.first),
             begin=BEGIN,
         ),
-        _clock(imu, steps, notes),
+        _clock(imu, times, pauses, notes),
     )  # fmt: skip
     return Grade(tuple(filter(None, made)))
 
 
 def grade_track(track: AttitudeTrack) -> Grade:
     """Grade an attitude without samples by its times, and by how much of it is known and can be."""
-    steps = _Steps.measure(bursts(track.t), np.diff(to_ns(track.t)))
+    times, _ = _times(timing(track.t), track.t)
     unknown = float(np.mean(~track.known))
     open_ = np.zeros(len(track), dtype=np.bool_) if track.flags is None else track.flags & flags.NOT_CONVERGED != 0
     turn = quat_angle(track.q_nb[:-1], track.q_nb[1:]) / np.maximum(np.diff(track.t), 1e-9)
@@ -190,7 +189,7 @@ def grade_track(track: AttitudeTrack) -> Grade:
     unsettled = float(np.mean(open_))
     free, bare = track.north is North.FREE, track.cov_b is None
     return Grade((
-        *_timing(steps),
+        *_timing(times),
         _judged("loss", 25.0, unknown, LOST, info("criterion.known", percent=100.0 * unknown), attitudes="yes"),
         _judged("converged", 20.0, unsettled, (0.05, 0.9), info("criterion.converged", percent=100.0 * unsettled)),
         _judged("jumps", 25.0, jumps, quality.SHARE, info("criterion.jumps", percent=100.0 * jumps)),
@@ -219,74 +218,47 @@ def _share(value: float, limits: tuple[float, float]) -> float:
     return min(1.0, max(0.0, math.log(value / good) / math.log(bad / good)))
 
 
-@dataclass(frozen=True)
-class _Steps:
-    """What the steps of a time line say.
-
-    How many there are, the usual one and the sum, s; by how much those that are gaps are longer than usual, s; how many
-    repeat a stamp; their standard deviation about whole numbers of the usual one, in steps; the share of the rows that
-    are missing one to four at a time; and how they come in bursts.
-    """
-
-    count: int
-    usual: float = math.nan
-    total: float = 0.0
-    holes: Floats = field(default_factory=lambda: np.empty(0))
-    tiny: int = 0
-    jitter: float = 0.0
-    lost: float = 0.0
-    bursts: Finding | None = None
-
-    @classmethod
-    def measure(cls, bursts: Finding | None, dt_ns: NDArray[np.int64]) -> "_Steps":
-        """Measure steps (N,), ns, that come in bursts as is said. A day of them leaves little room for copies."""
-        if not dt_ns.size:
-            return cls(0)
-        gaps, usual, dt = is_gap(dt_ns), usual_step(dt_ns) / 1e9, dt_ns / 1e9
-        del dt_ns
-        tiny = dt < TINY * usual
-        steps = cls(dt.size, usual, float(dt.sum()), dt[gaps] - usual, int(np.count_nonzero(tiny)), bursts=bursts)
-        if bursts:
-            return steps
-        count = dt.size - steps.holes.size
-        late = float(np.sum(dt, where=~gaps)) / usual - count
-        multiples = np.rint(np.divide(dt, usual, out=dt))
-        np.maximum(multiples, 1.0, out=multiples)
-        steady = ~(gaps | tiny)
-        skipped = float(np.sum(multiples, where=steady)) - np.count_nonzero(steady)
-        np.subtract(dt, multiples, out=dt)
-        del multiples
-        jitter = float(np.std(dt, where=steady)) if steady.any() else 0.0
-        missing = max(0.0, min(skipped, late - 3.0 * jitter * math.sqrt(count)))  # by which jitter moves the mean step
-        return replace(steps, jitter=jitter, lost=missing / (missing + count + 1.0))
+_TIMES: Final[WeakKeyDictionary[ImuData, Timing]] = WeakKeyDictionary()
 
 
-def _timing(steps: _Steps) -> tuple[Criterion, Criterion, Criterion]:
+def sample_times(imu: ImuData) -> Timing:
+    """What the time stamps of a recording say, measured once."""
+    if imu not in _TIMES:
+        _TIMES[imu] = timing(imu.t)
+    return _TIMES[imu]
+
+
+def _times(said: Timing, t: Floats) -> tuple[Timing, Finding | None]:
+    """What is graded of time stamps: where rows come in bursts, that alone."""
+    pauses = bursts(t)
+    return said if pauses is None else replace(said, wander=0.0, lost=0.0), pauses
+
+
+def _timing(said: Timing) -> tuple[Criterion, Criterion, Criterion]:
     """Rate, jitter and gaps."""
-    rate, jitter_us = (1.0 / steps.usual, 1e6 * steps.jitter * steps.usual) if steps.count else (math.nan, None)
-    holes, longest = steps.holes, float(steps.holes.max(initial=0.0))
-    share = float(holes.sum() / steps.total) if holes.size else 0.0
+    jitter = said.wander
+    rate, jitter_us = said.rate, 1e6 * jitter / said.rate if said.samples > 1 else None
+    longest, share = (said.longest - 1.0 / rate, said.in_gaps / said.duration) if said.gaps else (0.0, 0.0)
     lost = 10.0 * (_share(longest, quality.HOLE) + _share(share, IN_GAPS))
-    gaps = info("criterion.gaps", count=holes.size, longest=longest, percent=100.0 * share)
-    gaps = gaps if holes.size else info("criterion.no_gap")
+    gaps = info("criterion.gaps", count=said.gaps, longest=longest, percent=100.0 * share)
+    gaps = gaps if said.gaps else info("criterion.no_gap")
     percent = {"good_percent": 100.0 * IN_GAPS[0], "bad_percent": 100.0 * IN_GAPS[1]}
     return (
-        _judged(
-            "rate", 10.0, rate, RATE, info("criterion.rate", rate=rate) if steps.count else info("criterion.one_sample")
-        ),
-        _judged("jitter", 10.0, steps.jitter, JITTER,
-                info("criterion.jitter", percent=100.0 * steps.jitter, jitter_us=jitter_us)),
+        _judged("rate", 10.0, rate, RATE,
+                info("criterion.rate", rate=rate) if said.samples > 1 else info("criterion.one_sample")),
+        _judged("jitter", 10.0, jitter, JITTER,
+                info("criterion.jitter", percent=100.0 * jitter, jitter_us=jitter_us)),
         replace(_judged("gaps", 20.0, longest, quality.HOLE, gaps, **percent), lost=round(lost, 2)),
     )  # fmt: skip
 
 
 def _losses(
-    imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]], steps: _Steps, notes: Sequence[Finding]
+    imu: ImuData, repeated: Mapping[str, NDArray[np.uint8]], times: Timing, notes: Sequence[Finding]
 ) -> Iterator[Criterion]:
     """What is lost, and what is clipped, by its shares."""
     counts = [note.values for note in notes if note.code == "source.decoded"]  # bytes, and those of no frame
     junk = int(str(counts[0]["junk"])) / max(1, int(str(counts[0]["bytes"]))) if counts else 0.0
-    lost, clipped, words = {"rows": steps.lost, "bytes": junk}, {}, imu.flags
+    lost, clipped, words = {"rows": times.lost, "bytes": junk}, {}, imu.flags
     for name, axes in repeated.items():  # the share of time without a value for longer than from one to the next
         present = axes != NOT_KNOWN
         lost[name] = 0.0 if present.all() else 1.0
@@ -352,7 +324,7 @@ def _rest(imu: ImuData) -> _Still | None:
     t = imu.t
     if "acc" not in imu.triads or t.size < 3 * rests.FEWEST:
         return None
-    step = median(np.diff(t))
+    step = 1.0 / sample_times(imu).rate
     size = max(rests.FEWEST, round(rests.BLOCK / step))
     if t.size // size < 3:
         return None
@@ -416,13 +388,13 @@ def _plausible(imu: ImuData, still: _Still | None) -> Criterion:
     return Criterion("plausibility", 40.0, round(40.0 * lost, 2), findings, limits)
 
 
-def _clock(imu: ImuData, steps: _Steps, notes: Sequence[Finding]) -> Criterion:
-    faults = int(np.count_nonzero(imu.flags & np.uint32(flags.TIME_FAULT))) + steps.tiny
-    share = 0.0 if steps.bursts else faults / len(imu)
+def _clock(imu: ImuData, times: Timing, pauses: Finding | None, notes: Sequence[Finding]) -> Criterion:
+    faults = int(np.count_nonzero(imu.flags & np.uint32(flags.TIME_FAULT))) + times.repeated
+    share = 0.0 if pauses else faults / len(imu)
     said = [info("criterion.time_faults", percent=100.0 * share)] if share else []
     lost = 15.0 * _share(share, quality.SHARE)
-    if steps.bursts:
-        said, lost = [steps.bursts], 15.0
+    if pauses:
+        said, lost = [pauses], 15.0
     for code, finding in (
         ("reading.inferred", info("criterion.gaps_by_host")), ("reading.clock", info("criterion.clock_fitted")),
     ):  # fmt: skip

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check, flags
-from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, UnknownFormatError
 from plumbob.core.findings import Finding, as_json, warnings
 from plumbob.core.text import FactsText, counted, visible
-from plumbob.core.time import timing
+from plumbob.core.time import Timing, timing
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.array import ImuArray
@@ -160,9 +159,9 @@ def _card(file: Path) -> Info:
     if isinstance(card, CalibrationCard):
         from plumbob.calibration.fit import numbers
         from plumbob.quality.grade import WORDS
-        from plumbob.reporting.calibration import calibrated
+        from plumbob.reporting.calibration import certificate
 
-        content, report = numbers(card, {}), calibrated(card)
+        content, report = numbers(card, {}), certificate(card, {})
         least = {word.lower(): points for word, points in WORDS}
         triads = (triad for triad in (card.gyr, card.acc, card.mag) if triad is not None)
         graded = [triad.quality.grade for triad in triads if triad.quality is not None]
@@ -175,6 +174,8 @@ def _card(file: Path) -> Info:
 
 
 def _sensors(imu: ImuData) -> dict[str, Any]:
+    from plumbob.quality.grade import sample_times
+
     meta = imu.meta
     return {
         "device": meta.device,
@@ -182,7 +183,7 @@ def _sensors(imu: ImuData) -> dict[str, Any]:
         "frame": str(meta.frame) if meta.frame else None,
         "axes": meta.axes,
         "declination_deg": None if meta.declination is None else to_deg(meta.declination),
-        "time": _timing(imu.t) | {"start_utc": _utc(meta.t0_ns)},
+        "time": _timing(sample_times(imu)) | {"start_utc": _utc(meta.t0_ns)},
         "triads": {name: _triad(imu, name) for name in imu.triads},
         "flags": flags.counts(imu.flags),
     }
@@ -210,7 +211,7 @@ def _array(array: ImuArray) -> dict[str, Any]:
                 "noise_card": noise,
             }
         }  # fmt: skip
-    return {"time": _timing(array.t), "units": units}
+    return {"time": _timing(timing(array.t)), "units": units}
 
 
 def _triad(imu: ImuData, name: str) -> dict[str, Any]:
@@ -229,14 +230,13 @@ def _attitude(track: AttitudeTrack) -> dict[str, Any]:
         "source": track.source,
         "frame": str(track.frame),
         "north": str(track.north),
-        "time": _timing(track.t),
+        "time": _timing(timing(track.t)),
         "known_samples": int(track.known.sum()),
         "scored_samples": int(track.score.sum()) if track.score is not None else None,
     }
 
 
-def _timing(t: Floats) -> dict[str, Any]:
-    time = timing(t)
+def _timing(time: Timing) -> dict[str, Any]:
     return {
         "samples": time.samples,
         "duration_s": time.duration,
