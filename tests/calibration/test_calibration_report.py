@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from plumbob.calibration import fit as fitting
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason
-from plumbob.calibration.predicted import NAMES, REGIONS, region_index
+from plumbob.calibration.predicted import NAMES, REGIONS, filled, region_index
 from plumbob.core.units import deg, dps, from_si, g, to_si
 from plumbob.data.cards import CalibrationCard, Mount, Quality, TriadCalibration
 from plumbob.reporting import calibration as report
@@ -92,7 +92,7 @@ def alone(name, model):
 
 
 def text_of(card, fits=()):
-    return report.certificate(card, dict(fits)).text()
+    return report.calibrated(card, dict(fits)).text()
 
 
 def rows(text, label):
@@ -258,7 +258,7 @@ def text():
         "mag": mag_fit(marked["mag"], count=100_000, remarks=(HOSTILE,)),
         "gyr": gyr_fit(marked["gyr"], remarks=(HOSTILE,)),
     }
-    return report.certificate(card, fits, recording=HOSTILE).page()
+    return report.calibrated(card, fits, recording=HOSTILE).page()
 
 
 class TestPage(PageBattery):
@@ -271,12 +271,10 @@ class TestPage(PageBattery):
 
 def test_a_card_alone_has_a_page_without_figures_and_needs_no_plots(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    page = (
-        report.certificate(CARD, {}, recording="a.mcap").write_html(tmp_path / "card.html").read_text(encoding="utf-8")
-    )
+    page = report.calibrated(CARD, recording="a.mcap").write_html(tmp_path / "card.html").read_text(encoding="utf-8")
     Outline(page)
     assert "<svg" not in page and "a.mcap" in page and DIP in page and "12.34" in page
-    assert page == report.certificate(CARD, {}, recording="a.mcap").page()
+    assert page == report.calibrated(CARD, recording="a.mcap").page()
 
 
 def axes_of(picture):
@@ -295,7 +293,7 @@ def test_the_map_keeps_areas_and_each_sample_has_its_place_in_its_hemisphere(cou
     fit = first(FITS["mag"], count)
     seen = (fit.measured - CARD.mag.bias)[fit.used]
     directions = seen / np.linalg.norm(seen, axis=1, keepdims=True)
-    picture = report.coverage_figure(report.covered_directions(fit))
+    picture = report.coverage_figure(report.Coverage(directions, filled(seen) > 0))
     regions = set(region_index(seen).tolist())
     assert f"{len(regions)} / 18" in picture.caption
     for side, ax in zip((1.0, -1.0), axes_of(picture), strict=True):

@@ -26,7 +26,7 @@ from plumbob.files.mcap.writer import RecordingPart
 from plumbob.files.profile import load_profile
 from plumbob.files.text import read_spans
 from plumbob.live.sources import CaptureSource
-from plumbob.reporting.calibration import certificate
+from plumbob.reporting.calibration import calibrated
 from plumbob.reporting.content import Figure
 from plumbob.reporting.drawing import picture
 from plumbob.rotations import IDENTITY, Frame, North
@@ -71,7 +71,7 @@ WRITERS = {
     "noise.json": lambda path, **how: noise_card().save(path, **how),
     "a.parquet": lambda path, **how: formats.write(path, imu(), **how),
     "a.csv": lambda path, **how: formats.write(path, imu(), **how),
-    "page.html": lambda path, **how: certificate(card(), {}).write_html(path, **how),
+    "page.html": lambda path, **how: calibrated(card(), {}).write_html(path, **how),
     "a.png": lambda path, **how: picture(path, [Figure("", lambda canvas: None, height=1.0)], **how),
     "a.tum": lambda path, **how: convert(both(), path, **how),
     "a.txt": lambda path, **how: convert(both(), path, **how),

@@ -74,7 +74,7 @@ def triads_of(card):
 
 def help_of(on):
     """What a capture's card says of the sensors that help the magnetometer."""
-    return {"gyr_calibrated": on.gyr_calibrated, "acc_calibrated": on.acc_calibrated}
+    return {"gyr_calibrated": on.calibrated("gyr"), "acc_calibrated": on.calibrated("acc")}
 
 
 def test_every_planted_error_is_found(simulated, fits):

@@ -246,8 +246,8 @@ def test_a_bias_alone_is_no_gain_of_the_gyroscope(scene, variances, calibrated):
     covariance = None if variances is None else np.diag(variances)
     gyr = TriadCalibration(np.eye(3), np.zeros(3), UNITS["gyr"], UNITS["gyr"], covariance=covariance)
     card = CalibrationCard(device="SN1", date="2026-01-01", method="rest", gyr=gyr)
-    assert Capture(scene[1], "SN1", card, "2026-01-01").gyr_calibrated == calibrated
-    assert not Capture(scene[1], "SN1", None, "2026-01-01").gyr_calibrated
+    assert Capture(scene[1], "SN1", card, "2026-01-01").calibrated("gyr") == calibrated
+    assert not Capture(scene[1], "SN1", None, "2026-01-01").calibrated("gyr")
 
 
 def slowed(imu):

@@ -17,7 +17,7 @@ from plumbob.core.result import plain
 from plumbob.data.cards import CalibrationCard, Mount
 from plumbob.filters import CommonParams, load
 from plumbob.papers.static_test import static_test
-from plumbob.reporting.calibration import certificate
+from plumbob.reporting.calibration import calibrated
 from plumbob.reporting.content import PALETTE, SERIES, Figure, Table, chinese_labels, said
 from plumbob.reporting.drawing import CHINESE, envelope, runs, svg, variable
 from plumbob.reporting.evaluation import side_by_side
@@ -191,7 +191,7 @@ def certificates(hand):
         "d", "2026-11-23", "m", gyr=warm, acc=bare, mag=parts["mag"], mount=Mount([1, 0, 0, 0], sd=np.ones(3))
     )
     fits = {**whole.fits, "gyr": replace(whole.fits["gyr"], calibration=warm)}
-    return whole.report(recording="x"), certificate(card, fits)
+    return whole.report(recording="x"), calibrated(card, fits)
 
 
 def noise(_):

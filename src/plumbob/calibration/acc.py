@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from plumbob.calibration import ellipsoid_fit
 from plumbob.calibration.autocorrelation import alike
 from plumbob.calibration.ellipsoid_fit import SPARE, Ellipsoid, Shape, mean_radius
-from plumbob.calibration.fit import TILT, CaptureRefusedError, Fitted, Reason, grade_of, reason_if, refuse
+from plumbob.calibration.fit import TILT, CaptureRefusedError, Fitted, Reason, grade_of, refuse
 from plumbob.calibration.gyr.drift import accumulate, rotation_vectors
 from plumbob.calibration.predicted import REGIONS, TILT_RANGE, filled, region_names, tilt_sd
 from plumbob.core import check, flags
@@ -236,7 +236,7 @@ def _sides(poses: Floats, sizes: Floats) -> Reason | None:
     empty = region_names(np.flatnonzero((cosines < _SIDE).all(axis=0)).tolist())
     text = f"no pose had {empty} up within 60°, so bias and scale cannot be separated there."
     advice = f"Hold the unit still with {empty} up as well, one after the other."
-    return reason_if(bool(empty), "too-few-regions", text, advice)
+    return Reason("too-few-regions", text, advice) if empty else None
 
 
 def wrong_gravity(size: float, gravity: float, limit: float) -> Reason | None:
@@ -245,7 +245,7 @@ def wrong_gravity(size: float, gravity: float, limit: float) -> Reason | None:
     guess = " That is 1 g: the values are in g." if abs(size - 1.0) < 0.1 else ""
     text = f"at rest the sensor measures {size:.4g} m/s², {ratio:.3g} times gravity ({gravity:.5f} m/s²).{guess}"
     advice = "Check the unit of the values and the range that the sensor was set to."
-    return reason_if(not abs(ratio - 1.0) <= limit, "wrong-gravity", text, advice)
+    return None if abs(ratio - 1.0) <= limit else Reason("wrong-gravity", text, advice)
 
 
 def _untrue(fit: ellipsoid_fit.NormFit, tilt: float, gravity: float) -> tuple[Reason | None, ...]:
@@ -257,8 +257,8 @@ def _untrue(fit: ellipsoid_fit.NormFit, tilt: float, gravity: float) -> tuple[Re
     unclear = bool(not tilt <= TILT.poor or fit.condition > _SINGULAR)
     return (
         wrong_gravity(mean_radius(fit.ellipsoid.shape), gravity, WRONG),
-        reason_if(out > MOST_OUTLIERS * fit.used.size, "outliers", apart, still),
-        reason_if(unclear, "ill-conditioned", text, _ADVICE),
+        Reason("outliers", apart, still) if out > MOST_OUTLIERS * fit.used.size else None,
+        Reason("ill-conditioned", text, _ADVICE) if unclear else None,
     )
 
 

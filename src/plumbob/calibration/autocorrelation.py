@@ -172,13 +172,12 @@ def memory(residuals: Floats, starts: NDArray[np.intp]) -> float:
 
     (1 + ρ)/(1 − ρ) of a first-order process, ρ the correlation of neighbours.
     """
-    of_samples = _together(correlation(residuals - residuals.mean())) if len(residuals) >= LONG else 1.0
-    if len(starts) < FEWEST_VISITS:
+    means = visit_means(residuals, starts) if len(starts) >= FEWEST_VISITS else np.zeros(1)
+    neighbours = correlation(residuals - residuals.mean()) if len(residuals) >= LONG else 0.0, correlation(means)
+    of_samples, of_means = ((1.0 + rho) / (1.0 - min(rho, STAYING)) for rho in neighbours)
+    if neighbours[1] == 0.0:
         return of_samples
-    means = visit_means(residuals, starts)
-    if (stays := correlation(means)) == 0.0:
-        return of_samples
-    return max(of_samples, _together(stays) * _per_sample(float(means @ means) / len(means), residuals) / len(means))
+    return max(of_samples, of_means * _per_sample(float(means @ means) / len(means), residuals) / len(means))
 
 
 def memory_of_each(residuals: Floats) -> float:
@@ -189,8 +188,3 @@ def memory_of_each(residuals: Floats) -> float:
 def _per_sample(variance: float, residuals: Floats) -> float:
     """Variance as a multiple of that of the mean of residuals (N,), were they independent."""
     return variance * len(residuals) ** 2 / float(residuals @ residuals)
-
-
-def _together(rho: float) -> float:
-    """How many neighbours of a first-order process count as one."""
-    return (1.0 + rho) / (1.0 - min(rho, STAYING))

@@ -95,7 +95,7 @@ def _rates(capture: Capture) -> Rates:
         temp_c=imu.temp_c,
         clipped=_clipped(capture, flags.GYR_CLIPPED),
         known=_gyr_base(capture),
-        acc_calibrated=capture.acc_calibrated,
+        acc_calibrated=capture.calibrated("acc"),
     )
 
 
@@ -129,8 +129,8 @@ def calibrate_by_hand(
                 on.imu,
                 strength=strength,
                 dip=dip,
-                acc_calibrated=on.acc_calibrated,
-                gyr_calibrated=on.gyr_calibrated,
+                acc_calibrated=on.calibrated("acc"),
+                gyr_calibrated=on.calibrated("gyr"),
                 force=force,
             )
     return fits
@@ -303,7 +303,7 @@ def calibrate_table(
     warm = float(np.nanmean(temps)) if np.isfinite(temps).any() else _ROOM_C  # what the bias belongs to
     triad = replace(fitted.calibration, temp_ref_c=warm)
     remarks = [*fitted.remarks]
-    if triad.g_sensitivity.any() and not capture.acc_calibrated:
+    if triad.g_sensitivity.any() and not capture.calibrated("acc"):
         remarks.append("the accelerometer is not calibrated: g-sensitivity is wrong by as many per cent as its scale.")
     return replace(fitted, calibration=triad, remarks=(*remarks, *_lost_terms(capture)))
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid_fit import Shape
-from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.axes import LEAST_SLOPE, agreement
 from plumbob.calibration.mag.checks import clipped, stuck
 from plumbob.calibration.mag.ellipsoid import fit_mag, fit_mag_level, unturned
@@ -20,7 +20,6 @@ from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
 from plumbob.calibration.mag_checks import require_field_turns, told_by_others, without_gain, wrong_axes
 from plumbob.calibration.predicted import TILT_RANGE
 from plumbob.core import check, flags
-from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, ParameterError
 from plumbob.core.findings import info, warning
@@ -90,7 +89,7 @@ def calibrate_mag(
             raise work.with_axes(refused, rates=in_use or with_ == "gyr") from None
         fit, why = _rescued(work, helper, refused)
     doubt = without_gain(imu, fit, steady, dip)
-    if auto and (_heading_sd(fit) > HEADING.fair or doubt is not None):
+    if auto and (getattr(fit.calibration.quality, "grade", "") == "poor" or doubt is not None):
         other = _bettered(work, fit)
         if other is not None:
             fit, why = other
@@ -140,11 +139,22 @@ class _Work:
                 what = f"{text}; at least {FEWEST} are needed."
                 refuse(Reason("not-still", what, "Turn the unit slowly, calibrate the accelerometer first."))
             return "acc", f"Fitted with the accelerometer, as asked for: {text}."
+        without = "Fitted without the accelerometer"
+        force = np.linalg.norm(imu.usable("acc")[use & slow], axis=1)
+        departure = np.abs(force[np.isfinite(force)] / G0 - 1.0)
+        typical = float(np.median(departure)) if departure.size else math.inf
         if with_ == "none" or imu.acc is None:
-            return "none", f"Fitted without other sensors: {'as asked for' if with_ == 'none' else 'there is no acc'}."
-        if self.shape not in {"auto", "ellipsoid"}:
-            return "none", "Fitted without other sensors: they need the whole matrix, and a smaller shape is asked for."
-        return _by_gravity(text, count, calm, all_, imu.usable("acc")[use & slow])
+            why = f"Fitted without other sensors: {'as asked for' if with_ == 'none' else 'there is no acc'}."
+        elif self.shape not in {"auto", "ellipsoid"}:
+            why = "Fitted without other sensors: they need the whole matrix, and a smaller shape is asked for."
+        elif calm < max(FEWEST, LEAST_SLOW * all_):
+            why = f"{without}, because the unit turned too fast: {text}."
+        elif count >= FEWEST and 2 * count > calm and typical <= TRUSTED:
+            return "acc", f"Fitted with the accelerometer, whose specific force is gravity: {text}."
+        else:
+            doubt = f"{text}, and the median departure is {100.0 * typical:.1f} %"
+            why = f"{without}, which moved or is not calibrated: {doubt}."
+        return "none", why
 
     def fit(self, helper: str) -> Fitted:
         """Fit with a helper, or none, and what other sensors say about it."""
@@ -228,16 +238,10 @@ def _bettered(work: _Work, fit: Fitted) -> tuple[Fitted, str] | None:
         other = work.fit("gyr")
     except CalibrationError:
         return None
-    before, after = to_deg(_heading_sd(fit)), to_deg(_heading_sd(other))
+    before, after = (to_deg(getattr(each.calibration.quality, "heading_sd", math.inf)) for each in (fit, other))
     if not after < before:
         return None
     return other, f"Fitted with the gyroscope: predicted heading error {after:.2g}° instead of {before:.2g}°."
-
-
-def _heading_sd(fit: Fitted) -> float:
-    """Heading error that a fit leaves, rad."""
-    quality = fit.calibration.quality
-    return math.inf if quality is None or quality.heading_sd is None else quality.heading_sd
 
 
 def _require_choices(with_: str, shape: str, *, in_use: bool) -> None:
@@ -269,15 +273,3 @@ def _slow(imu: ImuData) -> NDArray[np.bool_]:
         bias = np.median(np.concatenate([rate[rest] for rest in rests]), axis=0) if rests else np.zeros(3)
     size = np.linalg.norm(np.subtract(rate, bias), axis=1)
     return np.asarray(np.interp(imu.t, t, size) < SLOW)
-
-
-def _by_gravity(text: str, count: int, calm: int, all_: int, force: Floats) -> tuple[str, str]:
-    """Whether the accelerometer, of which this is the force in slow turning, helps without being told so, and why."""
-    if calm < max(FEWEST, LEAST_SLOW * all_):
-        return "none", f"Fitted without the accelerometer, because the unit turned too fast: {text}."
-    departure = np.abs(np.linalg.norm(force[np.isfinite(force).all(axis=1)], axis=1) / G0 - 1.0)
-    typical = float(np.median(departure)) if departure.size else math.inf
-    if count >= FEWEST and 2 * count > calm and typical <= TRUSTED:
-        return "acc", f"Fitted with the accelerometer, whose specific force is gravity: {text}."
-    doubt = f"{text}, and the median departure is {100.0 * typical:.1f} %"
-    return "none", f"Fitted without the accelerometer, which moved or is not calibrated: {doubt}."

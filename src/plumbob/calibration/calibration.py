@@ -29,16 +29,11 @@ class Capture:
     date: str  # day of the capture, ISO 8601
     found: tuple[Finding, ...] = ()  # what the reader found wrong with the recording
 
-    @property
-    def acc_calibrated(self) -> bool:
-        """Whether the card so far has the accelerometer."""
-        return self.base is not None and self.base.acc is not None
-
-    @property
-    def gyr_calibrated(self) -> bool:
-        """Whether the card so far has a matrix of the gyroscope that was found: a bias alone gives no scale."""
-        sd = None if self.base is None or self.base.gyr is None else self.base.gyr.matrix_sd
-        return sd is not None and bool((sd > 0.0).any())
+    def calibrated(self, triad: str) -> bool:
+        """Whether the card so far has a triad; of the gyroscope, a matrix that was found: a bias gives no scale."""
+        part = getattr(self.base, triad, None)
+        sd = getattr(part, "matrix_sd", None)
+        return part is not None if triad == "acc" else sd is not None and bool((sd > 0.0).any())
 
     @property
     def dated(self) -> bool:

@@ -215,6 +215,8 @@ def fit_norm(
     As many do where `noise`, the standard deviation of a vector's length, is known: a smaller one of the residuals is
     luck. It starts where `fit_quadric` or another fit ends; a `robust` one looks for outliers.
     """
+    from scipy.stats import t
+
     middle, size = start.centre, 3.0 / float(np.trace(start.shape))
     points = np.ascontiguousarray((vectors - middle) / size)
     sides = start.shape * size
@@ -225,8 +227,10 @@ def fit_norm(
         some = _Descent(np.ascontiguousarray(points[:: max(1, len(points) // _SOME)]), shape, descent.p)
         for _ in range(_ROUNDS):  # the scale of the weights settles with the fit
             some.run(CAUCHY * some.scale(), steps=_ROUND)
-        descent.p = some.p
-        descent.set_aside()
+        descent.p, count = some.p, len(points)
+        # outliers are what no normal error of this scale explains: one of all would, with `FALSE_ALARM`
+        limit = float(t.ppf(1.0 - 0.5 * FALSE_ALARM / count, max(1, count - shape.value))) * descent.scale()
+        descent.used = np.abs(descent.residuals) <= limit
     return descent.result(middle, size, noise) if descent.run(np.inf) else None
 
 
@@ -281,15 +285,6 @@ class _Descent:
         free = max(1, len(self.points) - self.shape.value)
         typical = MAD * float(np.median(np.abs(self.residuals)))
         return max(typical * float(np.sqrt(len(self.points) / free)), 1e-12)
-
-    def set_aside(self) -> None:
-        """Mark as outliers what no normal error of this scale explains: one of all would, with `FALSE_ALARM`."""
-        from scipy.stats import t
-
-        count = len(self.points)
-        limit = float(t.ppf(1.0 - 0.5 * FALSE_ALARM / count, max(1, count - self.shape.value)))
-        scale = self.scale()
-        self.used = np.abs(self.residuals) <= limit * scale
 
     def set_aside_groups(self) -> None:
         """Mark outliers among few samples, of which a median says little: each pulls the fit to itself."""

@@ -146,11 +146,6 @@ class CaptureRefusedError(CalibrationError):
         return {"refused": reasons, "units": _UNITS, "card": None, "figures": {}, "remarks": {}}
 
 
-def reason_if(wrong: bool, kind: str, text: str, advice: str) -> Reason | None:
-    """The reason where something is wrong; else None."""
-    return Reason(kind, text, advice) if wrong else None
-
-
 def refuse(*reasons: Reason | None) -> None:
     """Raise `CaptureRefusedError` where there is a reason."""
     if given := [reason for reason in reasons if reason is not None]:

@@ -226,12 +226,15 @@ def told_by_others(
     angle = dip_angle(field, force, FEWEST) if angle is None else angle
     turned = 0.0 if helper == "none" or "mag" in wrong else turn_angle(matrix)
     by = "accelerometer" if helper == "acc" else "gyroscope"
-    remarks = (*remarks, *_of_turn(angle, turned, dip, by, one_dip=ways.keeps_dip))
+    one_dip = ways.dip is not None and np.array_equal(
+        ways.dip, np.eye(3)
+    )  # with the axes as they are, but for the sign
+    remarks = (*remarks, *_of_turn(angle, turned, dip, by, one_dip=one_dip))
     if angle is None or dip is None or abs(angle - dip) <= DOUBTFUL_DIP:
         return remarks
     what = f"the field dips by {to_deg(angle):.1f}° in the capture, but by {to_deg(dip):.1f}° at the place."
     if abs(angle - dip) > WRONG_DIP:
-        negated = ways.keeps_dip and abs(angle + dip) < abs(angle - dip)
+        negated = one_dip and abs(angle + dip) < abs(angle - dip)
         advice = f"{_NEGATED if negated else _AXES}; check --place, and that no iron was near."
         refuse(Reason("wrong-field", what, advice))
     return (f"DIP OFF: {what} Iron nearby bends the field, and so does a building.", *remarks)

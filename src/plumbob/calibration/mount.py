@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from plumbob import rotations
 from plumbob.calibration.calibration import Capture
-from plumbob.calibration.fit import CaptureRefusedError, Mounted, Reason, reason_if, refuse
+from plumbob.calibration.fit import CaptureRefusedError, Mounted, Reason, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
@@ -141,7 +141,7 @@ def _why_no_raise(up: Floats, angle: float, turn: ArrayLike | None) -> Reason | 
         f"from pose to pose the body turned {to_deg(size):.0f}° about an axis {to_deg(rise):.0f}° off the horizontal."
     )
     advice = "Raise the nose about the lateral axis, without turning or rolling the body."
-    return reason_if(not rise <= ASKEW, "no-motion", text, advice)
+    return None if rise <= ASKEW else Reason("no-motion", text, advice)
 
 
 def _angle(a: Floats, b: Floats) -> float:
@@ -182,7 +182,7 @@ def mount_by_poses(
     else:
         second = _rest_in(imu, raised, "raised") if raised is not None else _farthest(imu.acc, rests)
         done = mount_from_poses(imu.acc[first], imu.acc[second], frame=frame, turn=_turn(imu, first, second))
-    if not capture.acc_calibrated:
+    if not capture.calibrated("acc"):
         text = "the accelerometer is not calibrated: each 10 mg of its bias are 0.6° of roll and pitch"
         done = Mounted(done.mount, (*done.remarks, f"{text}; calibrate it first, and give the card."))
     return done

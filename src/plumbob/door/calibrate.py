@@ -259,8 +259,8 @@ def _mag(
         strength=field,
         dip=dip,
         tilt_range=TILT_RANGE if tilt_range is None else tilt_range,
-        acc_calibrated=opened.acc_calibrated,
-        gyr_calibrated=opened.gyr_calibrated,
+        acc_calibrated=opened.calibrated("acc"),
+        gyr_calibrated=opened.calibrated("gyr"),
         in_use=in_use,
         force=force,
     )

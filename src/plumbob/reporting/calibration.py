@@ -39,8 +39,12 @@ _NOTHING = 1e-12  # rounding of what is left, in units of SI and µT
 _REFERENCE = {"gyr": "rate", "acc": "gravity", "mag": "field"}
 
 
-def certificate(card: CalibrationCard, fits: Mapping[str, Fitted], *, recording: str = "") -> Report:
+def calibrated(
+    result: Calibrated | CalibrationCard, fits: Mapping[str, Fitted] | None = None, *, recording: str = ""
+) -> Report:
     """What a card holds, with units and standard deviations, and figures of the triads that `fits` just made."""
+    card = result.card if isinstance(result, Calibrated) else result
+    fits = result.fits if isinstance(result, Calibrated) else fits or {}
     named = {"device": card.device, "date": card.date, "made by": card.software, "recording": recording}
     lacking = [title for name, title in TITLES.items() if name not in card.parts]
     remarks = [f"NOT in this card, which leaves them uncalibrated: {', '.join(lacking)}"] if lacking else []
@@ -52,11 +56,6 @@ def certificate(card: CalibrationCard, fits: Mapping[str, Fitted], *, recording:
         parts=parts if card.mount is None else [*parts, _mount(card.mount)],
         definitions=[info("page.calibration")],
     )
-
-
-def calibrated(result: Calibrated, *, recording: str = "") -> Report:
-    """Certificate, which names the recording where one is given."""
-    return certificate(result.card, result.fits, recording=recording)
 
 
 def refusal_text(refused: CaptureRefusedError) -> str:
@@ -71,7 +70,10 @@ def refusal_text(refused: CaptureRefusedError) -> str:
 def _part(name: str, c: TriadCalibration, fit: Fitted | None) -> Report:
     grade = "not graded" if c.quality is None else c.quality.grade
     lengths = None if fit is None else sizes(name, fit)
-    coverage = None if fit is None or lengths is None else covered_directions(fit)
+    coverage = None
+    if fit is not None and lengths is not None:
+        vectors = (fit.measured - fit.calibration.bias)[fit.used]
+        coverage = Coverage(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), filled(vectors) > 0)
     return Report(
         f"{TITLES[name].capitalize()}: {grade.upper()}",
         facts=_facts(name, c, lengths, coverage),
@@ -98,12 +100,17 @@ def _facts(name: str, c: TriadCalibration, lengths: Sizes | None, coverage: "Cov
     unit = SHOWN[name][-1]
     reference = "" if c.reference is None else f"{_REFERENCE[name]} of {from_si(c.reference, unit):.6g} {written(unit)}"
     data, predicted = ("", "") if c.quality is None else _quality(c.quality)
+    at, curved = f"bias at {c.temp_ref_c:g} °C", c.bias_per_k.any()
+    if c.temp_span_c is not None:
+        low, high = c.temp_span_c
+        span = f"from {low:.1f} to {high:.1f} °C" if high > low else f"at {low:.1f} °C"
+        at += f", calibrated {span}{'; beyond, the bias is extrapolated along its tangent' if curved else ''}"
     facts = [("method", c.method), ("date", c.date), ("residual", _residual(name, c, lengths)), ("data", data)]
     facts += [
         ("not covered", missing),
         ("predicted", predicted),
         ("reference", reference),
-        ("temperature", _temperature(c)),
+        ("temperature", at if curved or c.temp_span_c is not None else ""),
     ]
     return [(label, text) for label, text in facts if text]
 
@@ -130,7 +137,7 @@ def _parameters(name: str, c: TriadCalibration) -> Iterator[list[str]]:
         per, unit = (1e6, "ppm") if (np.abs(axes.scale) < _PPM).all() else (1e2, "%")
         skew = zip(("xy", "xz", "yz"), to_deg(axes.skew).tolist(), strict=True)
         yield from _rows([f"matrix, row {axis}" for axis in AXES], c.matrix, c.matrix_sd)
-        yield from _rows([f"scale error [{unit}]"], axes.scale, axes.scale_sd, lambda values: per * values)
+        yield from _rows([f"scale error [{unit}]"], axes.scale, axes.scale_sd, partial(np.multiply, per))
         yield ["axis misalignment [°]", *(number(value) for value in to_deg(axes.misalignment).tolist())]
         yield ["non-orthogonality [°]", *(f"{pair} {number(value)}" for pair, value in skew)]
     if c.bias_per_k.any():
@@ -179,16 +186,6 @@ def _quality(q: Quality) -> tuple[str, str]:
     return ", ".join(texts), "; ".join(errors)
 
 
-def _temperature(c: TriadCalibration) -> str:
-    at = f"bias at {c.temp_ref_c:g} °C"
-    if c.temp_span_c is None:
-        return at if c.bias_per_k.any() else ""
-    low, high = c.temp_span_c
-    beyond = "; beyond, the bias is extrapolated along its tangent" if c.bias_per_k.any() else ""
-    span = f"from {low:.1f} to {high:.1f} °C" if high > low else f"at {low:.1f} °C"
-    return f"{at}, calibrated {span}{beyond}"
-
-
 SEEN, MISSING = SERIES[0], SERIES[4]
 BEFORE, AFTER, OUTLIER = SERIES[1], SERIES[0], SERIES[1]
 
@@ -216,12 +213,6 @@ class Coverage(NamedTuple):
 
     directions: Floats
     covered: NDArray[np.bool_]
-
-
-def covered_directions(fit: Fitted) -> Coverage:
-    """What of all directions a fit has seen."""
-    vectors = (fit.measured - fit.calibration.bias)[fit.used]
-    return Coverage(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), filled(vectors) > 0)
 
 
 def coverage_figure(coverage: Coverage) -> Figure:

@@ -159,9 +159,9 @@ def _card(file: Path) -> Info:
     if isinstance(card, CalibrationCard):
         from plumbob.calibration.fit import numbers
         from plumbob.quality.grade import WORDS
-        from plumbob.reporting.calibration import certificate
+        from plumbob.reporting.calibration import calibrated
 
-        content, report = numbers(card, {}), certificate(card, {})
+        content, report = numbers(card, {}), calibrated(card)
         least = {word.lower(): points for word, points in WORDS}
         triads = (triad for triad in (card.gyr, card.acc, card.mag) if triad is not None)
         graded = [triad.quality.grade for triad in triads if triad.quality is not None]

@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import BLOCKS, SCALE, TILT, Fitted, Reason, grade_of, mean_and_sd, reason_if, refuse
+from plumbob.calibration.fit import BLOCKS, SCALE, TILT, Fitted, Reason, grade_of, mean_and_sd, refuse
 from plumbob.calibration.gyr import rest as resting
 from plumbob.calibration.gyr.drift import chen2013
 from plumbob.calibration.gyr.rest import Rates
@@ -103,8 +103,8 @@ def find_parts(t: Floats, acc: Floats, gyr: Floats) -> dict[str, slice]:
     turn = "Turn the unit once around about each axis while that stands on end, with a rest before and after."
     no_turn = f"There is no turn {', '.join(unturned)} between two rests on the same face."
     refuse(
-        reason_if(bool(missing), "not-still", f"The unit never lay still on {', '.join(missing)}.", lay),
-        reason_if(bool(unturned), "no-motion", no_turn, turn),
+        Reason("not-still", f"The unit never lay still on {', '.join(missing)}.", lay) if missing else None,
+        Reason("no-motion", no_turn, turn) if unturned else None,
     )
     return parts
 
@@ -197,8 +197,8 @@ def _unfit(
     moved = [face for face in FACES if _moved(acc[parts[face]], gyr[parts[face]] - rest)]
     text, advice = f"The unit was moved during {', '.join(moved)}.", "Let go of the unit, or cut the parts shorter."
     return (
-        reason_if(bool(cut), "clipping", at_end, "Turn more slowly, or set a larger range."),
-        reason_if(bool(moved), "not-still", text, advice),
+        Reason("clipping", at_end, "Turn more slowly, or set a larger range.") if cut else None,
+        Reason("not-still", text, advice) if moved else None,
     )
 
 

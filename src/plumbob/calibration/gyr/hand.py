@@ -22,7 +22,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import RATE, SCALE, Fitted, Reason, grade_of, invert, reason_if, refuse, worst_grade
+from plumbob.calibration.fit import RATE, SCALE, Fitted, Reason, grade_of, invert, refuse, worst_grade
 from plumbob.calibration.gyr.drift import accumulate, rotation_vectors
 from plumbob.calibration.gyr.rest import Rates, beyond_bias, bias_at_rest, dead_axes, rest, without_known
 from plumbob.core import check
@@ -265,7 +265,7 @@ def swapped(miss: Callable[[Floats], float]) -> Reason | None:
         "instead of x, y, z."
     )
     clear = bool(misses[best] < CLEARLY * misses[0])  # the first is the identity
-    return reason_if(clear, "implausible", text, "Check axes and signs of both triads in the profile.")
+    return Reason("implausible", text, "Check axes and signs of both triads in the profile.") if clear else None
 
 
 # Condition, scaled, above which entries are not told apart; 20 motions about random axes have 3 to 10.
@@ -363,8 +363,8 @@ def _unfit(
     kind = "clipping" if spoilt["clipping"] else "too-few" if motions else "no-motion"
     advice = f"Turn it more slowly, within its range. {_ADVICE}" if spoilt["clipping"] else _ADVICE
     return (
-        reason_if(abs(size / G0 - 1.0) > _WRONG_GRAVITY, "wrong-gravity", wrong, calibrate),
-        reason_if(len(motions) < FEWEST, kind, few, advice),
+        Reason("wrong-gravity", wrong, calibrate) if abs(size / G0 - 1.0) > _WRONG_GRAVITY else None,
+        Reason(kind, few, advice) if len(motions) < FEWEST else None,
     )
 
 
@@ -389,7 +389,8 @@ def _unsound(fit: MotionFit, motions: Sequence[TurnBetweenPoses], bias: Floats) 
         )
         return Reason("ill-conditioned", text, _ADVICE)
     text = f"The matrix {np.round(fit.matrix, 3).tolist()} is far from that of a gyroscope in rad/s."
-    return reason_if(off > STRANGE, "implausible", text, "Check unit and axes of the gyroscope in the profile.")
+    advice = "Check unit and axes of the gyroscope in the profile."
+    return Reason("implausible", text, advice) if off > STRANGE else None
 
 
 def _remarks(fit: MotionFit, spoilt: dict[str, int], acc_calibrated: bool) -> list[Note]:

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, mean_and_sd, reason_if, refuse
+from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, mean_and_sd, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE
@@ -102,7 +102,7 @@ def beyond_bias(bias: Floats) -> Reason | None:
         f"{to_dps(LARGEST):.0f} °/s."
     )
     advice = "The unit turned steadily instead of lying at rest, or the unit of the rates in the profile is wrong."
-    return reason_if(not abs(bias[worst]) <= LARGEST, "implausible", text, advice)
+    return None if abs(bias[worst]) <= LARGEST else Reason("implausible", text, advice)
 
 
 def field_turns(t: Floats, mag: Floats, where: Sequence[slice]) -> Floats:
@@ -196,9 +196,10 @@ def rest(rates: Rates) -> tuple[list[slice], tuple[Note, ...]]:
     at_end = clipped is not None and any(clipped[part].any() for part in where)
     broken = "A sensor that reads its full scale at rest is broken or its unit is wrong; check the profile's range."
     text = f"The unit was at rest for {seconds:.1f} s of {float(t[-1] - t[0]):.0f} s; {LEAST:.0f} s are needed."
+    lay = "Lay the unit on something solid and let go of it for 30 s."
     refuse(
-        reason_if(at_end, "clipping", "The gyroscope is at the end of its range while at rest.", broken),
-        reason_if(seconds < LEAST, "not-still", text, "Lay the unit on something solid and let go of it for 30 s."),
+        Reason("clipping", "The gyroscope is at the end of its range while at rest.", broken) if at_end else None,
+        Reason("not-still", text, lay) if seconds < LEAST else None,
     )
     return where, notes
 

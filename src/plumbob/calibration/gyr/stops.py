@@ -24,7 +24,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.fit import RATE, SCALE, Fitted, Reason, grade_of, invert, reason_if, refuse, worst_grade
+from plumbob.calibration.fit import RATE, SCALE, Fitted, Reason, grade_of, invert, refuse, worst_grade
 from plumbob.calibration.gyr.hand import SHORTEST, SMALLEST, STRANGE, flat_tops, spoiling, turn_by_rates
 from plumbob.calibration.gyr.rest import Rates, beyond_bias, dead_axes, rest, without_known
 from plumbob.core import check
@@ -104,7 +104,8 @@ def fit_stops(
         base = replace(base, g_sensitivity_sd=np.repeat(by_pose[:, np.newaxis] / G0, 3, axis=1))
         notes = (*notes, info("calibration.gravity_unknown", spread_dps=to_dps(float(bias_sd.max()))))
     made = np.array([vector.any() and not turn.spoilt for turn, vector in zip(between, vectors, strict=True)])
-    refuse(reason_if(not made.any(), "clipping", "Every turn has samples at the end of the range or missing.", _ADVICE))
+    if not made.any():
+        refuse(Reason("clipping", "Every turn has samples at the end of the range or missing.", _ADVICE))
     spoilt, vectors = int(np.count_nonzero(vectors.any(axis=1) & ~made)), vectors[made]
     moves = [turn for turn, counts in zip(between, made.tolist(), strict=True) if counts]
     fit = _fit(moves, vectors, np.hypot(noise, 0.5 * by_pose), angle_sd)
@@ -189,7 +190,7 @@ def _true_turns(between: list[StopTurn], angle: float, turns: Sequence[tuple[int
     moves, vectors = [between[k] for k in where], np.zeros((len(between), 3))
     most = to_deg(float(sizes.max(initial=0.0)))
     none = f"No turn lies between two rests: the largest of {counted(len(between), 'move')} is {most:.2g}°."
-    refuse(reason_if(not moves, "no-motion", none, _ADVICE))
+    refuse(None if moves else Reason("no-motion", none, _ADVICE))
     listed = "; ".join(map(str, moves))
     many = f"The rates show {counted(len(moves), 'turn')} between rests ({listed}), but there should be "
     if turns is not None and len(turns) != len(moves):
@@ -204,15 +205,13 @@ def _true_turns(between: list[StopTurn], angle: float, turns: Sequence[tuple[int
         text = f"{what}up to {to_deg(by_rates):+.1f}° (all: {listed})."
         opposite = abs(by_rates / true + 1.0) <= STRANGE
         advice = "Give its angle the other sign, or that axis in the profile. Counterclockwise is positive, seen from "
+        check = (
+            "Check the angle, the order of the turns, and unit and axes of the rates in the profile: degrees per "
+            f"second that are taken for rad/s make the angles {to_deg(1.0):.0f} times as large."
+        )
         refuse(
-            reason_if(opposite, "mirrored", text, f"{advice}the tip of the axis."),
-            reason_if(
-                not (opposite or abs(by_rates / true - 1.0) <= STRANGE),
-                "implausible",
-                text,
-                "Check the angle, the order of the turns, and unit and axes of the rates in the profile: degrees per "
-                f"second that are taken for rad/s make the angles {to_deg(1.0):.0f} times as large.",
-            ),
+            Reason("mirrored", text, f"{advice}the tip of the axis.") if opposite else None,
+            None if opposite or abs(by_rates / true - 1.0) <= STRANGE else Reason("implausible", text, check),
         )
     return vectors
 

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, reason_if, refuse
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE
@@ -190,7 +190,7 @@ def fit_table(
     resting = [_AXES[i] for i in range(3) if speed[i] <= 0.02 * speed.max(initial=0.0)]
     text = f"no plateau turns about {' or '.join(resting)}, of {len(full.rate)} plateaus."
     advice = "Spin the unit about each of its axes, both ways round, at two rates or more."
-    refuse(reason_if(bool(resting), "too-few", text, advice))
+    refuse(Reason("too-few", text, advice) if resting else None)
     refuse(_why_unclear(full.without_force(), 12))
     session, remarks = _chosen(full, model)
     first = _solve(session, mounting, np.eye(3))
@@ -198,7 +198,8 @@ def fit_table(
     shown = "; ".join(" ".join(f"{x:.3g}" for x in row) for row in solution.response)
     text = f"measured over true rate comes out as [{shown}], which is far from the unit matrix."
     advice = "Check the unit of the recording, the axes, and the signs and units of the rates."
-    refuse(reason_if(bool(np.abs(solution.response - np.eye(3)).max() > _DEFORMED), "implausible", text, advice))
+    if np.abs(solution.response - np.eye(3)).max() > _DEFORMED:
+        refuse(Reason("implausible", text, advice))
     if first.tilt > 2.0 * mounting:
         tilts, usual = (f"{to_deg(angle):.2g}°" for angle in (first.tilt, mounting))
         remarks.append(warning("calibration.table_tilts", tilts=tilts, usual=usual))

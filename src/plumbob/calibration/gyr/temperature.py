@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, reason_if, refuse
+from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, refuse
 from plumbob.calibration.gyr import rest as resting
 from plumbob.core import check
 from plumbob.core.check import Floats
@@ -115,7 +115,7 @@ def _rest(t: Floats, acc: Floats | None, gyr: Floats | None, temp_c: Floats) -> 
     share = float(rest.mean())
     text = f"The unit was at rest for {100.0 * share:.0f} % of the record; {100.0 * LEAST_REST:.0f} % are needed."
     quiet = "Put it where nobody touches it, or cut the record with --from and --to."
-    refuse(reason_if(not share >= LEAST_REST, "not-still", text, quiet))
+    refuse(None if share >= LEAST_REST else Reason("not-still", text, quiet))
     return rest
 
 
@@ -154,10 +154,10 @@ def _required_temperature(
     far = "A unit at rest is far from its range: check the range, or let it lie."
     empty, columns = not np.isfinite(values).any(axis=0).all(), "Check the profile's columns."
     refuse(
-        reason_if(span < LEAST_SPAN, "no-temperature", narrow, advice),
-        reason_if(lasting < needed, "too-few", short, "Record for half an hour or longer."),
-        reason_if(count > 0, "clipping", at_end, far),
-        reason_if(empty, "too-few", f"An axis of the {TITLES[triad]} has no number.", columns),
+        Reason("no-temperature", narrow, advice) if span < LEAST_SPAN else None,
+        Reason("too-few", short, "Record for half an hour or longer.") if lasting < needed else None,
+        Reason("clipping", at_end, far) if count > 0 else None,
+        Reason("too-few", f"An axis of the {TITLES[triad]} has no number.", columns) if empty else None,
     )
     return temp_c
 

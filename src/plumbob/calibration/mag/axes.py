@@ -140,35 +140,35 @@ class Suspect(NamedTuple):
 
 
 class Arrangements(NamedTuple):
-    """What each pair of triads shows: arrangements not excluded, best first; none where a pair shows nothing."""
+    """Arrangement that each pair of triads shows, None where it shows none or several; two of them tell the third."""
 
-    field_dip: tuple[Floats, ...]  # (3, 3), ``± P Aᵀ``, of which the right-handed one stands for both
-    field_turn: tuple[Floats, ...]  # (3, 3), ``det(P) P Gᵀ``
-    force_turn: tuple[Floats, ...]  # (3, 3), ``det(A) A Gᵀ``
-
-    @property
-    def keeps_dip(self) -> bool:
-        """Whether the field keeps its dip with the axes as they are, but for the sign."""
-        dip = _completed(self)[0]
-        return dip is not None and np.array_equal(_SAME, dip)
+    dip: Floats | None  # (3, 3), ``± P Aᵀ``, of which the right-handed one stands for both
+    field: Floats | None  # (3, 3), ``det(P) P Gᵀ``
+    force: Floats | None  # (3, 3), ``det(A) A Gᵀ``
 
 
 def arrangements(t: Floats, mag: Floats, *, acc: Floats, gyr: Floats) -> Arrangements:
     """What the pairs of triads tell of their axes, calibrated or not; rows with NaN do not count."""
-    keeping_dip = _keeping_dip(mag, acc)
+    ways = [_keeping_dip(mag, acc)]
     rows = _windows(t, np.flatnonzero(np.isfinite(gyr).all(axis=1)))
-    if len(rows) < _FEWEST_WINDOWS:
-        return Arrangements(keeping_dip, (), ())
     # no hand pushes the field, so it tells the bias of the rates and their sense, by which the force is turned back
-    bias, turned, field = np.zeros(3), [], []
-    for _ in range(_ROUNDS):
+    bias, turned, fits = np.zeros(3), list[_TurnedBack](), list[_Followed]()
+    for _ in range(_ROUNDS if len(rows) >= _FEWEST_WINDOWS else 0):
         turned = [_turned_by(t, gyr - bias, rows, sense) for sense in (1.0, -1.0)]
-        field = [fit for back in turned for fit in _way_fits(back, mag, _TURNS, offset=True)]
-        bias = bias + min(field, key=attrgetter("misfit")).bias if field else bias
-    ways = _not_excluded(field)
-    senses = {float(np.linalg.det(way)) for way in ways} or {1.0, -1.0}
-    force = [fit for back in turned if back.sense in senses for fit in _way_fits(back, acc, _TURNS, offset=False)]
-    return Arrangements(keeping_dip, ways, _not_excluded(force))
+        fits = [fit for back in turned for fit in _way_fits(back, mag, _TURNS, offset=True)]
+        bias = bias + min(fits, key=attrgetter("misfit")).bias if fits else bias
+    ways.append(_not_excluded(fits))
+    senses = {float(np.linalg.det(way)) for way in ways[1]} or {1.0, -1.0}
+    by_force = [fit for back in turned if back.sense in senses for fit in _way_fits(back, acc, _TURNS, offset=False)]
+    ways.append(_not_excluded(by_force))
+    dip, field, force = (each[0] if len(each) == 1 else None for each in ways)
+    if field is not None and force is not None:
+        dip = field @ force.T
+    elif dip is not None and force is not None:
+        field = dip @ force
+    elif dip is not None and field is not None:
+        force = dip.T @ field
+    return Arrangements(dip, field, force)
 
 
 def wander(t: Floats, field: Floats, gyr: Floats) -> float | None:
@@ -186,7 +186,7 @@ def wander(t: Floats, field: Floats, gyr: Floats) -> float | None:
 
 def suspects(found: Arrangements) -> tuple[Suspect, ...]:
     """Triads whose axes are wrong; none where they are right, or the capture does not tell."""
-    dip, field, force = _completed(found)
+    dip, field, force = found
     if dip is None:
         return () if field is None or np.array_equal(_SAME, field) else (_by_turn_alone(field),)
     if field is None or force is None:
@@ -207,18 +207,6 @@ def _by_turn_alone(field: Floats) -> Suspect:
     return Suspect("mag", field, "gyr", sure=False)
 
 
-def _completed(candidates: Arrangements) -> tuple[Floats | None, Floats | None, Floats | None]:
-    """The one arrangement of each pair, where it is told; two of them tell the third, those with rates first."""
-    dip, field, force = (ways[0] if len(ways) == 1 else None for ways in candidates)
-    if field is not None and force is not None:
-        return field @ force.T, field, force
-    if dip is not None and force is not None:
-        return dip, dip @ force, force
-    if dip is not None and field is not None:
-        return dip, field, dip.T @ field
-    return dip, field, force
-
-
 def _keeping_dip(mag: Floats, acc: Floats) -> tuple[Floats, ...]:
     """Right-handed arrangements of the magnetometer in which the field (N, 3) keeps one angle to the vertical."""
     size = np.linalg.norm(acc, axis=1)
@@ -235,7 +223,9 @@ def _keeping_dip(mag: Floats, acc: Floats) -> tuple[Floats, ...]:
     strength = float(np.mean(np.sum(mag * mag, axis=1)))
     rows = np.column_stack((np.ones(len(up)), up))  # hard iron is along the vertical as that turns
     share = (len(up) - rows.shape[1]) * strength
-    fits = [(way, _solved(rows, np.sum(up * (mag @ way), axis=1))[1] / share) for way in _TURNS]
+    along = np.sum(up[:, np.newaxis] * (mag @ np.array(_TURNS)).swapaxes(0, 1), axis=2)
+    off = along - rows @ np.linalg.lstsq(rows, along, rcond=None)[0]
+    fits = list(zip(_TURNS, (np.sum(off * off, axis=0) / share).tolist(), strict=True))
     return _not_excluded(fits, _KEPT**2, _LEAST**2)
 
 
@@ -304,14 +294,9 @@ def _way_fits(turned: _TurnedBack, vectors: Floats, ways: Sequence[Floats], *, o
         back = np.einsum("wpijk,kj->wpi", products, way)
         columns = np.concatenate((skew(back) @ by_bias, turns), axis=3) if offset else skew(back) @ by_bias
         about, columns = (each - each.mean(axis=1, keepdims=True) for each in (back, columns))  # means of windows
-        step, cost = _solved(columns.reshape(-1, columns.shape[3]), about.ravel())
-        share_left = cost / max(float(np.sum(back * back)), _TINY)
+        rows, values = columns.reshape(-1, columns.shape[3]), about.ravel()
+        step = np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0])
+        off = values - rows @ step
+        share_left = float(off @ off) / max(float(np.sum(back * back)), _TINY)
         fits.append(_Followed(turned.sense * way, share_left, -turned.sense * step[:3]))
     return fits
-
-
-def _solved(rows: Floats, values: Floats) -> tuple[Floats, float]:
-    """Solution of rows (N, K) for values (N,), and the squares that it leaves."""
-    solution = np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0], dtype=np.float64)
-    residual = values - rows @ solution
-    return solution, float(residual @ residual)

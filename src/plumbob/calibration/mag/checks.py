@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob.calibration.autocorrelation import Alike
-from plumbob.calibration.fit import HEADING, Fitted, Reason, grade_of, reason_if, refuse
+from plumbob.calibration.fit import HEADING, Fitted, Reason, grade_of, refuse
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.predicted import NAMES, filled, heading_sd, region_names
 from plumbob.core import check
@@ -94,7 +94,7 @@ def clipped(at_end: NDArray[np.bool_]) -> Reason | None:
     most = f"at most {100.0 * MOST_CLIPPED:.0f} % may be"
     what = f"{100.0 * share:.1f} % of the samples are at the end of the range; {most}."
     advice = "Choose a wider range, and remove magnets and steel from around the sensor."
-    return reason_if(not share <= MOST_CLIPPED, "clipping", what, advice)
+    return None if share <= MOST_CLIPPED else Reason("clipping", what, advice)
 
 
 def stuck(mag: Floats, title: str = "magnetometer", unit: str = "µT") -> Reason | None:
@@ -119,7 +119,7 @@ def unequal(matrix: Floats) -> Reason | None:
     advice = (
         "Look for steel right beside the sensor, and for a defective axis; then capture again through all attitudes."
     )
-    return reason_if(not ratio <= _MOST_UNEQUAL, "implausible", what, advice)
+    return None if ratio <= _MOST_UNEQUAL else Reason("implausible", what, advice)
 
 
 def wrong_field(radius: float, strength: float | None, *, solid: bool = True) -> Reason | None:
@@ -130,7 +130,7 @@ def wrong_field(radius: float, strength: float | None, *, solid: bool = True) ->
     field = "field" if solid else "level field"
     what = f"the {field} measures {radius:.3g} µT in the sensor's own scale, but {low:.3g} to {high:.3g} µT can be."
     advice = "Check the unit and the gain of the magnetometer, and that the capture was not taken beside a magnet."
-    return reason_if(not low <= radius <= high, "wrong-field", what, advice)
+    return None if low <= radius <= high else Reason("wrong-field", what, advice)
 
 
 DIP: Final = deg(60.0)  # assumed for the predicted error where nothing tells it, rad: that of Central Europe
@@ -264,7 +264,7 @@ def outliers(used: NDArray[np.bool_], advice: str, most: float = MOST_OUTLIERS) 
     """Reason to refuse a fit with too many outliers (N,), with what to do; None where there are few."""
     share = float(np.mean(~used))
     what = f"{100.0 * share:.0f} % of the samples do not fit the others; at most {100.0 * most:.0f} % may."
-    return reason_if(not share <= most, "outliers", what, advice)
+    return None if share <= most else Reason("outliers", what, advice)
 
 
 def dip_angle(field: Floats, force: Floats, fewest: int = 1) -> float | None:

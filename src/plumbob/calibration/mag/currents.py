@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid_fit import CAUCHY, MAD
-from plumbob.calibration.fit import Fitted, reason_if, refuse
+from plumbob.calibration.fit import Fitted, Reason, refuse
 from plumbob.calibration.mag.windows import GAP, floored_inverse
 from plumbob.core.check import Floats
 from plumbob.core.findings import Note, info, warning
@@ -83,13 +83,13 @@ def fit_currents(
     t, measured, load, rates = t[use], measured[use], load[use], rates[use]
     span, named = np.ptp(load, axis=0) if len(load) else np.zeros(len(names)), ", ".join(names)
     again = "Record while it rises and falls several times, at rest or while moving."
-    refuse(reason_if(bool((span == 0.0).any()), "no-load", f"{named} did not change.", again))
+    refuse(Reason("no-load", f"{named} did not change.", again) if (span == 0.0).any() else None)
     scaled = (load - load.min(axis=0)) / span
     rows = _equations(t, measured, scaled, rates)
     each = np.bincount(rows.window, np.sum(rows.by_load**2, axis=(1, 2)))
     count = float(each.sum() ** 2 / max(float(each @ each), 1e-300))
     few = f"{named} changed in {count:.1f} windows of {WINDOW:.0f} s, but {FEWEST:.0f} are needed."
-    refuse(reason_if(count < FEWEST, "no-load", few, again))
+    refuse(Reason("no-load", few, again) if count < FEWEST else None)
     fit = _solved(rows, rows.by_load)
     for _ in range(_TURNS if fit.others.size else 0):  # with a better attitude
         rates = rates + fit.others[3:]
@@ -100,16 +100,16 @@ def fit_currents(
     noise = MAD * float(np.median(np.abs(np.diff(fit.residuals, axis=0)))) / math.sqrt(2.0)
     turned = gyr is None and typical > 3.0 * noise  # nine parts in ten are slower than the noise of a still sensor
     loose = f"the field scattered by {typical:.2g} µT, its noise is {noise:.2g} µT, and no rates tell turns."
-    refuse(reason_if(turned, "not-still", loose, "Record the gyroscope too, or let the unit lie still."))
+    refuse(Reason("not-still", loose, "Record the gyroscope too, or let the unit lie still.") if turned else None)
     chance = _chance(fit.value, fit.covariance, count)
     quiet = f"{named} adds {size:.2g} µT, as noise alone may (p = {chance:.2g})."
-    refuse(reason_if(chance > _CHANCE, "no-gain", quiet, "There is nothing to remove; or record for longer."))
+    refuse(Reason("no-gain", quiet, "There is nothing to remove; or record for longer.") if chance > _CHANCE else None)
     covariance, remarks = fit.covariance, list[Note]()
     for what, off, spread in _departures(rows, fit):
         if _chance(off, spread, count) < _CHANCE:
             text = f"what {named} adds {what}: {_largest(off):.2g} of {size:.2g} µT cannot be removed."
             wires = "Take the current itself as the column, twist each pair of wires, or move the magnetometer away."
-            refuse(reason_if(_largest(off) > 0.5 * size, "load-departs", text, wires))
+            refuse(Reason("load-departs", text, wires) if _largest(off) > 0.5 * size else None)
             covariance = covariance + np.outer(off, off)
             remarks.append(warning("calibration.load_departs", load=named, what=what, off=_largest(off), size=size))
     back = np.kron(np.diag(1.0 / span), np.linalg.inv(base.matrix))  # to what is measured, per unit

@@ -26,7 +26,7 @@ from plumbob.calibration.ellipsoid_fit import (
     mean_radius,
     scaled,
 )
-from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, reason_if, refuse
+from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag import checks
 from plumbob.calibration.mag.checks import FieldEstimate
 from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenness
@@ -211,6 +211,7 @@ def fit_mag(
     residuals = full.residuals[full.used]
     covariance = field.counted(independent, memory=shared.memory, residuals=residuals, matrix=matrix, radius=radius)
     covariance = covariance * widening(mag, full, field, shared.memory, place)
+    larger = fit.shape is not Shape.ELLIPSOID and why != "asked for"
     estimate = FieldEstimate(
         matrix, fit.ellipsoid.centre, covariance, independent * shared.memory, fit.residuals, fit.used, radius,
         fit.condition, strength, dip, tilt_range, field, shared,
@@ -220,7 +221,11 @@ def fit_mag(
         method=f"magnetometer alone: {_WORDS[fit.shape]}",
         advice=_ADVICE,
         reasons=(moved(mag, fit), checks.outliers(fit.used, _MOVED)),
-        remarks=_remarks(fit, why),
+        remarks=(
+            info("calibration.shape", shape=_WORDS[fit.shape], why=why),
+            *((info("calibration.general_ellipsoid"),) if larger else ()),
+            info("calibration.field_length"),
+        ),
         alone=True,
     )
 
@@ -233,7 +238,7 @@ def unturned(mag: Floats, advice: str) -> Reason | None:
     change = math.sqrt(float(np.sum(np.var(mag, axis=0))))
     share = min(1.0, math.sqrt(float(np.mean(np.sum(mag * mag, axis=1)))) / checks.WEAKEST)
     what = f"the measured field only changed by {change:.2g} µT."
-    return reason_if(not change > LEAST_CHANGE * share, "no-motion", what, advice)
+    return None if change > LEAST_CHANGE * share else Reason("no-motion", what, advice)
 
 
 def _shapeless(mag: Floats) -> Reason:
@@ -247,15 +252,6 @@ def _shapeless(mag: Floats) -> Reason:
         what = f"no ellipsoid fits, although all {len(NAMES)} directions were seen: the field itself changed."
         return Reason("uneven-field", what, f"{checks.STEEL} {checks.EVEN}")
     return Reason("too-few-regions", f"no ellipsoid fits; {checks.regions_seen(directions)}.", _ADVICE)
-
-
-def _remarks(fit: NormFit, why: str) -> tuple[Note, ...]:
-    larger = fit.shape is not Shape.ELLIPSOID and why != "asked for"
-    return (
-        info("calibration.shape", shape=_WORDS[fit.shape], why=why),
-        *((info("calibration.general_ellipsoid"),) if larger else ()),
-        info("calibration.field_length"),
-    )
 
 
 WIDEST_GAP: Final = deg(90.0)  # largest gap between the headings that were seen, rad
@@ -344,8 +340,8 @@ def _reasons(fit: NormFit, points: Floats, radius: float) -> tuple[Reason | None
     scatter = float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) / radius
     thick = f"the field of the level axes scatters by {100.0 * scatter:.0f} % of its size about the ellipse."
     return (
-        reason_if(not gap <= WIDEST_GAP, "too-few-regions", open_, _DRIVE),
-        reason_if(not scatter <= _THICKEST, "not-level", thick, _LEVEL_GROUND),
+        None if gap <= WIDEST_GAP else Reason("too-few-regions", open_, _DRIVE),
+        None if scatter <= _THICKEST else Reason("not-level", thick, _LEVEL_GROUND),
         checks.outliers(fit.used, checks.STEEL),
     )
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.autocorrelation import alike
 from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, Shape, mean_radius, to_size
-from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, invert, reason_if, refuse
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, invert, refuse
 from plumbob.calibration.mag import checks
 from plumbob.calibration.mag.checks import FieldEstimate
 from plumbob.calibration.mag.ellipsoid import fit_mag
@@ -272,7 +272,7 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     typical = float(np.median(force))
     what = f"the specific force is {typical:.3g} m/s² in the median, but gravity is {G0:.3g} m/s²."
     advice = "Check the accelerometer's unit and range, and calibrate it first."
-    refuse(reason_if(not abs(typical / G0 - 1.0) <= _GRAVITY, "wrong-gravity", what, advice))
+    refuse(None if abs(typical / G0 - 1.0) <= _GRAVITY else Reason("wrong-gravity", what, advice))
     alone = fit_mag(mag, shape=Shape.ELLIPSOID, acc=acc, tilt_range=tilt_range)
     stride = -(-len(mag) // _SOME)
     points, down = mag[::stride], -(acc / force[:, np.newaxis])[::stride]
@@ -300,7 +300,7 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
         advice="Turn the unit through all attitudes: each face and edge up.",
         reasons=(
             checks.outliers(fit.used, "Move less, and look for moving iron and switched currents nearby."),
-            reason_if(not fit.down_sd <= UNSTEADY, "not-still", scatters, _ADVICE),
+            None if fit.down_sd <= UNSTEADY else Reason("not-still", scatters, _ADVICE),
         ),
         remarks=_remarks(fit, dip_sd),
         stride=stride,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from plumbob import rotations
 from plumbob.calibration.autocorrelation import Alike, memory_of_each
 from plumbob.calibration.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, distortion_to_size
-from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, reason_if, refuse
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag import checks
 from plumbob.calibration.mag.checks import FieldEstimate
 from plumbob.calibration.mag.ellipsoid import unturned
@@ -358,7 +358,7 @@ def fit_mag_gyr(
         method=f"magnetometer with gyroscope: one field, {PARAMETERS} parameters delay included, and random walk",
         advice=first + _ADVICE,
         reasons=(
-            reason_if(not fit.walk <= WORST_WALK, "magnet-moved", walks, keep),
+            None if fit.walk <= WORST_WALK else Reason("magnet-moved", walks, keep),
             checks.outliers(fit.used, first + checks.STEEL),
         ),
         remarks=_remarks(fit, dip, acc is not None),
