@@ -8,7 +8,7 @@ import pytest
 import plumbob
 from plumbob.arm.joints import CHAINS, JOINTS
 from plumbob.data.array import ImuArray
-from plumbob.data.chain import chain_text, parse_chain
+from plumbob.data.chain import Chain, Joint, Segment, chain_text, parse_chain
 from plumbob.rotations import quat_rotate
 from plumbob.simulation import simulate_chain
 
@@ -138,6 +138,15 @@ def test_an_upright_pose_that_sways_claims_less_and_counts_on_the_first_clock(wa
     ahead = {"thigh": walk.array.units["thigh"], "shank": replace(shank, t=np.array(shank.t) + 10.0)}
     with pytest.raises(plumbob.PlumbobError, match=r"of the clock of 'thigh'.* at 0, 1 s"):
         plumbob.joints(ahead, hinge="knee", upright=(10.0, 11.8))  # it stood then on the clock of the shank
+
+
+def test_a_knee_that_bends_both_ways_is_said_to_have_a_sign_that_is_a_guess():
+    joint = Joint("knee", "thigh", "shank", "hinge", origin=(0.0, 0.0, -0.4), axes=((0.0, 1.0, 0.0),))
+    chain = Chain("machine", (Segment("thigh", "thigh"), Segment("shank", "shank")), (joint,))
+    made = simulate_chain(chain, "calibration", frame="ENU", unit="random", seed=1, rate=50.0, duration="20 s")
+    assert min(-made.angles.min(), made.angles.max()) > np.radians(15.0)
+    found = plumbob.joints(made.array, hinge="knee", stamps="instant", upright=UPRIGHT)
+    assert "joints.both_ways" in [getattr(note, "code", "") for note in found.notes]
 
 
 def test_a_walk_without_a_beginning_and_without_dates_has_no_one_offset(walk):

@@ -38,6 +38,7 @@ SWAY: Final = deg(0.3)
 LEAN: Final = deg(6.0)
 """Who leans by more must step, rad: the middle of a body, .95 m high, is then .1 m from that of a foot of .25 m."""
 CALM: Final = 1.0  # s in which a body that stands shows it
+OVERSTRETCHED: Final = deg(15.0)  # rad; no knee or elbow goes farther to the other side of upright
 TOGETHER: Final = 0.5
 """Correlation that turns about two axes of a limb may have in a walk: by so much of one the axis of the other errs."""
 STAMPS: Final = ("unknown", "mean", "instant")
@@ -345,7 +346,7 @@ def _in_body_axes(
         posed[joint.child] = quat_multiply(posed[joint.parent], np.array(joint.q_pc))
     forces = [quat_rotate(posed[name], np.nanmean(imu.usable("acc")[rows], axis=0)) for name, imu in on.items()]
     up = _unit(np.sum(forces, axis=0))
-    right, right_sd = _to_the_right(chain, on, posed, named, up)
+    right, right_sd = _to_the_right(chain, on, posed, named, up, notes)
     if right_sd:
         notes.append(warning("joints.main_axis", segment=chain.segments[-1].name, sd_deg=to_deg(right_sd)))
     base = np.stack([np.cross(up, right), up, right])  # rows: ahead, up, right in the root's unit
@@ -401,13 +402,14 @@ def _unit(vector: Floats) -> Floats:
 
 
 def _to_the_right(
-    chain: Chain, on: Mapping[str, ImuData], posed: Mapping[str, Floats], named: Mapping[str, str], up: Floats
+    chain: Chain, on: Mapping[str, ImuData], posed: Mapping[str, Floats], named: Mapping[str, str], up: Floats,
+    notes: list[Note],
 ) -> tuple[Floats, float]:  # fmt: skip
     """Level axis to the right in the root's unit when upright, and its standard deviation, rad, where it was guessed.
 
     The rates of the units are less their biases, as the upright pose shows them.
-    A knee or an elbow says it, as it goes to one side alone; else it is the axis that the last segment turns about
-    most, and a walk goes ahead: a leg swings ahead faster than back.
+    A knee or an elbow says it, as it goes to one side alone, that of the mean angle; else it is the axis that the last
+    segment turns about most, and a walk goes ahead: a leg swings ahead faster than back.
     """
     total = np.zeros(3)
     for joint in chain.joints:
@@ -418,8 +420,10 @@ def _to_the_right(
                 (joint.child, axis), (joint.parent, quat_rotate(np.array(joint.q_pc), axis)))]  # fmt: skip
             t = on[joint.child].t
             angle = np.cumsum((rates[0] - rates[1]) * np.diff(t, prepend=t[0]))
-            way = float(np.mean(angle))  # flexion is to the side that the angle is mostly on
-            total += np.sign(way) * _sign_of(body.axes) * quat_rotate(posed[joint.child], axis)
+            ends = (-float(angle.min()), float(angle.max()))
+            if min(ends) > OVERSTRETCHED:
+                notes.append(warning("joints.both_ways", joint=joint.name, less_deg=to_deg(min(ends))))
+            total += np.sign(np.mean(angle)) * _sign_of(body.axes) * quat_rotate(posed[joint.child], axis)
     if total.any():
         return _unit(total - up * (up @ total)), 0.0
     name = chain.segments[-1].name
