@@ -20,6 +20,7 @@ from plumbob.rotations import (  # fmt: skip
     quat_from_rotvec,
     quat_multiply,
     quat_rotate,
+    rotvec_from_quat,
 )
 
 INSTANT = {"mean_rate": False}
@@ -260,8 +261,8 @@ def test_what_contradicts_the_chain_is_rated_poor(five, wrong, rows):
     assert good(other)[:2] == [True, False]
 
 
-def test_a_hinge_that_plays_is_rated_fair(five):
-    """Its unit swings by 4°: 2.8° (rms), of which each of the two directions across an axis has 1/√2."""
+def test_a_hinge_that_plays_is_told_from_the_others_and_spoils_no_mount(five):
+    """A unit swings by 4°: 2.8° (rms), of which each of two directions has 1/√2; its arms seem shorter so."""
     made, _ = five
     one, swing = made.array.units["u4"], deg(4.0) * np.sin(8.0 * made.t)
     back = quat_from_rotvec(np.outer(-swing, [1.0, 0.0, 0.0]))
@@ -270,7 +271,10 @@ def test_a_hinge_that_plays_is_rated_fair(five):
     array = ImuArray(dict(made.array.units) | {"u4": swung}, made.array.mounts)
     card = align(made.chain, array, params=INSTANT, poses=[(0.0, 1.5, made.angles[0])])
     assert card.links()[2].play == pytest.approx(deg(2.0), rel=0.1)
-    assert card.joints[2].rating.startswith("fair: play of")
+    assert [joint.rating.split(":")[0] for joint in card.joints] == ["good", "good", "poor", "fair"]
+    for body in card.chain.segments:
+        off = quat_multiply(np.array(body.mount.q_bs), quat_conjugate(np.array(made.mounts[body.unit].q_bs)))
+        assert (np.abs(rotvec_from_quat(off)) < 3.0 * np.array(card.mount_sd[body.unit][:3])).all()
 
 
 def test_a_pose_that_was_not_held_is_rated_poor():

@@ -77,7 +77,8 @@ def true_teach_in(study):
     sim = simulate_chain("teach", "teach", frame="NWU", sensors="ideal", unit="calibrated", seed=1, duration="12 s")
     joints = JointTrack(sim.t, sim.chain.angles, sim.angles, hand=sim.hand_n)
     program = taught(joints, sim.chain, rate="100 Hz")
-    study.values |= {"mounts_deg": 3.0, "done_mounts_deg": 0.4, "files": "program.csv"}
+    study.rows({f"teach.{key}": (None, 0.4) for key in ("mounts", "claim")}, all=0.4, rest=0.4)
+    study.values |= {"mounts_deg": 3.0, "files": "program.csv"}
     return sim.chain, joints, joints, program, replay(program, sim.chain), 0.0
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob import rotations
 from plumbob.arm import geometry
@@ -394,11 +395,12 @@ class _AlternatingSearch:
                 self._begin_axes(terms)
             arms = [
                 geometry.fit_arms(
-                    terms, link, self._before(link), clocks=self._at is not None and link.parent != GROUND
+                    terms, link, link.arms if self._chain.known else np.zeros((2, 3)),
+                    clocks=self._at is not None and link.parent != GROUND,
                 )
                 for link in self._links
-            ]
-            axes = [None if link.joint.kind == "ball" else self._axes(terms, link) for link in self._links]
+            ]  # fmt: skip
+            axes = [None if link.joint.kind == "ball" else geometry.fit_axes(terms, link) for link in self._links]
             new = [_fitted(link, arm, axis) for link, arm, axis in zip(self._links, arms, axes, strict=True)]
             fits = _Fits(new, arms, axes, motion)
             if self._chain.known:
@@ -423,7 +425,8 @@ class _AlternatingSearch:
 
     def _mounted(self, fits: _Fits, doubt: float) -> list[JointLink]:
         """Links of the chain whose mounts explain best what was found."""
-        both = np.repeat([(doubt * self._mounting.shift) ** 2, (doubt * self._mounting.angle) ** 2], 6).reshape(2, 6)
+        both = np.repeat([(doubt * self._mounting.shift) ** 2, (doubt * self._mounting.angle) ** 2], 7).reshape(2, 7)
+        both[0, 6] = both[1, 6]
         fits = fits._replace(
             arms=[fit._replace(cov=fit.cov + np.diag(both[0])) for fit in fits.arms],
             axes=[None if fit is None else fit._replace(cov=fit.cov + np.diag(both[1])) for fit in fits.axes],
@@ -451,20 +454,6 @@ class _AlternatingSearch:
                 self._links[k] = replace(link, axes=geometry.first_axes(terms, link))
             elif link.joint.kind == "fixed" and not link.axes.shape[1]:
                 self._links[k] = replace(link, axes=np.stack([np.eye(3), np.eye(3)]))
-
-    def _before(self, link: JointLink) -> geometry.Prior:
-        """Arms before a round: what motion does not show stays where the round before had it."""
-        if not self._chain.known:
-            return geometry.Prior(np.zeros((2, 3)), geometry.ARM_SD)
-        reach = float(np.linalg.norm(link.arms, axis=1).max())
-        return geometry.Prior(link.arms, float(np.hypot(self._mounting.shift, reach * self._mounting.angle)))
-
-    def _axes(self, terms: geometry.Terms, link: JointLink) -> geometry.GeometryFit:
-        return (
-            geometry.fit_axes(terms, link, self._mounting.angle)
-            if self._chain.known
-            else geometry.fit_axes(terms, link)
-        )
 
 
 def _unknown_links(chain: Chain, samples: UnitSamples) -> list[JointLink]:
@@ -509,10 +498,10 @@ def _card(
 ) -> JointCard:
     """Card of a joint; where mounts were found, `mounts` by unit, arms and axes are as uncertain as these."""
     arm, axis = fits.arms[k], fits.axes[k]
-    arm_sd = np.sqrt(np.diag(arm.cov)).reshape(2, 3)
+    arm_sd = np.sqrt(np.diag(arm.cov))[:6].reshape(2, 3)
     axis_sd = np.zeros(2)
     if axis is not None:
-        axis_sd = np.array([_across(axis.cov[:3, :3], link.axes[0, 0]), _across(axis.cov[3:, 3:], link.axes[1, 0])])
+        axis_sd = np.array([_across(axis.cov[:3, :3], link.axes[0, 0]), _across(axis.cov[3:6, 3:6], link.axes[1, 0])])
     for side, segment in enumerate((link.joint.parent, link.joint.child) if mounts else ()):
         sd = np.array(mounts.get(units[segment], np.zeros(6)))
         turn = float(sd[:3].max())
@@ -597,21 +586,24 @@ def _found_sd(chain: Chain, fits: _Fits) -> dict[str, Any]:
     sd = {segment.unit: [0.0] * 6 for segment in chain.segments if segment.unit}
     units = {segment.name: segment.unit for segment in chain.segments}
     for link, arm in zip(fits.links, fits.arms, strict=True):
-        sd[units[link.joint.child]][3:] = np.sqrt(np.diag(arm.cov))[3:].tolist()
+        sd[units[link.joint.child]][3:] = np.sqrt(np.diag(arm.cov))[3:6].tolist()
     return sd
 
 
 def _mounts(chain: Chain, fits: _Fits, mounting: _Mounting) -> tuple[Chain, dict[str, Any], dict[str, str]]:
     """Chain with the mounts that explain arms, axes and postures best, their standard deviations, and what is odd.
 
-    A damped least squares over a small turn and a shift of each unit's mount, and, on the ground, the heading of the
-    frame in which attitudes were found.
+    A damped least squares over a small turn and a shift of each unit's mount, a turn of each unit's attitudes about the
+    vertical, as these were found with the mounts of the round before and have turned with them, and the heading of the
+    ground in their frame. What contradicts all else, as a wrong length does, counts less.
     """
     from scipy.optimize import least_squares
 
     mounted = [segment for segment in chain.segments if segment.unit]
     problem = _MountProblem(chain, mounted, fits, mounting)
-    fit = least_squares(problem.residuals, np.zeros(problem.size), method="trf", x_scale="jac", loss="linear")
+    fit = least_squares(
+        problem.residuals, np.zeros(problem.size), x_scale="jac", loss="soft_l1", f_scale=geometry.LARGE
+    )
     jacobian = np.asarray(fit.jac)
     cov = np.linalg.inv(jacobian.T @ jacobian)
     sd = np.sqrt(np.diag(cov))
@@ -629,13 +621,14 @@ class _MountProblem:
 
     def __init__(self, chain: Chain, mounted: Sequence[Segment], fits: _Fits, mounting: _Mounting) -> None:
         self._chain, self._mounted, self._fits = chain, mounted, fits
-        self._prior_sd = np.tile(np.repeat([mounting.angle, mounting.shift], 3), len(mounted))
+        mounts = np.tile(np.repeat([mounting.angle, mounting.shift], 3), len(mounted))
+        self._prior_sd = np.concatenate((mounts, np.full(len(mounted), geometry.HEADING_SD), [np.pi]))
         self._pose_sd = mounting.pose_sd
         self._poses = [
             (self._attitudes(pose), chain.split(np.array(pose[2], dtype=np.float64)[np.newaxis]))
             for pose in mounting.poses
         ]
-        self.size = 6 * len(mounted) + 1
+        self.size = len(self._prior_sd)
 
     def _attitudes(self, pose: Pose) -> Floats:
         """Attitudes of the units (U, 4) in the middle of a posture."""
@@ -676,11 +669,11 @@ class _MountProblem:
                     "axis, pose or unit"
                 )
         for link, arm, axis in zip(self._fits.links, self._fits.arms, self._fits.axes, strict=True):
-            off = np.concatenate(self._of_joint(link, arm, axis, mounts))
+            off = np.concatenate(self._of_joint(link, arm, axis, mounts, x))
             if np.abs(off).max() > FAR:
                 reasons.setdefault(link.joint.child, "motion shows another place or axis than the chain says")
         for attitudes, angles in self._poses:
-            for joint, off in zip(self._chain.joints, self._of_pose(attitudes, angles, mounts, x[-1]), strict=True):
+            for joint, off in zip(self._chain.joints, self._of_pose(attitudes, angles, mounts, x), strict=True):
                 if np.abs(off).max() > FAR:
                     reasons.setdefault(joint.child, "a pose is not the one that was held")
         return reasons
@@ -688,39 +681,42 @@ class _MountProblem:
     def residuals(self, x: Floats) -> Floats:
         """All of them."""
         mounts = self.mounts(x)
-        rows = [x[:-1] / self._prior_sd, np.array([x[-1] / np.pi])]
+        rows = [x / self._prior_sd]
         for link, arm, axis in zip(self._fits.links, self._fits.arms, self._fits.axes, strict=True):
-            rows += self._of_joint(link, arm, axis, mounts)
+            rows += self._of_joint(link, arm, axis, mounts, x)
         for attitudes, angles in self._poses:
-            rows += self._of_pose(attitudes, angles, mounts, float(x[-1]))
+            rows += self._of_pose(attitudes, angles, mounts, x)
         return np.concatenate(rows)
 
     def _of_joint(
         self, link: JointLink, arm: geometry.GeometryFit, axis: geometry.GeometryFit | None,
-        mounts: Mapping[str, UnitMount],
+        mounts: Mapping[str, UnitMount], x: Floats,
     ) -> list[Floats]:  # fmt: skip
-        joint, rows = link.joint, []
+        joint, headings = link.joint, np.append(x[6 * len(self._mounted) : -1], 0.0)  # the ground's is the last
+        turn = headings[link.child] - headings[link.parent]
         expected = joint_axes(joint, mounts.get(joint.parent, UnitMount()), mounts[joint.child])
-        for side, name, place in ((0, joint.parent, np.array(joint.place)), (1, joint.child, np.zeros(3))):
-            if name not in mounts:
-                continue
-            block = slice(3 * side, 3 * side + 3)
-            reach = mounts[name].dcm.T @ (place - np.array(mounts[name].lever_b))
-            rows.append(_whitened(arm.cov[block, block] + LENGTH_SD**2 * np.eye(3), arm.value[side] - reach))
-            if axis is not None and joint.kind != "fixed":
-                cov = axis.cov[block, block] + AXIS_SD**2 * np.eye(3)
-                rows.append(_whitened(cov, axis.value[side, 0] - expected[side, 0]))
-        if joint.kind == "fixed" and axis is not None:
-            off = (axis.value[0].T @ axis.value[1]).T @ expected[0].T @ expected[1]
-            rows.append(rotations.rotvec_from_quat(rotations.quat_from_dcm(off)) / AXIS_SD)
+        use = np.repeat([joint.parent in mounts, True, True], (3, 3, 1))
+        reach = [
+            mounts[name].dcm.T @ (place - np.array(mounts[name].lever_b)) if name in mounts else np.zeros(3)
+            for name, place in ((joint.parent, np.array(joint.place)), (joint.child, np.zeros(3)))
+        ]
+        moves = 0.0 if axis is None else link.play * float(np.linalg.norm(reach, axis=1).max())  # as the unit sways
+        rows = [_whitened(arm, np.append(arm.value - reach, arm.heading - turn), np.hypot(LENGTH_SD, moves), use)]
+        if axis is not None and joint.kind != "fixed":
+            off = np.append(axis.value[:, 0] - expected[:, 0], axis.heading - turn)
+            rows.append(_whitened(axis, off, AXIS_SD, use))
+        elif axis is not None:
+            apart = rotations.quat_from_dcm((axis.value[0].T @ axis.value[1]).T @ expected[0].T @ expected[1])
+            rows.append(np.append(rotations.rotvec_from_quat(apart), turn) / AXIS_SD)
         return rows
 
     def _of_pose(
-        self, attitudes: Floats, angles: Sequence[Floats], mounts: Mapping[str, UnitMount], heading: float
+        self, attitudes: Floats, angles: Sequence[Floats], mounts: Mapping[str, UnitMount], x: Floats
     ) -> list[Floats]:
         """How far attitudes in a posture are from what mounts and angles make of it."""
         numbers, rows = unit_numbers(self._chain), []
-        ground = rotations.quat_from_rotvec(np.array([0.0, 0.0, heading]))
+        turns = rotations.quat_from_rotvec(np.outer(x[6 * len(self._mounted) :], geometry.UP))
+        attitudes, ground = quat_multiply(turns[:-1], attitudes), turns[-1]
         for joint, joint_angles in zip(self._chain.joints, angles, strict=True):
             parent, child = numbers[joint.parent], numbers[joint.child]
             before = ground if parent == GROUND else quat_multiply(
@@ -732,5 +728,7 @@ class _MountProblem:
         return rows
 
 
-def _whitened(cov: Floats, off: Floats) -> Floats:
-    return np.asarray(np.linalg.solve(np.linalg.cholesky(cov), off))
+def _whitened(fit: geometry.GeometryFit, off: Floats, sd: float, use: NDArray[np.bool_]) -> Floats:
+    """What is in use of a fit's differences (7,), in standard deviations; the chain itself is right to `sd`."""
+    cov = fit.cov + np.diag(np.repeat([sd**2, 0.0], (6, 1)))
+    return np.asarray(np.linalg.solve(np.linalg.cholesky(cov[np.ix_(use, use)]), off[use]))

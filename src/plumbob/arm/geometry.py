@@ -13,15 +13,15 @@ from plumbob.core.units import deg
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply, skew
 
 CUT_OFF: Final = 3.0  # forces are compared below this, Hz: above, noise of the angular acceleration would shorten arms
-ARM_SD: Final = 0.3  # an arm of which nothing is known is shorter than about this, m
+ARM_SD: Final = 0.3  # an arm of which nothing is known is right to this, m
 LEAST_FORCE_SD: Final = 0.05  # m/s²; less is not believed of a joint,
 LEAST_PLAY: Final = deg(0.2)  # nor is an axis that strays by less, rad
-CLOCK_SD: Final = (
-    0.1,
-    100e-6,
-)  # s and s/s: of clocks brought together roughly; quartz is good to 50 ppm
+CLOCK_SD: Final = 0.1, 100e-6  # s and s/s: of clocks brought together roughly; quartz is good to 50 ppm
+HEADING_SD: Final = deg(40.0)  # of a child's heading against its parent's, rad: iron bends fields by so much
 REPEATS: Final = 1.0
 """Limbs repeat their motion after about this, s, and what units on skin say wrongly of it comes again with it."""
+LARGE: Final = 2.0  # residuals beyond so many standard deviations count less
+UP: Final = np.array([0.0, 0.0, 1.0])
 MEAN_OVER: Final = 0.1  # the filter takes means of forces over about this, s
 
 
@@ -41,19 +41,13 @@ _LENGTH_SD: Final = 1e-3  # axes are unit vectors to this
 _ROUNDS: Final = 8
 
 
-class Prior(NamedTuple):
-    """What is known before: values (2, …, 3) of both sides, and their standard deviation."""
-
-    value: Floats
-    sd: float
-
-
 class GeometryFit(NamedTuple):
     """What was found.
 
-    `value`: arms (2, 3), m, or axes (2, K, 3), of both sides; `cov` (6, 6): covariance of the parent's, then the
-    child's, of the first axis; `residual`: what both sides differ by: of forces the standard deviation of one side, a
-    mean over 0.1 s, m/s², of axes that of each component of the difference, rad; `lasts`: how long that lasts, s: a
+    `value`: arms (2, 3), m, or axes (2, K, 3), of both sides; `heading`: by which the child's attitudes must turn about
+    the vertical against the parent's for these, rad; `cov` (7, 7): covariance of the parent's, then the child's, of the
+    first axis, and of the heading; `residual`: what both sides differ by: of forces the standard deviation of one side,
+    a mean over 0.1 s, m/s², of axes that of each component of the difference, rad; `lasts`: how long that lasts, s: a
     mean over T has its variance times ``2 lasts / T``; `shake`: of forces, the standard deviation of a component of
     the difference of single samples, m/s².
     """
@@ -62,6 +56,7 @@ class GeometryFit(NamedTuple):
     cov: Floats
     residual: float
     lasts: float
+    heading: float = 0.0
     shake: float = 0.0
     clock: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of fit_arms: offset, s, drift, s/s, and sd of the offset, s
 
@@ -158,11 +153,12 @@ def arms_from_sizes(samples: UnitSamples, link: JointLink) -> Floats:
     return best.reshape(2, 3)
 
 
-def fit_arms(terms: Terms, link: JointLink, prior: Prior, *, clocks: bool = False) -> GeometryFit:
+def fit_arms(terms: Terms, link: JointLink, before: Floats, *, clocks: bool = False) -> GeometryFit:
     """Arms that give both sides of a joint one force; linear least squares that a few bad moments do not disturb.
 
-    `clocks`: whether the child's clock may differ from the parent's; `clock` is by how much its stamps must grow. What
-    the forces leave, over how fast they change, says how well that is known, of as many values as differ in `REPEATS`.
+    `before`: arms (2, 3), m, near which those stay that motion does not show; `clocks`: whether the child's clock may
+    differ from the parent's; `clock` is by how much its stamps must grow. What the forces leave, over how fast they
+    change, says how well that is known, of as many values as differ in `REPEATS`.
     """
     child = terms.matrix[link.child] @ terms.lever[link.child]
     ours = np.einsum("nij,nj->ni", terms.matrix[link.child], terms.force[link.child])
@@ -171,19 +167,20 @@ def fit_arms(terms: Terms, link: JointLink, prior: Prior, *, clocks: bool = Fals
     else:
         parent = -terms.matrix[link.parent] @ terms.lever[link.parent]
         theirs = np.einsum("nij,nj->ni", terms.matrix[link.parent], terms.force[link.parent])
-    both, off = np.concatenate((parent, child), axis=2), theirs - ours
+    felt = ours + child @ link.arms[1]
+    both, off = np.concatenate((parent, child, (felt @ skew(UP).T)[:, :, np.newaxis]), axis=2), theirs - ours
     if clocks:  # what was felt at t + c is felt at t: less by c times its change
-        change = -np.gradient(ours + child @ link.arms[1], terms.t, axis=0)[:, :, np.newaxis]
+        change = -np.gradient(felt, terms.t, axis=0)[:, :, np.newaxis]
         since = (terms.t - 0.5 * (terms.t[0] + terms.t[-1]))[:, np.newaxis, np.newaxis]
         both = np.concatenate((both, change, change * since), axis=2)
     a, every = below(both, terms.t)
     y, _ = below(off, terms.t)
     alike = max(1.0, 1.0 / float(np.median(np.diff(terms.t))) / every / (2.0 * CUT_OFF))
-    fit, x = _solved(a.reshape(-1, a.shape[2]), y.ravel(), prior, alike, LEAST_FORCE_SD)
+    fit, x = _solved(a.reshape(-1, a.shape[2]), y.ravel(), before, alike, LEAST_FORCE_SD)
     if clocks:
-        rate = float(np.sqrt(np.mean(a[:, :, 6] ** 2)))
+        rate = float(np.sqrt(np.mean(a[:, :, 7] ** 2)))
         offset_sd = fit.residual / max(rate, 1e-6) / float(np.sqrt(3.0 * 2.0 * CUT_OFF * REPEATS))
-        fit = fit._replace(clock=(float(x[6]), float(x[7]), offset_sd))
+        fit = fit._replace(clock=(float(x[7]), float(x[8]), offset_sd))
     residual = off - both @ x
     count = max(1, round(MEAN_OVER / float(np.median(np.diff(terms.t)))))
     means = residual[: len(residual) // count * count].reshape(-1, count, 3).mean(axis=1)
@@ -195,20 +192,20 @@ def fit_arms(terms: Terms, link: JointLink, prior: Prior, *, clocks: bool = Fals
     )
 
 
-def _solved(a: Floats, y: Floats, prior: Prior, alike: float, least: float) -> tuple[GeometryFit, Floats]:
-    """Least squares with a prior; residuals beyond two standard deviations count less. The fit, and all its numbers."""
+def _solved(a: Floats, y: Floats, near: Floats, alike: float, least: float) -> tuple[GeometryFit, Floats]:
+    """Least squares with a prior in which large residuals count less: the fit, and all its numbers."""
     before, weight, sd = np.zeros(a.shape[1]), np.ones(len(y)), 10.0 * least
-    before[:6] = prior.value.ravel()
-    information = np.diag(np.array([*(prior.sd,) * 6, *CLOCK_SD][: a.shape[1]]) ** -2.0)
+    before[:6] = near.ravel()
+    information = np.diag(np.array([*(ARM_SD,) * 6, HEADING_SD, *CLOCK_SD][: a.shape[1]]) ** -2.0)
     for _ in range(_ROUNDS):
         w = weight / (alike * sd**2)
         normal = (a * w[:, np.newaxis]).T @ a + information
         x = np.linalg.solve(normal, (a * w[:, np.newaxis]).T @ y + information @ before)
         off = np.abs(y - a @ x)
         sd = max(1.4826 * float(np.median(off)), least)
-        weight = 1.0 / np.maximum(1.0, off / (2.0 * sd))
-    cov = np.asarray(np.linalg.inv(normal))[:6, :6]
-    return GeometryFit(np.asarray(x[:6]).reshape(2, 3), cov, sd, MEAN_OVER), np.asarray(x)
+        weight = 1.0 / np.maximum(1.0, off / (LARGE * sd))
+    cov = np.asarray(np.linalg.inv(normal))[:7, :7]
+    return GeometryFit(np.asarray(x[:6]).reshape(2, 3), cov, sd, MEAN_OVER, float(x[6])), np.asarray(x)
 
 
 def first_axes(terms: Terms, link: JointLink) -> Floats:
@@ -232,8 +229,8 @@ def _parent(terms: Terms, link: JointLink) -> Floats:
     return np.broadcast_to(np.eye(3), terms.matrix[0].shape) if link.parent == GROUND else terms.matrix[link.parent]
 
 
-def fit_axes(terms: Terms, link: JointLink, sd_before: float = _UNKNOWN_AXIS) -> GeometryFit:
-    """Axes of a hinge, a universal or a fixed joint; the search begins at the link's, known to `sd_before`, rad."""
+def fit_axes(terms: Terms, link: JointLink) -> GeometryFit:
+    """Axes of a hinge, a universal or a fixed joint; the search begins at the link's."""
     parent, child = _parent(terms, link), terms.matrix[link.child]
     every = max(1, len(terms.t) // 3000)
     parent, child = parent[::every], child[::every]
@@ -241,28 +238,33 @@ def fit_axes(terms: Terms, link: JointLink, sd_before: float = _UNKNOWN_AXIS) ->
     alike = max(1.0, 2.0 * link.play_time / step)
     if link.joint.kind == "fixed":
         return _fixed(parent, child, link, alike, step)
-    before = value = link.axes[:, 0]
+    before, value, heading = link.axes[:, 0], link.axes[:, 0], 0.0
     for _ in range(_ROUNDS):
-        around = [np.eye(3) / sd_before**2 + np.outer(v, v) / _LENGTH_SD**2 for v in value]
+        information = np.diag([*(_UNKNOWN_AXIS**-2.0,) * 6, HEADING_SD**-2.0])
+        for side, v in enumerate(value):
+            information[3 * side : 3 * side + 3, 3 * side : 3 * side + 3] += np.outer(v, v) / _LENGTH_SD**2
+        turned = dcm_from_quat(quat_from_rotvec(heading * UP)) @ child
+        ones, others = parent @ value[0], turned @ value[1]
+        aside = others @ skew(UP).T
         if link.joint.kind == "universal":
-            turned = np.swapaxes(parent, 1, 2) @ child
-            a = np.concatenate((turned @ value[1], value[0] @ turned), axis=1)
-            off = -np.einsum("i,nij,j->n", value[0], turned, value[1])
+            a = np.concatenate((
+                np.einsum("nji,nj->ni", parent, others), np.einsum("nji,nj->ni", turned, ones),
+                np.einsum("ni,ni->n", ones, aside)[:, np.newaxis],
+            ), axis=1)  # fmt: skip
+            off = -np.einsum("ni,ni->n", ones, others)
         else:
-            a = np.concatenate((parent, -child), axis=2).reshape(-1, 6)
-            off = -(parent @ value[0] - child @ value[1]).ravel()
+            a = np.concatenate((parent, -turned, -aside[:, :, np.newaxis]), axis=2).reshape(-1, 7)
+            off = (others - ones).ravel()
         sd = max(float(np.sqrt(np.mean(off**2))), LEAST_PLAY)
-        information = np.zeros((6, 6))
-        information[:3, :3], information[3:, 3:] = around
         normal = a.T @ a / (alike * sd**2) + information
-        value = value + np.linalg.solve(
-            normal, a.T @ off / (alike * sd**2) + information @ (before - value).ravel()
-        ).reshape(2, 3)
+        change = np.append((before - value).ravel(), -heading)
+        step_by = np.linalg.solve(normal, a.T @ off / (alike * sd**2) + information @ change)
+        value, heading = value + step_by[:6].reshape(2, 3), heading + float(step_by[6])
         value = value / np.linalg.norm(value, axis=1, keepdims=True)
     # of a hinge, two of three components vary
     share = 3.0 / 2.0 if link.joint.kind == "hinge" else 1.0
     lasts = lasting(off.reshape(len(parent), -1), step)
-    return GeometryFit(value[:, np.newaxis], np.linalg.inv(normal), sd * float(np.sqrt(share)), lasts)
+    return GeometryFit(value[:, np.newaxis], np.linalg.inv(normal), sd * float(np.sqrt(share)), lasts, heading)
 
 
 def _fixed(parent: Floats, child: Floats, link: JointLink, alike: float, step: float) -> GeometryFit:
@@ -272,4 +274,4 @@ def _fixed(parent: Floats, child: Floats, link: JointLink, alike: float, step: f
     off = parent @ turn - child
     sd = max(float(np.sqrt(np.mean(off**2))), LEAST_PLAY)
     axes = np.stack((link.axes[0], link.axes[0] @ turn))
-    return GeometryFit(axes, np.eye(6) * sd**2 * alike / len(parent), sd, lasting(off.reshape(len(parent), -1), step))
+    return GeometryFit(axes, np.eye(7) * sd**2 * alike / len(parent), sd, lasting(off.reshape(len(parent), -1), step))

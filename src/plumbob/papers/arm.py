@@ -17,12 +17,10 @@ import plumbob as pb
 from plumbob.papers.studies import MOUNTS, PlotCurve, Study, largest, rms, stick_figure
 
 G0: Final = float(pb.units.g(1.0))
-AXES: Final = ("roll", "pitch", "yaw")
-TRIADS: Final = ("gyr", "acc", "mag")
+AXES, TRIADS = ("roll", "pitch", "yaw"), ("gyr", "acc", "mag")
 COLOURS: Final = ("blue", "red", "green", "pink", "amber", "sky")
 ALL: Final = 'units = "all"\n'  # what a session of a rig says of its units
-RATE: Final = 10.0  # samples per second in the paper, Hz
-DURATION: Final = 30.0  # s
+RATE, DURATION = 10.0, 30.0  # samples per second in the paper, Hz, and length of a run, s
 TURN_RATE: Final = float(pb.units.deg(-90.0)) / DURATION
 CASES: Final = {False: "static", True: "turn"}
 CONTENDERS: Final = ("none", "pi", "fuzzy")
@@ -35,16 +33,13 @@ SCHEMES: Final[Mapping[str, Any]] = {
 RECOVERIES: Final = {name: SCHEMES[name]._replace(ekf=False) for name in ("fuzzy", "control", "sum")} | {
     "sum_alone": pb.array.Scheme(sum_table=True, sets=1, ekf=False), "ekf": SCHEMES["fuzzy"],
 }  # fmt: skip
-STARTS: Final = {
+STARTS: Final = {  # wrong starts: yaw, pitch and roll, deg
     "yaw": (10.0, 0.0, 0.0), "roll": (0.0, 0.0, 10.0), "pitch": (0.0, 10.0, 0.0), "each": (10.0 / 3**0.5,) * 3,
     "all": (10.0,) * 3,
 }  # fmt: skip
-"""Wrong starts: yaw, pitch and roll, deg."""
 DESIGNS: Final = ((0.3, 3.0), (0.8, 9.0), (4.5, 9.0))  # slope, 1/s, and correction of large errors, deg/s, of rules
-SCALE: Final = 0.003  # scale errors of the units, and angles between their axes
-BIAS: Final = float(pb.units.dps(0.2))  # of a broken axis, rad/s
-WATCH: Final = 90.0  # s
-SINCE, UNTIL = 31.0, 60.0  # when a fault begins, in the second of rest after a motion or in its middle, and ends, s
+SCALE, BIAS = 0.003, float(pb.units.dps(0.2))  # scale errors and angles between axes; of a broken axis, rad/s
+WATCH, SINCE, UNTIL = 90.0, 31.0, 60.0  # s in all; a fault begins in the second of rest after a motion, and ends, s
 WORLD: Final = {"mount_angle": "5 deg", "mount_shift": "2 cm", "bend": "20 uT"}  # by which the rig is off
 STILL: Final = {"turn": "0 deg"}
 UnitErrors = pb.simulation.UnitErrors
@@ -55,8 +50,7 @@ STATED: Final = UnitErrors(float(pb.units.dps(0.1 / 3600.0)), 1e-4 * G0, 0.05)  
 
 def with_noise(array: Any, noise: Any) -> Any:
     """Array whose mounts know the noise of their units."""
-    mounts = {name: replace(mount, noise=noise.card(RATE)) for name, mount in array.mounts.items()}
-    return pb.ImuArray(array.units, mounts)
+    return pb.ImuArray(array.units, {name: replace(m, noise=noise.card(RATE)) for name, m in array.mounts.items()})
 
 
 def arm_array(seed: int, *, turns: bool, rate: float = RATE, noise: Any = None, duration: float = DURATION) -> Any:
@@ -139,8 +133,7 @@ def measured(
     schemes: Mapping[str, Any] = SCHEMES,
 ) -> dict[str, Over]:  # fmt: skip
     """Statistics of every scheme over seeds, and of two and six units by Plumbob's filter where `ours`."""
-    stats: dict[str, list[Any]] = {}
-    noise = noise or (TURN if turns else REST)
+    stats, noise = dict[str, list[Any]](), noise or (TURN if turns else REST)
     for seed in seeds:
         array, truth = arm_array(seed, turns=turns, rate=rate, noise=noise)
         tracks = {name: by_scheme(array, scheme) for name, scheme in schemes.items()}
@@ -374,10 +367,10 @@ def faults_part(study: Study, seeds: Sequence[int], duration: float) -> None:
         study.rows({f"parity.{size:g}": (None, median)}, found=count)
 
 
-def mounts_rms(chain: Any, other: Any) -> float:
-    """Rms of the angles between the mounts of two chains, deg."""
-    pairs = [(a.mount.q_bs, b.mount.q_bs) for a, b in zip(chain.segments, other.segments, strict=True) if a.unit]
-    return float(pb.units.to_deg(rms(pb.rotations.quat_angle(*np.array(pairs).transpose(1, 0, 2)))))
+def mount_turns(chain: Any, other: Any) -> Any:
+    """Turns (U, 3) between the mounts of two chains, about segment axes, deg."""
+    q_sb = [pb.rotations.quat_conjugate([s.mount.q_bs for s in of.segments if s.unit]) for of in (chain, other)]
+    return turn_errors(*q_sb)
 
 
 def teach(study: Study) -> tuple[Any, ...]:
@@ -399,8 +392,13 @@ def teach(study: Study) -> tuple[Any, ...]:
         pb.arm.export(program, path, overwrite=True)
     files[-1].write_text(pb.arm.urdf_text(chain), encoding="utf-8")
     model, ours = (pb.arm.replay(pb.arm.Program.load(files[0]), of) for of in (files[-1], chain))
-    before, after = (mounts_rms(of, placed) for of in (chain, card.chain))
-    study.values |= {"mounts_deg": before, "done_mounts_deg": after, "files": ", ".join(path.name for path in files)}
+    before, after = (mount_turns(of, placed) for of in (chain, card.chain))
+    claims = pb.units.to_deg(np.array([card.mount_sd[body.unit][:3] for body in chain.segments if body.unit]))
+    size, good = math.sqrt(len(after)), claims <= 1.0  # °: what motion shows
+    study.rows({
+        "teach.mounts": (None, np.linalg.norm(after[good]) / size), "teach.claim": (None, largest(after / claims, None))
+    }, all=np.linalg.norm(after) / size, rest=claims.max())  # fmt: skip
+    study.values |= {"mounts_deg": np.linalg.norm(before) / size, "files": ", ".join(path.name for path in files)}
     return chain, joints, true, program, model, np.abs(model.hand - ours.hand).max()
 
 
@@ -411,7 +409,7 @@ def teaching_part(study: Study) -> None:
     error = pb.units.to_deg(pb.rotations.wrap(joints.angles - true.angles))
     hand = 1e3 * np.linalg.norm(joints.hand - true.hand, axis=1)
     figures = {
-        "mounts": study.values["done_mounts_deg"], "angles.rms": rms(error), "angles.max": largest(error, None),
+        "angles.rms": rms(error), "angles.max": largest(error, None),
         "hand.rms": rms(hand), "hand.max": hand.max(), "stops": len(program.stops), "replay": 1e3 * residual,
         "program": 100.0 * model.against(true.t, true.hand).rms_share,
         "limits": 100.0 * max(program.used(chain).values()),

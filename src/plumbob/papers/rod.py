@@ -131,7 +131,7 @@ def seeds_part(study: Study, count: int, duration: float) -> None:
         "accel.early": mean["accel"][:2].max(),
         "accel.late": drawn["accel"][:, 2:4].max(axis=1).min(),
         "gyro.largest": worst(drawn["gyro"]).mean(),
-        "gyro.kept": worst(drawn["gyro_kept"]).min(),
+        "gyro.kept": worst(drawn["gyro_kept"]).mean(),
         "fused.kept": (share_within(drawn["hard"]), share_within(drawn["smoother"])),
         "fused.causal": (None, share_within(drawn["mekf_card"])),
         **{f"fused.{name}": share_within(drawn[name]) for name in ("hard_reset", "narrow", "narrow_reset")},

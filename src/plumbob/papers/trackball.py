@@ -127,8 +127,10 @@ def warm_up(study: Study, coefficient: float, count: int) -> tuple[float, float,
 def drift_part(study: Study, parts: int, noise: Path, soak_seconds: float) -> None:
     """Parts that warm up, and a recorded soak."""
     by_part = {name: warm_up(study, true, parts) for name, true in PARTS.items()}
+    end_sd = pb.units.to_dps(2.0 * WHITE / math.sqrt(3.0 * 3600.0 / STEP))  # of the end of a line, mean of three axes
     for name, (raw, printed, by_card, _) in by_part.items():
-        study.rows({f"drift.raw.{name}": raw, f"drift.left.{name}": (printed, abs(by_card))})
+        study.rows({f"drift.raw.{name}": raw})
+        study.rows({f"drift.left.{name}": (printed, abs(by_card))}, error=end_sd)
     turned = 60.0 / 250.0  # of the range, °/s: 0.2 % of it in its middle, nothing at its ends
     study.rows({"drift.k_t": (None, by_part["a"][3]), "drift.bow": 0.002 * 250.0 * 4.0 * turned * (1.0 - turned)})
     study.table("mean_rate_at", [[f"{PARTS[name]:+.2f}".replace("-", "−"), *of] for name, of in by_part.items()])
