@@ -230,10 +230,17 @@ def test_a_field_that_jumps_at_rest_is_no_turn_and_one_that_goes_round_evenly_is
     assert calm(jump, Params()).quiet.mean() > 0.8
 
 
-@pytest.mark.parametrize(("seconds", "rests"), [(3.0, False), (12.0, True)])
-def test_a_calm_second_with_a_large_rate_about_gravity_is_a_turn_and_a_long_one_a_bias(seconds, rests):
+def swing(t):
+    """A field that swings by 20° and is back after 3 s, as on a wave."""
+    return place(t, deg(10.0) * (1.0 - np.cos(2.0 * np.pi * t / 3.0)))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "field", "rests"), [(3, None, False), (12, None, True), (3, place, True), (3, swing, False)]
+)
+def test_a_calm_second_with_a_large_rate_about_gravity_is_a_turn_and_a_long_one_a_bias(seconds, field, rests):
     """8 °/s is 1.6 of the bias's standard deviations, each of which takes 3 s of rest where no field tells."""
-    frames, p = still(seconds, dps(8.0), None), Params()
+    frames, p = still(seconds, dps(8.0), field), Params()
     resting, bias = first_rest(calm(frames, p), p, frames.step)
     assert resting.any() == rests
     assert bias[2] == pytest.approx(dps(8.0) if rests else 0.0, abs=dps(0.05))

@@ -186,9 +186,10 @@ def _turned_field(frames: Keyframes, p: model.Params, quiet: Bools) -> tuple[Boo
             change, grown = np.linalg.norm(means[-1] - means[0]), np.linalg.norm(means[-1]) - np.linalg.norm(means[0])
             ways = np.linalg.norm(np.diff(means, axis=0), axis=1)
             as_a_turn = abs(grown) < SIZE_KEPT * change and ways.max() < EVEN * ways.sum()
+            swung = np.linalg.norm(means - means[0], axis=1).max()  # on waves it comes back
             turning[piece == number] = change > p.mag_spread and as_a_turn
-            still[piece == number] = change <= p.mag_spread
-            moved[piece == number] = change > p.mag_spread
+            still[piece == number] = swung <= p.mag_spread
+            moved[piece == number] = swung > p.mag_spread
     return quiet & turning, quiet & still, quiet & moved
 
 
