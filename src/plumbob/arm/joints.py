@@ -270,9 +270,9 @@ def _less_bias(
     """Units less what their gyroscopes say on average while the body stands upright, and by how much some sway, rad."""
     times = {name: clocks[name].corrected(imu.t) if name in clocks else imu.t for name, imu in units.items()}
     rests = {name: _rest(imu, times[name], *upright) for name, imu in units.items()}
-    root, shared = next(iter(units)), times[next(iter(units))]
     for name, rest in rests.items():
         if rest.turn > LEAN:
+            root, shared = next(iter(times.items()))
             spans = {float(t): [_rest(imu, times[unit], t, t + CALM).turn for unit, imu in units.items()]
                      for t in np.arange(shared[0], shared[-1] - CALM, CALM)}  # fmt: skip
             calm = ", ".join([f"{t:.0f}" for t, turns in spans.items() if max(turns) <= SWAY][:5])

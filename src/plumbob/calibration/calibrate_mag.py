@@ -89,7 +89,7 @@ def calibrate_mag(
             raise work.with_axes(refused, rates=in_use or with_ == "gyr") from None
         fit, why = _rescued(work, helper, refused)
     doubt = without_gain(imu, fit, steady, dip)
-    if auto and (getattr(fit.calibration.quality, "grade", "") == "poor" or doubt is not None):
+    if auto and (doubt is not None or (quality := fit.calibration.quality) is None or quality.grade == "poor"):
         other = _bettered(work, fit)
         if other is not None:
             fit, why = other
@@ -238,7 +238,8 @@ def _bettered(work: _Work, fit: Fitted) -> tuple[Fitted, str] | None:
         other = work.fit("gyr")
     except CalibrationError:
         return None
-    before, after = (to_deg(getattr(each.calibration.quality, "heading_sd", math.inf)) for each in (fit, other))
+    both = (each.calibration.quality for each in (fit, other))
+    before, after = (math.inf if q is None or q.heading_sd is None else to_deg(q.heading_sd) for q in both)
     if not after < before:
         return None
     return other, f"Fitted with the gyroscope: predicted heading error {after:.2g}° instead of {before:.2g}°."

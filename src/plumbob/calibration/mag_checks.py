@@ -226,9 +226,8 @@ def told_by_others(
     angle = dip_angle(field, force, FEWEST) if angle is None else angle
     turned = 0.0 if helper == "none" or "mag" in wrong else turn_angle(matrix)
     by = "accelerometer" if helper == "acc" else "gyroscope"
-    one_dip = ways.dip is not None and np.array_equal(
-        ways.dip, np.eye(3)
-    )  # with the axes as they are, but for the sign
+    # with the axes as they are, but for the sign
+    one_dip = ways.dip is not None and np.array_equal(ways.dip, np.eye(3))
     remarks = (*remarks, *_of_turn(angle, turned, dip, by, one_dip=one_dip))
     if angle is None or dip is None or abs(angle - dip) <= DOUBTFUL_DIP:
         return remarks

@@ -117,12 +117,11 @@ def _strides_figure(strides: Mapping[str, Strides]) -> Figure:
     key = [({"_r": "right", "_l": "left"}[side], SERIES[k], "solid") for k, side in enumerate(strides)]
 
     def panels() -> list[PlotPanel]:
-        made = []
+        made, tables = list[PlotPanel](), {side: walk.columns() for side, walk in strides.items()}
         for name in names:
             lines = []
-            for k, (side, walk) in enumerate(strides.items()):
-                if name + side in walk.names:
-                    columns = walk.columns()
+            for k, (side, columns) in enumerate(tables.items()):
+                if name + side in strides[side].names:
                     mean, sd = (to_deg(columns[f"{name}{side}{end} [rad]"]) for end in ("", "_sd"))
                     lines.append(PlotLine(PERCENT, mean, SERIES[k], width=1.2,
                                           band=(mean - sd, mean + sd, SERIES[k], 0.25)))  # fmt: skip
