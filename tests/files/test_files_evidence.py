@@ -135,7 +135,16 @@ LOGS = {  # name of the file, its text, what a user answers
         f"header: \n  stamp: \n    secs: 170{k // 100}\n    nsecs: {k % 100 * 10_000_000}\n  frame_id: imu\n" + "".join(
             f"{name}: \n  x: {v[0]:.6f}\n  y: {v[1]:.6f}\n  z: {v[2]:.6f}\n{name}_covariance:\n- 0.1\n- 0.2\n"
             for name, v in (("angular_velocity", GYR[k]), ("linear_acceleration", ACC[k]))) for k in range(T.size)),
-        UP | {"gyr.unit": "rad/s"}),
+        {}),
+    "units in words above, clocks with a decimal comma": (
+        "a.csv", "Units: acc [g], gyro [deg/s], range 16 g\nt;" + names("a*", "g*").replace(",", ";") + "\n"
+        + rows(1e3 * T, *G.T, *DPS.T, separator=";", form="{:.5f}").replace(".", ","), UP),
+    "a line protocol": ("a.txt", "".join(
+        "imu,unit=a7 ax={:.6f},ay={:.6f},az={:.6f},gx={:.6f},gy={:.6f},gz={:.6f},n={}i {}\n".format(*a, *w, k, stamp)
+        for k, (a, w, stamp) in enumerate(zip(ACC, GYR, STAMPS, strict=True))), UP | {"gyr.unit": "rad/s"}),
+    "tuples below a banner": ("a.txt", "MPY: soft reboot\nMicroPython v1.22\n" + "".join(
+        "(({:.6f}, {:.6f}, {:.6f}), ({:.6f}, {:.6f}, {:.6f}))\n".format(*a, *w) for a, w in zip(ACC, GYR, strict=True)),
+        UP | {"gyr.unit": "rad/s", "time.rate": "100 Hz"}),
     "the newest row first, feet": ("a.csv", "time_ms," + names("a* (ft/s²)", "g* (dps)") + "\n" + rows(
         1e3 * T[::-1], *(ACC / 0.3048).T[:, ::-1], *DPS.T[:, ::-1]), UP),
     "days of a spreadsheet": ("a.csv", "Date," + names("a* (g)", "g* (dps)") + "\n" + rows(

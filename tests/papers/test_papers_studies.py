@@ -144,6 +144,8 @@ def pages_are_made_of_what_a_run_kept(name, folder, paper):
     done = reproduce(name, out=folder)
     assert [one.summary() for one in done.outcomes[name]] == [one.summary() for one in paper.outcomes]
     reproduce(render=folder / "outcomes.json", lang="zh")
+    with pytest.raises(ParameterError, match="takes no out"):
+        reproduce(render=folder / "outcomes.json", out=folder)
     made = Study.restored(name, folder / name).paper().report
     for lang, ending in (("en", "html"), ("zh", "zh.html")):
         assert made.page(lang=lang) == paper.report.page(lang=lang)

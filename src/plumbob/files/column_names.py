@@ -226,6 +226,27 @@ def named_sensor(words: str) -> str:
     return taken_apart(" ".join([*longer, "x"])).sensor
 
 
+_PHRASE: Final = re.compile(r"([-+±\d][-+±\d.,]*\s*)?([^\s,;:=\[\](){}|\"'\d±][^\s,;:=\[\](){}|\"']*)")
+_OF_ANOTHER: Final = re.compile(
+    r"bias|drift|offset|noise|density|range|resolution|walk|lsb|filter|error", re.IGNORECASE
+)
+
+
+def said_units(text: str) -> dict[str, str]:
+    """Unit of each sensor of which a text says just one, as ``Units: acc [g], gyro [deg/s]``; no ranges or errors."""
+    said: dict[str, set[str]] = {}
+    for line in text.split("\n"):
+        sensor, before = "", ""
+        for number, word in _PHRASE.findall(line):
+            if (kind := measured_in(word)) and kind == sensor and not number:
+                said.setdefault(sensor, set()).add(canonical(word, QUANTITY_BY_TRIAD[sensor]))
+            sensor = (
+                "" if _OF_ANOTHER.search(word) else named_sensor(f"{before} {word}") or named_sensor(word) or sensor
+            )
+            before = word
+    return {sensor: units.pop() for sensor, units in said.items() if len(units) == 1}
+
+
 _WORD: Final = re.compile(r"[A-Z]{2,}(?![a-z])|[A-Z]?[a-z]+|[A-Z]|\d+|[^\W\d_A-Za-z]+")
 
 

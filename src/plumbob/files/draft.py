@@ -131,7 +131,7 @@ def known_profile(file: Path) -> Profile | None:
 
 
 _DEVICE: Final = re.compile(
-    r"\b(i|id|instance|device|addr(ess)?|mac|node|serial|sensor|imu|unit|tag|name|station)( (type|no|nr|number))?$"
+    r"\b(i|s?id|instance|device|addr(ess)?|mac|node|serial|sensor|imu|unit|tag|name|station)( (type|no|nr|number))?$"
 )
 _NINE: Final = {"acc": 0, "gyr": 3, "mag": 6}  # where the triads begin in lines of nine, as MotionCal has them
 

@@ -28,6 +28,7 @@ from plumbob.files.column_names import (
     attitude_names,
     canonical,
     named_sensor,
+    said_units,
     taken_apart,
 )
 from plumbob.files.columns import StampError, is_stamp, is_time_of_day, to_seconds
@@ -84,6 +85,8 @@ class ColumnEvidence:
         above = "".join(f"{group}/" for group in takewhile(lambda group: not taken_apart(group).sensor, groups))
         names = [name.removeprefix(above) for name in self.names]
         self.parts = [taken_apart(*both) for both in zip(names, units, strict=True)]
+        stated = said_units("\n".join(f"{key}: {value}" for key, value in sample.facts.items()))
+        self.parts = [p if p.unit else replace(p, unit=stated.get(p.sensor, "")) for p in self.parts]
         clocks = [_clock(sample, i) for i, part in enumerate(self.parts) if part.is_time]
         if clocks := [clock for clock in clocks if clock.size]:
             sample = replace(sample, rows=sample.rows[::-1]) if all(map(falls, clocks)) else sample
@@ -425,9 +428,9 @@ class ColumnEvidence:
         return 1.0 - float(np.linalg.norm(np.nanmean(vectors / np.where(sizes > 0.0, sizes, np.nan), axis=0)))
 
     def _change_alike(self, columns: Sequence[int]) -> bool:
-        """Whether the axes that change do so about as often, as those of one sensor; light and a button do not."""
+        """Whether some axes change, about as often as each other, as those of one sensor; light and a button do not."""
         changes = np.mean(np.diff(self.vectors(columns), axis=0) != 0.0, axis=0)
-        return not 0.0 < float(changes.min()) < _RARELY * float(changes.max())
+        return bool(changes.any()) and not 0.0 < float(changes.min()) < _RARELY * float(changes.max())
 
     def _norms(self, columns: Sequence[int], zero: float = 0.0) -> Floats:
         """Sizes of a vector where it is measured: neither missing nor exactly zero; NaN for none."""

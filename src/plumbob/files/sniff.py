@@ -353,8 +353,9 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
             words[i] = bare
         elif not i and not part.sensor and taken_apart(word.split()[-1] if word else "").is_time:
             words[i] = word.split()[-1]
-    for word in words[:-1]:
-        axis = (len("xyz") if taken_apart(word).axis else 0) if word else axis + 1
+    for i, word in enumerate(words[:-1]):
+        ends = not any(words[i + 1 : i + 3]) and i + 3 < len(words)  # whether two numbers without a label follow
+        axis = (0 if ends and not taken_apart(word).axis else len("xyz")) if word else axis + 1
         names.append(word or ("xyz"[axis] if any(names) and axis < 3 else ""))
     if sum(map(bool, words[:-1])) < 2:  # a word before all of them
         first = next((i for i, word in enumerate(words[:-1]) if word), 0)
@@ -475,7 +476,7 @@ def _forms(table: _SniffedTable, names: Sequence[str]) -> tuple[str, ...]:
         bracketed = any(cell[:1] in set('[({"xX') for cell in said) or bool(taken_apart(f"{name} x").sensor)
         is_vector = sizes[0][0] > 1 and sizes[0][1] > 0.5 * len(said) and bracketed
         has_unit = units[0][1] > 0.5 * len(said) and is_unit(units[0][0])
-        words = _WORDS_BEFORE.match(said[0]) if said and not forms else None
+        words = None if forms or all(map(NUMBER[table.decimal].fullmatch, said)) else _WORDS_BEFORE.match(said[0])
         before, behind = (
             (words[1] or words[2]) if words else "",
             units[0][0] if re.fullmatch(r"[^\w\s#%]+", units[0][0]) else "",
@@ -577,8 +578,9 @@ def _listed_above(lines: Sequence[str], names: Sequence[str], width: int) -> tup
         above = lines[-step * count :] if len(lines) >= step * count else []
         named, units = above[::step], above[1::2] if step > 1 else []
         understood = (_known_names(named) + sum(map(is_unit, units))) / max(1, len(above))
+        is_list = count > 1 and understood >= 0.5 and (understood > 0.5 or bool(units))
         beside = [f"{name} [{unit}]" for name, unit in zip(named, units, strict=True)] if units else named
-        listed[*([*names[:1], "time"][:1] * (columns - count)), *beside] = understood * (understood >= 0.5)
+        listed[*([*names[:1], "time"][:1] * (columns - count)), *beside] = understood * is_list
     return max(listed, key=lambda some: (listed[some], len(some))) if any(listed.values()) else ()
 
 

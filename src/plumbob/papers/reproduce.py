@@ -131,7 +131,7 @@ def _first_tables(name: str, outcomes: Sequence[Outcome]) -> list[Table]:
 def reproduce(
     *papers: str,
     seed: int = 1,
-    out: str | Path = "reproduced",
+    out: str | Path | None = None,
     lang: str = "en",
     jobs: int = 2,
     render: str | Path | None = None,
@@ -148,9 +148,9 @@ def reproduce(
         Some of fin, buoy, trackball, arm and rod; none, or ``"all"``: all five.
     seed : int
         Of everything that is left to chance; the same seed gives the same bits on the same machine.
-    out : path
+    out : path, optional
         Folder, made where it is not there: ``index.html``, ``outcomes.json``, a page for each paper, and a folder with
-        its bytes, sessions, recordings and cards.
+        its bytes, sessions, recordings and cards; ``reproduced`` if not given. With `render`, that of its file.
     lang : {"en", "zh"}
         Language of the pages: ``index.html``, in Chinese ``index.zh.html``, and so on.
     jobs : int
@@ -169,7 +169,8 @@ def reproduce(
     Raises
     ------
     ParameterError
-        If a paper is unknown, a number outside its domain, or the folder is not empty and `overwrite` is false.
+        If a paper is unknown, a number outside its domain, `out` beside `render`, or the folder is not empty and
+        `overwrite` is false.
     MissingExtraError
         If matplotlib, which draws the pages' figures, is not installed.
     """
@@ -180,10 +181,12 @@ def reproduce(
             raise ParameterError(f"{named} must be a whole number of at least {least}, but it is {check.said(value)}.")
     needed("matplotlib.figure", "the pages' figures", "plumbob[plot]")  # now, not after minutes
     if render is not None:
+        if out is not None:
+            raise ParameterError("render writes pages beside their outcomes.json, and takes no out (--out).")
         file = check.path("render", render)
         seed, done = _read_outcomes(file)
         return _written({name: restored(file.parent, name, seed) for name in done}, file.parent, seed, lang)
-    folder = _folder(check.path("out", out), seed, overwrite=overwrite)
+    folder = _folder(check.path("out", out or "reproduced"), seed, overwrite=overwrite)
     studies = {} if overwrite else {n: s for n in chosen if (s := Study.restored(n, folder / n, seed)) is not None}
     _write_outcomes(Reproduction(seed, {}, folder))
     remaining = [name for name in chosen if name not in studies]
