@@ -15,7 +15,7 @@ from plumbob.arm.array.channels import joined
 from plumbob.arm.clocks import UnitClock
 from plumbob.arm.filter import Params, UnitSamples
 from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, JointLink, chain_links, joint_axes, unit_numbers
-from plumbob.arm.smoother import Attitudes, UnitAttitudes
+from plumbob.arm.smoother import LOST, Attitudes, UnitAttitudes
 from plumbob.core import check
 from plumbob.core.check import Floats, number
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
@@ -107,12 +107,16 @@ class ArmCard(Card):
         By unit: standard deviations of the turn, rad (3), and of the lever, m (3), of its mount.
     source : str
         What it was found from.
+    facing : sequence of (float, float)
+        Of `plumbob.joints`: turns about the vertical, rad, by which the axes of all segments may be off together, and
+        their probabilities.
     """
 
     chain: Chain
     joints: tuple[JointCard, ...]
     mount_sd: Mapping[str, Any]
     source: str = ""
+    facing: Any = ()
 
     KIND: ClassVar[str] = "plumbob arm card"
     VERSION: ClassVar[int] = 1
@@ -123,7 +127,7 @@ class ArmCard(Card):
         joints = [vars(joint) for joint in self.joints]
         content = {
             "kind": self.KIND, "format_version": self.VERSION, "source": self.source, "chain": chain_text(self.chain),
-            "joints": joints, "mount_sd": self.mount_sd,
+            "joints": joints, "mount_sd": self.mount_sd, "facing": self.facing,
         }  # fmt: skip
         return json.dumps(content, indent=2, default=lambda a: a.tolist(), allow_nan=False) + "\n"
 
@@ -246,10 +250,10 @@ def align(
 
 
 def align_units(
-    chain: Chain, units: Mapping[str, "ImuData"], clocks: Mapping[str, UnitClock], *, poses: Sequence[Pose] = (),
-    params: Mapping[str, Any] | None = None,
-) -> tuple[ArmCard, dict[str, UnitClock]]:  # fmt: skip
-    """As `align`, of units with clocks of their own that are known roughly; gives the clocks, too.
+    chain: Chain, units: Mapping[str, "ImuData"], clocks: Mapping[str, UnitClock] | None, poses: Sequence[Pose],
+    params: Mapping[str, Any],
+) -> tuple[ArmCard, dict[str, UnitClock], Attitudes]:  # fmt: skip
+    """As `align`, of units with clocks of their own that are known roughly, if any; gives clocks and attitudes, too.
 
     `units`: by name, the chain's; the first has the clock that all are brought to.
     """
@@ -270,8 +274,8 @@ def on_one_clock(units: Mapping[str, "ImuData"], clocks: Mapping[str, UnitClock]
 def _aligned(
     chain: Chain, at: Callable[[Mapping[str, UnitClock]], ImuArray], mounting: "_Mounting",
     params: Mapping[str, Any] | None, note: Callable[[str], None] | None, clocks: Mapping[str, UnitClock] | None = None,
-) -> tuple[ArmCard, dict[str, UnitClock]]:  # fmt: skip
-    """Card and clocks; `at` gives the units with clocks put right."""
+) -> tuple[ArmCard, dict[str, UnitClock], Attitudes]:  # fmt: skip
+    """Card, clocks and attitudes of the units; `at` gives the units with clocks put right."""
 
     def used(array: ImuArray) -> UnitSamples:
         samples = chain_samples(chain, array)
@@ -298,7 +302,7 @@ def _aligned(
         if note and not joint.rating.startswith("good"):
             note(f"{joint.name}: {joint.rating}")
     source = f"{samples.t[-1] - samples.t[0]:.3g} s of motion"
-    return ArmCard(chain=mounted, joints=joints, mount_sd=sd, source=source), search.clocks
+    return ArmCard(chain=mounted, joints=joints, mount_sd=sd, source=source), search.clocks, fits.motion
 
 
 def filter_params(chain: Chain, array: ImuArray, params: Mapping[str, Any] | None) -> Params:
@@ -383,6 +387,7 @@ class _AlternatingSearch:
         self._samples, self._params, self._chain, self._mounting = samples, params, chain, mounting
         self._links = chain_links(chain) if chain.known else _unknown_links(chain, samples)
         self.chain, self.mount_sd, self.odd = chain, dict[str, Any](), dict[str, str]()
+        self._begin: Floats | None = None  # first attitudes (U, 4), where headings are known from the round before
 
     def solve(self) -> _Fits:
         """What it comes to."""
@@ -392,7 +397,7 @@ class _AlternatingSearch:
             motion = self._motion(doubt)
             terms = geometry.force_terms(self._samples, motion, mean_rate=self._params.mean_rate)
             if not self._chain.known:
-                self._begin_axes(terms)
+                self._first_axes(terms)
             arms = [
                 geometry.fit_arms(
                     terms, link, link.arms if self._chain.known else np.zeros((2, 3)),
@@ -405,6 +410,8 @@ class _AlternatingSearch:
             fits = _Fits(new, arms, axes, motion)
             if self._chain.known:
                 fits = fits._replace(links=self._mounted(fits, doubt))
+            else:
+                self._begin = _with_headings(fits)
             moved, turned = _change(self._links, fits.links)
             self._links, rounds = fits.links, rounds + 1
             late = 0.0 if self._at is None else self._set_clocks(fits)
@@ -443,17 +450,26 @@ class _AlternatingSearch:
             replace(link, play=float(np.hypot(link.play, angle)), force_sd=float(np.hypot(link.force_sd, force)))
             for link in self._links
         ]
-        completed = UnitAttitudes(links, self._params, smooth=True).take(self._samples, end=True)
+        attitudes = UnitAttitudes(links, self._params, pose=self._begin, pose_sd=LOST, smooth=True)
+        completed = attitudes.take(self._samples, end=True)
         assert completed is not None  # at the end
         return completed[0]
 
-    def _begin_axes(self, terms: geometry.Terms) -> None:
+    def _first_axes(self, terms: geometry.Terms) -> None:
         """First axes of joints that have none yet."""
         for k, link in enumerate(self._links):
             if link.joint.kind in ("hinge", "universal") and not link.axes.shape[1]:
                 self._links[k] = replace(link, axes=geometry.first_axes(terms, link))
             elif link.joint.kind == "fixed" and not link.axes.shape[1]:
                 self._links[k] = replace(link, axes=np.stack([np.eye(3), np.eye(3)]))
+
+
+def _with_headings(fits: _Fits) -> Floats:
+    """First attitudes of the units, each turned by the heading that the arms and axes before it ask for."""
+    turns = np.zeros(len(fits.motion.q))
+    for link, arm, axis in zip(fits.links, fits.arms, fits.axes, strict=True):
+        turns[link.child] = turns[link.parent] + min((arm, axis or arm), key=lambda fit: float(fit.cov[6, 6])).heading
+    return quat_multiply(rotations.quat_from_rotvec(np.outer(turns, geometry.UP)), fits.motion.q[:, 0])
 
 
 def _unknown_links(chain: Chain, samples: UnitSamples) -> list[JointLink]:

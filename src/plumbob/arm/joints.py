@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from plumbob import rotations
-from plumbob.arm.alignment import ArmCard, Pose, align, align_units, on_one_clock, opened_chain, require_units
+from plumbob.arm.alignment import ArmCard, Pose, align_units, on_one_clock, opened_chain, require_units
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.clocks import UnitClock, first_offset
 from plumbob.arm.estimation import ArmEstimate, run
-from plumbob.arm.gait import walked
+from plumbob.arm.gait import SWING, walked
+from plumbob.arm.links import unit_numbers
+from plumbob.arm.smoother import LOST, Attitudes
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, unknown_name
@@ -38,32 +40,48 @@ SWAY: Final = deg(0.3)
 LEAN: Final = deg(6.0)
 """Who leans by more must step, rad: the middle of a body, .95 m high, is then .1 m from that of a foot of .25 m."""
 CALM: Final = 1.0  # s in which a body that stands shows it
-OVERSTRETCHED: Final = deg(15.0)  # rad; no knee or elbow goes farther to the other side of upright
+RANGE_SD: Final = 0.15  # people differ by so much of a range of motion
+PLANE_SD: Final = deg(12.0)  # by so much even the plane of a bend or a squat is off that of the angle, rad
+SWINGS: Final = 4.0  # a leg that swings one way faster by a factor does so ahead: power of the factor in the odds
+AHEAD_SD: Final = deg(15.0)  # an axis of a unit that is said to point ahead does so to this, rad
+AZIMUTHS: Final = deg(np.arange(360.0))  # directions that are weighed, rad
+LEG: Final = ("thigh", "shank", "foot")
 TOGETHER: Final = 0.5
 """Correlation that turns about two axes of a limb may have in a walk: by so much of one the axis of the other errs."""
+AXES: Final = ("x", "-x", "y", "-y", "z", "-z")
+SIDES: Final = ("right", "left")
 STAMPS: Final = ("unknown", "mean", "instant")
 
 
 class BodyJoint(NamedTuple):
-    """A joint of a body: segments, kind, letters of the axes of its angles on the right side, and their names."""
+    """A joint of a body: segments, kind, letters of the axes of its angles on the right side, their names, and ranges.
+
+    `ranges`: how far each angle goes from upright to its negative and to its positive side, degrees [Greene1994], of an
+    ankle under the weight of the body [Bennell1998].
+    """
 
     parent: str
     child: str
     kind: str
     axes: str
     angles: tuple[str, ...]
-    one_sided: bool = False  # whether it hardly goes beyond upright to the other side, as a knee
+    ranges: tuple[tuple[float, float], ...]
 
 
 JOINTS: Final[Mapping[str, BodyJoint]] = {
-    "hip": BodyJoint("pelvis", "thigh", "ball", "z x y", ("hip_flexion", "hip_adduction", "hip_rotation")),
-    "knee": BodyJoint("thigh", "shank", "hinge", "-z", ("knee_angle",), one_sided=True),
-    "ankle": BodyJoint("shank", "foot", "ball", "z x y", ("ankle_angle", "subtalar_angle", "ankle_rotation")),
-    "lumbar": BodyJoint("pelvis", "thorax", "ball", "z x y", ("lumbar_extension", "lumbar_bending", "lumbar_rotation")),
-    "shoulder": BodyJoint("thorax", "upperarm", "ball", "z x y", ("arm_flex", "arm_add", "arm_rot")),
-    "elbow": BodyJoint("upperarm", "forearm", "hinge", "z", ("elbow_flex",), one_sided=True),
-    "wrist": BodyJoint("forearm", "hand", "ball", "x z y", ("wrist_flex", "wrist_dev", "wrist_rot")),
-}
+    "hip": BodyJoint("pelvis", "thigh", "ball", "z x y", ("hip_flexion", "hip_adduction", "hip_rotation"),
+                     ((30, 120), (45, 30), (45, 45))),
+    "knee": BodyJoint("thigh", "shank", "hinge", "-z", ("knee_angle",), ((10, 135),)),
+    "ankle": BodyJoint("shank", "foot", "ball", "z x y", ("ankle_angle", "subtalar_angle", "ankle_rotation"),
+                       ((50, 35), (15, 35), (35, 35))),
+    "lumbar": BodyJoint("pelvis", "thorax", "ball", "z x y",
+                        ("lumbar_extension", "lumbar_bending", "lumbar_rotation"), ((80, 25), (35, 35), (45, 45))),
+    "shoulder": BodyJoint("thorax", "upperarm", "ball", "z x y", ("arm_flex", "arm_add", "arm_rot"),
+                          ((60, 180), (180, 50), (90, 70))),
+    "elbow": BodyJoint("upperarm", "forearm", "hinge", "z", ("elbow_flex",), ((10, 150),)),
+    "wrist": BodyJoint("forearm", "hand", "ball", "x z y", ("wrist_flex", "wrist_dev", "wrist_rot"),
+                       ((70, 80), (30, 20), (80, 80))),
+}  # fmt: skip
 """Joints by name; positive are flexion, adduction, internal rotation, dorsiflexion and inversion, and of the back
 extension, bending to the right and turning to the left."""
 CHAINS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -81,6 +99,7 @@ def joints(
     side: str = "right",
     upright: tuple[float, float] | None = None,
     upright_sd: float | str = "1 deg",
+    ahead: str | None = None,
     stamps: str = "unknown",
     frame: Frame | str | None = None,
     params: Mapping[str, Any] | None = None,
@@ -106,6 +125,9 @@ def joints(
         hinges need it; the angle of a hinge counts from the first sample without it.
     upright_sd : float or str
         How exactly it did, of each segment, rad, or text with a unit.
+    ahead : {"x", "-x", "y", "-y", "z", "-z"}, optional
+        Axis of the first unit that points ahead when the body stands upright, to some 15°. Without it the motion says
+        where ahead is: by hinges, ranges of motion and the swing of a leg; the claims hold what that leaves open.
     stamps : {"unknown", "mean", "instant"}
         Whether a sample is the mean since the one before, or the value at its time. Where it is unknown, angles lie
         between, and their claim covers both.
@@ -126,19 +148,13 @@ def joints(
     ClockError
         If units have no time in common, or the motion does not show how their clocks differ.
     """
-    if (hinge is None) == (chain is None):
-        raise ParameterError("joints takes either a hinge, as knee, or a chain, as leg or a file; give one of them.")
-    check.one_of("stamps", stamps, STAMPS)
-    check.one_of("side", side, ("right", "left"))
+    for name, value, words in (("stamps", stamps, STAMPS), ("side", side, SIDES), ("ahead", ahead or "x", AXES)):
+        check.one_of(name, value, words)
     held = given("upright_sd", upright_sd, Quantity.ANGLE, positive=True) or 0.0
     units, separate = _opened_units(array)
     body, named = _chain_of(hinge, chain, tuple(units), side)
     geometry = body if isinstance(body, Chain) else body.chain
-    if named and upright is None and any(JOINTS[joint].kind != "hinge" for joint in named.values()):
-        raise ParameterError(
-            f"the angles of {geometry.name} count from the body upright with hanging arms, so joints needs to "
-            "know when it stood so: --upright 0s..2s. A hinge alone does without."
-        )
+    _require_upright(geometry, named, upright)
     settings = {"mean_rate": stamps != "instant", **dict(params or {})}
     require_units(geometry, tuple(units))
     root = next(segment.unit for segment in geometry.segments if segment.unit)
@@ -151,20 +167,22 @@ def joints(
         more = max(swayed.values(), default=0.0)
         held, settings = math.hypot(held, more), {"bias_sd": max(SWAY, more) / (upright[1] - upright[0]), **settings}
         notes = _upright_notes(root if separate else "", upright, swayed)
-    aligned = None
-    if separate:
-        aligned, clocks = align_units(geometry, units, clocks, poses=poses, params=settings)
+    if isinstance(body, Chain) or separate:
+        aligned, clocks, motion = align_units(geometry, units, clocks if separate else None, poses, settings)
     recording = on_one_clock(units, clocks)
-    card = body if isinstance(body, ArmCard) else aligned or align(geometry, recording, poses=poses, params=settings)
     notes += [
         info("joints.clock", unit=unit, offset_ms=1e3 * clock.offset, sd_ms=1e3 * clock.sd, ppm=1e6 * clock.drift)
         for unit, clock in clocks.items()
     ]
-    if named and upright is not None and isinstance(body, Chain):
-        card, remarks = _in_body_axes(card, recording, named, upright, held)
-        notes += remarks
-    estimate = run(card, recording, frame=frame or recording.units[root].meta.frame or Frame.ENU, params=settings)
+    card, pose = body if isinstance(body, ArmCard) else aligned, None
+    if isinstance(body, Chain) and not geometry.known:
+        if named and upright is not None:
+            card = _in_body_axes(card, recording, motion, named, upright, held, ahead)
+        pose = _first_angles(card.chain, motion)
+    frame = frame or recording.units[root].meta.frame or Frame.ENU
+    estimate = run(card, recording, frame=frame, pose=pose, pose_sd=LOST, params=settings)
     estimate = _with_timing(estimate, card, recording, clocks, 0.25 if stamps == "unknown" else 0.0)
+    estimate = _with_facing(estimate, card, held)
     track = estimate.joints
     if upright is None and not geometry.known:
         track, remarks = _from_first_sample(track, geometry, named)
@@ -174,6 +192,18 @@ def joints(
     in_body_axes = any(segment.mount.q_bs != UnitMount().q_bs for segment in card.chain.segments)
     strides = walked(track, card.chain, recording) if in_body_axes else {}
     return replace(estimate, joints=track, notes=(*notes, *estimate.notes), strides=strides, card=card)
+
+
+def _first_angles(chain: Chain, motion: Attitudes) -> list[float]:
+    """Angles at the first sample, rad, by the attitudes of the units."""
+    numbers, angles = unit_numbers(chain), list[float]()
+    bodies = {
+        body.name: quat_multiply(motion.q[numbers[body.name], :1], quat_conjugate(np.array(body.mount.q_bs)))
+        for body in chain.segments
+    }  # fmt: skip
+    for joint in chain.joints:
+        angles += joint.angles_of(quat_multiply(quat_conjugate(bodies[joint.parent]), bodies[joint.child]))[0].tolist()
+    return angles
 
 
 def _from_first_sample(track: JointTrack, chain: Chain, named: Mapping[str, str]) -> tuple[JointTrack, list[Note]]:
@@ -196,10 +226,21 @@ def _opened_units(array: Any) -> tuple[dict[str, ImuData], bool]:
     return units, len(units) > 1
 
 
+def _require_upright(geometry: Chain, named: Mapping[str, str], upright: tuple[float, float] | None) -> None:
+    """Refuse joints of people other than hinges where nothing says when the body stood upright."""
+    if named and upright is None and any(JOINTS[joint].kind != "hinge" for joint in named.values()):
+        raise ParameterError(
+            f"the angles of {geometry.name} count from the body upright with hanging arms, so joints needs to "
+            "know when it stood so: --upright 0s..2s. A hinge alone does without."
+        )
+
+
 def _chain_of(
     hinge: str | None, chain: Chain | ArmCard | str | Path | None, units: tuple[str, ...], side: str
 ) -> tuple[Chain | ArmCard, dict[str, str]]:
     """The chain, and which joint of people each of its joints is, by name; none of a machine or a file."""
+    if (hinge is None) == (chain is None):
+        raise ParameterError("joints takes either a hinge, as knee, or a chain, as leg or a file; give one of them.")
     wanted = chain or hinge or ""
     if isinstance(wanted, Chain | ArmCard) or (chain is not None and str(wanted) not in CHAINS):
         if isinstance(wanted, str) and not Path(wanted).suffix:
@@ -336,22 +377,21 @@ def _first_clocks(units: Mapping[str, ImuData], chain: Chain) -> dict[str, UnitC
 
 
 def _in_body_axes(
-    card: ArmCard, recording: ImuArray, named: Mapping[str, str], upright: tuple[float, float], held: float
-) -> tuple[ArmCard, list[Note]]:
+    card: ArmCard, recording: ImuArray, motion: Attitudes, named: Mapping[str, str], upright: tuple[float, float],
+    held: float, ahead: str | None,
+) -> ArmCard:  # fmt: skip
     """The card with segments in the axes of the ISB: y up in the upright pose, z along the hinges to the right."""
     chain, rows = card.chain, (recording.t >= upright[0]) & (recording.t <= upright[1])
-    on, notes = {segment.name: recording.units[segment.unit] for segment in chain.segments}, list[Note]()
+    on = {segment.name: recording.units[segment.unit] for segment in chain.segments}
     posed = {chain.segments[0].name: np.array([1.0, 0.0, 0.0, 0.0])}  # of each unit in the root's, when upright
     for joint in chain.joints:
         posed[joint.child] = quat_multiply(posed[joint.parent], np.array(joint.q_pc))
     forces = [quat_rotate(posed[name], np.nanmean(imu.usable("acc")[rows], axis=0)) for name, imu in on.items()]
     up = _unit(np.sum(forces, axis=0))
-    right, right_sd = _to_the_right(chain, on, posed, named, up, notes)
-    if right_sd:
-        notes.append(warning("joints.main_axis", segment=chain.segments[-1].name, sd_deg=to_deg(right_sd)))
+    right, facing = _facing(card, motion, posed, named, up, _rates(on[chain.segments[-1].name]), held, ahead)
     base = np.stack([np.cross(up, right), up, right])  # rows: ahead, up, right in the root's unit
     turns = {name: base @ dcm_from_quat(q) for name, q in posed.items()}
-    turn_sds = {name: np.hypot(held / math.sqrt(2.0), [0.0, right_sd, 0.0]) for name in on}
+    turn_sds = {name: np.full(3, held / math.sqrt(2.0)) for name in on}
     for link, joint_card in zip(card.links(), card.joints, strict=True):
         if link.joint.kind == "hinge":  # its axis is known better than how the body stood
             # what strays comes again with each stride, so that all strides say the same of the axis
@@ -373,7 +413,7 @@ def _in_body_axes(
     )
     joints = tuple(_named_joint(joint, quats, turns, named[joint.name]) for joint in chain.joints)
     sds = {body.unit: [*turn_sds[body.name].tolist(), *card.mount_sd[body.unit][3:]] for body in chain.segments}
-    return replace(card, chain=replace(chain, segments=segments, joints=joints), mount_sd=sds), notes
+    return replace(card, chain=replace(chain, segments=segments, joints=joints), mount_sd=sds, facing=facing)
 
 
 def _named_joint(joint: Joint, quats: Mapping[str, Floats], turns: Mapping[str, Floats], name: str) -> Joint:
@@ -401,37 +441,92 @@ def _unit(vector: Floats) -> Floats:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _to_the_right(
-    chain: Chain, on: Mapping[str, ImuData], posed: Mapping[str, Floats], named: Mapping[str, str], up: Floats,
-    notes: list[Note],
-) -> tuple[Floats, float]:  # fmt: skip
-    """Level axis to the right in the root's unit when upright, and its standard deviation, rad, where it was guessed.
+def _facing(
+    card: ArmCard, motion: Attitudes, posed: Mapping[str, Floats], named: Mapping[str, str], up: Floats,
+    rates: Floats, held: float, ahead: str | None,
+) -> tuple[Floats, list[list[float]]]:  # fmt: skip
+    """Level axis to the right in the root's unit when upright, and turns about the vertical, rad, with probabilities.
 
-    The rates of the units are less their biases, as the upright pose shows them.
-    A knee or an elbow says it, as it goes to one side alone, that of the mean angle; else it is the axis that the last
-    segment turns about most, and a walk goes ahead: a leg swings ahead faster than back.
+    Every direction to the right is weighed: by each joint's ranges of motion, as a direction in which the joint would
+    go farther than it can is wrong, and one in which it would use little of a large range is likelier; by the plane
+    of its motion, which is that of an angle, or by its hinge; by a leg's swing; and by what is said to point ahead.
     """
-    total = np.zeros(3)
-    for joint in chain.joints:
-        body = JOINTS[named[joint.name]]
-        if body.one_sided:
-            axis = np.array(joint.axes[0])  # in the child's unit; the parent's is that turned by q_pc
-            rates = [_rates(on[name]) @ a for name, a in (
-                (joint.child, axis), (joint.parent, quat_rotate(np.array(joint.q_pc), axis)))]  # fmt: skip
-            t = on[joint.child].t
-            angle = np.cumsum((rates[0] - rates[1]) * np.diff(t, prepend=t[0]))
-            ends = (-float(angle.min()), float(angle.max()))
-            if min(ends) > OVERSTRETCHED:
-                notes.append(warning("joints.both_ways", joint=joint.name, less_deg=to_deg(min(ends))))
-            total += np.sign(np.mean(angle)) * _sign_of(body.axes) * quat_rotate(posed[joint.child], axis)
-    if total.any():
-        return _unit(total - up * (up @ total)), 0.0
-    name = chain.segments[-1].name
-    rate = quat_rotate(posed[name], _rates(on[name]))
-    level = rate - np.outer(rate @ up, up)
-    sizes, axes = np.linalg.eigh(level.T @ level)
-    axis = axes[:, -1]
-    return _unit(axis * np.sign(np.mean((rate @ axis) ** 3))), TOGETHER * math.sqrt(max(sizes[-2], 0.0) / sizes[-1])
+    first = _unit(np.cross(up, np.eye(3)[np.argmin(np.abs(up))]))
+    around = np.outer(np.cos(AZIMUTHS), first) + np.outer(np.sin(AZIMUTHS), np.cross(up, first))
+    weight, last = np.zeros(AZIMUTHS.size), card.chain.segments[-1].name  # logarithm of the probability
+    for link, joint_card in zip(card.links(), card.joints, strict=True):
+        before, after = posed[link.joint.parent], posed[link.joint.child]
+        relative = quat_multiply(quat_conjugate(motion.q[link.parent]), motion.q[link.child])
+        turned = quat_multiply(quat_multiply(before, relative), quat_conjugate(after))
+        if link.joint.kind == "hinge":
+            axis = quat_rotate(after, link.axes[1, 0])
+            sway = np.outer(rotations.rotvec_from_quat(turned) @ axis, axis)
+            plane_sd, turns = max(joint_card.axis_sd), [0, 180]
+        else:
+            tip = quat_rotate(turned, up)
+            across = np.cross(up, tip)
+            size = np.linalg.norm(across, axis=1, keepdims=True)
+            sway = across / np.maximum(size, 1e-12) * np.arctan2(size, (tip @ up)[:, np.newaxis])
+            sizes, axes = np.linalg.eigh(sway.T @ sway / len(sway) + held**2 * np.eye(3))
+            axis, turns = axes[:, -1], [0, 90, 180, 270]
+            plane_sd = math.hypot(PLANE_SD, TOGETHER * math.sqrt(sizes[1] / sizes[2]))
+        evidence = _evidence(sway[:: max(1, len(sway) // 1000)] @ around.T, JOINTS[named[link.joint.name]],
+                             -1.0 if link.joint.name.endswith("_l") else 1.0, held)  # fmt: skip
+        if link.joint.child == last and last.startswith(LEG):
+            rate = quat_rotate(after, rates[:: max(1, len(rates) // 1000)])
+            swing = np.maximum(np.percentile(rate @ around.T, 98.0, axis=0), SWING)
+            evidence = evidence + SWINGS * np.log(swing / np.roll(swing, 180))
+        main = math.atan2(axis @ np.cross(up, first), axis @ first)
+        near = [main + deg(k) for k in turns]
+        weight += np.logaddexp.reduce([
+            evidence[round(to_deg(way)) % 360] + (np.cos(AZIMUTHS - way) - 1.0) / max(plane_sd, deg(1.0)) ** 2
+            for way in near
+        ], axis=0)  # fmt: skip
+    if ahead is not None:
+        axis = _sign_of(ahead) * np.eye(3)["xyz".index(ahead[-1])]
+        level = axis - up * (up @ axis)
+        if np.linalg.norm(level) < math.sqrt(0.5):
+            raise ParameterError(
+                f"ahead names the axis {ahead} of '{card.chain.segments[0].unit}', but that points more up or down "
+                "than ahead when the body stands upright; name another."
+            )
+        weight += (np.roll(around, -90, axis=0) @ _unit(level) - 1.0) / AHEAD_SD**2
+    share = np.exp(weight - weight.max())
+    share /= share.sum()
+    return _summed_up(around, share, up)
+
+
+def _evidence(sway: Floats, body: BodyJoint, side: float, held: float) -> Floats:
+    """Logarithm of how likely each of the directions to the right makes a joint's sway about all of them (N, 360)."""
+    square, most = np.mean(np.maximum(sway, 0.0) ** 2, axis=0) + held**2, sway.max(axis=0)
+    used, evidence = np.zeros(AZIMUTHS.size), np.zeros(AZIMUTHS.size)
+    for letter, (low, high) in zip(body.axes.split(), body.ranges, strict=True):
+        if letter[-1] == "y":
+            continue
+        ahead, sign = (90, side) if letter[-1] == "x" else (0, 1.0)
+        for way, reach in ((1.0, high), (-1.0, low)):
+            turn = -ahead - (0 if way * sign * _sign_of(letter) > 0.0 else 180)
+            used += np.roll(square, turn) / deg(reach) ** 2
+            beyond = np.maximum(np.roll(most, turn) - deg(reach), 0.0) / np.hypot(held, RANGE_SD * deg(reach))
+            evidence -= 0.5 * beyond**2
+    return np.asarray(evidence - np.log(used))
+
+
+def _summed_up(around: Floats, share: Floats, up: Floats) -> tuple[Floats, list[list[float]]]:
+    """The likeliest direction to the right, and turns of it about the vertical with their probabilities."""
+    near = np.cos(AZIMUTHS - AZIMUTHS[int(np.argmax(share))]) > 0.0
+    right = _unit((share * near) @ around)
+    turns = np.arctan2(np.cross(right, around) @ up, around @ right)
+    sector, points = np.rint(turns / deg(30.0)) % 12, list[list[float]]()
+    for k in range(12):
+        part = share * (sector == k)
+        if (total := float(part.sum())) > 1e-6:
+            center = deg(30.0) * k
+            off = rotations.wrap(turns - center)
+            mean = float(part @ off) / total
+            sd = math.sqrt(max(float(part @ (off - mean) ** 2) / total, 0.0))
+            points += [[center + mean + sd, 0.5 * total], [center + mean - sd, 0.5 * total]]
+    return right, points
 
 
 def _rates(imu: ImuData) -> Floats:
@@ -460,3 +555,28 @@ def _with_timing(
     sd = np.sqrt(track.sd**2 + np.hstack(variances[::2]) + np.hstack(variances[1::2]))
     angles = track.angles - step * np.gradient(track.angles, track.t, axis=0)
     return replace(estimate, joints=replace(track, angles=angles, sd=sd), joint_cov=covs)
+
+
+def _with_facing(estimate: ArmEstimate, card: ArmCard, held: float) -> ArmEstimate:
+    """Estimate whose claims count that the body may face another way than its card says: a turn of all segments."""
+    track, covs, variances = estimate.joints, dict(estimate.joint_cov), list[Floats]()
+    assert track.sd is not None
+    for joint in card.chain.joints:
+        parent, child = (estimate.tracks[name].q_nb for name in (joint.parent, joint.child))
+        relative = quat_multiply(quat_conjugate(parent), child)
+        angles, variance = joint.angles_of(relative), np.zeros((len(relative), len(joint.axes)))
+        for turn, share in card.facing:
+            # the axis of a hinge is that of its motion, but may point to the left
+            about_y = math.pi * float(math.cos(turn) < 0.0) if joint.kind == "hinge" else turn
+            q = rotations.quat_from_rotvec(np.array([0.0, about_y, 0.0]))
+            other = quat_multiply(quat_multiply(quat_conjugate(q), relative), q)
+            variance += share * rotations.wrap(joint.angles_of(other) - angles) ** 2
+            off = rotations.rotvec_from_quat(quat_multiply(other, quat_conjugate(relative)))[estimate.rows]
+            covs[joint.name] = covs[joint.name] + share * off[:, :, np.newaxis] * off[:, np.newaxis]
+        variances.append(variance)
+    sd, notes = np.sqrt(track.sd**2 + np.hstack(variances)), list(estimate.notes)
+    spread = math.sqrt(sum(share * min(abs(turn), 2.0 * math.pi - abs(turn)) ** 2 for turn, share in card.facing))
+    if spread > held:
+        other = sum(share for turn, share in card.facing if math.cos(turn) < 0.0)
+        notes.append(warning("joints.facing", sd_deg=to_deg(spread), percent=100.0 * other))
+    return replace(estimate, joints=replace(track, sd=sd), joint_cov=covs, notes=tuple(notes))

@@ -318,8 +318,9 @@ def estimated(
     """
     params, path = filter_.params, np.empty((len(q), int(rows[-1]) + 1, 4))
     path[:, 0] = q
-    history, frames = _History(samples, params, len(q)), list[Keyframe]()
-    history.add([frame._replace(row=0)], 1)
+    history, frames = _History(samples, params, len(q)), [frame._replace(row=0)]
+    if not smooth:
+        history.add(frames, 1)
     for first, last in pairwise(rows.tolist()):
         frame = filter_.advance(samples, first + 1, last + 1, path)
         if params.mean_rate:
@@ -333,7 +334,7 @@ def estimated(
         else:
             history.add([frame], 1)
         progress(last - first)
-    if frames:
+    if smooth:
         history.add(backward(frames), len(frames), path)
     return history.motion(path), frame
 

@@ -176,14 +176,17 @@ def sea_state(
     is_directed = usable & math.isfinite(heading_sd)
     masked = [np.where(is_directed, column, math.nan) for column in (*first.T, *second.T)]
     first, second = (np.where(is_directed[:, np.newaxis], moment, 0.0) for moment in (first, second))
-    check = np.sqrt(np.divide(flat, above, out=np.full(f.size, math.nan), where=usable))
+    check, least = (
+        np.sqrt(np.divide(part, above, out=np.full(f.size, math.nan), where=usable))
+        for part in (flat, np.maximum(flat - _tilt_noise(f, flat, vertical > threshold * level, low), 0.0))
+    )
     hidden = _height(f, np.maximum(threshold * level, vertical) * to_height, (f >= LONGEST_WAVES) & (f < low))
     bulk = _heights(f, height, spectra.effective, nu, scale_sd)
     bulk |= _directions(f, height, first, second, spectra.effective, nu, heading_sd)
     return SeaState(
         frequency=f, density=np.where(counts, height, math.nan), a1=masked[0], b1=masked[1], a2=masked[2],
         b2=masked[3], check=check, freedom=nu, low=low, high=high, noise=level, hidden=hidden,
-        tests=_tests(height, check, bulk, hidden), **bulk,
+        tests=_tests(height, check, least, bulk, hidden), **bulk,
     )  # fmt: skip
 
 
@@ -256,6 +259,13 @@ def _lowest(f: Floats, above: NDArray[np.bool_], high: float) -> float:
     return float(f[pairs[0]]) if pairs.size else math.nan
 
 
+def _tilt_noise(f: Floats, flat: Floats, above: NDArray[np.bool_], low: float) -> float:
+    """Density of the horizontal acceleration next below the waves that count, where the vertical shows none."""
+    quiet = ~above & (f < low) & (np.arange(f.size) > 0)
+    near = quiet & (f >= LONGEST_WAVES)
+    return float(np.mean(flat[near if near.any() else quiet])) if quiet.any() else 0.0
+
+
 def _band(freedom: float) -> tuple[float, float]:
     """Factors that bound what a mean of squares with so many degrees of freedom estimates."""
     from scipy.special import chdtri
@@ -311,13 +321,16 @@ def _spread(mean: Floats) -> float:
     return math.sqrt(2.0 * max(0.0, 1.0 - float(np.hypot(*mean))))
 
 
-def _tests(height: Floats, check: Floats, bulk: dict[str, float], hidden: float) -> dict[str, int]:
-    """Flags of QARTOD's tests of waves over a burst; the check factor counts at the peak, and over all waves."""
+def _tests(height: Floats, check: Floats, least: Floats, bulk: dict[str, float], hidden: float) -> dict[str, int]:
+    """Flags of QARTOD's tests of waves over a burst; the check factor counts at the peak, and over all waves.
+
+    It must pass also as `least`, without the noise of the horizontal motion, which may lift it to 1.
+    """
     if not bulk:
         return {"above noise": SUSPECT}
     energy, top = np.where(np.isfinite(check), np.maximum(height, 0.0), 0.0), int(np.argmax(height))
     at_peak, (low, high) = energy * (np.abs(np.arange(height.size) - top) <= 1), CHECK_FACTOR
-    factors = [float(np.nansum(part * check) / np.sum(part)) for part in (energy, at_peak)]
+    factors = [float(np.nansum(part * each) / np.sum(part)) for part in (energy, at_peak) for each in (check, least)]
     steepness = 2.0 * np.pi * bulk["hm0"] / (G0 * bulk["tm02"] ** 2)
     return {
         "check factor": PASS if low <= min(factors) and max(factors) <= high else SUSPECT,
