@@ -16,12 +16,14 @@ from plumbob.live.guide.guide import (
     AxisTurn,
     MagGuide,
     RestGuide,
+    StopsGuide,
     nearest,
     pose_words,
     turn_to,
 )
 from plumbob.quality.static_periods import stills
-from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_rotate
+from plumbob.rotations import Frame, quat_conjugate, quat_from_rotvec, quat_rotate
+from plumbob.simulation import simulate
 from tests.helpers.hand_capture import Hand, joined
 
 HOLD = 2.5
@@ -59,9 +61,11 @@ def state(progress):
     return said | {"filled": None if progress.filled is None else progress.filled.tolist()}
 
 
-@pytest.mark.parametrize("kind", [MagGuide, AccelGuide, RestGuide])
+@pytest.mark.parametrize("kind", [MagGuide, AccelGuide, RestGuide, StopsGuide])
 def test_it_does_not_matter_how_the_stream_was_cut(kind, mag_capture, acc_capture):
     imu = mag_capture[0][:500] if kind is MagGuide else acc_capture[0]
+    if kind is StopsGuide:
+        imu = simulate("stops", frame=Frame.NED, sensors="adxrs290+adxrs453", unit="random", seed=3).imu
     whole, cut = kind(), kind()
     first = whole.feed(imu)
     places = np.sort(np.random.default_rng(3).choice(np.arange(1, len(imu)), 25, replace=False))

@@ -98,6 +98,18 @@ def test_a_line_that_comes_back_goes_on(tmp_path):
     assert ["lost" in done.stderr, "reopened" in done.stderr, json.loads(done.stdout)["guide"]["done"]] == [True] * 3
 
 
+@pytest.mark.parametrize("turns", ["", "--turns 'x 90deg, y 90deg, z 90deg, x -90deg, y -90deg, z -90deg'"])
+def test_turns_from_stop_to_stop_are_guided_live_and_a_wrong_one_is_said_at_once(tmp_path, turns):
+    words = f"{live('gyro').replace('buoy --', 'fin --')} --method stops --time count"
+    with emulated(tmp_path, "--scenario stops --speed 5 --truth true.parquet", "fin") as line:
+        done = typed(f"{words} --port {line} {turns} --json", cwd=tmp_path)
+    assert json.loads(done.stdout)["guide"]["done"] and "next: turn it about its z axis by about 90°" in done.stderr
+    gyr, true = (CalibrationCard.load(tmp_path / name).gyr for name in ("gyro.json", "true.card.json"))
+    np.testing.assert_allclose(gyr.matrix, true.matrix, rtol=0, atol=4.0 * gyr.matrix_sd.max())
+    told = answer("calibrate gyro true.parquet --guide --method stops --turns 'y -90deg'", cwd=tmp_path, code=1)
+    assert any("should be -90°" in moment["text"] for moment in told["guide"]["timeline"])
+
+
 FILLED = np.isin(np.arange(18), [0, 2, 6, 10])
 UNDER_WAY = Progress(
     elapsed=12.3, filled=FILLED, direction=6, still_for=0.0, next_step="turn it", turn=AxisTurn(0, 0.8), goal=14,

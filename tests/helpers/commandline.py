@@ -92,9 +92,9 @@ def table_of(text):
 
 
 @contextlib.contextmanager
-def emulated(folder, words):
-    """An emulated buoy as a process, with options as in a shell; gives the link to its line once it is there."""
-    command = [*PLUMBOB, "emulate", "buoy", "--seed", "2", "--link", "line", *shlex.split(words)]
+def emulated(folder, words, what="buoy"):
+    """An emulated rig as a process, with options as in a shell; gives the link to its line once it is there."""
+    command = [*PLUMBOB, "emulate", what, "--seed", "2", "--link", "line", *shlex.split(words)]
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as child:
         try:
             assert child.stdout.readline().startswith("/dev/")

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from contextlib import ExitStack
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from plumbob.calibration.calibration import Capture
     from plumbob.data.cards import CalibrationCard
     from plumbob.door.calibrate import Kind
+    from plumbob.live.guide.guide import Guide
 
 
 def calibrate(args: argparse.Namespace, verb: Verb, call: Call) -> int:
@@ -62,8 +64,8 @@ def _find(args: argparse.Namespace, verb: Verb, about: dict[str, Any]) -> int:
     option = vars(args).get
     kind, live, method = args.kind, option("live", False), option("method", "auto")
     if kind == "gyro":
-        if live and method not in ("auto", "rest"):
-            raise ParameterError(f"--live guides a rest only; record for --method {method}, and give the recording.")
+        if live and method not in ("auto", "rest", "stops"):
+            raise ParameterError(f"--live guides a rest or stops; for --method {method} give a recording.")
         idle = [name for name in ("parts", "part-column") if option(name.replace("-", "_")) is not None]
         if idle and method != "ferraris":
             raise ParameterError(f"--{idle[0]} belongs to --method ferraris; name that, or leave it out.")
@@ -107,14 +109,25 @@ def _recorded(
     require_card_place(out, captured.device, made, base, force=args.force)
     if option("guide"):
         from plumbob.live.guide.board import guide_summary, guide_text
-        from plumbob.live.guide.guide import GUIDES, guided
+        from plumbob.live.guide.guide import guided
 
-        guide = GUIDES[args.kind]()
+        guide = _guide(args)
         progress = guided(guide, captured.imu)
         about |= guide_summary(guide, progress)
         if not args.json:
             print(guide_text(guide, progress))
     return captured
+
+
+def _guide(args: argparse.Namespace) -> "Guide":
+    """Guide of what is calibrated, by the options of the command line."""
+    from plumbob.door.calibrate import stop_options
+    from plumbob.live.guide.guide import GUIDES
+
+    if vars(args).get("method") != "stops":
+        return GUIDES[args.kind]()
+    names = signature(stop_options).parameters
+    return GUIDES["stops"](**stop_options(**{name: args.given[name] for name in names if name in args.given}))
 
 
 def _live(
@@ -135,7 +148,7 @@ def _live(
     stop = Stop()
     with ExitStack() as stack:
         captured, summary = guided_capture(
-            session, args.kind, how.triads, device=device, base=base, stop=stop, note=common.note,
+            session, _guide(args), how.triads, device=device, base=base, stop=stop, note=common.note,
             opened=lambda: stack.enter_context(stopped_by_signals(stop)),
         )  # fmt: skip
     about |= summary

@@ -299,17 +299,21 @@ def _gyro(
         check.one_of("preset", preset, ("trackball",))
         return {"gyr": gyro.fit_gyro(opened, "trackball")}, None
     check.one_of("method", method, ("auto", "rest", "hand", "stops"))
+    options = stop_options(angle=angle, turns=turns, angle_sd=angle_sd)
+    if options and method != "stops":
+        raise ParameterError(f"{next(iter(options))} belongs to method stops or ferraris; name that, or leave it out.")
+    return {"gyr": gyro.fit_gyro(opened, method, **options)}, None
+
+
+def stop_options(*, angle: Value = None, turns: str | None = None, angle_sd: Value = None) -> dict[str, Any]:
+    """Arguments of turns from stop to stop, as of kind gyro, those that are given, in SI: of the fit and its guide."""
     sizes = {"angle": given("angle", angle, Quantity.ANGLE), "angle_sd": given("angle_sd", angle_sd, Quantity.ANGLE)}
     options: dict[str, Any] = {name: size for name, size in sizes.items() if size is not None}
     if wrong := [name for name, size in options.items() if not size > 0.0]:
         raise ParameterError(f"{wrong[0]} must be above 0; which way a turn went is said by turns.")
-    if turns is not None:
-        options["turns"] = [_turn(item) for item in turns.split(",")]
-    if options and method != "stops":
-        raise ParameterError(f"{next(iter(options))} belongs to method stops or ferraris; name that, or leave it out.")
-    if {"angle", "turns"} <= set(options):
+    if {"angle", "turns"} <= {*options, *(() if turns is None else ("turns",))}:
         raise ParameterError("angle and turns both say how far it was turned. Give one of them.")
-    return {"gyr": gyro.fit_gyro(opened, method, **options)}, None
+    return options if turns is None else {**options, "turns": [_turn(item) for item in turns.split(",")]}
 
 
 def _turn(text: str) -> tuple[int, float]:

@@ -66,10 +66,14 @@ class StopTurn:
         """What the rates add up to about each axis (3,), rad."""
         return np.asarray(0.5 * self.dt @ (self.rate[1:] + self.rate[:-1]))
 
+    @property
+    def axis(self) -> int:
+        """About which it turned most, 0 to 2."""
+        return int(np.argmax(np.abs(self.angle)))
+
     def __str__(self) -> str:
         """Axis and angle by the rates, and when."""
-        axis = int(np.argmax(np.abs(self.angle)))
-        return f"{_AXES[axis]} {to_deg(float(self.angle[axis])):+.0f}° at {self.start:.1f} s"
+        return f"{_AXES[self.axis]} {to_deg(float(self.angle[self.axis])):+.0f}° at {self.start:.1f} s"
 
 
 def fit_stops(
@@ -87,14 +91,11 @@ def fit_stops(
     """
     t, base = rates.t, rates.known
     rates = rates._replace(gyr=check.rows("gyr", rates.gyr, 3, t.size))
-    where, notes = rest(rates)
-    moving = [rates.gyr[first.stop : second.start] for first, second in pairwise(where)]
-    refuse(dead_axes(*(part for part in moving if len(part) >= SHORTEST)))
-    corrected = without_known(rates)
-    means = np.array([corrected[part].mean(axis=0) for part in where])
-    noise = np.mean([corrected[part].std(axis=0) / np.sqrt(part.stop - part.start) for part in where], axis=0)
+    between, rests, notes = turns_between(rates)
+    refuse(dead_axes(*(turn.rate[1:-1] for turn in between if len(turn.rate) >= SHORTEST + 2)))
+    means = np.array([part.mean(axis=0) for part in rests])
+    noise = np.mean([part.std(axis=0) / np.sqrt(len(part)) for part in rests], axis=0)
     refuse(beyond_bias(means.mean(axis=0)))
-    between = _turns(rates, corrected, where, means)
     vectors = _true_turns(between, angle, turns)
     if base.g_sensitivity.any():
         by_pose, bias_sd = np.zeros(3), np.hypot(noise, means.std(axis=0, ddof=1)) / np.sqrt(len(means))
@@ -148,16 +149,18 @@ def _remarks(fit: "_MatrixFit", unturned: list[int], angle_sd: float, spoilt: in
     return remarks
 
 
-def _turns(rates: Rates, corrected: Floats, where: Sequence[slice], means: Floats) -> list[StopTurn]:
-    """What lies between neighbouring rests."""
-    flat = flat_tops(rates.gyr, where)
+def turns_between(rates: Rates) -> tuple[list[StopTurn], list[Floats], tuple[Note, ...]]:
+    """What lies between neighbouring rests, the rates in each of these, rad/s, and remarks on them."""
+    where, notes = rest(rates)
+    flat, corrected = flat_tops(rates.gyr, where), without_known(rates)
     clipped = flat if rates.clipped is None else flat | rates.clipped
-    turns = []
+    turns, rests = [], [corrected[part] for part in where]
     for k, (first, second) in enumerate(pairwise(where)):
         span = slice(first.stop - 1, second.start + 1)
-        bias, why = means[k : k + 2].mean(axis=0), spoiling(rates.t, rates.gyr, span, clipped)
+        bias = np.mean([part.mean(axis=0) for part in rests[k : k + 2]], axis=0)
+        why = spoiling(rates.t, rates.gyr, span, clipped)
         turns.append(StopTurn(float(rates.t[span][0]), corrected[span] - bias, np.diff(rates.t[span]), why))
-    return turns
+    return turns, rests, notes
 
 
 def _by_gravity(means: Floats, noise: Floats, steps: Floats) -> tuple[Floats, Floats]:
@@ -188,15 +191,14 @@ def _true_turns(between: list[StopTurn], angle: float, turns: Sequence[tuple[int
     sizes = np.array([np.abs(turn.angle).max() for turn in between])
     where = np.flatnonzero(sizes > smallest).tolist()
     moves, vectors = [between[k] for k in where], np.zeros((len(between), 3))
-    most = to_deg(float(sizes.max(initial=0.0)))
-    none = f"No turn lies between two rests: the largest of {counted(len(between), 'move')} is {most:.2g}°."
-    refuse(None if moves else Reason("no-motion", none, _ADVICE))
+    most = f"the largest of {counted(len(between), 'move')} is {to_deg(float(sizes.max(initial=0.0))):.2g}°."
+    refuse(None if moves else Reason("no-motion", f"No turn lies between two rests: {most}", _ADVICE))
     listed = "; ".join(map(str, moves))
     many = f"The rates show {counted(len(moves), 'turn')} between rests ({listed}), but there should be "
     if turns is not None and len(turns) != len(moves):
         refuse(Reason("no-motion", f"{many}{len(turns)}.", "Rest for 3 s or more after each, and name all of them."))
     for k, (place, turn) in enumerate(zip(where, moves, strict=True)):
-        axis, true = (int(np.argmax(np.abs(turn.angle))), angle) if turns is None else turns[k]
+        axis, true = (turn.axis, angle) if turns is None else turns[k]
         by_rates = float(turn.angle[axis])
         vectors[place, axis] = true = float(np.copysign(true, by_rates)) if turns is None else true
         if turn.spoilt:

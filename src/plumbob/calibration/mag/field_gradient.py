@@ -110,9 +110,7 @@ def unevenness(
         return Unevenness(USUAL, 0.0, patches, short=True)
     stays = [staying(column, starts) for column in columns]
     hidden = np.max([each.chance for each in stays])
-    shown = np.max(
-        [max(each.variance, each.neighbours if each.neighbours > _LIKELY * each.chance else 0.0) for each in stays]
-    )
+    shown = np.max([max(each.variance, each.neighbours * (each.neighbours > _LIKELY * each.chance)) for each in stays])
     evident = _LIKE_SEEN * shown / max(share, _LEAST_SHARE)
     least = HIDDEN * hidden / (USUAL**2 * share)
     drowned = least**_SHARPNESS / (1.0 + least**_SHARPNESS)

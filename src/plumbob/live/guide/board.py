@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 from plumbob.calibration.calibration import Capture, capture
 from plumbob.calibration.predicted import NAMES, REGIONS, region_names
 from plumbob.core.errors import CalibrationError
-from plumbob.data import ImuMeta
-from plumbob.live.guide.guide import GUIDES, Guide, GuideSink, Progress
+from plumbob.data import TITLES, ImuMeta
+from plumbob.live.guide.guide import Guide, GuideSink, Progress
 from plumbob.live.record import record
 from plumbob.live.session import OutputSpec, RecordSpec, Session
 from plumbob.live.session_toml import capture_session
@@ -158,7 +158,7 @@ def bare_session(file: Path | None, start: Any, device: str | None, raw: str | N
 
 
 def guided_capture(
-    session: Session, kind: str, triads: tuple[str, ...], *, device: str | None, base: "CalibrationCard | None",
+    session: Session, guide: Guide, triads: tuple[str, ...], *, device: str | None, base: "CalibrationCard | None",
     stop: Stop, note: Callable[[str], object], opened: Callable[[], object],
 ) -> tuple[Capture, dict[str, Any]]:  # fmt: skip
     """Capture from a line, until the guide or somebody says stop, and what the guide says of it."""
@@ -166,8 +166,7 @@ def guided_capture(
     present = {triad for unit, _, triad in parts if unit == session.unit}
     if missing := [name for name in triads if name not in present]:
         raise CalibrationError(f"the line has no {', '.join(missing)}, only {', '.join(sorted(present))}.")
-    guide, collected = GUIDES[kind](), Collected()
-    board = Board(f"calibrate {kind}", guide)
+    collected, board = Collected(), Board(f"calibration of the {TITLES[guide.triad]}", guide)
 
     def say(text: str) -> None:
         board.erase()

@@ -6,7 +6,7 @@ judges with what the fits judge with, and promises nothing: the calibration is t
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 
 from plumbob.calibration import ellipsoid_fit
 from plumbob.calibration.autocorrelation import alike
-from plumbob.calibration.fit import HEADING, TILT, grade_of
+from plumbob.calibration.fit import HEADING, SCALE, TILT, CaptureRefusedError, grade_of
+from plumbob.calibration.gyr.hand import SMALLEST
+from plumbob.calibration.gyr.rest import Rates
+from plumbob.calibration.gyr.stops import StopTurn, fit_stops, turns_between
 from plumbob.calibration.mag.checks import DIP
 from plumbob.calibration.mag.field_gradient import one_axis, unevenness
 from plumbob.calibration.predicted import NAMES, REGIONS, filled, heading_sd, region_index, region_names, tilt_sd
@@ -127,6 +130,7 @@ def _block(rows: Floats) -> Block:
     )
 
 
+_QUARTER: Final = 0.5 * np.pi
 _AXES: Final = "xyz"
 _STEP: Final = deg(5.0)
 
@@ -346,6 +350,76 @@ class RestGuide(Guide):
         self._was_lying = lying
 
 
+BETWEEN: Final = 2.5  # s of rest that counts between turns: 3 s, of which any cut in blocks leaves as much
+
+
+class StopsGuide(Guide):
+    """Asks for turns from stop to stop: those that are given, else one each way about each axis.
+
+    Its options are those of `plumbob.calibration.gyr.stops.fit_stops`, by which it judges after every rest.
+    """
+
+    triad = "gyr"
+
+    def __init__(
+        self, *, angle: float = _QUARTER, turns: Sequence[tuple[int, float]] | None = None, **fit: Any
+    ) -> None:
+        super().__init__()
+        self._of: dict[str, Any] = fit | ({"angle": angle} if turns is None else {})
+        self._given = turns
+        self._asked = turns or [(axis, way * angle) for axis in range(3) for way in (1.0, -1.0)]
+        self._left = list(self._asked)
+        self._smallest = min(SMALLEST, *(0.5 * abs(size) for _, size in self._asked))
+        self._rows: list[Floats] = []
+        self._rests = 0
+        self._scale_sd: float | None = None
+
+    def progress(self) -> Progress:
+        """State after the last whole block."""
+        done = self._done or (not self._left and self._scale_sd is not None)
+        lasting, sd = self._rest.lasting, self._scale_sd
+        turn = AxisTurn(*self._left[0]) if self._left else None
+        exact = "go on turning" if turn is None else f"{turn} ({_AXES[turn.axis]} {to_deg(turn.angle):+.4g}°)"
+        words = f"{exact}, from stop to stop, and let it lie for 3 s"
+        if lasting < BETWEEN and (lasting or not self._rests):
+            words, turn = f"leave the unit untouched: {lasting:.1f} of {BETWEEN:.1f} s", None
+        return self._progress(
+            words, filled=None, turn=turn, share=1.0 if done else 1.0 - len(self._left) / len(self._asked), done=done,
+            predicted="" if sd is None else f"gain ±{100.0 * sd:.2g} % (1 sd)",
+            grade=None if sd is None else grade_of(sd, SCALE),
+        )  # fmt: skip
+
+    def _look(self, block: Block) -> None:
+        rows: Floats = np.column_stack((block.t, block.triads["gyr"], block.clipped["gyr"])).astype(np.float64)
+        self._rows.append(rows[np.isfinite(rows).all(axis=1)])
+        rests = sum(self._rest.duration(stretch) >= BETWEEN for stretch in self._rest.stretches)
+        if rests > self._rests:
+            self._judge_turns()
+        self._rests = rests
+
+    def _judge_turns(self) -> None:
+        rows = np.concatenate(self._rows)
+        rates = Rates(rows[:, 0], rows[:, 1:4], clipped=rows[:, 4] > 0.0)
+        try:
+            made = [turn for turn in turns_between(rates)[0] if float(np.abs(turn.angle).max()) > self._smallest]
+            self._left = self._missing(made)
+            if made:
+                self._say(f"turned about {made[-1]}, {len(made)} so far")
+                turns = None if self._given is None else self._given[: len(made)]
+                quality = fit_stops(rates, turns=turns, **self._of).calibration.quality
+                self._scale_sd = None if quality is None else quality.scale_sd
+        except CaptureRefusedError as refused:
+            self._scale_sd = None
+            self._warn(str(refused.reasons[0].text))
+
+    def _missing(self, made: list[StopTurn]) -> list[tuple[int, float]]:
+        """Turns that are asked for and not made, in order where they were given."""
+        if self._given is not None:
+            return list(self._given[len(made) :])
+        ways = {(turn.axis, bool(turn.angle[turn.axis] > 0.0)) for turn in made}
+        return [(axis, angle) for axis, angle in self._asked if (axis, angle > 0.0) not in ways]
+
+
 HOLD: Final = 1.4  # s of rest after which a pose counts: six blocks of `still`, of which any cut leaves a second quiet
 
 _UNTIL: Final = "keep it still until it counts, about 2 s"
@@ -427,7 +501,6 @@ _FEWEST: Final = 12
 _CERTAIN: Final = 0.15  # standard deviation of the centre over the radius above which directions are told
 _HOLLOW: Final = 0.25  # residuals over the radius; soft iron leaves 0.15 of a sphere, noise without a field 0.42
 _OFF: Final = 0.1  # of the field
-_QUARTER: Final = 0.5 * np.pi
 
 
 class MagGuide(Guide):
@@ -584,8 +657,10 @@ def _predicted_heading(fit: ellipsoid_fit.NormFit, vectors: Floats) -> tuple[flo
     return total, shown
 
 
-GUIDES: Final[dict[str, type[Guide]]] = {"mag": MagGuide, "accel": AccelGuide, "gyro": RestGuide}
-"""Guide of each kind of `plumbob calibrate` that has one."""
+GUIDES: Final[dict[str, type[Guide]]] = {
+    "mag": MagGuide, "accel": AccelGuide, "gyro": RestGuide, "stops": StopsGuide
+}  # fmt: skip
+"""Guide of each kind of `plumbob calibrate` that has one, and of method stops of a gyroscope."""
 
 _CHUNK: Final = 4096
 
