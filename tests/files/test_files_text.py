@@ -90,6 +90,14 @@ def test_layouts(parse, text, profile):
     assert imu.t.tolist() == [0.0, 0.01]
 
 
+def test_a_row_without_a_time_stamp_is_left_out_and_named(parse):
+    rows = [f"{'' if k == 7 else k / 100},{k},2,3\n" for k in range(50)]
+    recording = parse("t,gx,gy,gz\n" + "".join(rows), PLAIN)
+    assert recording.imu.gyr[:, 0].tolist() == [k for k in range(50) if k != 7]
+    assert recording.imu.t.tolist() == [k / 100 for k in range(50) if k != 7]
+    assert any("line 9: the time stamp is missing" in str(note) for note in recording.notes)
+
+
 @pytest.mark.parametrize("by_line", [False, True])
 def test_unix_time_keeps_every_nanosecond(parse, monkeypatch, by_line):
     if by_line:

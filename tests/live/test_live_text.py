@@ -86,6 +86,15 @@ def prefixes(k, rate):
     return [f"ACC,{stamp},{cells(acc)}", f"GYR,{stamp},{cells(gyr)}"]
 
 
+def messages(k, rate):
+    acc, gyr, _ = measured(k, rate)
+    stamp = ["header:", "  stamp:", f"    sec: {1_700_000_000 + k // 100}", f"    nanosec: {k % 100 * 10_000_000}"]
+    named = (("angular_velocity", np.radians(gyr)), ("linear_acceleration", acc))
+    rows = [[f"{name}:", *(f"  {axis}: {value:.6f}" for axis, value in zip("xyz", triad, strict=True)),
+             f"{name}_covariance:", *["- 0.1"] * 9] for name, triad in named]  # fmt: skip
+    return [*stamp, *rows[0], *rows[1], "---"]
+
+
 NAMES = ["millis,ax (m/s2),ay,az,gx (deg/s),gy,gz"]
 UNITS = {"gyr.unit": "deg/s", "acc.unit": "m/s2"}
 FORMS = {
@@ -97,6 +106,7 @@ FORMS = {
     "quaternion": {"line": quaternion, "stamped": False},
     "prefix per sensor": {"line": prefixes, "answers": UNITS | {"time.unit": "ms"}},
     "an axis a line below its title": {"line": below_titles, "answers": UNITS, "stamped": False},
+    "messages of ROS": {"line": messages, "head": ["---"]},
     "1 kHz": {"line": lambda k, rate: csv(k, rate, 1e6), "head": ["micros" + NAMES[0][6:]], "rate": 1000.0},
     "cut at random": {"line": csv, "head": NAMES, "cut": 40},
     "reboot": {"line": csv, "head": [*BANNER, *NAMES], "reboot": 0.7},

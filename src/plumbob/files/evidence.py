@@ -219,7 +219,8 @@ class ColumnEvidence:
             seconds, unit = self.numbers[i], self.part_of_second(k)
             if unit and (seconds == np.rint(seconds)).all() and (np.diff(seconds) == 0.0).any():
                 t = seconds - seconds[0] + to_si(self.numbers[k], unit)
-                if (np.diff(t) > 0.0).all() and (np.diff(self.numbers[k]) < 0.0).any():
+                is_short = not np.ptp(seconds) and self.parts[i].is_time and self.parts[k].is_time  # as of one second
+                if (np.diff(t) > 0.0).all() and (is_short or (np.diff(self.numbers[k]) < 0.0).any()):
                     return (k, i)
         return ()
 

@@ -50,7 +50,7 @@ from plumbob.files.profile import (
     toml_lines,
 )
 from plumbob.files.stamps import CENTURY, WEEK, falls, time_line, utc_of_gps
-from plumbob.files.text_table import TextTable, read_table
+from plumbob.files.text_table import LEFT_OUT_MOST, TextTable, read_table
 from plumbob.rotations import (
     body_axes,
     in_body_axes,
@@ -100,7 +100,7 @@ def _read_one(file: Path, declared: Profile, note: Note) -> Recording:
 
 def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -> Recording:
     """Recording of a table, whose columns are used up, by its profile; `note` says which. Errors as in `read_text`."""
-    table = _oldest_first(profile, _without_end(profile, table))
+    table = _oldest_first(profile, _with_times(profile, _without_end(profile, table)))
     t, t0_ns, clock, stamps, unit_ns = _time(profile, table)
     track, lost = _track(profile.reference, table, t, profile.turn) if profile.reference else (None, [])
     samples = _imu(profile, table, t, t0_ns, clock) if profile.triads else None
@@ -118,6 +118,28 @@ def _without_end(profile: Profile, table: TextTable) -> TextTable:
     rows = 1 + max((int(some[-1, 0]) for some in filled if some.size), default=table.rows - 1)
     columns = {ref: values[:rows] for ref, values in table.columns.items()}
     return replace(table, columns=columns, rows=rows, places=None if table.places is None else table.places[:rows])
+
+
+def _with_times(profile: Profile, table: TextTable) -> TextTable:
+    """The same table without the few rows that lack a time stamp, which a note names."""
+    lacks = np.zeros(table.rows, dtype=bool)
+    for ref in profile.time.used:
+        cells = table.texts.get(ref)
+        lacks |= np.isnan(table.columns[ref]) if cells is None else [c.strip() in profile.layout.missing for c in cells]
+    if not 0 < (count := int(lacks.sum())) <= LEFT_OUT_MOST * table.rows:
+        return table
+    timed, lines = np.flatnonzero(~lacks), [str(table.line_of(int(row))) for row in np.flatnonzero(lacks)[:6]]
+    error = f"line {lines[0]}: the time stamp is missing"
+    note = warning("reading.lines_left_out", count=count, rows=table.rows, error=error, lines=tuple(lines[1:]))
+    return replace(
+        table,
+        columns={ref: values[timed] for ref, values in table.columns.items()},
+        texts={ref: [cells[row] for row in timed] for ref, cells in table.texts.items()},
+        places=timed.astype(float) if table.places is None else table.places[timed],
+        line_of=lambda row: table.line_of(int(timed[row])),
+        notes=(*table.notes, note),
+        rows=timed.size,
+    )
 
 
 def _oldest_first(profile: Profile, table: TextTable) -> TextTable:

@@ -133,6 +133,19 @@ def _documents(texts: Sequence[str]) -> list[dict[str, Any]]:
     return documents
 
 
+_MESSAGE: Final = re.compile(r"^((?:(?!---|[ \t]*\{)[^\n]*\n)+)---[ \t]*$", re.MULTILINE)
+
+
+def printed_as_objects(text: str) -> str:
+    """Text in which an object of JSON stands for the ``---`` behind a printed message, and empty lines for the rest."""
+    return _MESSAGE.sub(lambda part: "\n" * part[1].count("\n") + json.dumps(_documents([part[1]])[0]), text)
+
+
+def is_in_message(row: str) -> bool:
+    """Whether `printed_as_objects` may join the line that comes to this one."""
+    return not row.startswith(("---", "{"))
+
+
 def _loaded(text: str, line: int = 1) -> Any:
     """Content of JSON that begins in a line of a file."""
     try:
