@@ -142,10 +142,12 @@ def kinematics_part(study: Study, track: Any) -> None:
     off = np.array(fits) - [SWIM["swing"], SWIM["twist"], SWIM["frequency"], SWIM["lag"]]
     off[:, 3] = pb.rotations.wrap(off[:, 3])
     off[:, [0, 1, 3]] = pb.units.to_deg(off[:, [0, 1, 3]])
-    names = ("swing", "twist", "frequency", "lag")
-    study.rows({f"motors.{name}": (None, rms(off[:, i])) for i, name in enumerate(names)})
+    *sizes, lag = rms(off, 0)
+    study.rows(
+        {f"motors.{name}": (None, size) for name, size in zip(("swing", "twist", "frequency"), sizes, strict=True)}
+    )
     # What leans by the angle random walk mixes swing and twist: ∫W² over a run has 1.15 times its mean as deviation.
-    study.rows({"motors.lag": (None, lag := rms(off[:, 3]))}, error=0.5 * 1.15 * lag)
+    study.rows({"motors.lag": (None, lag)}, error=0.5 * 1.15 * lag)
 
 
 def attitude_part(study: Study, swims: int, duration: float) -> None:
