@@ -3,7 +3,6 @@
 import argparse
 import sys
 from contextlib import ExitStack
-from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -126,8 +125,8 @@ def _guide(args: argparse.Namespace) -> "Guide":
 
     if vars(args).get("method") != "stops":
         return GUIDES[args.kind]()
-    names = signature(stop_options).parameters
-    return GUIDES["stops"](**stop_options(**{name: args.given[name] for name in names if name in args.given}))
+    options = {name: args.given.get(name) for name in ("angle", "turns", "angle_sd")}
+    return GUIDES["stops"](**stop_options(**options))
 
 
 def _live(

@@ -311,9 +311,11 @@ def stop_options(*, angle: Value = None, turns: str | None = None, angle_sd: Val
     options: dict[str, Any] = {name: size for name, size in sizes.items() if size is not None}
     if wrong := [name for name, size in options.items() if not size > 0.0]:
         raise ParameterError(f"{wrong[0]} must be above 0; which way a turn went is said by turns.")
-    if {"angle", "turns"} <= {*options, *(() if turns is None else ("turns",))}:
-        raise ParameterError("angle and turns both say how far it was turned. Give one of them.")
-    return options if turns is None else {**options, "turns": [_turn(item) for item in turns.split(",")]}
+    if turns is not None:
+        if "angle" in options:
+            raise ParameterError("angle and turns both say how far it was turned. Give one of them.")
+        options["turns"] = [_turn(item) for item in turns.split(",")]
+    return options
 
 
 def _turn(text: str) -> tuple[int, float]:
