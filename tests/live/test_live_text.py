@@ -15,6 +15,7 @@ from plumbob.core.errors import DecodeError, LineError, ParameterError
 from plumbob.core.text import sentence_checksum
 from plumbob.files.mcap import open_log
 from plumbob.files.profile import parse_profile
+from plumbob.files.text_table import printed_as_objects
 from plumbob.live import rows
 from plumbob.live.lines import CLOCK, decoder_of, line_format
 from plumbob.live.record import record
@@ -114,6 +115,11 @@ FORMS = {
     "CRLF": {"line": csv, "head": NAMES, "end": "\r\n"},
     "CR": {"line": csv, "head": NAMES, "end": "\r"},
 }
+
+
+def test_blank_lines_and_lines_without_an_end_are_no_message():
+    *before, message, last, end = printed_as_objects("  \n---\na:\n  x: 1\n---\n{}\nb:").split("\n")
+    assert (before, json.loads(message), last, end) == (["  ", "---", "", ""], {"a": {"x": "1"}}, "{}", "b:")
 
 
 class Arduino:

@@ -50,7 +50,7 @@ from plumbob.files.profile import (
     toml_lines,
 )
 from plumbob.files.stamps import CENTURY, WEEK, falls, time_line, utc_of_gps
-from plumbob.files.text_table import LEFT_OUT_MOST, TextTable, read_table
+from plumbob.files.text_table import LEFT_OUT_MOST, MOST_NAMED, TextTable, lines_left_out, read_table
 from plumbob.rotations import (
     body_axes,
     in_body_axes,
@@ -128,9 +128,8 @@ def _with_times(profile: Profile, table: TextTable) -> TextTable:
         lacks |= np.isnan(table.columns[ref]) if cells is None else [c.strip() in profile.layout.missing for c in cells]
     if not 0 < (count := int(lacks.sum())) <= LEFT_OUT_MOST * table.rows:
         return table
-    timed, lines = np.flatnonzero(~lacks), [str(table.line_of(int(row))) for row in np.flatnonzero(lacks)[:6]]
-    error = f"line {lines[0]}: the time stamp is missing"
-    note = warning("reading.lines_left_out", count=count, rows=table.rows, error=error, lines=tuple(lines[1:]))
+    timed, lines = np.flatnonzero(~lacks), [table.line_of(int(row)) for row in np.flatnonzero(lacks)[:MOST_NAMED]]
+    note = lines_left_out(lines, count, table.rows, f"line {lines[0]}: the time stamp is missing")
     return replace(
         table,
         columns={ref: values[timed] for ref, values in table.columns.items()},

@@ -16,7 +16,7 @@ from decimal import Decimal, InvalidOperation
 from functools import cache, partial
 from itertools import chain, islice, pairwise
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,17 +133,35 @@ def _documents(texts: Sequence[str]) -> list[dict[str, Any]]:
     return documents
 
 
-_MESSAGE: Final = re.compile(r"^((?:(?!---|[ \t]*\{)[^\n]*\n)+)---[ \t]*$", re.MULTILINE)
-
-
 def printed_as_objects(text: str) -> str:
     """Text in which an object of JSON stands for the ``---`` behind a printed message, and empty lines for the rest."""
-    return _MESSAGE.sub(lambda part: "\n" * part[1].count("\n") + json.dumps(_documents([part[1]])[0]), text)
+    lines, begin = text.split("\n"), 0
+    for i, line in enumerate(lines):
+        if is_in_message(line):
+            continue
+        if _BETWEEN.fullmatch(line) and (message := _documents(["\n".join(lines[begin:i])])):
+            lines[begin : i + 1] = [*[""] * (i - begin), json.dumps(message[0])]
+        begin = i + 1
+    return "\n".join(lines)
 
 
 def is_in_message(row: str) -> bool:
     """Whether `printed_as_objects` may join the line that comes to this one."""
     return not row.startswith(("---", "{"))
+
+
+class Joining(NamedTuple):
+    """How lines of a text that make one row together become one line, the others of them empty."""
+
+    join: Callable[[str], str]
+    is_open: Callable[[str], bool]  # whether the line that comes may be joined to this one
+
+
+def joining(layout: TextLayout) -> Joining | None:
+    """How lines of a layout are joined; None where each is a row."""
+    if layout.separator == JSON:
+        return Joining(printed_as_objects, is_in_message)
+    return Joining(titled, is_open) if layout.words else None
 
 
 def _loaded(text: str, line: int = 1) -> Any:
@@ -668,13 +686,17 @@ class Reading:
         if len(self.left_out) > LEFT_OUT_MOST * self.rows or len(self.left_out) == self.rows:
             more = "" if len(self.left_out) == 1 else f" {len(self.left_out)} of {self.rows} rows cannot be read."
             raise DecodeError(f"{first}{more}") from first
-        lines = [str(line) for line, _ in islice(self.left_out.values(), 1, 6)]
-        return (
-            warning(
-                "reading.lines_left_out", count=len(self.left_out), rows=self.rows, error=str(first).rstrip("."),
-                lines=(*lines, *(["…"] if len(self.left_out) > 6 else [])),
-            ),
-        )  # fmt: skip
+        lines = [line for line, _ in islice(self.left_out.values(), MOST_NAMED)]
+        return (lines_left_out(lines, len(self.left_out), self.rows, str(first)),)
+
+
+MOST_NAMED: Final = 6  # lines that are left out and named
+
+
+def lines_left_out(lines: Sequence[int], count: int, rows: int, error: str) -> Finding:
+    """Note of how many lines of so many rows are left out, why the first of `lines` is, and the numbers of the next."""
+    others = (*map(str, lines[1:]), *(["…"] if count > MOST_NAMED else []))
+    return warning("reading.lines_left_out", count=count, rows=rows, error=error.rstrip("."), lines=others)
 
 
 def read_table(

@@ -9,7 +9,7 @@ row of the gyroscope that is nearest in time, as `plumbob.files.foreign.logged` 
 
 import re
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
@@ -42,7 +42,6 @@ _LINE: Final = re.compile(rb"([^\r\n]+)[\r\n]+")
 _WORD: Final = (1 << 62) - 1  # bits of a clock that are looked at
 _MOST_BYTES: Final = 1 << 16  # bytes without a line end that are waited for; no logger writes such a row
 _REMEMBERED: Final = 20  # rows that tell whether the last one was cut, as of a file
-_MOST_NAMED: Final = 6
 _MOST_JOINED: Final = 512  # lines of which one row may be made
 _ALL_ODD: Final = 8
 _MEMORY: Final = 16
@@ -354,11 +353,7 @@ class LineDecoder:
         self.counts = Counts(frames={self._message.name: 0})
         parts = [part for _, part in form.profile.streams] or [form.profile]
         self._sensors = [_ProfileRows(part, self._message) for part in parts]
-        self._whole: tuple[Callable[[str], str], Callable[[str], bool]] | None = None  # makes rows of several lines
-        if any(part.layout.words for part in parts):
-            self._whole = text_table.titled, text_table.is_open
-        elif any(part.layout.separator == JSON for part in parts):
-            self._whole = text_table.printed_as_objects, text_table.is_in_message
+        self._joining = next(filter(None, (text_table.joining(part.layout) for part in parts)), None)
         is_timed = self._message.of_role("clock") is not None
         self._clock = _TextClock(self._sensors[0], spread=len(parts) == 1) if is_timed else None
         lead = next((i for i, part in enumerate(parts) if "gyr" in part.triads), 0)
@@ -409,8 +404,10 @@ class LineDecoder:
 
     def _closed(self, end: int) -> int:
         """Where what is pending up to a byte ends without lines to which others may be joined."""
-        lines = [*_LINE.finditer(self._pending[:end])][-_MOST_JOINED:] if self._whole else []
-        closed = (line for line in reversed(lines) if self._whole and not self._whole[1](line[1].decode("latin-1")))
+        if self._joining is None:
+            return end
+        lines = [*_LINE.finditer(self._pending[:end])][-_MOST_JOINED:]
+        closed = (line for line in reversed(lines) if not self._joining.is_open(line[1].decode("latin-1")))
         return next((line.end() for line in closed), lines[0].start() if lines else end)
 
     def _taken(self, end: int) -> list[_TextRow]:
@@ -418,9 +415,9 @@ class LineDecoder:
         part, self._pending = self._pending[:end], self._pending[end:]
         lines = [*_LINE.finditer(part)]
         text = b"\n".join(line[1] for line in lines)
-        if self._whole:
+        if self._joining:
             coding = self._sensors[0].layout.encoding, "surrogateescape"
-            text = self._whole[0](text.decode(*coding)).encode(*coding)
+            text = self._joining.join(text.decode(*coding)).encode(*coding)
         for line, row in zip(lines, text.split(b"\n"), strict=False):
             self._lines += 1
             if not self._line(row, self._done + line.start()) and row:
@@ -449,7 +446,7 @@ class LineDecoder:
             self._left_out += 1
             self.counts.bad_content += 1
             self._error = self._error or str(error)
-            self._bad_lines += [str(self._lines)] if len(self._bad_lines) < _MOST_NAMED else []
+            self._bad_lines += [str(self._lines)] if len(self._bad_lines) < text_table.MOST_NAMED else []
             return False
 
     def _frames(self, rows: list[_TextRow]) -> dict[str, Frames]:
