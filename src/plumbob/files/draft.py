@@ -600,11 +600,10 @@ class _DraftWriter:
         data = self._data
         if not data.are_whole(data.triads[name]):
             return None
-        text = "\n".join(f"{key}: {value}" for key, value in data.sample.facts.items())
         scales = {
             (canonical(unit, QUANTITY_BY_TRIAD[name]), key, float(number))
             for key, pattern in TABLES["said"]["scales"].items()
-            for number, unit in re.findall(pattern, text, re.IGNORECASE)
+            for number, unit in re.findall(pattern, data.sample.preamble, re.IGNORECASE)
         }
         scales = {scale for scale in scales if scale[0]}
         return scales.pop() if len(scales) == 1 else None

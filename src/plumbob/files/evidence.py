@@ -85,7 +85,7 @@ class ColumnEvidence:
         above = "".join(f"{group}/" for group in takewhile(lambda group: not taken_apart(group).sensor, groups))
         names = [name.removeprefix(above) for name in self.names]
         self.parts = [taken_apart(*both) for both in zip(names, units, strict=True)]
-        stated = said_units("\n".join(f"{key}: {value}" for key, value in sample.facts.items()))
+        stated = said_units(sample.preamble)
         self.parts = [p if p.unit else replace(p, unit=stated.get(p.sensor, "")) for p in self.parts]
         clocks = [_clock(sample, i) for i, part in enumerate(self.parts) if part.is_time]
         if clocks := [clock for clock in clocks if clock.size]:

@@ -93,6 +93,11 @@ class Sample:
         """Cells of a row."""
         return len(self.rows[0])
 
+    @property
+    def preamble(self) -> str:
+        """What the lines before the table say, each fact in a line."""
+        return "\n".join(f"{key}: {fact}" for key, fact in self.facts.items())
+
     def for_cells(self, words: Sequence[str]) -> tuple[str, ...]:
         """Names or units, one for each cell of a row; empty where the file has none."""
         return (*words, *[""] * self.width)[: self.width]
