@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob import Filter, Frame, ImuData, decode, find_format, read
-from plumbob.live.rigs.firmware import YEAR_S, FirmwareTask, FlashLog, Processor, decoded, poll, run_firmware
+from plumbob.live.rigs.firmware import FirmwareTask, FlashLog, Processor, decoded, poll, run_firmware
 from plumbob.live.rigs.rig import PLANS, make_rig
 from plumbob.protocols.encode import encode
 from plumbob.protocols.ring import read_ring
@@ -87,16 +87,6 @@ def test_the_attitude_is_that_of_the_buoy(rig, plain):
     """With the paper's gains in waves: 0.85, 0.75, 0.29° rms in the prototype (reference/papers.md, 001)."""
     error = off(plain.track, rig.units[""].truth)
     assert np.sqrt(np.mean(error[100:] ** 2)) < 2.0
-
-
-def test_the_mean_costs_less_than_the_newest_sample(rig, imu):
-    gains = {"kp": 0.05, "ki": 0.0}
-    rms = {}
-    for take in ("mean", "newest"):
-        done = run_firmware(imu, take=take, params=gains)
-        assert len(done.fused) == 2999
-        rms[take] = np.sqrt(np.mean(off(done.track, rig.units[""].truth)[-200:] ** 2))
-    assert rms["mean"] <= rms["newest"] * 1.05
 
 
 def test_a_loop_that_waits_for_the_line_or_the_chip_or_has_a_slow_clock_misses_deadlines(imu):
@@ -296,7 +286,7 @@ def test_the_way_in_which_it_is_written_does_not_matter():
     assert whole.erases.tolist() == parts.erases.tolist()
 
 
-def test_wear_of_days_is_even_and_the_life_is_its_inverse():
+def test_wear_of_days_is_even():
     """Three days at 20 Hz into 1 MiB: 5 184 000 records, 40 500 sectors of 256, 158 rounds and a part."""
     log = FlashLog()
     rows = records(20 * 3600)
@@ -305,19 +295,17 @@ def test_wear_of_days_is_even_and_the_life_is_its_inverse():
     assert log.written == 5_184_000
     assert (log.erases.min(), log.erases.max()) == (40_500 // 256, 40_500 // 256 + 1)
     assert log.erases.sum() == 40_500
-    days = 100_000 / (40_500 / 256 / 3.0)
-    assert log.life_years(20.0) == pytest.approx(days * 86400.0 / YEAR_S, rel=1e-12)
-    assert log.life_years(20.0) == pytest.approx(5.19, abs=0.01)
 
 
 @pytest.mark.parametrize("programmed", [0, 1, 31, 32, 100, 5 * 32])
 def test_power_loss_costs_the_page_in_hand_alone(programmed):
-    """16 records lie in two pages, 5 wait; of these the first whole ones are there, and a torn one fails its check."""
-    log = FlashLog(size=2 * 4096)
-    log.write(records(21))
-    log.cut(programmed)
-    log.write(records(8, first=21))
-    found = read_ring(log.image, FORM)
+    """16 records lie in two pages, and some bytes of 5 in a third; what comes after the loss begins in a new page.
+
+    Of the 5 the first whole ones are there, and a torn one fails its check.
+    """
+    torn = records(5, first=16).tobytes()[:programmed]
+    begun = records(16).tobytes() + (torn.ljust(256, b"\xff") if torn else b"")
+    found = read_ring((begun + records(8, first=21).tobytes()).ljust(2 * 4096, b"\xff"), FORM)
     kept = programmed // 32
     assert counters(found.stream).tolist() == [*range(16 + kept), *range(21, 29)]
     assert found.missing == 5 - kept

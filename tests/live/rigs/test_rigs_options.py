@@ -240,7 +240,6 @@ CASES = [
     (lambda: rig("arm", noise={"u9": NoiseCard("u", "t", gyr=WHITE)}), ParameterError, "no measuring unit 'u9'"),
     (lambda: rig("fin", noise=NoiseCard("unit 8", "t", acc=WHITE)), ParameterError, r"has acc, but adxrs290\+adxrs453"),
     (lambda: rig(calibration=card_of("buoy", 1)), ParameterError, "sends samples as they are"),
-    (lambda: firmware(take="median"), ParameterError, "take must be one of"),
     (lambda: firmware(rows=40), ParameterError, "before a frame"),
     # 11.25 ms of each 10 ms
     (lambda: firmware(processor=Processor(clock_hz=4e6)), ParameterError, "too slow"),

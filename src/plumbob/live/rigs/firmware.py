@@ -31,11 +31,13 @@ from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_from_euler
 
 Bytes = NDArray[np.uint8]
 
-YEAR_S: Final = 365.25 * 86400.0
+RECORD: Final = 32  # bytes of a record
+PAGE: Final = 256  # bytes that the chip programs at once, as Winbond's W25Q80
+SECTOR: Final = 4096  # bytes that it erases at once
 
 
 class FlashLog(FactsText):
-    """Ring of records in a NOR Flash chip, emulated to the byte; by default of 1 MiB, as Winbond's W25Q80.
+    """Ring of records in a NOR Flash chip of so many bytes, emulated to the byte.
 
     Records are gathered in memory until they fill a page, which is then programmed. With the last page of a sector the
     next sector is erased, so that a blank page is always ready and no call waits for an erasure; of a full ring that
@@ -43,20 +45,17 @@ class FlashLog(FactsText):
     the wear of each sector; `lost` are `written` records that were erased again.
     """
 
-    def __init__(self, *, size: int = 1 << 20, sector: int = 4096, page: int = 256, record: int = 32) -> None:
-        if not (0 < record <= page <= sector and sector % page == 0 and size % sector == 0 and size >= 2 * sector):
-            raise ParameterError(
-                "a log needs records that fit a page, pages that fill a sector, and two sectors or more that fill the "
-                f"chip, but they have {record}, {page}, {sector} and {size} bytes."
-            )
-        self.record, self.page = record, page
-        self.per_page = page // record
-        self.pages = sector // page
-        self._cells: Bytes = np.full((size // page, page), BLANK, dtype=np.uint8)
+    per_page: Final = PAGE // RECORD
+    pages: Final = SECTOR // PAGE  # of a sector
+
+    def __init__(self, *, size: int = 1 << 20) -> None:
+        if size % SECTOR or size < 2 * SECTOR:
+            raise ParameterError(f"a log needs two sectors or more of {SECTOR} bytes, but it has {size} bytes.")
+        self._cells: Bytes = np.full((size // PAGE, PAGE), BLANK, dtype=np.uint8)
         self._buffer = bytearray()
         self._next = 0
-        self._held = np.zeros(size // sector, dtype=np.int64)
-        self.erases: NDArray[np.int64] = np.zeros(size // sector, dtype=np.int64)
+        self._held = np.zeros(size // SECTOR, dtype=np.int64)
+        self.erases: NDArray[np.int64] = np.zeros(size // SECTOR, dtype=np.int64)
         self.written = self.lost = 0
 
     @property
@@ -72,38 +71,22 @@ class FlashLog(FactsText):
     @property
     def waiting(self) -> int:
         """Records in memory that do not fill a page yet, and that a loss of power would take."""
-        return len(self._buffer) // self.record
-
-    def life_years(self, rate: float = 20.0, cycles: int = 100_000) -> float:
-        """Years until every sector was erased so often, at that many records per second."""
-        return cycles * self.capacity / rate / YEAR_S
+        return len(self._buffer) // RECORD
 
     def write(self, records: bytes | Bytes) -> None:
         """Take records: bytes one behind the other, or rows (N, record)."""
         data = records if isinstance(records, bytes) else np.asarray(records, dtype=np.uint8).tobytes()
-        if len(data) % self.record:
-            raise ShapeError(f"a log takes records of {self.record} bytes, but {len(data)} bytes are not a multiple.")
+        if len(data) % RECORD:
+            raise ShapeError(f"a log takes records of {RECORD} bytes, but {len(data)} bytes are not a multiple.")
         self._buffer += data
-        used = self.per_page * self.record
         waiting = np.frombuffer(bytes(self._buffer), dtype=np.uint8)
-        rows = waiting[: waiting.size // used * used].reshape(-1, used)
+        rows = waiting[: waiting.size // PAGE * PAGE].reshape(-1, PAGE)
         while len(rows):
             count = min(len(rows), self.pages - self._next % self.pages)
-            self._cells[self._next : self._next + count, :used] = rows[:count]
+            self._cells[self._next : self._next + count] = rows[:count]
             self._advance(count, count * self.per_page)
             rows = rows[count:]
-        self._buffer = self._buffer[len(self._buffer) // used * used :]
-
-    def cut(self, programmed: int) -> None:
-        """Lose power when `programmed` bytes of what waits in memory are there; the rest is gone.
-
-        The next start finds that the page is not blank, and goes on behind it.
-        """
-        torn = np.frombuffer(bytes(self._buffer[:programmed]), dtype=np.uint8)
-        self._cells[self._next, : torn.size] = torn
-        self._buffer = bytearray()
-        if torn.size:
-            self._advance(1, torn.size // self.record)
+        self._buffer = self._buffer[len(self._buffer) // PAGE * PAGE :]
 
     def _advance(self, pages: int, records: int) -> None:
         """Go on by pages of one sector; with its last, erase the next."""
@@ -197,7 +180,6 @@ def poll(tasks: Sequence[FirmwareTask], end_ns: int) -> dict[str, Calls]:
 
 
 FORMAT: Final = "buoy_attitude"
-TAKES: Final = ("mean", "newest")
 _SAMPLE, _FUSE, _SEND = "sample", "fuse", "send"
 
 
@@ -226,8 +208,8 @@ class Processor:
 
     def tasks(self, log: FlashLog) -> tuple[FirmwareTask, ...]:
         """Tasks in the order in which the loop looks at their flags, the most frequent first."""
-        send = self.send_cycles / self.clock_hz + self.uart_waits * 10 * log.record / self.baud
-        page = 8 * (4 + log.page) / self.flash_hz + self.flash_waits * self.page_s
+        send = self.send_cycles / self.clock_hz + self.uart_waits * 10 * RECORD / self.baud
+        page = 8 * (4 + PAGE) / self.flash_hz + self.flash_waits * self.page_s
         sends = np.full(log.pages * log.per_page, send)
         sends[log.per_page - 1 :: log.per_page] += page
         sends[-1] += self.flash_waits * self.erase_s
@@ -284,23 +266,21 @@ class Firmware(FactsText):
 
 
 def run_firmware(
-    imu: ImuData, *, calibration: CalibrationCard | None = None, processor: Processor | None = None, take: str = "mean",
+    imu: ImuData, *, calibration: CalibrationCard | None = None, processor: Processor | None = None,
     params: Mapping[str, Any] | None = None, log: FlashLog | None = None,
 ) -> Firmware:  # fmt: skip
     """Run the program over what the chips have in their registers, in body axes of NED; a read gets the newest value.
 
-    Best at 1 kHz, the most that the MPU-6000 gives. `take`: "mean" or "newest" of the three or four samples since the
-    last fusion; the paper does not say. Parameters of the filter are the paper's by default.
+    Best at 1 kHz, the most that the MPU-6000 gives. A fusion gets the mean of the three or four samples since the last
+    one; the paper does not say. Parameters of the filter are the paper's by default.
     """
-    if take not in TAKES:
-        raise ParameterError(f"take must be one of {', '.join(TAKES)}, but it is '{take}'.")
     log = FlashLog() if log is None else log
     end_ns = int(imu.t_ns[-1])
     calls = poll((processor or Processor()).tasks(log), end_ns)
     if not all(map(len, calls.values())):
         raise ParameterError(f"the recording of {imu.t[-1]:g} s ends, or the processor is too slow, before a frame.")
     samples = _samples(imu, calls[_SAMPLE].begun_ns)
-    fused, at = _fused(samples, calls, take)
+    fused, at = _fused(samples, calls)
     fused = apply_card(calibration, fused) if calibration else fused
     track = Filter("mahony", frame=Frame.NED, params=params).process(fused, look=False)
     columns, sent_ns = _columns(track, fused, at, calls, log)
@@ -346,7 +326,7 @@ def _renewed(values: Floats, row: Ints) -> Floats:
     return np.where(new[:, np.newaxis], values[last], np.nan)
 
 
-def _fused(samples: ImuData, calls: Mapping[str, Calls], take: str) -> tuple[ImuData, Ints]:
+def _fused(samples: ImuData, calls: Mapping[str, Calls]) -> tuple[ImuData, Ints]:
     """What each fusion gets of the samples since the last one, at the time of the newest, and when it began, ns.
 
     A fusion without a new sample is none. With the mean of evenly spaced rates and their own time, no turn is lost.
@@ -356,7 +336,7 @@ def _fused(samples: ImuData, calls: Mapping[str, Calls], take: str) -> tuple[Imu
     start = np.concatenate(([0], stop[:-1]))
     some = stop > start
     start, stop = start[some], stop[some]
-    triads = {name: _taken(getattr(samples, name), start, stop, take) for name in samples.triads}
+    triads = {name: _means(getattr(samples, name), start, stop) for name in samples.triads}
     fused = ImuData(
         t=samples.t[stop - 1],
         **triads,
@@ -367,12 +347,9 @@ def _fused(samples: ImuData, calls: Mapping[str, Calls], take: str) -> tuple[Imu
     return fused, begun[some]
 
 
-def _taken(values: Floats, start: Ints, stop: Ints, take: str) -> Floats:
-    """Mean, or newest, of the values (N, 3) in each range; NaN where there is none."""
+def _means(values: Floats, start: Ints, stop: Ints) -> Floats:
+    """Means of the values (N, 3) in each range; NaN where there is none."""
     there = np.asarray(~np.isnan(values).any(axis=1))
-    if take == "newest":
-        last = check.last_marked(there)[stop - 1]
-        return np.where((last >= start)[:, np.newaxis], values[last], np.nan)
     sums = np.add.reduceat(np.where(there[:, np.newaxis], values, 0.0)[: stop[-1]], start)
     counts = np.add.reduceat(there[: stop[-1]].astype(np.int64), start)[:, np.newaxis]
     return np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
@@ -395,7 +372,7 @@ def _columns(
     gated, blind = (np.logical_and.reduceat(mask, start) for mask in masks)
     missed = np.searchsorted(np.sort(np.concatenate([call.missed_ns for call in calls.values()])), begun)
     numbers = log.written + log.waiting + np.arange(begun.size)
-    triads = {name: _taken(getattr(fused, name), start, stop, "mean") for name in ("gyr", "acc")}
+    triads = {name: _means(getattr(fused, name), start, stop) for name in ("gyr", "acc")}
     columns = {
         "counter": numbers, "clock": np.rint(1e6 * track.t[newest]).astype(np.int64),
         "roll": roll, "pitch": pitch, "heading": yaw,
