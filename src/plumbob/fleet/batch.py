@@ -2,24 +2,26 @@
 
 import json
 import os
+import socket
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
-from plumbob.core.errors import ParameterError
-from plumbob.core.files import replacing
+from plumbob.core.errors import DecodeError, ParameterError, one_line
+from plumbob.core.files import lock, replacing, require_place
 from plumbob.core.text import FactsText, counted
 from plumbob.core.units import Quantity, given
 from plumbob.door.estimate import given_noise
 from plumbob.files.text import text_cell
 from plumbob.fleet.items import JOBS, Item, Source, batch_items
 from plumbob.fleet.job import COLUMNS, VERDICTS, BatchSettings, JobOutcome
-from plumbob.fleet.places import Place, as_place, is_url
+from plumbob.fleet.urls import is_url
 from plumbob.fleet.workers import outcomes
 from plumbob.quality.waves import WaveSettings
 from plumbob.rotations import Frame
@@ -40,7 +42,7 @@ class BatchRun(FactsText):
     Attributes
     ----------
     dataset : str
-        Path or URL of the dataset.
+        Path of the dataset.
     counts : mapping of str to int
         Recordings of each verdict.
     skipped : int
@@ -68,7 +70,7 @@ class BatchRun(FactsText):
 
     def rows(self) -> list[dict[str, Any]]:
         """Rows of the table of verdicts, of this run and of those before it into the same dataset."""
-        return list(_rows(as_place(self.dataset)))
+        return list(_rows(Path(self.dataset)))
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
@@ -132,7 +134,7 @@ def batch(
     sources : path, URL, pattern, Recording or ImuData, or an iterable of them
         Files of any format that `plumbob.read` takes; folders, with all folders in them; patterns, as
         ``"sea/**/*.parquet"``; URLs that fsspec knows. An iterable is asked for its next recording when there is room.
-    out : path or URL
+    out : path
         Folder of the dataset, a new one or one of an earlier run.
     filter, causal, lag, params, frame, init, noise, place, date, profile, unit : optional
         As of `plumbob.estimate`, the same for all.
@@ -196,12 +198,12 @@ def batch(
     settings.try_out()
     if total is not None:
         workers = min(workers, total)  # a recording alone is over before a process of its own has started
-    lock = dataset.locked(_TABLES, ("attitude", "pages") if pages else ("attitude",))
-    with lock, closing(outcomes(settings, items, dataset.name, workers, cluster)) as running:
+    held = locked(dataset, _TABLES, ("attitude", "pages") if pages else ("attitude",))
+    with held, closing(outcomes(settings, items, dataset, workers, cluster)) as running:
         counts, others, skipped = _tally(running, total, say, progress)
         _write_tables(dataset)
     shown = tuple(sorted(others, key=lambda outcome: outcome.name))
-    return BatchRun(dataset.name, counts, skipped, time.perf_counter() - began, shown)
+    return BatchRun(str(dataset), counts, skipped, time.perf_counter() - began, shown)
 
 
 def _tally(
@@ -266,19 +268,48 @@ def load_cards(given: Any) -> "dict[str | None, CalibrationCard]":
     return cards
 
 
-def _dataset(out: str | os.PathLike[str]) -> Place:
-    """Place of a dataset, or of a folder that is empty or not there; ParameterError if other files lie there."""
-    text = os.fspath(out)
-    if not is_url(text):
-        path = check.path("out", out)
-        text = str(path.absolute())  # the workers of a cluster have folders of their own
-        if path.exists() and not path.is_dir():
-            raise ParameterError(f"{out} is a file, but a dataset is a folder. Name another one.")
-    place = as_place(text)
-    names = place.names()
+def _dataset(out: str | os.PathLike[str]) -> Path:
+    """Folder of a dataset, or one that is empty or not there; ParameterError if other files lie there."""
+    if is_url(os.fspath(out)):
+        raise ParameterError(f"{out} is a URL, but a dataset is a folder. Name one, and copy it there afterwards.")
+    folder = check.path("out", out).absolute()  # the workers of a cluster have folders of their own
+    if folder.exists() and not folder.is_dir():
+        raise ParameterError(f"{out} is a file, but a dataset is a folder. Name another one.")
+    names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
     if names and JOBS not in names:
         raise ParameterError(f"{out} holds other files ({names[0]}), and not a dataset. Name a new or an empty folder.")
-    return place
+    return folder
+
+
+@contextmanager
+def locked(dataset: Path, files: Iterable[str] = (), folders: Iterable[str] = ()) -> Iterator[None]:
+    """Context in which no other run writes a dataset, by a lock that goes with its process, however that ends.
+
+    DecodeError where nothing can be written here, to one of these folders, or to a file of one of these names.
+    """
+    held = dataset / JOBS / ".lock"
+    try:
+        for folder in held.parent, *map(dataset.joinpath, folders):
+            folder.mkdir(parents=True, exist_ok=True)
+            with TemporaryFile(dir=folder):  # what a system says of rights need not be so
+                pass
+        descriptor = os.open(held, os.O_CREAT | os.O_RDWR, 0o666)
+    except OSError as error:
+        why = f"{error.filename}: {error.strerror}" if error.filename else one_line(error)
+        raise DecodeError(f"{dataset} cannot be written ({why}). Name another folder.") from error
+    try:
+        try:
+            lock(descriptor)
+        except OSError:
+            holder = os.read(descriptor, 200).decode("utf-8", "replace") or "not named"
+            raise ParameterError(f"{dataset} is written by another run ({holder}); wait for its end.") from None
+        os.truncate(descriptor, 0)
+        os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode())
+        for name in files:
+            require_place(dataset / name, overwrite=True)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def listed_items(sources: Source | Iterable[Source], say: Callable[[str], object]) -> tuple[Iterable[Item], int | None]:
@@ -292,25 +323,24 @@ def listed_items(sources: Source | Iterable[Source], say: Callable[[str], object
     return listed, len(listed)
 
 
-def _rows(place: Place) -> Iterator[dict[str, Any]]:
+def _rows(dataset: Path) -> Iterator[dict[str, Any]]:
     """Rows of all records, in the order of their names."""
-    for name in place.names(JOBS):
-        if name.endswith(".json") and not name.startswith("."):
-            yield json.loads(place.read(f"{JOBS}/{name}") or b"null")["row"]
+    for path in sorted((dataset / JOBS).glob("[!.]*.json")):
+        yield json.loads(path.read_bytes())["row"]
 
 
-def _write_tables(place: Place) -> None:
+def _write_tables(dataset: Path) -> None:
     """Write the table of verdicts, as Parquet and as CSV, from columns that are filled with few rows at a time."""
     import pyarrow as pa
     from pyarrow.parquet import write_table
 
     kinds = {str: pa.string(), int: pa.int64(), float: pa.float64()}
     schema = pa.schema([pa.field(name, kinds[kind]) for name, kind in COLUMNS.items()])
-    rows, parts = _rows(place), list[pa.RecordBatch]()
+    rows, parts = _rows(dataset), list[pa.RecordBatch]()
     while some := list(islice(rows, _ROWS)):
         parts.append(pa.RecordBatch.from_pylist(some, schema))
 
-    def save(path: Path) -> None:
+    for path in map(dataset.joinpath, _TABLES):
         with replacing(path, overwrite=True) as temporary:
             if path.suffix == ".csv":
                 with temporary.open("w", encoding="utf-8") as text:
@@ -319,9 +349,6 @@ def _write_tables(place: Place) -> None:
                         text.writelines(",".join(map(_cell, row.values())) + "\n" for row in part.to_pylist())
             else:
                 write_table(pa.Table.from_batches(parts, schema), str(temporary))
-
-    for name in _TABLES:
-        place.write(name, save)
 
 
 def _cell(value: Any) -> str:

@@ -18,7 +18,7 @@ from plumbob.data.recording import Recording, unsaved
 from plumbob.files.columns import to_columns
 from plumbob.files.formats import FORMATS, is_recording
 from plumbob.files.header import dump, file_header
-from plumbob.fleet.places import fetched, filesystem, is_url, reaching
+from plumbob.fleet.urls import fetched, filesystem, is_url, reaching
 
 Source = str | os.PathLike[str] | Recording | ImuData
 Note = Callable[[str], object]
@@ -54,7 +54,7 @@ class Item:
 
     @contextmanager
     def local(self, most: int) -> Iterator[Path | Recording]:
-        """The recording, or its file on this machine; errors as of `plumbob.fleet.places.fetched`."""
+        """The recording, or its file on this machine; errors as of `plumbob.fleet.urls.fetched`."""
         if isinstance(self.source, Recording):
             yield self.source
         elif is_url(self.source):

@@ -22,7 +22,6 @@ from plumbob.data.recording import Recording
 from plumbob.door.estimate import Estimated, estimate
 from plumbob.door.evaluate import evaluate
 from plumbob.fleet.items import JOBS, Item, input_digest
-from plumbob.fleet.places import Place, as_place
 from plumbob.overview.report_entry import Subject, opened, subject_from
 from plumbob.overview.streaming_stats import BURST
 from plumbob.quality import quality
@@ -132,33 +131,33 @@ def part_path(key: str) -> str:
     return f"attitude/recording={key}/part.parquet"
 
 
-def run_job(settings: BatchSettings, item: Item, out: str) -> JobOutcome:
+def run_job(settings: BatchSettings, item: Item, dataset: Path) -> JobOutcome:
     """Do all that belongs to one recording, unless the dataset has it: the same input by the same settings."""
     if settings.software != __version__:
         raise ParameterError(
             f"the batch was started by plumbob {settings.software}, but this worker runs {__version__}. Install one "
             "version everywhere."
         )
-    place, began = as_place(out), time.perf_counter()
+    began = time.perf_counter()
     row, made, copy = _new_row(settings, item), None, ""
     try:
         with item.local(settings.max_bytes) as given:
             copy = "" if isinstance(given, Recording) else f"{given}: "
             row["input_sha256"] = input_digest(given)
-            if (before := _before(place, item.key, row)) is not None:
+            if (before := _before(dataset, item.key, row)) is not None:
                 return JobOutcome(item.name, before["verdict"], before["reason"] or "", True)
             judged, made = _worked(settings, item, given)
         row |= judged | {"verdict": DONE}
     except Exception as error:
         verdict, reason = _judged(error)
         row |= {"verdict": verdict, "reason": reason.replace(copy, "")}
-    return _written(place, item, row, made, began)
+    return _written(dataset, item, row, made, began)
 
 
-def failed(settings: BatchSettings, item: Item, out: str, reason: str) -> JobOutcome:
+def failed(settings: BatchSettings, item: Item, dataset: Path, reason: str) -> JobOutcome:
     """Record of a job whose worker did not come back."""
     row = _new_row(settings, item) | {"verdict": FAILED, "reason": reason}
-    return _written(as_place(out), item, row, None, time.perf_counter())
+    return _written(dataset, item, row, None, time.perf_counter())
 
 
 def _new_row(settings: BatchSettings, item: Item) -> dict[str, Any]:
@@ -178,16 +177,17 @@ def _judged(error: Exception) -> tuple[str, str]:
     return FAILED, f"{type(error).__name__}: {one_line(error)}"
 
 
-def _before(place: Place, key: str, row: Mapping[str, Any]) -> Mapping[str, Any] | None:
+def _before(dataset: Path, key: str, row: Mapping[str, Any]) -> Mapping[str, Any] | None:
     """Row of the record of a job that need not be done again: of this input and these settings, its part as it was."""
     try:
-        before: Mapping[str, Any] = json.loads(place.read(f"{JOBS}/{key}.json") or b"null")["row"]
+        before: Mapping[str, Any] = json.loads((dataset / JOBS / f"{key}.json").read_bytes())["row"]
         same = all(before[name] == row[name] for name in ("input_sha256", "settings_sha256"))
         if not same or before["verdict"] == FAILED:
             return None
-        part = place.read(part_path(key)) if before["verdict"] == DONE else None
-        return before if before["part_sha256"] == (part and hashlib.sha256(part).hexdigest()) else None
-    except (ValueError, KeyError, TypeError):  # not a record: it is written again
+        part = dataset / part_path(key)
+        digest = file_sha256(part)[0] if before["verdict"] == DONE and part.is_file() else None
+        return before if before["part_sha256"] == digest else None
+    except (FileNotFoundError, ValueError, KeyError, TypeError):  # not a record: it is written again
         return None
 
 
@@ -250,24 +250,21 @@ def _highest_waves(statistics: Mapping[str, Any]) -> dict[str, Any]:
             "wave_direction_deg": sea["direction_deg"], "wave_spread_deg": sea["spread_deg"]}  # fmt: skip
 
 
-def _written(place: Place, item: Item, row: dict[str, Any], made: _JobResult | None, began: float) -> JobOutcome:
+def _written(dataset: Path, item: Item, row: dict[str, Any], made: _JobResult | None, began: float) -> JobOutcome:
     """Write the attitudes and the page, or remove old ones; then the record."""
-    part, page = part_path(item.key), f"pages/{item.key}.html"
+    part, page = dataset / part_path(item.key), dataset / f"pages/{item.key}.html"
     result, statistics, text = made or (None, None, None)
     if result is None:
-        place.remove(part)
+        part.unlink(missing_ok=True)
     else:
-
-        def save(path: Path) -> None:
-            result.save(path, overwrite=True)
-            row["part_sha256"] = file_sha256(path)[0]
-
-        place.write(part, save)
+        part.parent.mkdir(parents=True, exist_ok=True)
+        result.save(part, overwrite=True)
+        row["part_sha256"] = file_sha256(part)[0]
     if text is None:  # behind the part: where a batch ends in between, the record of before no longer fits it
-        place.remove(page)
+        page.unlink(missing_ok=True)
     else:
-        place.write(page, lambda path: write_text(path, text, overwrite=True))
+        write_text(page, text, overwrite=True)
     row["seconds"] = round(time.perf_counter() - began, 6)
-    record = json.dumps(plain({"row": row, "statistics": statistics}), allow_nan=False)
-    place.write(f"{JOBS}/{item.key}.json", lambda path: write_text(path, record, overwrite=True))
+    content = json.dumps(plain({"row": row, "statistics": statistics}), allow_nan=False)
+    write_text(dataset / JOBS / f"{item.key}.json", content, overwrite=True)
     return JobOutcome(item.name, row["verdict"], row["reason"] or "", False)

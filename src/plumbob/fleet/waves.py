@@ -26,7 +26,7 @@ from plumbob.door.estimate import given_noise
 from plumbob.files.arrow import TABLES, write_table
 from plumbob.fleet.batch import batch, listed_items
 from plumbob.fleet.items import JOBS, Source
-from plumbob.fleet.places import is_url
+from plumbob.fleet.urls import is_url
 from plumbob.overview.report_entry import read_subject
 from plumbob.quality.quality import MEANING
 from plumbob.quality.spectra import FEWEST as SEGMENTS

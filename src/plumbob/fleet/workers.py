@@ -15,6 +15,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from functools import partial
+from pathlib import Path
 from queue import SimpleQueue
 from subprocess import PIPE, Popen, TimeoutExpired
 from typing import Any, Final, NamedTuple
@@ -22,7 +23,7 @@ from typing import Any, Final, NamedTuple
 from plumbob.core.errors import LineError, MissingExtraError, one_line
 from plumbob.fleet.items import Item
 from plumbob.fleet.job import BatchSettings, JobOutcome, failed, run_job
-from plumbob.fleet.places import in_memory
+from plumbob.fleet.urls import in_memory
 
 _PATIENCE: Final = 20.0  # time that a process has to break off its job, s
 _CHILD: Final[Mapping[str, Any]] = {
@@ -47,7 +48,7 @@ class _LostProcessError(Exception):
 
 
 def outcomes(
-    settings: BatchSettings, items: Iterable[Item], out: str, jobs: int, cluster: str | None
+    settings: BatchSettings, items: Iterable[Item], out: Path, jobs: int, cluster: str | None
 ) -> Generator[JobOutcome, None, None]:
     """Outcomes as they come, of this process, of several, or of a cluster; the job whose worker is lost has failed.
 
@@ -66,7 +67,7 @@ def outcomes(
 
     with processes(jobs) if cluster is None else _cluster(cluster) as pool:
         for item in items:
-            if not pool.most or in_memory(out) or in_memory(item.where):  # which no other process has
+            if not pool.most or in_memory(item.where):  # which no other process has
                 yield run_job(settings, item, out)
             else:
                 running[pool.submit(partial(run_job, settings, item, out))] = item
