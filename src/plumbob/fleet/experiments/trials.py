@@ -154,13 +154,13 @@ class Accuracy:
             if not (excess := self.differences(key)):
                 continue
             rows = [
-                [trial, _degrees(self.trials[trial][self.against][key]), *(_degrees(row.get(o), "+") for o in others)]
+                [trial, degrees(self.trials[trial][self.against][key]), *(degrees(row.get(o), "+") for o in others)]
                 for trial, row in excess.items()
             ]
             means = [np.mean([row[o] for row in excess.values() if o in row] or [np.nan]) for o in others]
-            more = [_degrees(float(value), "+") for value in means]
+            more = [degrees(float(value), "+") for value in means]
             better = [f"{n} of {of}" for n, of in self.better(key).values()]
-            rows += [["mean", _degrees(self._mean(list(excess), self.against, key)), *more]]
+            rows += [["mean", degrees(self._mean(list(excess), self.against, key)), *more]]
             rows += [["better in", "", *better]]
             title = f"{key.partition('_')[0].capitalize()} RMSE of {self.against}, and what others have more [°]"
             yield Table(title, ["", self.against, *others], rows)
@@ -188,7 +188,8 @@ def _mean_and_least(shares: Sequence[float | None]) -> tuple[float, float] | Non
     return (sum(present) / len(present), min(present)) if present else None
 
 
-def _degrees(value: float | None, sign: str = "") -> str:
+def degrees(value: float | None, sign: str = "") -> str:
+    """Angle with three digits, degrees; a dash where there is none."""
     return "–" if value is None or np.isnan(value) else f"{value:{sign}.3f}"
 
 
@@ -198,7 +199,7 @@ def _share(pair: tuple[float, float] | None) -> str:
 
 def _table(title: str, rows: Mapping[str, Errors]) -> Table:
     return Table(title, ["", *(key.partition("_")[0] for key in KEYS)], [
-        [name, *(_degrees(errors.get(key)) for key in KEYS)] for name, errors in rows.items()
+        [name, *(degrees(errors.get(key)) for key in KEYS)] for name, errors in rows.items()
     ])  # fmt: skip
 
 

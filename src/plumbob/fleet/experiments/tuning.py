@@ -2,51 +2,47 @@
 
 The error of a set of parameters is the geometric mean over recordings of the rms error that `plumbob.evaluate` defines:
 the mean of logarithms, so that a recording with large errors does not outweigh the others. It is searched in the
-logarithms of the parameters, first on a fixed scrambled Sobol design, then from its best point by Nelder and Mead.
+logarithms of the parameters by SciPy: DIRECT over the whole range, then Nelder and Mead from its best point. Nothing is
+drawn at random. A search sees its own recordings alone; what was run of one is not run again for another search.
 
-Cross-validation: the groups of recordings are dealt to folds; for each fold the search sees the other recordings only,
-and the errors on the fold's own are those held out. The design does not depend on errors, so that no fold
-learns anything of its own recordings by sharing it. The gain is the geometric mean of the held-out errors relative
-to those of the defaults, with a paired 95 % interval of Student's t over groups.
+Cross-validation: the groups of recordings are dealt to folds in their order; for each fold the search sees the other
+recordings only, and the errors on the fold's own are those held out. The gain is the geometric mean of the held-out
+errors relative to those of the defaults, with a paired 95 % interval of Student's t over groups.
 """
 
 import json
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from plumbob.core import __version__, check
 from plumbob.core.check import Floats
-from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError, unknown_name
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
 from plumbob.core.files import file_sha256, write_text
 from plumbob.core.params import Parameter, allowed, checked, describe, shown
 from plumbob.core.result import Reported, plain
 from plumbob.core.text import counted, visible
 from plumbob.core.units import Quantity, given, to_deg
-from plumbob.data import AttitudeTrack
 from plumbob.data.recording import Recording
 from plumbob.door.evaluate import evaluate
-from plumbob.evaluation.evaluation import Evaluation
+from plumbob.filters import CommonParams
 from plumbob.filters.known import load
 from plumbob.filters.offline import Stage, navigation_frame, run_stage
-from plumbob.fleet.experiments.trials import read_trial, trials_in, unused_name
-from plumbob.reporting.content import Figure, Table
+from plumbob.fleet.experiments.trials import degrees, read_trial, trials_in, unused_name
+from plumbob.reporting.content import Table
 from plumbob.reporting.report import Report
 from plumbob.rotations import Frame
-
-if TYPE_CHECKING:
-    from matplotlib.figure import FigureBase
 
 METRICS: Final = ("total", "heading", "inclination")
 GROUPS: Final = ("recording", "folder", "device")
 REACH: Final = 100.0  # without a range, a parameter is sought between its default over this and its default times this
 NEAR_END: Final = 0.02  # a value within this share of its range, in logarithms, is at the end of the range
-DESIGN: Final = 0.6  # share of the budget that is spent on the design; the rest refines
+GLOBAL: Final = 0.6  # share of the budget that is spent on the whole range; the rest refines
 STEP: Final = 0.08  # first step of the refinement, share of the range in logarithms
 WORST: Final = math.pi  # error of a run that cannot be scored, rad: none is larger
 LEAST: Final = 1e-9  # smallest error whose logarithm is taken, rad
@@ -122,9 +118,8 @@ class Tuning(Reported):
     held_tuned_deg: float | None
     # held-out error relative to the defaults', −0.2 for a fifth less, with its paired 95 % interval over groups
     gain: tuple[float, float, float] | None
-    budget: int  # evaluations for each search
+    budget: int  # evaluations for each search, about
     runs: int  # of the filter, in all
-    seed: int
     align: tuple[str, ...]
     skipped: Mapping[str, str]  # files that were not used, and why
 
@@ -170,92 +165,51 @@ class Tuning(Reported):
 
     def report(self) -> Report:
         """Parameters, errors on what was fitted to and on what was not, and each recording."""
-        return Report(
-            f"Parameters of {self.filter}",
-            facts=list(self._facts()),
-            tables=[self._values(), self._errors(), self._each()],
-            remarks=[*self._ends(), *(f"skipped {name}: {why}" for name, why in self.skipped.items()), self.verdict()],
-            figures=[Figure("RMSE of each recording, defaults and tuned", self._draw, height=3.0)],
-        )
-
-    def _facts(self) -> Sequence[tuple[str, str]]:
         by = "" if self.group_by == "recording" else f", {self.group_by}s held out together"
-        folds = f"{counted(self.folds, 'fold')}{by}" if self.folds else "none: nothing can be held out"
-        work = f"{self.budget} evaluations for each search, {self.runs} runs of the filter, seed {self.seed}"
         facts = [
             ("recordings", str(len(self.recordings))),
             ("error", f"{self.metric} RMSE, geometric mean over recordings"),
             ("aligned", ", ".join(self.align) or "nothing"),
-            ("folds", folds),
-            ("search", work),
+            ("folds", f"{counted(self.folds, 'fold')}{by}" if self.folds else "none: nothing can be held out"),
+            ("search", f"about {self.budget} evaluations for each search, {self.runs} runs of the filter"),
         ]
         if self.fixed:
             facts.append(("given", ", ".join(f"{name}={value}" for name, value in self.fixed.items())))
-        return facts
-
-    def _values(self) -> Table:
-        declared = _parameters(self.filter)
-        rows = []
-        for p in self.parameters:
-            parameter = declared[p.name]
-            spread = f"{_text(parameter, min(p.folds))} to {_text(parameter, max(p.folds))}" if p.folds else "–"
-            default = "off" if math.isnan(p.default) else _text(parameter, p.default)
-            searched = f"{_text(parameter, p.low)} to {_text(parameter, p.high)}"
-            rows.append([p.name, default, _text(parameter, p.value), spread, searched])
-        head = ["", "default", "tuned", "in the folds", "searched"]
-        return Table("Parameters, tuned to all recordings", head, rows)
-
-    def _errors(self) -> Table:
-        rows = [_compared("fitted to", self.train_default_deg, self.train_tuned_deg)]
-        if self.gain is not None and self.held_default_deg is not None and self.held_tuned_deg is not None:
-            rows.append(_compared("held out", self.held_default_deg, self.held_tuned_deg))
-            rows[-1][-1] = f"{_percent(self.gain[0])} ({_percent(self.gain[1])} to {_percent(self.gain[2])})"
-            rows.append(["gap", "", "", "" if self.gap is None else _percent(self.gap)])
-        head = ["", "defaults", "tuned", "change (95 %)"]
-        return Table(f"{self.metric.capitalize()} RMSE, geometric mean [°]", head, rows)
-
-    def _each(self) -> Table:
-        rows = [
-            [r.name, "–" if r.fold is None else str(r.fold), f"{r.default_deg:.3f}", _degrees(r.tuned_deg),
-             f"{r.fitted_deg:.3f}"]
-            for r in self.recordings
-        ]  # fmt: skip
-        return Table("RMSE of each recording [°]", ["", "fold", "defaults", "held out", "fitted to all"], rows)
-
-    def _ends(self) -> Sequence[str]:
-        return [
+        ends = (
             f"{p.name} lies at the {p.at_end} end of the range that was searched: the best value may be beyond it"
             for p in self.parameters
             if p.at_end
-        ]
+        )
+        skipped = (f"skipped {name}: {why}" for name, why in self.skipped.items())
+        return Report(f"Parameters of {self.filter}", facts=facts, tables=list(self._tables()),
+                      remarks=[*ends, *skipped, self.verdict()])  # fmt: skip
 
-    def _draw(self, figure: "FigureBase") -> None:
-        ax = figure.subplots()
-        rows = np.arange(len(self.recordings))
-        ax.plot([r.default_deg for r in self.recordings], rows, "o", label="defaults")
-        tuned = [r.fitted_deg if r.tuned_deg is None else r.tuned_deg for r in self.recordings]
-        ax.plot(tuned, rows, "s", label="held out" if self.folds else "fitted to")
-        ax.set_yticks(rows, [r.name[:28] for r in self.recordings], fontsize=6)
-        ax.set_xscale("log")
-        ax.set_xlabel(f"{self.metric} RMSE [°]")
-        ax.legend()
+    def _tables(self) -> Iterator[Table]:
+        declared, rows = _parameters(self.filter), []
+        for p in self.parameters:
+            ends = (p.default, p.value, *((min(p.folds), max(p.folds)) if p.folds else (math.nan,) * 2), p.low, p.high)
+            default, value, least, most, low, high = (_text(declared[p.name], number) for number in ends)
+            folds = f"{least} to {most}" if p.folds else least
+            rows.append([p.name, default if p.default == p.default else "off", value, folds, f"{low} to {high}"])
+        yield Table("Parameters, tuned to all recordings", ["", "default", "tuned", "in the folds", "searched"], rows)
+        rows = [_compared("fitted to", self.train_default_deg, self.train_tuned_deg)]
+        if self.gain is not None and self.held_default_deg is not None and self.held_tuned_deg is not None:
+            held = _compared("held out", self.held_default_deg, self.held_tuned_deg)
+            change, low, high = map(_percent, self.gain)
+            rows += [[*held[:-1], f"{change} ({low} to {high})"], ["gap", "", "", _percent(self.gap or 0.0)]]
+        title = f"{self.metric.capitalize()} RMSE, geometric mean [°]"
+        yield Table(title, ["", "defaults", "tuned", "change (95 %)"], rows)
+        yield Table("RMSE of each recording [°]", ["", "fold", "defaults", "held out", "fitted to all"], [
+            [r.name, str(r.fold or "–"), *map(degrees, (r.default_deg, r.tuned_deg, r.fitted_deg))]
+            for r in self.recordings
+        ])  # fmt: skip
 
     def toml(self) -> str:
-        """Parameter file as ``run --params`` takes it, with where the values come from in comments."""
+        """Parameter file as ``run --params`` takes it, with the report, from which the values come, in comments."""
         declared = _parameters(self.filter)
-        lines = [f"# Parameters of {self.filter}, tuned by plumbob {__version__}.", f"# {self.verdict()}"]
-        lines += [f"# {name}: {visible(value)}" for name, value in self._facts()]
-        lines.append(
-            f"# RMSE fitted to: defaults {self.train_default_deg:.4g} deg, tuned {self.train_tuned_deg:.4g} deg"
-        )
-        if self.gain is not None:
-            change, low, high = map(_percent, self.gain)
-            held = f"defaults {self.held_default_deg:.4g} deg, tuned {self.held_tuned_deg:.4g} deg"
-            lines.append(f"# RMSE held out: {held}, change {change} (95 %: {low} to {high})")
-        for r in self.recordings:
-            fold = "" if r.fold is None else f", fold {r.fold}"
-            lines.append(f"# {json.dumps(r.name, ensure_ascii=False)}{fold}, sha256 {r.sha256 or 'not of a file'}")
-        lines += ["", f"[{self.filter}]"]
+        lines = [f"tuned by plumbob {__version__}", *self.text().splitlines()]
+        lines += [f"{json.dumps(r.name)}, sha256 {r.sha256 or 'not of a file'}" for r in self.recordings]
+        lines = [f"# {visible(line)}".rstrip() for line in lines] + ["", f"[{self.filter}]"]
         for name, value in self.params.items():
             text = value if isinstance(value, str) else shown(declared[name], value)
             lines.append(f"{name} = {json.dumps(text)}")
@@ -280,7 +234,6 @@ def tune(
     group_by: str = "recording",
     folds: int | None = None,
     budget: int = 60,
-    seed: int = 1,
     frame: Frame | str | None = None,
     align: Collection[str] = (),
     settle: float | str = 0.0,
@@ -306,9 +259,7 @@ def tune(
     folds : int, optional
         Number of folds; by default one for each group.
     budget : int
-        Evaluations for each search, over all its recordings.
-    seed : int
-        Of the design, and of the folds where there are fewer than groups.
+        Evaluations for each search, about, over all its recordings.
     frame : Frame or str, optional
         Navigation frame where a recording names none.
     align : collection of str
@@ -318,7 +269,7 @@ def tune(
     jobs : int
         Threads; the result does not depend on them.
     progress : callable, optional
-        Called with the number of runs done, and of all that there will be at most.
+        Called with the number of runs done, and of all that there will be, about.
 
     Returns
     -------
@@ -335,13 +286,13 @@ def tune(
     check.one_of("group_by", group_by, GROUPS)
     _require("budget", budget, 4)
     _require("jobs", jobs, 1)
-    ranges, fixed = _ranges(filter, params, fixed or {}), _fixed(filter, fixed or {})
-    time = given("settle", settle, Quantity.TIME) or 0.0
+    fixed, time = dict(fixed or {}), given("settle", settle, Quantity.TIME) or 0.0
+    ranges = _ranges(filter, params, fixed)
     with ThreadPoolExecutor(max_workers=jobs) as pool:
         search = _Search(filter, metric, tuple(align), time, fixed, ranges, pool, budget, progress)
         trials, skipped = _read(recordings, search, None if frame is None else Frame.parse(frame), group_by)
-        folds_of = _deal(list(dict.fromkeys(trial.group for trial in trials)), folds, seed)
-        return _cross_validated(search, trials, folds_of, group_by=group_by, seed=seed, skipped=skipped)
+        folds_of = _deal(list(dict.fromkeys(trial.group for trial in trials)), folds)
+        return _cross_validated(search, trials, folds_of, group_by=group_by, skipped=skipped)
 
 
 class _TuningTrial:
@@ -373,36 +324,26 @@ class _Search:
     runs: int = 0
     most: int = 0
 
-    @property
-    def designed(self) -> int:
-        """Evaluations of the design; the rest of the budget refines."""
-        return max(2, round(DESIGN * self.budget))
-
     def prepare(self, trial: _TuningTrial) -> None:
         """Measure the defaults; ShapeError where they cannot be scored."""
-        track = self._track(trial, self.fixed)
-        scores = self._evaluated(track, trial)
-        if self.metric not in scores.stats:
-            raise ShapeError(f"its {self.metric} error cannot be scored: {scores.not_scored[self.metric]}.")
-        if not track.known.all():
-            raise ShapeError("the filter with its defaults leaves attitudes that are not known.")
-        trial.default = max(scores.stats[self.metric].rmse, LEAST)
+        trial.default = self._rmse(trial, {})
 
     def error(self, trial: _TuningTrial, x: Floats) -> float:
         """Rms error, rad, `WORST` where it cannot be scored."""
         values = {r.parameter.name: r.value_at(float(place)) for r, place in zip(self.ranges, x, strict=True)}
         try:
-            track = self._track(trial, {**self.fixed, **values})
-            scores = self._evaluated(track, trial).stats if track.known.all() else {}
+            return self._rmse(trial, values)
         except ShapeError:
             return WORST
-        return max(scores[self.metric].rmse, LEAST) if self.metric in scores else WORST
 
-    def _track(self, trial: _TuningTrial, values: Mapping[str, Any]) -> AttitudeTrack:
-        return run_stage(trial.imu, Stage(self.filter, dict(values)), frame=trial.frame)
-
-    def _evaluated(self, track: AttitudeTrack, trial: _TuningTrial) -> Evaluation:
-        return evaluate(track, trial.reference, align=self.align, settle=self.settle)
+    def _rmse(self, trial: _TuningTrial, values: Mapping[str, Any]) -> float:
+        track = run_stage(trial.imu, Stage(self.filter, {**self.fixed, **values}), frame=trial.frame)
+        scores = evaluate(track, trial.reference, align=self.align, settle=self.settle)
+        if self.metric not in scores.stats:
+            raise ShapeError(f"its {self.metric} error cannot be scored: {scores.not_scored[self.metric]}.")
+        if not track.known.all():
+            raise ShapeError("the filter with its defaults leaves attitudes that are not known.")
+        return max(scores.stats[self.metric].rmse, LEAST)
 
     def logs(self, x: Floats, trials: Sequence[_TuningTrial]) -> Floats:
         """Logarithms of the errors (len(trials),) at a place."""
@@ -412,32 +353,24 @@ class _Search:
             trial.errors[key] = error
         self.runs += len(new)
         if self.progress is not None:
-            self.progress(self.runs, self.most)
+            self.progress(self.runs, max(self.runs, self.most))
         return np.log([trial.errors[key] for trial in trials])
 
-    def best(self, trials: Sequence[_TuningTrial], design: Floats) -> Floats:
-        """Best place (d,) for these recordings: of the design, then refined from there."""
-        from scipy.optimize import minimize
+    def best(self, trials: Sequence[_TuningTrial]) -> Floats:
+        """Best place (d,) for these recordings: of DIRECT and the defaults, then refined from there."""
+        from scipy.optimize import Bounds, direct, minimize
 
         def cost(x: Floats) -> float:
             return float(self.logs(x, trials).mean())
 
-        start = design[int(np.argmin([cost(x) for x in design]))]
-        if (remaining := self.budget - self.designed) < 1:
-            return np.asarray(start)
-        steps = np.where(start + STEP <= 1.0, STEP, -STEP)
-        simplex = np.vstack([start, start + np.diag(steps)])
-        how: Any = {"maxfev": remaining, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-5}
-        optimum = minimize(cost, start, method="Nelder-Mead", bounds=[(0.0, 1.0)] * start.size, options=how)
-        return np.asarray(optimum.x)
-
-    def design(self, seed: int) -> Floats:
-        """Places that every search begins with: the defaults, and a scrambled Sobol sequence, (n, d)."""
-        from scipy.stats import qmc
-
-        sobol = qmc.Sobol(len(self.ranges), seed=seed).random_base2(math.ceil(math.log2(self.designed)))
         default = [r.place(r.parameter.default) if _positive(r.parameter.default) else 0.0 for r in self.ranges]
-        return np.vstack([default, sobol[: self.designed - 1]])
+        cube = Bounds(np.zeros(len(default)), np.ones(len(default)))
+        coarse = direct(cost, cube, maxfun=round(GLOBAL * self.budget))
+        start = min(coarse.x, np.array(default), key=cost)
+        simplex = np.vstack([start, start + np.diag(np.where(start + STEP <= 1.0, STEP, -STEP))])
+        remaining = max(1, self.budget - coarse.nfev)
+        how: Any = {"maxfev": remaining, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-5}
+        return np.asarray(minimize(cost, start, method="Nelder-Mead", bounds=cube, options=how).x)
 
 
 def _cross_validated(
@@ -446,26 +379,23 @@ def _cross_validated(
     folds_of: Mapping[str, int],
     *,
     group_by: str,
-    seed: int,
     skipped: Mapping[str, str],
 ) -> Tuning:
     """Fit to all; then, for each fold, fit to the others and judge it by its own."""
     count = len(set(folds_of.values())) if len(folds_of) > 1 else 0
-    search.most = len(trials) * (search.designed + (1 + count) * (search.budget - search.designed + 1))
-    design = search.design(seed)
-    best = search.best(trials, design)
-    fitted = search.logs(best, trials)
+    search.most = len(trials) * (1 + count) * (search.budget + 1)
+    best = search.best(trials)
+    fitted = to_deg(np.exp(search.logs(best, trials))).tolist()
     held_deg: dict[str, float] = {}
-    places, train = [], []
+    places, train = [], list[tuple[float, float]]()
     for fold in range(1, count + 1):
         inside = [t for t in trials if folds_of[t.group] != fold]
         outside = [t for t in trials if folds_of[t.group] == fold]
-        place = search.best(inside, design)
-        places.append(place)
-        train.append((np.mean(np.log([t.default for t in inside])), search.logs(place, inside).mean()))
+        places.append(place := search.best(inside))
+        train.append((np.log([t.default for t in inside]).mean(), search.logs(place, inside).mean()))
         held_deg |= zip((t.name for t in outside), to_deg(np.exp(search.logs(place, outside))).tolist(), strict=True)
     if not count:
-        train.append((np.mean(np.log([t.default for t in trials])), fitted.mean()))
+        train.append((np.log([t.default for t in trials]).mean(), search.logs(best, trials).mean()))
     rows = tuple(
         Held(
             t.name,
@@ -476,33 +406,29 @@ def _cross_validated(
             fit,
             t.sha256,
         )
-        for t, fit in zip(trials, to_deg(np.exp(fitted)).tolist(), strict=True)
-    )  # fmt: skip
+        for t, fit in zip(trials, fitted, strict=True)
+    )
     held_default, held_tuned, gain = _gain(rows) if count else (None, None, None)
     train_default, train_tuned = to_deg(np.exp(np.mean(train, axis=0))).tolist()
     return Tuning(
         search.filter, search.metric, group_by, search.fixed,
         tuple(_tuned(r, [float(x[i]) for x in (best, *places)]) for i, r in enumerate(search.ranges)),
         rows, count, train_default, train_tuned, held_default, held_tuned, gain,
-        search.budget, search.runs, seed, search.align, skipped,
+        search.budget, search.runs, search.align, skipped,
     )  # fmt: skip
 
 
 def _gain(rows: Sequence[Held]) -> tuple[float, float, tuple[float, float, float]]:
     """Held-out errors, degrees, and their change with its interval: pairs of groups, Student's t."""
-    from scipy.stats import t
+    from scipy.stats import ttest_1samp
 
-    default: dict[str, list[float]] = {}
-    tuned: dict[str, list[float]] = {}
-    for row in rows:
-        default.setdefault(row.group, []).append(math.log(row.default_deg))
-        tuned.setdefault(row.group, []).append(math.log(row.tuned_deg or row.default_deg))
-    before, after = (np.array([np.mean(v) for v in logs.values()]) for logs in (default, tuned))
-    change = after - before
-    half = float(t.ppf(0.975, change.size - 1)) * float(change.std(ddof=1)) / math.sqrt(change.size)
-    mean = float(change.mean())
-    ends = (math.expm1(mean), math.expm1(mean - half), math.expm1(mean + half))
-    return math.exp(before.mean()), math.exp(after.mean()), ends
+    logs = np.log([(row.default_deg, row.tuned_deg or row.default_deg) for row in rows])
+    groups = np.array([row.group for row in rows])
+    means = np.array([logs[groups == group].mean(axis=0) for group in dict.fromkeys(groups.tolist())])
+    change = means[:, 1] - means[:, 0]
+    low, high = ttest_1samp(change, 0.0).confidence_interval(0.95)
+    default, tuned = np.exp(means.mean(axis=0)).tolist()
+    return default, tuned, (math.expm1(change.mean()), math.expm1(low), math.expm1(high))
 
 
 def _tuned(range_: Range, places: Sequence[float]) -> Tuned:
@@ -510,20 +436,18 @@ def _tuned(range_: Range, places: Sequence[float]) -> Tuned:
     p, x = range_.parameter, places[0]
     end = "low" if x < NEAR_END else "high" if x > 1.0 - NEAR_END else ""
     value, *folds = map(range_.value_at, places)
-    return Tuned(
-        p.name, math.nan if p.default is None else float(p.default), value, range_.low, range_.high, tuple(folds), end
-    )
+    default = math.nan if p.default is None else float(p.default)
+    return Tuned(p.name, default, value, range_.low, range_.high, tuple(folds), end)
 
 
-def _deal(groups: Sequence[str], folds: int | None, seed: int) -> dict[str, int]:
-    """Fold of each group, from 1."""
+def _deal(groups: Sequence[str], folds: int | None) -> dict[str, int]:
+    """Fold of each group, from 1, in turns."""
     if folds is None or len(groups) == 1:
-        return {group: i + 1 for i, group in enumerate(groups)}
-    _require("folds", folds, 2)
+        folds = len(groups)
+    _require("folds", folds, min(2, len(groups)))
     if folds > len(groups):
         raise ParameterError(f"folds is {folds}, but there are only {len(groups)} to be held out.")
-    order = np.random.default_rng(seed).permutation(len(groups))
-    return {groups[int(g)]: i % folds + 1 for i, g in enumerate(order)}
+    return {group: i % folds + 1 for i, group in enumerate(groups)}
 
 
 def _require(name: str, value: int, least: int) -> None:
@@ -533,8 +457,6 @@ def _require(name: str, value: int, least: int) -> None:
 
 def _parameters(filter: str) -> dict[str, Parameter]:
     """Parameters of a filter, and those that every filter has."""
-    from plumbob.filters import CommonParams
-
     return {p.name: p for p in (*describe(load(filter).Params), *describe(CommonParams))}
 
 
@@ -544,18 +466,16 @@ def _positive(value: Any) -> bool:
 
 def _ranges(filter: str, params: Collection[str] | None, fixed: Mapping[str, Any]) -> tuple[Range, ...]:
     """What is sought, and where."""
-    declared = {p.name: p for p in describe(load(filter).Params)}
-    if isinstance(params, str):
-        params = params.split(",")
+    declared = {p.name: p for p in describe(load(filter).Params) if not p.switch}
     if params is None:
-        few = FEW.get(filter, tuple(name for name, p in declared.items() if not p.switch and _positive(p.default)))
+        few = FEW.get(filter, tuple(name for name, p in declared.items() if _positive(p.default)))
         params = [name for name in few if name not in fixed]
     ranges: dict[str, Range] = {}
-    for text in params:
+    for text in params.split(",") if isinstance(params, str) else params:
         name, equals, span = (part.strip() for part in text.partition("="))
-        if name not in declared or declared[name].switch:
-            names = ", ".join(n for n, p in declared.items() if not p.switch)
-            raise ParameterError(f"{filter} has no parameter '{name}' that could be tuned; it has {names or 'none'}.")
+        if name not in declared:
+            names = ", ".join(declared) or "none"
+            raise ParameterError(f"{filter} has no parameter '{name}' that could be tuned; it has {names}.")
         if name in ranges:
             raise ParameterError(f"{filter}: {name} is named twice.")
         if name in fixed:
@@ -583,14 +503,6 @@ def _range(filter: str, p: Parameter, span: str) -> Range:
     if not (_positive(low) and _positive(high) and low < high):
         raise ParameterError(f"{filter}: the range of {p.name} must rise from above 0, but got '{span}'.")
     return Range(p, float(low), float(high))
-
-
-def _fixed(filter: str, fixed: Mapping[str, Any]) -> dict[str, Any]:
-    declared = _parameters(filter)
-    for name in fixed:
-        if name not in declared:
-            raise unknown_name("parameter", name, declared, of=filter)
-    return {name: checked(filter, declared[name], value) for name, value in fixed.items()}
 
 
 def _read(
@@ -625,18 +537,14 @@ def _read(
 
 
 def _text(p: Parameter, value: float) -> str:
-    """Value with three digits, as a table has it."""
+    """Value with three digits, as a table has it; a dash where there is none."""
     number, space, unit = shown(p, value).partition(" ")
-    return f"{float(number):.3g}{space}{unit}"
+    return "–" if math.isnan(value) else f"{float(number):.3g}{space}{unit}"
 
 
 def _compared(name: str, before: float, after: float) -> list[str]:
-    return [name, f"{before:.3f}", f"{after:.3f}", _percent(after / before - 1.0)]
+    return [name, degrees(before), degrees(after), _percent(after / before - 1.0)]
 
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:+.1f} %"
-
-
-def _degrees(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"
