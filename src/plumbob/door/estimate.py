@@ -178,8 +178,21 @@ class Estimated(Series):
         return "\n".join(lines)
 
 
+_DIRECTIONS: Final = {"E": "east", "N": "north", "U": "up", "D": "down", "W": "west"}  # letters of a frame's name
+
+
+class EarthSeries(Series):
+    """Mixin of what has values along the axes of a navigation frame, which can be written as a table."""
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the columns as ``.csv`` or ``.parquet``; errors as of `plumbob.files.arrow.write_table`."""
+        from plumbob.files.arrow import write_table
+
+        write_table(Path(path), self.columns(), overwrite=overwrite)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class EarthAcceleration(Series):
+class EarthAcceleration(EarthSeries):
     """Acceleration of an accelerometer over the Earth, without gravity.
 
     `acc_n` (N, 3), m/s², along the axes of `frame`: in ENU positive towards east, north and up; NaN where the attitude
@@ -221,13 +234,9 @@ class EarthAcceleration(Series):
             self.t, displacement(self.t, self.acc_n, step=1.0 / timing(self.t).rate, low=first, high=last), self.frame
         )
 
-    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the columns as ``.csv`` or ``.parquet``; errors as of `plumbob.files.arrow.write_table`."""
-        _save_columns(self, path, overwrite)
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class EarthDisplacement(Series):
+class EarthDisplacement(EarthSeries):
     """Way `way_n` (N, 3), m, at times `t` (N,), s, along the axes of `frame`; NaN where it is not known."""
 
     t: Floats
@@ -242,19 +251,6 @@ class EarthDisplacement(Series):
         """Times, and ways by the directions in which they are positive."""
         names = [f"way_{_DIRECTIONS[letter]} [m]" for letter in str(self.frame)]
         return {"t [s]": self.t} | dict(zip(names, self.way_n.T, strict=True))
-
-    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the columns as ``.csv`` or ``.parquet``; errors as of `plumbob.files.arrow.write_table`."""
-        _save_columns(self, path, overwrite)
-
-
-def _save_columns(series: Series, path: str | Path, overwrite: bool) -> None:
-    from plumbob.files.arrow import write_table
-
-    write_table(Path(path), series.columns(), overwrite=overwrite)
-
-
-_DIRECTIONS: Final = {"E": "east", "N": "north", "U": "up", "D": "down", "W": "west"}  # letters of a frame's name
 
 
 def earth_acceleration(

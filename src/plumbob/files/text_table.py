@@ -695,7 +695,7 @@ MOST_NAMED: Final = 6  # lines that are left out and named
 
 def lines_left_out(lines: Sequence[int], count: int, rows: int, error: str) -> Finding:
     """Note of how many lines of so many rows are left out, why the first of `lines` is, and the numbers of the next."""
-    others = (*map(str, lines[1:]), *(["…"] if count > MOST_NAMED else []))
+    others = (*map(str, lines[1:]), *(["…"] if count > len(lines) > 1 else []))
     return warning("reading.lines_left_out", count=count, rows=rows, error=error.rstrip("."), lines=others)
 
 

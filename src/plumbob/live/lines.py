@@ -361,7 +361,7 @@ class LineDecoder:
         self._reads, self._pending, self._done = Reads(), b"", 0
         self._lines = self._left_out = 0
         self._error, self._midway = "", form.midway
-        self._bad_lines: list[str] = []
+        self._bad_lines: list[int] = []
 
     @property
     def notes(self) -> tuple[Finding, ...]:
@@ -369,8 +369,7 @@ class LineDecoder:
         clock, error = self._clock, self._error or "a time stamp is far off those around it"
         count, findings = self._left_out + (clock.off if clock else 0), list[Finding]()
         if count:
-            findings.append(warning("reading.lines_left_out", count=count, rows=self._lines, error=error.rstrip("."),
-                                 lines=tuple(self._bad_lines[1:])))  # fmt: skip
+            findings.append(text_table.lines_left_out(self._bad_lines, count, self._lines, error))
         if clock and clock.turned:
             findings.append(warning("reading.clock_turned", at=clock.turned_at, count=clock.turned))
         if clock and clock.again:
@@ -446,7 +445,7 @@ class LineDecoder:
             self._left_out += 1
             self.counts.bad_content += 1
             self._error = self._error or str(error)
-            self._bad_lines += [str(self._lines)] if len(self._bad_lines) < text_table.MOST_NAMED else []
+            self._bad_lines += [self._lines] if len(self._bad_lines) < text_table.MOST_NAMED else []
             return False
 
     def _frames(self, rows: list[_TextRow]) -> dict[str, Frames]:

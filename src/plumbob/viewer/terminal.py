@@ -20,7 +20,7 @@ from rich.text import Text
 from plumbob.core.flags import names
 from plumbob.core.text import visible
 from plumbob.core.units import to_deg
-from plumbob.live.transports.transport import Stop, Stopping
+from plumbob.live.transports.transport import Stop
 from plumbob.reporting.content import chinese_labels
 from plumbob.rotations import Frame, North
 from plumbob.rotations.frames import heading_of
@@ -379,17 +379,3 @@ def painted(terminal: Terminal) -> Iterator[None]:
     finally:
         ended.set()
         painter.join(_JOIN)
-
-
-class EitherStop(Stop):
-    """Says when to end: where a key, or somebody else, says so."""
-
-    __slots__ = ("_other",)
-
-    def __init__(self, other: Stopping | None) -> None:
-        super().__init__()
-        self._other = other
-
-    def is_set(self) -> bool:
-        """Whether it is time to end."""
-        return super().is_set() or (self._other is not None and self._other.is_set())

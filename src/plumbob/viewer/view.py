@@ -31,7 +31,7 @@ from plumbob.live.sinks import RecordingSink, Sink, named_at, text_sinks
 from plumbob.live.sources import open_sources
 from plumbob.live.stream import Stream
 from plumbob.live.transports.outgoing import require_writable
-from plumbob.live.transports.transport import Stopping
+from plumbob.live.transports.transport import Stop, Stopping
 from plumbob.viewer.child import ServerOutlet, Serving, require_view
 from plumbob.viewer.commands import CommandHandler, Outlet
 from plumbob.viewer.feed import Feed
@@ -199,13 +199,13 @@ def _fill_terminal(
     opened: Callable[[str], object] | None, line: Mapping[str, Any],
 ) -> Viewed:  # fmt: skip
     """Show it as text that fills a terminal, which standard output must be; arguments as of `view`."""
-    from plumbob.viewer.terminal import EitherStop, Terminal, keys_at_once, painted
+    from plumbob.viewer.terminal import Terminal, keys_at_once, painted
 
     if not sys.stdout.isatty():
         raise ParameterError(
             "--terminal fills a terminal, and standard output is not one. 'plumbob record' follows a line without one."
         )
-    ended = EitherStop(stop)
+    ended = Stop(stop)
     terminal = Terminal(ended, lang)
 
     def note(text: str) -> None:

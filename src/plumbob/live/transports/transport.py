@@ -52,12 +52,12 @@ class Stopping(Protocol):
 
 
 class Stop:
-    """Says when to end, and may be called by a signal: it takes no lock, on which a handler could wait for itself."""
+    """Says when to end, too where another does; it takes no lock, on which the handler of a signal could wait."""
 
-    __slots__ = ("_set",)
+    __slots__ = ("_other", "_set")
 
-    def __init__(self) -> None:
-        self._set = False
+    def __init__(self, other: Stopping | None = None) -> None:
+        self._set, self._other = False, other
 
     def set(self) -> None:
         """Say that it is time."""
@@ -65,7 +65,7 @@ class Stop:
 
     def is_set(self) -> bool:
         """Whether it is time to end."""
-        return self._set
+        return self._set or (self._other is not None and self._other.is_set())
 
 
 class NoLine(Exception):  # noqa: N818  it is no error but an answer, and never leaves this package
