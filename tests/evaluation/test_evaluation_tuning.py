@@ -56,13 +56,13 @@ def test_the_optimum_is_that_of_a_wide_scan(several, found):
     assert math.log(found.train_tuned_deg) < min(means) + 0.005
 
 
-def test_errors_are_those_that_evaluate_gives_and_the_same_with_other_threads(several, found):
+def test_errors_are_those_that_evaluate_gives_and_the_same_once_more(several, found):
     (beta,) = found.parameters
     for one, row in zip(several, found.recordings, strict=True):
         assert row.default_deg == pytest.approx(error(one, {}), rel=1e-9)
         assert row.fitted_deg == pytest.approx(error(one, {"beta": beta.value}), rel=1e-9)
         assert row.tuned_deg == pytest.approx(error(one, {"beta": beta.folds[row.fold - 1]}), rel=1e-9)
-    again = tune(several, "madgwick", metric="inclination", budget=24, jobs=1)
+    again = tune(several, "madgwick", metric="inclination", budget=24)
     assert again.summary() == found.summary()
 
 
@@ -149,7 +149,6 @@ def test_places_of_a_range_are_even_in_logarithms_and_one_at_its_end_is_said(sev
     ({"params": ["beta"], "fixed": {"beta": 0.1}}, "both to be tuned and given"),
     ({"fixed": {"gain": 1.0}}, "has no parameter 'gain'"),
     ({"budget": 1}, "budget must be a whole number of at least 4"),
-    ({"jobs": 0}, "jobs"),
     ({"folds": 9}, "there are only 2"),
     ({"metric": "yaw"}, "metric must be one of"),
     ({"group_by": "moon"}, "group_by must be one of"),

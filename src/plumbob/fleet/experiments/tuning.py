@@ -13,7 +13,6 @@ errors relative to those of the defaults, with a paired 95 % interval of Student
 import json
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -237,7 +236,6 @@ def tune(
     frame: Frame | str | None = None,
     align: Collection[str] = (),
     settle: float | str = 0.0,
-    jobs: int = 2,
     progress: Callable[[int, int], None] | None = None,
 ) -> Tuning:
     """Fit parameters of a filter to recordings with references, and cross-validate what they are worth.
@@ -266,8 +264,6 @@ def tune(
         What is aligned before an error is measured, as `plumbob.evaluate` has it.
     settle : float or str
         Time at the start that is not judged, s.
-    jobs : int
-        Threads; the result does not depend on them.
     progress : callable, optional
         Called with the number of runs done, and of all that there will be, about.
 
@@ -285,14 +281,12 @@ def tune(
     check.one_of("metric", metric, METRICS)
     check.one_of("group_by", group_by, GROUPS)
     _require("budget", budget, 4)
-    _require("jobs", jobs, 1)
     fixed, time = dict(fixed or {}), given("settle", settle, Quantity.TIME) or 0.0
     ranges = _ranges(filter, params, fixed)
-    with ThreadPoolExecutor(max_workers=jobs) as pool:
-        search = _Search(filter, metric, tuple(align), time, fixed, ranges, pool, budget, progress)
-        trials, skipped = _read(recordings, search, None if frame is None else Frame.parse(frame), group_by)
-        folds_of = _deal(list(dict.fromkeys(trial.group for trial in trials)), folds)
-        return _cross_validated(search, trials, folds_of, group_by=group_by, skipped=skipped)
+    search = _Search(filter, metric, tuple(align), time, fixed, ranges, budget, progress)
+    trials, skipped = _read(recordings, search, None if frame is None else Frame.parse(frame), group_by)
+    folds_of = _deal(list(dict.fromkeys(trial.group for trial in trials)), folds)
+    return _cross_validated(search, trials, folds_of, group_by=group_by, skipped=skipped)
 
 
 class _TuningTrial:
@@ -318,7 +312,6 @@ class _Search:
     settle: float
     fixed: Mapping[str, Any]
     ranges: tuple[Range, ...]
-    pool: ThreadPoolExecutor
     budget: int
     progress: Callable[[int, int], None] | None
     runs: int = 0
@@ -349,8 +342,8 @@ class _Search:
         """Logarithms of the errors (len(trials),) at a place."""
         key = x.tobytes()
         new = [trial for trial in trials if key not in trial.errors]
-        for trial, error in zip(new, self.pool.map(lambda t: self.error(t, x), new), strict=True):
-            trial.errors[key] = error
+        for trial in new:
+            trial.errors[key] = self.error(trial, x)
         self.runs += len(new)
         if self.progress is not None:
             self.progress(self.runs, max(self.runs, self.most))
