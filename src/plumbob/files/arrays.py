@@ -11,7 +11,7 @@ import math
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from itertools import islice
 from pathlib import Path
@@ -44,7 +44,7 @@ _NO_NUMBERS: Final = "data set that is not of numbers"
 
 
 class Arrays:
-    """Arrays of one file by their names, which subclasses list without loading, and load some."""
+    """Arrays of one file by their names; subclasses list them without loading, and load some."""
 
     def __init__(self) -> None:
         self.shapes: dict[str, tuple[int, ...]] = {}  # of those of numbers
@@ -55,6 +55,11 @@ class Arrays:
 
     def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
         """Load arrays, each in its own type."""
+        places = {name: self._fields.get(name, (name, ())) for name in names}
+        arrays = self._loaded(dict.fromkeys(path for path, _ in places.values()))
+        return {name: arrays[path][part] for name, (path, part) in places.items()}
+
+    def _loaded(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
         raise NotImplementedError
 
     def summary(self) -> str:
@@ -151,7 +156,7 @@ class _Mat5(Arrays):
                 wide = "utf-16-le" if order == "<" else "utf-16-be"
                 self.profile = str(text, "utf-8" if kind in _OF_8_BITS else wide, "replace")
 
-    def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
+    def _loaded(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
         require_room(sum(self._leaves[name].size for name in names), self._size)
         return {name: self._numbers(self._leaves[name]) for name in names}
 
@@ -323,21 +328,19 @@ class Hdf5Arrays(Arrays):
         }
         self.shapes.update((key, value.shape) for key, value in self._single.items())
 
-    def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
-        """Load arrays, each in its own type."""
+    def _loaded(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
         size = self._file.stat().st_size
         with opened_hdf5(self._file) as (h5py, hdf5):
-            places = {name: self._fields.get(name, (name, ())) for name in names if name not in self._single}
             sets = {}
-            for path, _ in places.values():
+            for path in (name for name in names if name not in self._single):
                 group, _, key = path.rpartition("/")
                 sets[path] = _own_dataset(h5py, hdf5[group] if group else hdf5, key)
             require_room(sum(dataset.size * dataset.dtype.itemsize for dataset in sets.values()), size)
             for path, dataset in sets.items():
                 _require_whole_chunks(h5py, path, dataset, size)
-            arrays = {name: sets[path][part] for name, (path, part) in places.items()}
-            arrays = {name: array.T if self._transposed else array for name, array in arrays.items()}
-            return arrays | {name: self._single[name] for name in names if name in self._single}
+            return self._single | {
+                path: dataset[()].T if self._transposed else dataset[()] for path, dataset in sets.items()
+            }
 
 
 def _walk(h5py: Any, group: Any, prefix: str = "") -> Iterator[tuple[str, str, Any]]:
@@ -369,19 +372,17 @@ class _Npz(Arrays):
             else:
                 self.others[key] = "array of objects or texts"
 
-    def load(self, names: list[str]) -> dict[str, NDArray[Any]]:
-        places = {name: self._fields.get(name, (name, ())) for name in names}
+    def _loaded(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
         arrays: dict[str, NDArray[Any]] = {}
-        of_files = dict.fromkeys(path for path, _ in places.values())
-        require_room(sum(self._parts.size(f"{name}.npy") for name in of_files), self._parts.path.stat().st_size)
-        for name in of_files:
+        require_room(sum(self._parts.size(f"{name}.npy") for name in names), self._parts.path.stat().st_size)
+        for name in names:
             raw = self._parts.read(f"{name}.npy")
             shape, dtype = _npy_head(name, raw)
             if int(np.prod(shape, dtype=object)) * dtype.itemsize > len(raw):
                 raise DecodeError(f"{name} claims {shape} values in {len(raw)} bytes, which cannot be.")
             with intact(name, (ValueError, EOFError)):
                 arrays[name] = np.lib.format.read_array(io.BytesIO(raw), allow_pickle=False)
-        return {name: arrays[path][part] for name, (path, part) in places.items()}
+        return arrays
 
 
 def _npy_head(name: str, raw: bytes) -> tuple[tuple[int, ...], Any]:

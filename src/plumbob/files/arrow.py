@@ -302,6 +302,17 @@ def _table_text(path: Path, kind: str, most: int | None) -> bytes:
 TABLES: Final = (".csv", ".parquet")  # endings of a table's file
 
 
+def write_rows(path: Path, head: str, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write rows of numbers with commas between them behind a head, to the bit."""
+    import pyarrow as pa
+    from pyarrow import csv as arrow_csv
+
+    table = pa.table({name: arrow_column(values) for name, values in columns.items()})
+    with path.open("wb") as stream:
+        stream.write(head.encode("utf-8", "replace"))
+        arrow_csv.write_csv(table, stream, arrow_csv.WriteOptions(include_header=False, quoting_style="none"))
+
+
 def write_table(
     path: Path,
     columns: Mapping[str, NDArray[Any]],
@@ -313,26 +324,15 @@ def write_table(
     kind = path.suffix.lower()
     if kind not in TABLES:
         raise ParameterError(f"a table ends in {' or '.join(TABLES)}, but it is {path}.")
-    import pyarrow as pa
-
-    table = pa.table({name: arrow_column(values) for name, values in columns.items()})
     with replacing(path, overwrite=overwrite, seeks=kind == ".parquet") as temporary:
         if kind == ".parquet":
+            import pyarrow as pa
             import pyarrow.parquet as pq
 
-            pq.write_table(
-                table.replace_schema_metadata(metadata),
-                temporary,
-                compression="zstd",
-                use_dictionary=False,
-                write_page_checksum=True,
-            )
+            table = pa.table({name: arrow_column(values) for name, values in columns.items()}, metadata=metadata)
+            pq.write_table(table, temporary, compression="zstd", use_dictionary=False, write_page_checksum=True)
         else:
-            from pyarrow import csv as arrow_csv
-
             head = io.StringIO()
             csv.writer(head, lineterminator="\n").writerow(columns)
-            with temporary.open("wb") as stream:
-                stream.write(head.getvalue().encode())
-                arrow_csv.write_csv(table, stream, arrow_csv.WriteOptions(include_header=False, quoting_style="none"))
+            write_rows(temporary, head.getvalue(), columns)
     return path

@@ -2,7 +2,6 @@
 
 They are what a logger, an oscilloscope or ``numpy.save`` leaves. What they do not say (rate, scale, and for raw bytes
 the type and the columns) must be declared; a text that says more than numbers is a recording (`plumbob.files.read`).
-They are read, not mapped into memory, where every page that was touched would count as used.
 
 A text is read as any table is, in blocks, but a cell without a number is refused with its place. A last number that
 nothing follows, or a last row that was cut, is left out, and said so: ``9.8`` of ``9.81`` would read as a good number.
@@ -11,13 +10,11 @@ nothing follows, or a last row that was cut, is left out, and said so: ``9.8`` o
 import os
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, excerpt
@@ -36,63 +33,11 @@ _ADVICE: Final = (
 )
 
 
-@dataclass(frozen=True)
-class Text:
-    """Numbers in a text."""
-
-    path: Path
-    layout: TextLayout  # how its rows are laid out
-    columns: int  # numbers in a row
-    one_line: bool  # whether all rows stand on one line
-    line: int  # number of the line of the first row, from 1
-    notes: tuple[Finding, ...] = ()  # what is left out
-
-    def body(self) -> Body:
-        """Its lines, of which those of comments are blank, and none ends in a separator."""
-        texts = partial(text_blocks, self.path, self.layout.encoding)
-        return Body(lambda: (_bare(text, self.layout.separator) for text in texts()), Head((), 0, 1), self.layout)
-
-    def blocks(self) -> Iterator[tuple[Floats, int]]:
-        """Blocks with the bytes used so far."""
-        if self.one_line:
-            yield self._of_one_line(), self.path.stat().st_size
-            return
-        done = 0
-        for block, line in self.body().blocks():
-            done += len(block)
-            yield self._parsed(block, line, self.columns), done
-
-    def _parsed(self, block: bytes, line: int, columns: int) -> Floats:
-        """Numbers of a block that begins with a line; DecodeError where one cannot be read."""
-        refs = tuple(range(1, columns + 1))
-        reading = Reading(self.layout, columns, {ref: ref - 1 for ref in refs}, None, {}, (refs,))
-        if not reading.add_fast(block):
-            rows = enumerate(block.decode().split("\n"), line)
-            reading.add_slow((number, row) for number, row in rows if row.strip())
-        for _, error in reading.left_out.values():
-            raise DecodeError(f"{error} {_ADVICE}") from error
-        return reading.tables[0].columns()[refs]
-
-    def _of_one_line(self) -> Floats:
-        text = b"".join(self.body().again()).decode()
-        (row, *others), separator = filter(str.strip, text.split("\n")), self.layout.separator
-        if others:
-            raise DecodeError(f"line {self.line} has more than {READ} bytes, but others follow it. {_ADVICE}")
-        cells = row.split() if separator == " " else [cell.strip() for cell in row.split(separator)]
-        cells = cells[:-1] if self.notes else cells
-        if "" in cells:  # which would be left out without a word, as an empty line is
-            raise DecodeError(f"line {self.line}, value {1 + cells.index('')}: '' is not a number. {_ADVICE}")
-        if len(cells) % self.columns:
-            raise DecodeError(f"its {len(cells)} numbers do not fill rows of {self.columns} columns; it is cut.")
-        try:
-            return self._parsed("\n".join(cells).encode(), 1, 1).reshape(-1, self.columns)
-        except DecodeError as error:
-            where = re.sub(r"line (\d+), column 1\b", rf"line {self.line}, value \1", str(error), count=1)
-            raise DecodeError(where) from error
+Blocks = Iterator[tuple[Floats, int]]  # of numbers, with the bytes of the file used so far
 
 
-def open_text(file: Path, columns: int | None) -> Text:
-    """Find the first row, and how it is laid out; DecodeError if it can be read in two ways, or there is none."""
+def open_text(file: Path, columns: int | None) -> "tuple[int, tuple[Finding, ...], Callable[[], Blocks]]":
+    """Columns, what is left out, and blocks of a text; DecodeError if it can be read in two ways, or holds none."""
     text, encoding = decoded(text_bytes(file, READ))
     rows = [(line, row) for line, row in enumerate(_bare(text.encode(), "").decode().split("\n"), 1) if row.strip()][:2]
     if not rows:
@@ -101,16 +46,62 @@ def open_text(file: Path, columns: int | None) -> Text:
     separator = next((sign for sign in ";," if sign in first), " ")
     _refuse_decimal_comma(first, separator, columns, number)
     layout = TextLayout(separator, encoding=encoding, missing=(), names=False)
-    if one_line := len(rows) == 1:
+
+    def body() -> Body:
+        """Its lines, of which those of comments are blank, and none ends in a separator."""
+        return Body(lambda: (_bare(some, separator) for some in text_blocks(file, encoding)), Head((), 0, 1), layout)
+
+    if len(rows) == 1:
         is_cut = not decode(text_bytes(file), encoding).endswith((" ", "\t", "\n", separator))
-        return Text(file, layout, columns or 1, one_line, number, (warning("reading.last_number_cut"),) * is_cut)
+        notes, count = (warning("reading.last_number_cut"),) * is_cut, columns or 1
+
+        def alone() -> Blocks:
+            yield _one_line(body(), number, count, is_cut), file.stat().st_size
+
+        return count, notes, alone
     width = len(split_row(first.rstrip(" \t").removesuffix(separator), separator, number))
     if columns not in {None, width}:
         raise DecodeError(f"line {number} has {width} numbers, but {columns} columns are declared. {_ADVICE}")
-    made = Text(file, layout, width, one_line, number)
-    for _ in (body := made.body()).blocks():
+
+    def blocks() -> Blocks:
+        done = 0
+        for block, line in body().blocks():
+            done += len(block)
+            yield _parsed(layout, block, line, width), done
+
+    for _ in (looked_at := body()).blocks():
         pass
-    return replace(made, notes=body.cut)
+    return width, looked_at.cut, blocks
+
+
+def _parsed(layout: TextLayout, block: bytes, line: int, columns: int) -> Floats:
+    """Numbers of a block that begins with a line; DecodeError where one cannot be read."""
+    refs = tuple(range(1, columns + 1))
+    reading = Reading(layout, columns, {ref: ref - 1 for ref in refs}, None, {}, (refs,))
+    if not reading.add_fast(block):
+        rows = enumerate(block.decode().split("\n"), line)
+        reading.add_slow((number, row) for number, row in rows if row.strip())
+    for _, error in reading.left_out.values():
+        raise DecodeError(f"{error} {_ADVICE}") from error
+    return reading.tables[0].columns()[refs]
+
+
+def _one_line(body: Body, line: int, columns: int, is_cut: bool) -> Floats:
+    """Numbers of a text whose rows all stand on one line, the last of which may be cut and is left out."""
+    (row, *others), separator = filter(str.strip, b"".join(body.again()).decode().split("\n")), body.layout.separator
+    if others:
+        raise DecodeError(f"line {line} has more than {READ} bytes, but others follow it. {_ADVICE}")
+    cells = row.split() if separator == " " else [cell.strip() for cell in row.split(separator)]
+    cells = cells[:-1] if is_cut else cells
+    if "" in cells:  # which would be left out without a word, as an empty line is
+        raise DecodeError(f"line {line}, value {1 + cells.index('')}: '' is not a number. {_ADVICE}")
+    if len(cells) % columns:
+        raise DecodeError(f"its {len(cells)} numbers do not fill rows of {columns} columns; it is cut.")
+    try:
+        return _parsed(body.layout, "\n".join(cells).encode(), 1, 1).reshape(-1, columns)
+    except DecodeError as error:
+        where = re.sub(r"line (\d+), column 1\b", rf"line {line}, value \1", str(error), count=1)
+        raise DecodeError(where) from error
 
 
 def _bare(text: bytes, separator: str) -> bytes:
@@ -143,30 +134,21 @@ class Binary:
     path: Path
     dtype: np.dtype[Any]  # of its values
     offset: int  # bytes before them
-    rows: int
-    columns: int
-    by_column: bool = False  # whether the values of a column follow each other, instead of those of a row
-    notes: tuple[Finding, ...] = ()
+    shape: tuple[int, int]  # rows and columns
+    order: Literal["C", "F"] = "C"  # whether the values of a row follow each other, or those of a column
 
-    def blocks(self) -> Iterator[tuple[Floats, int]]:
-        """Blocks with the bytes used so far."""
-        step = max(1, (1 << 16) // self.columns)
-        row_bytes = self.columns * self.dtype.itemsize
-        for start in range(0, self.rows, step):
-            stop = min(start + step, self.rows)
-            if self.by_column:
-                places = (column * self.rows + start for column in range(self.columns))
-                values = np.stack([self._values(place, stop - start) for place in places], axis=1)
-            else:
-                values = self._values(start * self.columns, (stop - start) * self.columns).reshape(-1, self.columns)
-            yield np.ascontiguousarray(values, dtype=np.float64), self.offset + stop * row_bytes
-
-    def _values(self, place: int, count: int) -> NDArray[Any]:
-        offset = self.offset + place * self.dtype.itemsize
-        values: NDArray[Any] = np.fromfile(self.path, self.dtype, count, offset=offset)
-        if values.size < count:
-            raise DecodeError(f"it ends after {offset + values.nbytes} bytes: it was cut while it was read.")
-        return values
+    def blocks(self) -> Blocks:
+        """Blocks with the bytes used so far; each is mapped alone, so that no more of the file counts as memory."""
+        rows, columns = self.shape
+        step = max(1, (1 << 16) // columns)
+        for start in range(0, rows, step):
+            stop = min(start + step, rows)
+            try:
+                table = np.memmap(self.path, self.dtype, "r", self.offset, self.shape, self.order)
+            except ValueError as error:
+                size = self.path.stat().st_size
+                raise DecodeError(f"it ends after {size} bytes: it was cut while it was read.") from error
+            yield np.array(table[start:stop], np.float64, order="C"), self.offset + stop * columns * self.dtype.itemsize
 
 
 def open_raw(file: Path, kind: str, columns: int | None) -> Binary:
@@ -174,13 +156,13 @@ def open_raw(file: Path, kind: str, columns: int | None) -> Binary:
     if columns is None:
         raise ParameterError(f"raw {kind} values do not say how many make a row; declare the columns, 1 for one axis.")
     dtype = np.dtype(RAW[kind])
-    size, row = file.stat().st_size, columns * dtype.itemsize
-    if size % row:
+    rows, rest = divmod(file.stat().st_size, columns * dtype.itemsize)
+    if rest:
         raise DecodeError(
-            f"its {size} bytes are {size // row} rows of {columns} {kind} values and {size % row} bytes more; it is "
+            f"its {file.stat().st_size} bytes are {rows} rows of {columns} {kind} values and {rest} bytes more; it is "
             "cut, or the type or the number of columns is wrong."
         )
-    return Binary(file, dtype, 0, size // row, columns)
+    return Binary(file, dtype, 0, (rows, columns))
 
 
 def open_npy(file: Path, columns: int | None) -> Binary:
@@ -192,15 +174,14 @@ def open_npy(file: Path, columns: int | None) -> Binary:
             "it must hold one array of real numbers, (N,) or (N, k), but it holds "
             f"{getattr(array, 'dtype', 'several arrays')} of shape {getattr(array, 'shape', 'unknown')}."
         )
-    rows, width = array.shape if array.ndim == 2 else (array.size, 1)
+    rows, width = shape = array.shape if array.ndim == 2 else (array.size, 1)
     if width > rows:
         raise DecodeError(
             f"its shape is {array.shape}: fewer rows than columns; a row is one instant, so save array.T."
         )
     if columns not in {None, width}:
         raise DecodeError(f"its rows have {width} values, but {columns} columns are declared.")
-    by_column = array.ndim == 2 and not array.flags.c_contiguous
-    return Binary(file, array.dtype, int(array.offset), rows, width, by_column)
+    return Binary(file, array.dtype, int(array.offset), shape, "C" if array.flags.c_contiguous else "F")
 
 
 TEXT_SUFFIXES: Final = (".txt", ".csv", ".tsv", ".dat", ".log")
@@ -219,13 +200,13 @@ class Numbers:
     path: Path  # the file
     kind: str  # ``"npy"``, ``"text"`` or the type of raw values
     size: int  # length of the file, bytes
-    source: Binary | Text = field(repr=False)  # how it is read
     columns: int  # numbers in a row
     notes: tuple[Finding, ...]  # what was left out
+    source: Callable[[], Blocks] = field(repr=False)  # blocks, each time anew
 
     def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[Floats]:
         """Read the file from its start, some megabytes at a time; `progress` gets how many of `size` bytes are done."""
-        blocks, rows = self.source.blocks(), 0
+        blocks, rows = self.source(), 0
         while True:
             with reading(self.path):  # only here, for what the caller does with a block is not this file's fault
                 block, done = next(blocks, (None, self.size))
@@ -265,12 +246,10 @@ def open_numbers(path: str | os.PathLike[str], *, kind: str | None = None, colum
         size = file.stat().st_size
         if size == 0:
             raise DecodeError("it is empty; there is no number in it.")
-        source: Binary | Text
         if kind == "text":
-            source = open_text(file, columns)
-        else:
-            source = open_npy(file, columns) if kind == "npy" else open_raw(file, kind, columns)
-    return Numbers(file, kind, size, source, source.columns, source.notes)
+            return Numbers(file, kind, size, *open_text(file, columns))
+        table = open_npy(file, columns) if kind == "npy" else open_raw(file, kind, columns)
+        return Numbers(file, kind, size, table.shape[1], (), table.blocks)
 
 
 def _kind(file: Path, kind: str | None) -> str:

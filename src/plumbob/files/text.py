@@ -32,7 +32,7 @@ from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.cards import UNITS
 from plumbob.data.imu import BLOCK, known_rows
 from plumbob.data.recording import Recording, stored_notes
-from plumbob.files.arrow import arrow_column, text_bytes
+from plumbob.files.arrow import text_bytes, write_rows
 from plumbob.files.columns import COLUMNS, GROUPS, TIME, Columns, StampError, to_columns, to_seconds
 from plumbob.files.foreign.logged import NORM, Readings, joined, joined_recordings
 from plumbob.files.header import plain_meta
@@ -115,9 +115,7 @@ def _without_end(profile: Profile, table: TextTable) -> TextTable:
     if table.texts or not profile.time.columns or not all(np.isnan(v[-1]).all() for v in table.columns.values()):
         return table
     filled = [np.argwhere(~np.isnan(values)) for values in table.columns.values()]
-    rows = 1 + max((int(some[-1, 0]) for some in filled if some.size), default=table.rows - 1)
-    columns = {ref: values[:rows] for ref, values in table.columns.items()}
-    return replace(table, columns=columns, rows=rows, places=None if table.places is None else table.places[:rows])
+    return table.of_rows(slice(1 + max((int(some[-1, 0]) for some in filled if some.size), default=table.rows - 1)))
 
 
 def _with_times(profile: Profile, table: TextTable) -> TextTable:
@@ -128,28 +126,20 @@ def _with_times(profile: Profile, table: TextTable) -> TextTable:
         lacks |= np.isnan(table.columns[ref]) if cells is None else [c.strip() in profile.layout.missing for c in cells]
     if not 0 < (count := int(lacks.sum())) <= LEFT_OUT_MOST * table.rows:
         return table
-    timed, lines = np.flatnonzero(~lacks), [table.line_of(int(row)) for row in np.flatnonzero(lacks)[:MOST_NAMED]]
+    lines = [table.line_of(int(row)) for row in np.flatnonzero(lacks)[:MOST_NAMED]]
     note = lines_left_out(lines, count, table.rows, f"line {lines[0]}: the time stamp is missing")
-    return replace(
-        table,
-        columns={ref: values[timed] for ref, values in table.columns.items()},
-        texts={ref: [cells[row] for row in timed] for ref, cells in table.texts.items()},
-        places=timed.astype(float) if table.places is None else table.places[timed],
-        line_of=lambda row: table.line_of(int(timed[row])),
-        notes=(*table.notes, note),
-        rows=timed.size,
-    )
+    return table.of_rows(np.flatnonzero(~lacks), note)
 
 
 def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
     """The same table, or its rows in the order of time where the newest stands first."""
-    source, last = profile.time, table.rows - 1
+    source = profile.time
     if source.rate:
         return table
     if source.are_stamps:
         cells = [table.texts[ref] for ref in source.columns]
         try:
-            is_back = to_seconds([column[:: last or 1] for column in cells], source.zone)[0][-1] < 0.0
+            is_back = to_seconds([column[:: table.rows - 1 or 1] for column in cells], source.zone)[0][-1] < 0.0
             is_back = is_back and falls(to_seconds(cells, source.zone)[0])
         except StampError:  # which is said with its line when time is made of them
             return table
@@ -157,14 +147,12 @@ def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
         is_back = falls(table.columns[source.seconds or source.week or source.columns[0]])
     if not is_back:
         return table
-    columns = {ref: values[::-1] for ref, values in table.columns.items()}
-    zero = table.zero
-    if source.exact is not None:
-        zero += Decimal(float(columns[source.exact][0]))
-        columns[source.exact] = columns[source.exact] - columns[source.exact][0]
-    texts = {ref: cells[::-1] for ref, cells in table.texts.items()}
-    notes, line_of = (*table.notes, warning("reading.newest_first")), table.line_of
-    return replace(table, columns=columns, zero=zero, texts=texts, notes=notes, line_of=lambda row: line_of(last - row))
+    table = table.of_rows(slice(None, None, -1), warning("reading.newest_first"))
+    if source.exact is None:
+        return table
+    first = table.columns[source.exact][0]
+    table.columns[source.exact] = table.columns[source.exact] - first
+    return replace(table, zero=table.zero + Decimal(float(first)))
 
 
 def _in_turns(
@@ -416,9 +404,8 @@ def read_labels(path: str | Path, column: ColumnRef, profile: Profile | str | Pa
 
 def read_loads(path: str | Path, columns: Sequence[ColumnRef], profile: Profile | str | Path | None = None) -> Floats:
     """Numbers (N, K) of further columns, as throttle or current, NaN where a cell is empty; as `read_labels`."""
-    cells = [read_labels(path, column, profile) for column in columns]
     try:
-        return np.array([[float(cell or "nan") for cell in column] for column in cells]).T
+        return np.array([[float(cell or "nan") for cell in read_labels(path, ref, profile)] for ref in columns]).T
     except ValueError as error:
         raise DecodeError(f"{path}: the columns {', '.join(map(str, columns))} must hold numbers: {error}.") from error
 
@@ -428,7 +415,7 @@ def read_rows(path: str | Path, needed: Sequence[str], more: Sequence[str] = ())
 
     DecodeError where it has not, a cell holds none, or a row does not go from ``from_s`` to a later ``to_s``.
     """
-    rows, text = list[dict[str, Any]](), text_of(path)
+    text = text_of(path)
     with reading(Path(path)):
         table = csv.DictReader(StringIO(text, newline=""), skipinitialspace=True, strict=True)
         try:
@@ -438,11 +425,9 @@ def read_rows(path: str | Path, needed: Sequence[str], more: Sequence[str] = ())
                 has = ", ".join(columns) or "none"
                 raise DecodeError(f"line 1: the columns must be {', '.join(needed)}{also}, but they are {has}.")
             table.fieldnames = columns
-            for row in table:
-                rows.append(_checked_row(row, f"line {table.line_num}"))
+            return [_checked_row(row, f"line {table.line_num}") for row in table]
         except csv.Error as error:
             raise DecodeError(f"it is not a CSV file: {one_line(error)}.") from error
-    return rows
 
 
 def _checked_row(row: dict[Any, Any], where: str) -> dict[str, Any]:
@@ -483,9 +468,6 @@ _PLACES: Final = (
 
 def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write ``NAME.csv`` and ``NAME.profile.toml``; errors as of `plumbob.write`, and beside another profile."""
-    import pyarrow as pa
-    from pyarrow import csv as arrow_csv
-
     columns = columns_of_unit(path, recording)
     other, profile = sidecars(path)
     if other.exists():
@@ -493,12 +475,9 @@ def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None
     # The profile takes its name first: alone it reads nothing, where a table alone would be read by guess.
     with replacing_all(profile, path, overwrite=overwrite) as (profile_file, csv_file):
         profile_file.write_bytes(table_profile(recording, columns).encode("utf-8", "replace"))
-        with csv_file.open("wb") as stream:
-            stream.write("".join(f"{line}\n" for line in _head(path, recording, columns)).encode("utf-8", "replace"))
-            numbers = {name: v.astype(np.uint8) if v.dtype == bool else v for name, v in columns.items()}
-            numbers[TIME] = to_s(columns[TIME])
-            table = pa.table({name: arrow_column(values) for name, values in numbers.items()})
-            arrow_csv.write_csv(table, stream, arrow_csv.WriteOptions(include_header=False, quoting_style="none"))
+        numbers = {name: v.astype(np.uint8) if v.dtype == bool else v for name, v in columns.items()}
+        numbers[TIME] = to_s(columns[TIME])
+        write_rows(csv_file, "".join(f"{line}\n" for line in _head(path, recording, columns)), numbers)
 
 
 def columns_of_unit(path: Path, recording: Recording) -> Columns:

@@ -554,6 +554,19 @@ class TextTable:
         """Where a row that counts from 0 stands, for messages."""
         return f"line {self.line_of(row)}"
 
+    def of_rows(self, rows: "NDArray[np.intp] | slice", *notes: Finding) -> "TextTable":
+        """The same with these rows alone, in this order, and more notes."""
+        taken, line_of = np.arange(self.rows)[rows], self.line_of
+        return replace(
+            self,
+            columns={ref: values[rows] for ref, values in self.columns.items()},
+            texts={ref: [cells[row] for row in taken] for ref, cells in self.texts.items()},
+            places=None if self.places is None else self.places[rows],
+            line_of=lambda row: line_of(int(taken[row])),
+            notes=(*self.notes, *notes),
+            rows=taken.size,
+        )
+
 
 @dataclass(slots=True)
 class _RowRoom:

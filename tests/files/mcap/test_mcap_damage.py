@@ -8,6 +8,8 @@ import io
 import random
 import struct
 import tracemalloc
+import zlib
+from dataclasses import replace
 
 import lz4.frame
 import pytest
@@ -168,7 +170,7 @@ def test_rows_need_not_come_in_the_order_of_their_times(tmp_path):
                 r.write(number, t_ns + late, b"x")
     raw = path.read_bytes()
     ((at, _),) = made.chunks_of(raw)
-    assert layout.CHUNK_HEAD.unpack_from(raw, at)[2:4] == (made.OFFSET + 20, made.OFFSET + 97)
+    assert struct.unpack_from("<QQ", raw, at + layout.RECORD_HEAD.size) == (made.OFFSET + 20, made.OFFSET + 97)
     log, got = made.read(path)
     assert [row[2] for row in got] == [57, 50, 27, 20, 97, 90, 47, 40]
     assert log.damage == []
@@ -226,8 +228,7 @@ FALSE = {
     "footers whose summary is all before them": lambda rest: layout.encode(records.Footer(8, 0, 1)) + layout.MAGIC,
     "ends of the data": lambda rest: layout.encode(records.DataEnd(1)),
     "chunks up to the end of the file": lambda rest: (
-        layout.CHUNK_HEAD.pack(layout.Opcode.CHUNK, layout.chunk_length(0, rest - 48), 0, 0, 1 << 20, 1, 0)
-        + layout.SIZE.pack(rest - 48)
+        layout.RECORD_HEAD.pack(layout.Opcode.CHUNK, rest - 8) + struct.pack("<QQQIIQ", 0, 0, 1 << 20, 1, 0, rest - 48)
     ),
     "words of the part up to the end of the file": lambda rest: (
         layout.RECORD_HEAD.pack(layout.Opcode.METADATA, rest - 9) + struct.pack("<I", 7) + b"plumbob"
@@ -271,6 +272,10 @@ def test_what_is_no_recording_is_refused_by_name(tmp_path):
         refused(open_log, put(path, content), match=r"a\.mcap is not an MCAP file: it begins with")
 
 
+def chunk_in(record):
+    return records.Chunk.read(layout.stream(record[layout.RECORD_HEAD.size :]))
+
+
 def forged(raw, rng, share=0.7):
     """The file with bytes of some chunks' contents changed and every CRC made right again, and which those are."""
     out, changed = bytearray(raw[:8]), []
@@ -279,11 +284,12 @@ def forged(raw, rng, share=0.7):
         if opcode == layout.Opcode.CHUNK:
             changed.append(rng.random() < share)
         if opcode == layout.Opcode.CHUNK and changed[-1]:
-            _, _, first, last, _, _, name = layout.CHUNK_HEAD.unpack_from(record)
-            content = bytearray(zstandard.decompress(record[layout.CHUNK_HEAD.size + name + 8 :]))
+            chunk = chunk_in(record)
+            content = bytearray(zstandard.decompress(chunk.data))
             for _ in range(rng.randrange(1, 5)):
                 content[rng.randrange(len(content))] = rng.choice([0, 1, 255, rng.randrange(256)])
-            record = layout.chunk_record(bytes(content), zstandard.compress(content), "zstd", first, last)
+            chunk = replace(chunk, data=zstandard.compress(content), uncompressed_crc=zlib.crc32(content))
+            record = layout.encode(chunk)
         out += record
     return bytes(out) + raw[-8:], changed
 
@@ -313,10 +319,10 @@ def test_a_chunk_with_two_channels_of_one_topic_is_refused(tmp_path):
             r.write(number, 0, b"x")
     raw = path.read_bytes()
     at, length = made.chunks_of(raw)[0]
-    content = raw[at + layout.CHUNK_HEAD.size + 8 : at + length].replace(b"two", b"one")
-    path.write_bytes(
-        raw[:at] + layout.chunk_record(content, content, "", made.OFFSET, made.OFFSET) + raw[at + length :]
-    )
+    chunk = chunk_in(raw[at : at + length])
+    content = chunk.data.replace(b"two", b"one")
+    forgery = layout.encode(replace(chunk, data=content, uncompressed_crc=zlib.crc32(content)))
+    path.write_bytes(raw[:at] + forgery + raw[at + length :])
     log, got = made.read(path)
     assert got == []
     assert "two channels of one topic" in log.damage[0].what

@@ -133,23 +133,18 @@ def test_rotation_by_time_loses_and_doubles_nothing(tmp_path):
     assert [row for part in (parts[3], *parts[:3]) for row in made.library_rows(part)] == rows
 
 
-def test_rotation_by_size(tmp_path):
-    rows = made.record(tmp_path / "a.mcap", count=200, rotate_bytes=4000)
-    assert len(list(tmp_path.iterdir())) > 3
-    assert made.rows_of(open_log(tmp_path / "a.mcap")) == rows
-    assert verify(tmp_path).whole
-
-
-def test_a_recording_is_open_while_one_of_its_parts_is(tmp_path):
-    r = made.recorder(tmp_path / "a.mcap", rotate_bytes=4000)
+def test_rotation_by_size_and_a_recording_is_open_while_one_of_its_parts_is(tmp_path):
+    rows, r = [], made.recorder(tmp_path / "a.mcap", rotate_bytes=4000)
     with r:
         numbers = made.channels(r)
         for i in range(200):
-            made.fill(r, numbers, i + 1, i)
+            rows += made.fill(r, numbers, i + 1, i)
             r.tick(i * 10_000_000)
-        until(lambda: len(list(tmp_path.iterdir())) >= 2)
+        until(lambda: len(list(tmp_path.iterdir())) > 3)
         until(lambda: verify(tmp_path / "a.mcap").open)  # at a rotation there is a moment between two parts
     assert not verify(tmp_path / "a.mcap").open
+    assert made.rows_of(open_log(tmp_path / "a.mcap")) == rows
+    assert verify(tmp_path).whole
 
 
 def test_rotation_goes_around_a_foreign_file_of_the_next_name(tmp_path):
@@ -206,19 +201,6 @@ def test_what_has_no_meaning_no_place_or_a_file_already_is_refused(tmp_path, nam
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("b.0007.mcap", "mine")]
 
 
-def test_a_row_that_is_too_large_is_counted(tmp_path):
-    r = made.recorder(tmp_path / "a.mcap")
-    number = r.channel("a", "x")
-    with r:
-        r.write(number, 0, b"1")
-        r.write(number, 1, bytes(9 << 20))
-        r.write(number, 2, b"3")
-    assert (r.written, r.acknowledged, r.dropped) == (3, 2, 1)
-    assert [(e.kind, e.count) for e in r.take_events()] == [("dropped", 1)]
-    verdict = verify(tmp_path / "a.mcap")
-    assert (verdict.whole, verdict.dropped, verdict.lost) == (True, {"a": 1}, {})
-
-
 def test_rows_that_cannot_be_stored_are_counted_and_cost_no_other(tmp_path):
     r = made.recorder(tmp_path / "a.mcap")
     number = r.channel("a", "x")
@@ -227,10 +209,14 @@ def test_rows_that_cannot_be_stored_are_counted_and_cost_no_other(tmp_path):
     with r:
         r.write(number, -made.OFFSET - 1, b"before the epoch")
         r.write(number, 0, b"2")
+        r.write(number, 1, bytes(9 << 20))
         r.write(number, 2**64, b"beyond 64 bits")
+    assert [(event.kind, event.count) for event in r.take_events()] == [("dropped", 1), ("dropped", 2)]
+    verdict = verify(tmp_path / "a.mcap")
+    assert (verdict.whole, verdict.dropped, verdict.lost) == (True, {"a": 3}, {})
     r.write(number, 1, b"after the end")
     r.tick(10**12)
-    assert (r.written, r.acknowledged, r.dropped) == (4, 1, 3)
+    assert (r.written, r.acknowledged, r.dropped) == (5, 1, 4)
     assert [row[1:] for row in made.read(tmp_path / "a.mcap")[1]] == [(1, 0, b"2")]
 
 
@@ -389,21 +375,16 @@ def test_after_a_reboot_times_go_on_by_the_wall_clock(tmp_path, boots, offset, e
     assert log.shift_ns == expected
 
 
-def test_in_one_boot_a_step_of_the_wall_clock_moves_nothing(tmp_path, boots):
-    start(tmp_path / "a.mcap", 0, 25, offset=0)  # in 1970
+def test_starts_of_one_boot_keep_their_distance_when_its_clock_is_set(tmp_path, boots):
+    """A board without a clock: in 1970 and then in the present, in its first boot and in a later one."""
+    start(tmp_path / "a.mcap", 0, 25, offset=0)
     start(tmp_path / "a.mcap", 25, 50, offset=UTC, first_ns=HOUR)
-    assert [row.t_ns for row in open_log(tmp_path / "a.mcap")][25] == HOUR
-
-
-def test_starts_of_one_later_boot_keep_their_distance_when_its_clock_is_set(tmp_path, boots):
-    """A board without a clock: after the reboot in 1970, at the next start in the present."""
-    start(tmp_path / "a.mcap", 0, 25, offset=UTC)
     boots("second")
-    start(tmp_path / "a.mcap", 25, 50, offset=0)
-    start(tmp_path / "a.mcap", 50, 75, offset=2 * UTC, first_ns=HOUR)
+    start(tmp_path / "a.mcap", 50, 75, offset=0)
+    start(tmp_path / "a.mcap", 75, 100, offset=2 * UTC, first_ns=HOUR)
     times = [row.t_ns for row in open_log(tmp_path / "a.mcap")]
-    assert times[25] == times[24] + UNKNOWN_NS
-    assert times[50] - times[25] == HOUR
+    assert times[25] == times[75] - times[50] == HOUR
+    assert times[50] == times[49] + UNKNOWN_NS
 
 
 @pytest.mark.parametrize("left", [b"", b"\x89MCAP0\r\n", b"no recording at all", None])

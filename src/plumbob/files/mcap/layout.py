@@ -25,10 +25,8 @@ from plumbob.core.errors import ParameterError
 MAGIC: Final = b"\x89MCAP0\r\n"
 RECORD_HEAD: Final = struct.Struct("<BQ")  # opcode, length of what follows
 MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
-CHUNK_HEAD: Final = struct.Struct("<BQQQQII")  # opcode, length, first, last, plain size, CRC, length of compression
 INDEX_HEAD: Final = struct.Struct("<BQHI")  # opcode, length, channel, bytes of entries
 FOOTER_BODY: Final = struct.Struct("<QQI")  # start of the summary, start of its offsets, CRC
-SIZE: Final = struct.Struct("<Q")
 CRC: Final = struct.Struct("<I")
 FOOTER_SIZE: Final = RECORD_HEAD.size + FOOTER_BODY.size
 DATA_END_SIZE: Final = RECORD_HEAD.size + CRC.size
@@ -41,18 +39,6 @@ def encode(record: records.McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())  # type: ignore[no-untyped-call]
-
-
-def chunk_record(content: bytes, stored: bytes, compression: str, first: int, last: int) -> bytes:
-    """Chunk of `content`, which is `stored` compressed; `first` and `last` are log times, ns."""
-    name = compression.encode()
-    sizes = chunk_length(len(name), len(stored)), first, last, len(content), zlib.crc32(content), len(name)
-    return b"".join((CHUNK_HEAD.pack(Opcode.CHUNK, *sizes), name, SIZE.pack(len(stored)), stored))
-
-
-def chunk_length(name: int, stored: int) -> int:
-    """Length that a chunk record states: everything after opcode and length."""
-    return CHUNK_HEAD.size - RECORD_HEAD.size + name + SIZE.size + stored
 
 
 def index_records(entries: Mapping[int, Sequence[int]]) -> dict[int, bytes]:

@@ -11,6 +11,7 @@ from bz2 import BZ2File
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, Self
@@ -24,8 +25,6 @@ from plumbob.core.files import existing_file, reading
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.layout import PLAIN_BYTES, Channel, PartInfo
 
-_KEPT_BYTES: Final = 64 << 20  # schemas and channels that are kept of one file, in bytes
-_KINDS: Final = 4096
 _SUMMARY_BYTES: Final = 1 << 26  # largest summary whose statistics are looked at
 Row = tuple[int, int, int, bytes]  # channel number, sequence as on disk, log time in ns, data
 
@@ -48,56 +47,42 @@ class RowBlock:
     times_hold: bool = True  # whether the times at its head are those of its rows
 
 
-class RecordParser:
-    """Parses stretches of records; a channel that is declared again and again is decoded once."""
+def parse(content: bytes) -> RowBlock:
+    """Schemas, channels and messages of whole records."""
+    block, schemas, at, end = RowBlock(), dict[int, bytes](), 0, len(content)
+    head, message = layout.RECORD_HEAD.unpack_from, layout.MESSAGE_HEAD.unpack_from
+    try:
+        while at < end:
+            opcode, length = head(content, at)
+            after = at + 9 + length
+            if after > end:
+                raise BrokenRecordError("a record in it extends beyond its end")
+            if opcode == Opcode.MESSAGE:
+                if length < 22:
+                    raise BrokenRecordError("a message in it is too short")
+                _, _, channel, sequence, log_time, _ = message(content, at)
+                block.rows.append((channel, sequence, log_time, content[at + 31 : after]))
+                block.entries.setdefault(channel, []).extend((log_time, at))
+            elif opcode == Opcode.SCHEMA:
+                schemas[_number(content, at)] = content[at + 9 : after]
+            elif opcode == Opcode.CHANNEL:
+                schema = schemas.get(int.from_bytes(content[at + 11 : at + 13], "little"), b"")
+                block.channels[_number(content, at)] = _channel(content[at + 9 : after], schema)
+            elif opcode == Opcode.STATISTICS:
+                statistics = records.Statistics.read(layout.stream(content[at + 9 : after]))
+                block.counts = statistics.channel_message_counts
+            at = after
+    except (struct.error, McapError) as error:
+        raise BrokenRecordError("a record in it is cut off") from error
+    return block
 
-    def __init__(self) -> None:
-        self._known: dict[tuple[bytes, bytes], Channel] = {}
-        self._kept = 0
 
-    def parse(self, content: bytes) -> RowBlock:
-        """Schemas, channels and messages of whole records."""
-        block, schemas, at, end = RowBlock(), dict[int, bytes](), 0, len(content)
-        head, message = layout.RECORD_HEAD.unpack_from, layout.MESSAGE_HEAD.unpack_from
-        try:
-            while at < end:
-                opcode, length = head(content, at)
-                after = at + 9 + length
-                if after > end:
-                    raise BrokenRecordError("a record in it extends beyond its end")
-                if opcode == Opcode.MESSAGE:
-                    if length < 22:
-                        raise BrokenRecordError("a message in it is too short")
-                    _, _, channel, sequence, log_time, _ = message(content, at)
-                    block.rows.append((channel, sequence, log_time, content[at + 31 : after]))
-                    block.entries.setdefault(channel, []).extend((log_time, at))
-                elif opcode == Opcode.SCHEMA:
-                    schemas[_number(content, at)] = content[at + 9 : after]
-                elif opcode == Opcode.CHANNEL:
-                    block.channels[_number(content, at)] = self._channel(content[at + 9 : after], schemas)
-                elif opcode == Opcode.STATISTICS:
-                    statistics = records.Statistics.read(layout.stream(content[at + 9 : after]))
-                    block.counts = statistics.channel_message_counts
-                at = after
-        except (struct.error, McapError) as error:
-            raise BrokenRecordError("a record in it is cut off") from error
-        return block
-
-    def _channel(self, body: bytes, schemas: dict[int, bytes]) -> Channel:
-        schema = schemas.get(int.from_bytes(body[2:4], "little"), b"")
-        channel = self._known.get((schema, body))
-        if channel is None:
-            self._kept += len(schema) + len(body)
-            if self._kept > _KEPT_BYTES:
-                raise BrokenRecordError(f"the schemas and channels before it have more than {_KEPT_BYTES >> 20} MiB")
-            try:
-                channel = Channel.parse(body, schema)
-            except layout.UNREADABLE as error:
-                raise BrokenRecordError("a channel in it cannot be read") from error
-            if len(self._known) >= _KINDS:
-                self._known.clear()
-            self._known[schema, body] = channel
-        return channel
+@lru_cache(maxsize=32)  # every chunk declares its channels again; of a hostile file each may have 10 MB
+def _channel(body: bytes, schema: bytes) -> Channel:
+    try:
+        return Channel.parse(body, schema)
+    except layout.UNREADABLE as error:
+        raise BrokenRecordError("a channel in it cannot be read") from error
 
 
 def _number(content: bytes, at: int) -> int:
@@ -252,7 +237,6 @@ class Scan:
         self.counts: dict[str, int] = {}  # rows per topic by the summary
         self._source = source
         self._recording = recording
-        self._parser = RecordParser()
         self._damaged = False
         self.summary_at: int | None = None  # where the summary begins; None until the end of the data has come
         self._crc, self._crc_end = 0, 0
@@ -280,43 +264,50 @@ class Scan:
         self._damaged = True
         self._items.append(Damage(self._source.path, offset, size, what, certain=certain))
 
-    def _record(self, at: int) -> int:
-        """Take in what stands at an offset; the offset behind it."""
+    def _head(self, at: int) -> tuple[int, int]:
+        """Opcode of the record at an offset, and the offset behind it; BrokenRecordError where the file ends before."""
         head = self._source.read(at, layout.RECORD_HEAD.size)
         if len(head) < layout.RECORD_HEAD.size:
             raise BrokenRecordError("the file ends within a record")
         opcode, length = layout.RECORD_HEAD.unpack(head)
-        after: int = at + layout.RECORD_HEAD.size + length
+        if (after := at + layout.RECORD_HEAD.size + length) > self._source.size:
+            raise BrokenRecordError("a record extends beyond the end of the file")
+        return opcode, after
+
+    def _record(self, at: int) -> int:
+        """Take in what stands at an offset; the offset behind it."""
         if at == self.summary_at:
             return self._summary(at)
+        opcode, after = self._head(at)
         if opcode == Opcode.CHUNK:
             return self._block(at)
-        if after > self._source.size:
-            raise BrokenRecordError("a record extends beyond the end of the file")
         if opcode == Opcode.DATA_END:
-            self._data_end(at, length)
+            self._data_end(at, after)
         elif opcode == Opcode.METADATA:
-            self._metadata(at, length)
+            self._metadata(at, after)
         elif not (opcode == Opcode.HEADER and at == len(layout.MAGIC)):
             raise BrokenRecordError("this is not a record that the recorder writes here")
         return after
 
-    def _metadata(self, at: int, length: int) -> None:
+    def _metadata(self, at: int, after: int) -> None:
         """What the part says about itself."""
         info = self.info_at(at)
         if info is not None:
             self.info = info
-        elif not self._goes_on(at + layout.RECORD_HEAD.size + length):
+        elif not self._goes_on(after):
             raise BrokenRecordError("the part's metadata is damaged")
         else:
-            self._damage(at, 9 + length, "the part's metadata is damaged; no row is lost")
+            self._damage(at, after - at, "the part's metadata is damaged; no row is lost")
 
     def info_at(self, at: int) -> PartInfo | None:
         """What a part says about itself at an offset; None without a whole word of the wanted recording."""
-        opcode, length = layout.RECORD_HEAD.unpack(self._source.read(at, 9).ljust(9, b"\0"))
-        complete = opcode == Opcode.METADATA and length <= self._source.size - at and self._source.may_search(length)
-        info = PartInfo.parse(self._source.read(at + 9, length)) if complete else None
-        return None if info is None or (self._recording and info.recording != self._recording) else info
+        with suppress(BrokenRecordError):
+            opcode, after = self._head(at)
+            body = at + layout.RECORD_HEAD.size
+            if opcode == Opcode.METADATA and self._source.may_search(after - body):
+                info = PartInfo.parse(self._source.read(body, after - body))
+                return info if info and info.recording == (self._recording or info.recording) else None
+        return None
 
     def _goes_on(self, at: int) -> bool:
         """Whether the file ends at an offset, or goes on with a record that can follow."""
@@ -357,32 +348,29 @@ class Scan:
 
     def chunk(self, at: int) -> RowBlock:
         """Read a chunk and check it; BrokenRecordError where it is not whole, or not of this recording."""
-        head = self._source.read(at, layout.CHUNK_HEAD.size)
-        if len(head) < layout.CHUNK_HEAD.size:
-            raise BrokenRecordError("the file ends within a chunk")
-        opcode, length, first, last, size, crc, name_size = layout.CHUNK_HEAD.unpack(head)
-        after = at + layout.RECORD_HEAD.size + length
+        opcode, after = self._head(at)
+        body = at + layout.RECORD_HEAD.size
         if opcode != Opcode.CHUNK:
             raise BrokenRecordError("this is not a chunk")
-        if size > PLAIN_BYTES:
-            raise BrokenRecordError(f"a chunk claims {size} bytes, more than is plausible")
-        if after > self._source.size:
-            raise BrokenRecordError("a chunk extends beyond the end of the file")
-        if not self._source.may_search(length):
+        if not self._source.may_search(after - body):
             raise BrokenRecordError("it is not searched any further, because most that looks like a record is not one")
-        rest = self._source.read(at + layout.CHUNK_HEAD.size, min(name_size, 16) + 8)
-        if name_size > 16 or len(rest) < name_size + 8:
-            raise BrokenRecordError("a chunk's compression has no name")
-        name, (stored,) = rest[:name_size], layout.SIZE.unpack_from(rest, name_size)
-        if length != layout.chunk_length(name_size, stored):
+        record = self._source.read(body, min(after - body, PLAIN_BYTES))
+        try:
+            chunk = records.Chunk.read(layout.stream(record))
+        except layout.UNREADABLE as error:
+            raise BrokenRecordError("the head of a chunk is damaged") from error
+        if chunk.uncompressed_size > PLAIN_BYTES:
+            raise BrokenRecordError(f"a chunk claims {chunk.uncompressed_size} bytes, more than is plausible")
+        if len(record) != after - body or layout.encode(chunk)[layout.RECORD_HEAD.size :] != record:
             raise BrokenRecordError("the lengths at a chunk's head contradict each other")
-        content = inflate(self._source.read(at + layout.CHUNK_HEAD.size + name_size + 8, stored), name, size)
-        if zlib.crc32(content) != crc:
+        content = inflate(chunk.data, chunk.compression.encode(), chunk.uncompressed_size)
+        if zlib.crc32(content) != chunk.uncompressed_crc:
             raise BrokenRecordError("the CRC of a chunk does not match")
-        block = self._parser.parse(content)
+        block = parse(content)
         self._require_own(block)
         times = [row[2] for row in block.rows]
-        return replace(block, offset=at, after=after, times_hold=not times or (first, last) == (min(times), max(times)))
+        said = chunk.message_start_time, chunk.message_end_time
+        return replace(block, offset=at, after=after, times_hold=not times or said == (min(times), max(times)))
 
     def _require_own(self, block: RowBlock) -> None:
         of = block.channels.values()
@@ -395,10 +383,10 @@ class Scan:
 
     # --- the end ------------------------------------------------------------------------------------------------
 
-    def _data_end(self, at: int, length: int) -> None:
-        if length != layout.CRC.size:
+    def _data_end(self, at: int, after: int) -> None:
+        if after - at != layout.DATA_END_SIZE:
             raise BrokenRecordError("the end of the data cannot be read")
-        (crc,) = layout.CRC.unpack(self._source.read(at + layout.RECORD_HEAD.size, length))
+        (crc,) = layout.CRC.unpack(self._source.read(after - layout.CRC.size, layout.CRC.size))
         self.summary_at = at + layout.DATA_END_SIZE
         self._crc = self._source.crc(self._crc_end, at, self._crc)  # of everything before, which only grows
         self._crc_end = at
@@ -414,7 +402,7 @@ class Scan:
         self.clean = True
         if footer - at <= _SUMMARY_BYTES:
             with suppress(BrokenRecordError):  # its CRC holds, but no recorder wrote that
-                summary = self._parser.parse(self._source.read(at, footer - at))
+                summary = parse(self._source.read(at, footer - at))
                 self.counts = {channel.topic: summary.counts.get(i, 0) for i, channel in summary.channels.items()}
         return footer + layout.FOOTER_SIZE + len(layout.MAGIC)
 

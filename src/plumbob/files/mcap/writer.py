@@ -130,7 +130,8 @@ class RecordingPart:
         """Append a chunk and its message indexes; on OSError the file ends as before."""
         content, offset = b"".join(chunk.pieces), self.size
         stored, first, last = self._compress(content), chunk.first, chunk.last
-        record = layout.chunk_record(content, stored, self._compression, first, last)
+        of_chunk = records.Chunk(self._compression, stored, last, first, zlib.crc32(content), len(content))
+        record = layout.encode(of_chunk)
         at, offsets, indexes = offset + len(record), {}, layout.index_records(chunk.entries)
         for channel, index in indexes.items():
             offsets[channel] = at
