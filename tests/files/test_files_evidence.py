@@ -22,7 +22,8 @@ from plumbob.files.sniff import read_sample
 from tests.helpers.io_samples import refused
 
 RATE = 100.0
-T = np.arange(600) / RATE
+N = np.arange(600)
+T = N / RATE
 Q = rot.quat_from_euler_zyx(np.stack([0.5 * np.sin(0.7 * T), 0.3 + 0.2 * np.sin(0.9 * T), 0.4 * np.sin(0.5 * T)], 1))
 GYR = np.vstack([rot.rotvec_from_quat(rot.quat_multiply(rot.quat_conjugate(Q[:-1]), Q[1:])) * RATE, np.zeros((1, 3))])
 ACC = rot.quat_rotate(rot.quat_conjugate(Q), [0.0, 0.0, G0])
@@ -57,7 +58,7 @@ WRAPPED = [f"{(4_292_000_000 + 10_000 * k) % 2**32}" for k in range(T.size)]
 LOGS = {  # name of the file, its text, what a user answers
     "rows of names and of units, with blanks": (
         "a.csv", "Test:,walk,,,\nTime," + names("Foot/Acceleration/*", "Foot/Angular Velocity/*") + ",Foot/Pressure\n"
-        "s,m/s^2,m/s^2,m/s^2,rad/s,rad/s,rad/s,kPa\n" + rows(T, *ACC.T, *GYR.T, np.full(T.size, 100.5)), UP),
+        "s,m/s$^2$,m/s$^2$,m/s$^2$,rad/s,rad/s,rad/s,kPa\n" + rows(T, *ACC.T, *GYR.T, np.full(T.size, 100.5)), UP),
     "units in brackets alone": (
         "a.csv", "epoch (ms),elapsed (s)," + names("*-axis (deg/s)", "*-axis (g)", axes="xyz") + "\n"
         + rows([s[:-6] for s in STAMPS], T, *SIX), {}),
@@ -69,7 +70,7 @@ LOGS = {  # name of the file, its text, what a user answers
     "a counter of time that wraps, and an attitude beside": (
         "D1.csv", DOT + rows(map(str, range(T.size)), WRAPPED, *Q.T, *ACC.T, *DPS.T), {}),
     "axes as numbers, counts": (
-        "a.csv", "loopIteration, time (us), axisP[0], axisP[1], axisP[2], gyroADC[0] (deg/s), gyroADC[1] (deg/s), "
+        "a.csv", "loopIteration, time (GPS us), axisP[0], axisP[1], axisP[2], gyroADC[0] (deg/s), gyroADC[1] (deg/s), "
         "gyroADC[2] (deg/s), accSmooth[0], accSmooth[1], accSmooth[2]\n"
         + rows(map(str, range(T.size)), T * 1e6, 0 * T, 0 * T, 0 * T, *DPS.T, *(G * 4096).T, separator=", "),
         UP | {"acc.unit": "g", "acc.counts_per_unit": 4096}),
@@ -86,6 +87,9 @@ LOGS = {  # name of the file, its text, what a user answers
     "sentences of kinds that name their fields": (
         "a.csv", "$FLYS,1\n$COL,IMU,time,wx,wy,wz,ax,ay,az\n$UNIT,IMU,s,deg/s,deg/s,deg/s,g,g,g\n$DATA\n"
         + "".join(f"$IMU,{row}\n$BARO,{row[:6]},1.5\n" for row in rows(T, *SIX).splitlines()), UP),
+    "sentences without names, and others between them": ("a.txt", "".join(
+        f"$PIMU,{row}\n" + "$GPGGA,1230,5007.0,N,654.0,E,1,8,0.9,120.1,M,47,M,,\n" * (k % 9 == 0)
+        for k, row in enumerate(rows(T, *GYR.T, *ACC.T).splitlines())), UP | {"gyr.unit": "rad/s"}),
     "sensors in a row above their axes, bars": (
         "a.csv", "t_ms|Acc|||Gyro||\n|X|Y|Z|X|Y|Z\n" + rows(1e3 * T, *ACC.T, *GYR.T, separator="|"),
         UP | {"gyr.unit": "rad/s"}),
@@ -106,8 +110,8 @@ LOGS = {  # name of the file, its text, what a user answers
         "a.txt", "".join(f"{t} -> {row}" for t, row in zip(CLOCK, rows(*G.T, *DPS.T).splitlines(True), strict=True)),
         UP | {"gyr.unit": "deg/s"}),
     "seconds, and the rest in another column": (
-        "a.csv", "sec,usec," + names("acc*", "gyr*") + "\n" + rows([f"{k // 100}" for k in range(T.size)],
-        [f"{k % 100 * 10_000}" for k in range(T.size)], *ACC.T, *GYR.T), UP | {"gyr.unit": "rad/s"}),
+        "a.csv", "min,s,usec," + names("acc*", "gyr*") + "\n" + rows(*([f"{k}" for k in each] for each in (
+            7 + (N > 99), (59 + N // 100) % 60, N % 100 * 10_000)), *ACC.T, *GYR.T), UP | {"gyr.unit": "rad/s"}),
     "arrays of JSON, with names and an interval beside": ("a.json", json.dumps({"payload": {"interval_ms": 10,
         "sensors": [{"name": s + n, "units": u} for s, u in (("acc", "m/s2"), ("gyr", "deg/s")) for n in "XYZ"],
         "values": np.hstack([ACC, DPS]).tolist()}}), UP),
@@ -162,7 +166,7 @@ LOGS = {  # name of the file, its text, what a user answers
         + rows(1e6 * T, *GYR.T, *G.T), UP | {"gyr.unit": "rad/s"}),
     "a hyphen between date and clock": ("a.csv", "When," + names("a* (g)", "g* (dps)") + "\n" + rows(
         [f"2024-05-01-{clock}" for clock in CLOCK], *SIX[3:], *SIX[:3]), UP),
-    "digits of a clock": ("a.csv", "UTC," + names("a* (g)", "g* (dps)") + "\n" + rows(
+    "digits of a clock": ("a.csv", "UTC," + names('"a (*, g)"', '"g (*, dps)"') + "\n" + rows(
         [clock.replace(":", "") for clock in CLOCK], *SIX[3:], *SIX[:3]), UP),
     "a line cut at the end, and some that are broken": (
         "a.csv", "time_ms," + names("g*_dps", "a*_g", axes="xyz") + "\n" + rows(T * 1e3, *SIX), UP),
@@ -228,8 +232,8 @@ LOGS = {  # name of the file, its text, what a user answers
         .format(c, 1e6 * t, i, *w * i, *a) for c, t, a, w in zip(CLOCK, T, ACC, GYR, strict=True) for i in (0, 1)),
         UP | {"header.where": [3, "1"], "gyr.unit": "rad/s"}),
     "units that few loggers write": (
-        "a.txt", "t\tax\tay\taz\twx\twy\twz\n[min]" + 3 * "\t[mm/s2]" + 3 * "\t[rev/s]" + "\n" + rows(
-            T / 60, *(1e3 * ACC).T, *(DPS / 360).T, separator="\t", form="{:.9f}"), UP),
+        "a.txt", "t\tCh1 ax\tCh2 ay\tCh3 az\tCh4 wx\tCh5 wy\tCh6 wz\n[min]" + 3 * "\t[mm/s2]" + 3 * "\t[rev/s]" + "\n"
+        + rows(T / 60, *(1e3 * ACC).T, *(DPS / 360).T, separator="\t", form="{:.9f}"), UP),
     "Julian days": ("a.csv", "Julian Date," + names("a* (Gal)", "g* (deg/min)") + "\n" + rows(
         [f"2460432.{round(t / 86_400 * 1e15):015}" for t in T], *(100 * ACC).T, *(60 * DPS).T, form="{:.12f}"), UP),
     "groups of digits in one column alone": ("a.csv", "Milliseconds;" + names("Acc * (mg)", "Gyr * (mdps)").replace(

@@ -139,6 +139,8 @@ def canonical(name: str, kind: Quantity) -> str:
 
 _BRACKETS: Final = re.compile(r"[\[(]((?:[^\[\]()]|\([^()]*\))*)[\])]")
 _INDEX: Final = r"([\dxyzwXYZ])(?:[ -]?axis)?"
+# a channel of a recorder, before what it measures
+_NUMBERED: Final = re.compile(r"(?i)^\W*(?:ch(?:an(?:nel)?)?|ai)[ _]?\d+[\W_]+(?=[^\W\d])")
 
 
 def taken_apart(name: str, unit: str = "") -> ColumnName:
@@ -146,6 +148,7 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
     name = " ".join(re.findall("'(.*?)'", name)) if name.startswith("('") else name
     if beside := re.match(r'"?([^"|]+)"?\|"?([^"|]*)"?\|', name):  # and its unit, range and rate
         name, unit = beside[1], unit or beside[2]
+    name = _NUMBERED.sub("", re.sub(r"([\[(])([xyzXYZ]), *(?=\S)", r"\2 \1", name))  # as ``acc (x, g)``
     index = re.findall(rf"[\[(]{_INDEX}[\])]", name)
     brackets = [text for text in _BRACKETS.findall(name) if not re.fullmatch(_INDEX, text)]
     inner = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", unit)
@@ -154,7 +157,7 @@ def taken_apart(name: str, unit: str = "") -> ColumnName:
     texts = [*reversed(brackets), *([tail[1]] if tail else [])]
     said = next(filter(is_unit, texts), texts[0] if texts else "")
     stated = (inner[1] if inner else unit.strip() or said).strip()
-    stated = re.sub(r":(double|float|u?int)\d*$", "", stated)  # of a type, no word
+    stated = re.sub(r"(?i)^(gps|utc) (?=\w)|:(double|float|u?int)\d*$", "", stated)  # of a type, no word
     stated = "" if re.fullmatch(r"x[0-9A-Fa-f]{4}", stated) else re.sub(r"^c(enti)?(?=deg)", "0.01 ", stated)
     stated, scale = _scaled(stated)
     plain = plain[: tail.start()] if tail else plain

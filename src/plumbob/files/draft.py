@@ -142,15 +142,11 @@ def read_triples(path: str | Path, sensor: str) -> Floats:
     with reading(file):
         sample = read_sample(file)
         numbers = [i for i in range(sample.width) if np.isfinite(sample.numbers(i)).all()]
-        parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
-        named = {part.axis: i for i, part in enumerate(parts) if part.sensor == sensor}
-        if set("xyz") <= set(named):
-            columns = [named[axis] for axis in "xyz"]
-        elif len(numbers) == len("xyz"):
-            columns = numbers
-        elif len(numbers) == len(QUANTITY_BY_TRIAD) * len("xyz") and not any(part.sensor for part in parts):
+        named = {part.axis: i for i, part in enumerate(sample.parts) if part.sensor == sensor}
+        columns = [named[axis] for axis in "xyz"] if set("xyz") <= set(named) else numbers
+        if len(columns) == len(QUANTITY_BY_TRIAD) * len("xyz") and not any(part.sensor for part in sample.parts):
             columns = numbers[_NINE[sensor] :][: len("xyz")]
-        else:
+        if len(columns) != len("xyz"):
             raise DecodeError(
                 f"it has {len(numbers)} columns of numbers, and no names say which three are the {TITLES[sensor]}'s; "
                 "leave three."
@@ -209,8 +205,7 @@ def _column_evidence(name: str, sample: Sample, answers: Mapping[str, Any], *, i
 
 def _by_clock(sample: Sample) -> list[Sample]:
     """Tables with sensors that stand side by side, each behind a clock of a rate of its own; or nothing."""
-    names, units = sample.for_cells(sample.names), sample.for_cells(sample.units)
-    parts = [taken_apart(*both) for both in zip(names, units, strict=True)]
+    names, units, parts = sample.for_cells(sample.names), sample.for_cells(sample.units), sample.parts
     steps: dict[int, float] = {}  # of clocks, which go on to their last row
     for i, part in enumerate(parts):
         clock = sample.numbers(i) if part.is_time and part.unit else np.empty(0)
@@ -239,8 +234,7 @@ def _by_sensor(sample: Sample, answers: Mapping[str, Any]) -> list[Sample]:
     """Rows of each sensor, where rows name it or answers say which rows are whose; or nothing."""
     if sample.others:
         return [sample, *sample.others]
-    parts = [taken_apart(name) for name in sample.for_cells(sample.names)]
-    values = [i for i, part in enumerate(parts) if part.axis and not (part.sensor or part.by_unit)]
+    values = [i for i, part in enumerate(sample.parts) if part.axis and not (part.sensor or part.by_unit)]
     numeric = [i for i in range(sample.width) if np.isfinite(sample.numbers(i)).any()]
     values = values if any(sample.names) else numeric[-3:]
     for i in range(sample.width) if len(values) == len("xyz") else ():
@@ -327,7 +321,7 @@ class _DraftWriter:
                 if any(data.threes(partial(evidence.may_be, name)) for name in TRIADS)
                 else "it holds angles and velocities gained in each sample: divide them by its step, in radians and "
                 "seconds, which gives rates and specific force."
-                if any(re.search(r"\bd(elta)? [av]", part.base) for part in data.parts)
+                if any(re.search(r"\bd(elta)? ?(a|v|theta)", part.base) for part in data.parts)
                 else "no three columns look like a gyroscope, an accelerometer or a magnetometer; name them, as with "
                 "--set gyr.columns=1,2,3, angles about z, y and x, as with --set reference.columns=3,2,1, or write a "
                 f"profile by hand ({GUIDE})."

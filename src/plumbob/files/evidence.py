@@ -179,12 +179,14 @@ class ColumnEvidence:
         if clocks := list(filter(self._is_time_of_day, named)):
             return (clocks[0],)
         if rising := [i for i in named if rises(self.numbers[i])]:
-            return self._in_two_parts(named) or (min(rising, key=self._time_rank),)
+            return self._in_two_parts() or (min(rising, key=self._time_rank),)
         others = [i for i in range(self.sample.width) if i not in named]
         for i in (*named, *others):
             cells, beside = self.sample.cells(i), self.sample.cells(min(i + 1, self.sample.width - 1))
             if all(map(is_stamp, cells)):
-                parts = all(re.fullmatch(r"\d{3}|\d{6}", cell) for cell in beside)  # a comma stood before them
+                parts = len({*beside}) > 1 and all(
+                    re.fullmatch(r"\d{3}|\d{6}", cell) for cell in beside
+                )  # behind a comma
                 return (i, i + 1) if parts and (np.diff(to_seconds([cells, beside], None)[0]) > 0.0).all() else (i,)
             dates = all(re.fullmatch(r"\d{4}([-/])\d{1,2}\1\d{1,2}", cell) for cell in cells)
             if dates and all(map(is_stamp, beside)):
@@ -211,13 +213,14 @@ class ColumnEvidence:
             rises = steps.size and (np.mean(steps > 0.0) > 1.0 - LEFT_OUT_MOST if i == 0 else (steps > 0.0).all())
             if bare and not counts and rises and (nameless or not i or not self.names[i]):
                 return (i,)
-        return self._in_two_parts(range(self.sample.width)) if nameless else ()
+        return self._in_two_parts() if nameless else ()
 
-    def _in_two_parts(self, named: Sequence[int]) -> tuple[int, ...]:
+    def _in_two_parts(self) -> tuple[int, ...]:
         """Columns of whole seconds, which repeat, and of the parts of them, which begin again as they go on."""
-        for i, k in product(named, range(self.sample.width)):
+        for i, k in product(range(self.sample.width), repeat=2):
             seconds, unit = self.numbers[i], self.part_of_second(k)
             if unit and (seconds == np.rint(seconds)).all() and (np.diff(seconds) == 0.0).any():
+                seconds = np.unwrap(seconds, period=60.0) if seconds.max() < 60.0 else seconds  # of a minute
                 t = seconds - seconds[0] + to_si(self.numbers[k], unit)
                 is_short = not np.ptp(seconds) and self.parts[i].is_time and self.parts[k].is_time  # as of one second
                 if (np.diff(t) > 0.0).all() and (is_short or (np.diff(self.numbers[k]) < 0.0).any()):

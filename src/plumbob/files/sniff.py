@@ -21,7 +21,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.units import QUANTITY_BY_TRIAD, Quantity
 from plumbob.files.arrow import text_bytes
-from plumbob.files.column_names import canonical, is_unit, measured_in, named_sensor, taken_apart
+from plumbob.files.column_names import ColumnName, canonical, is_unit, measured_in, named_sensor, taken_apart
 from plumbob.files.columns import is_clocklike
 from plumbob.files.known_logs import SENTENCES
 from plumbob.files.profile import BLANK, JSON, QUOTED, TextLayout
@@ -102,6 +102,11 @@ class Sample:
         """Names or units, one for each cell of a row; empty where the file has none."""
         return (*words, *[""] * self.width)[: self.width]
 
+    @property
+    def parts(self) -> list[ColumnName]:
+        """Names of its columns taken apart, with their units."""
+        return [*map(taken_apart, self.for_cells(self.names), self.for_cells(self.units))]
+
     def ref(self, column: int) -> int | str:
         """What a profile calls a column that is counted from 0: its name, or its number from 1."""
         name = self.names[column] if self.by_name else ""
@@ -179,7 +184,7 @@ def read_sample(path: Path) -> Sample:
             "Numbers of one axis at rest are for 'plumbob allan', with --rate and --scale."
         )
     sample = _headed(lines, _table(lines, best.separator, best.decimal), encoding)
-    sensors = {part.sensor for part in map(taken_apart, sample.names)} & set(QUANTITY_BY_TRIAD)
+    sensors = {part.sensor for part in sample.parts} & set(QUANTITY_BY_TRIAD)
     if not complete and len(sensors) < 2:  # other sensors may have their table far below
         lines = decode(text_bytes(path), encoding).split("\n")
     return _sections(lines, best, encoding) or _of_channels(text, sample) or _of_kinds(lines, sample) or sample
@@ -302,11 +307,12 @@ def _worded(lines: Sequence[str], encoding: str) -> list[Sample]:
             where = (width, mark) if mark and not is_alone else ()
             checked = all(lines[i] != bodies[i] for i in of_kind)
             layout = TextLayout(" ", encoding=encoding, names=False, words=True, where=where, checksum=checked)
-            names, units = _fields(among_words(body)[-1].strip("$#!"), width - 1, lines) or _labels(TOKEN.split(body))
+            labels = ((), ()) if re.match(r"[$!]\w+,", body) else _labels(TOKEN.split(body))  # or words are cells
+            names, units = _fields(among_words(body)[-1].strip("$#!"), width - 1, lines) or labels
             if "x" in names[names.index("z") + 1 if "z" in names else len(names) :]:
                 raise DecodeError(f"a line holds several samples: {excerpt(body)}. Write a row for each sample.")
             rows = [row for i in of_kind if len(row := among_words(bodies[i])) == width]
-            sensor = "" if any(names) else measured_in(units[-1])
+            sensor = "" if any(names) else measured_in("".join(units[-1:]))
             sample = Sample(layout, names, units, by_name=False, rows=rows, facts={}, sensor=sensor)
             alike = [other for other in samples if other.layout == layout]
             if any((other.names, other.units) != (names, units) for other in alike):
@@ -340,7 +346,7 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     log_level = re.fullmatch(r"\s*[EWIDV] \(", gaps[0])  # ms since the start [ESP-IDF, Logging library]
     words, units, axis = ["time ms" if log_level else label(gaps[0])], [""] * (len(gaps) - 1), 0
     for i, gap in enumerate(gaps[1:], 1):
-        unit = re.match(r"\s*([^][\s,;|:={}()]+)", gap)
+        unit = re.match(r"\s*([^][\s,;|:={}()]++)(?![:=])", gap)  # behind a colon follows what a word names
         behind = unit is not None and is_unit(unit[1])
         if unit is not None and behind:
             for k in range(i - 1, max(-1, i - 4), -1):
