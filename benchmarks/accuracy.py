@@ -82,6 +82,8 @@ VARIANTS: dict[str, tuple[dict[str, str], tuple[float, float] | None]] = {  # ch
     "+10 µT east, 20 s in motion": ({"wrong_field": "10,0,0uT:30s-50s@motion"}, None),
     "hard iron of 3 µT on x": ({"hard_iron": "3,0,0uT"}, None),
     "rates 1 % too large": ({"scale": "1%"}, None),
+    "rates 3 % too small": ({"scale": "-3%"}, None),
+    "rates 8 % too large": ({"scale": "8%"}, None),
     "bias of 6 °/s on each axis": ({"bias": "6dps"}, None),
     "5 % of the rows without values": ({"missing": "5%"}, None),
     "asynchronous stamps": ({"asynchronous": ""}, None),

@@ -372,3 +372,22 @@ def test_a_sweep_in_blocks_is_that_in_one(recorded, block, monkeypatch):
 def test_compiled_and_plain_python_give_the_same_bits():
     code = "from tests.helpers.smoother_pieces import digest; given = digest()"
     assert in_the_other_mode(code) == digest()
+
+
+def test_another_prior_of_scale_and_axes_gives_what_the_measurements_would_have_given_with_it():
+    """Twelve linear measurements of all states, by the closed form of a Gaussian posterior, with either prior."""
+    rng = np.random.default_rng(3)
+    before, after = np.full(9, 0.008**2), rng.uniform(0.01, 0.05, 9) ** 2
+    seen, noise = rng.normal(size=(12, SIZE)), rng.uniform(0.01, 0.1, 12) ** 2
+    values = seen @ rng.normal(0.0, 0.05, SIZE)
+
+    def posterior(matrix):
+        prior = np.concatenate((np.full(M, 0.1**2), matrix))
+        cov = np.linalg.inv(np.diag(1.0 / prior) + seen.T @ (seen / noise[:, np.newaxis]))
+        return cov @ (seen.T @ (values / noise)), cov
+
+    (x, cov), (x_wide, cov_wide) = posterior(before), posterior(after)
+    last, shift = sweeps.Last(np.array([1.0, 0.0, 0.0, 0.0]), x, cov).with_prior(before, after)
+    assert np.abs(last.cov - cov_wide).max() < 1e-9 * np.abs(cov_wide).max()
+    assert np.abs(x + shift - x_wide).max() < 1e-10
+    assert np.abs(rot.rotvec_from_quat(last.attitude) - x_wide[:3]).max() < 1e-10 and (last.state[:3] == 0.0).all()

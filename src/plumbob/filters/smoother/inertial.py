@@ -102,17 +102,25 @@ class Inertial:
 
     `drift_sd` is the standard deviation of its bias about the vertical, rad/s, before a field shows it. Motion does
     not: the level velocity of a body swings with its tilt, and both together look like a turn. So `bias_sd` is that of
-    a bias that no rest showed, rad/s; zero where one did. `given_sd` is that of a tilt that was given, rad, and
-    `tilt_var` what is in doubt of it, rad².
+    a bias that no rest showed, rad/s; zero where one did. `prior` is the covariance (21, 21) before the first sample,
+    `given_sd` the standard deviation of a tilt that was given, rad, `tilt_var` what is in doubt of it, rad², and
+    `first_sd` that of the first bias that was chosen, rad/s.
     """
 
     sweep: Sweep
     resting: Bools
     speed: Speed
+    prior: Floats
     drift_sd: float = 0.0
     bias_sd: float = 0.0
     given_sd: float = math.inf
     tilt_var: float = 0.0
+    first_sd: float = 0.0
+
+    @property
+    def usual_speed(self) -> float:
+        """Root mean square of the level speed, m/s."""
+        return math.sqrt(float(np.mean(self.speed.speed**2)))
 
 
 def kinds(frames: Keyframes, resting: Bools) -> NDArray[np.int64]:
@@ -343,12 +351,14 @@ def known_along(p0: Floats, bias: Floats, axis: Floats, other: Floats, sd: float
 def level(
     frames: Keyframes, p: model.Params, prior: tuple[Floats, float] | None = None, unit: Floats | None = None,
     given: Given | None = None, *, any_bias: bool = False, before: tuple[Floats, Floats] | None = None,
+    first_sd: float | None = None,
 ) -> Inertial:  # fmt: skip
     """Attitude whose heading counts from nothing or from a given one, by the first bias that leaves the least velocity.
 
     `prior` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what the
     unit's card leaves (12, 12). With `any_bias`, large ones are as likely as small ones. `before` is the bias, and its
-    covariance, that what came before has shown: it counts where nothing rests.
+    covariance, that what came before has shown: it counts where nothing rests. `first_sd` is the one standard
+    deviation of the first bias that is tried, rad/s; None: all.
     """
     windows = calm(frames, p)
     resting, bias = first_rest(windows, p, frames.step) if prior is None else (windows.at_bias(p, prior[0]), prior[0])
@@ -371,6 +381,8 @@ def level(
         return replace(of(sd), bias_sd=0.0, drift_sd=sd)
     if sure:
         return replace(of(REST_BIAS), bias_sd=0.0 if prior is None or resting.any() else prior[1])
+    if first_sd is not None:
+        return of(first_sd)
     return of(FIRST_BIASES[0] * p.bias_start, *(() if any_bias else FIRST_BIASES[1:]))
 
 
@@ -417,9 +429,9 @@ def _level(
     if sure:
         vertical = dcm_from_quat(estimate.q)[:, 2, :]
         drift_sd = math.sqrt(float(np.median(np.einsum("ki,kij,kj->k", vertical, estimate.cov[:, 3:, 3:], vertical))))
-        return Inertial(estimate, resting, speed, drift_sd, given_sd=tilt_sd, tilt_var=tilt_var)
+        return Inertial(estimate, resting, speed, p0, drift_sd, given_sd=tilt_sd, tilt_var=tilt_var, first_sd=chosen)
     level_bias = dcm_from_quat(estimate.q[:1])[0, :2] @ estimate.bias[0]
     # its part about the vertical is as large as the others
     least = max(model.BIAS_REPEATS, math.sqrt(0.5 * float(level_bias @ level_bias)))
     drift_sd, bias_sd = max(chosen, least), max(math.sqrt(spread2), least)
-    return Inertial(estimate, resting, speed, drift_sd, bias_sd, tilt_sd, tilt_var)
+    return Inertial(estimate, resting, speed, p0, drift_sd, bias_sd, tilt_sd, tilt_var, chosen)

@@ -37,7 +37,19 @@ from plumbob.filters.smoother.field import (
 )
 from plumbob.filters.smoother.inertial import GIVEN, LEAK, WINDOW, Given, level_speed, peaks
 from plumbob.filters.smoother.keyframes import Keyframes, between, path
-from plumbob.filters.smoother.model import FREE_HEADING, KEPT, SIZE, B, M, ModelVariances, Params, timing_sd
+from plumbob.filters.smoother.model import (
+    FREE_HEADING,
+    KEPT,
+    SIZE,
+    B,
+    M,
+    ModelVariances,
+    Params,
+    as_delivered,
+    matrix_variances,
+    may_be_delivered,
+    timing_sd,
+)
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
 from plumbob.filters.smoother.preprocess import Arriving
 from plumbob.filters.smoother.samples import MARGIN
@@ -52,6 +64,7 @@ EVERY: Final = 20.0
 """up to this, s, or half of it with a lag, which has the time."""
 LEAST_PAUSE: Final = 4.0  # and at once, but not sooner than this, s, nor than
 RECENT: Final = 0.1  # this share of the past: at most ten seconds are smoothed for each that passes,
+CALIBRATED: Final = 3.0  # a unit without a card is calibrated with these odds before anything is known
 AGAINST: Final = 2.0
 """when the unit has turned for so long, s, in fields that are not the one of the place; that one too takes as long."""
 PROVEN: Final = 3.0  # the field of the place counts for so many times the time in which the unit turned in it,
@@ -99,6 +112,7 @@ class Running:
     doubt: Floats  # (7,), what fields that contradict say: see `contradict`
     unknown: int  # flag of a field that no turning in it has shown up to the look
     turned: float  # by how much headings were turned since the look, rad, to go on from those before it
+    shift: Floats  # (21,), by how much the look's last state was changed before, see `_either`
     rooms: list[causal.Room]  # the steps since the look, from none on; where there is a lag
     timing_sd: float  # of the time at which attitudes are true, s
 
@@ -118,6 +132,7 @@ class Running:
             return q, x, cov, word, weight
         before = slice(max(len(look.step) - (n - count), 0), len(look.step))
         causal.turn_heading_by(-self.turned, np.zeros(4), lam, big, np.zeros(causal.LEARNED))
+        lam -= big @ self.shift
         q_l, x_l, cov_l = look.part(before.start, before.stop).back(lam, big)
         turn = dcm_from_quat(quat_from_rotvec([0.0, 0.0, self.turned]))
         q, x = np.concatenate((turn_heading(q_l, -self.turned, Frame.ENU)[:-1], q)), np.concatenate((x_l[:-1], x))
@@ -426,7 +441,13 @@ class Live:
         turned = float(turning_time(frames, 0.0, arriving.quiet(past)[0]).sum())
         prior = self._proven.prior(self._unit, turned, begin)
         before = self._before(begin) if past.start and begin > self._jumped else None
-        prior = replace(prior, start=None if past.start else self._start, any_bias=self._any_bias, before=before)
+        prior = replace(
+            prior,
+            start=None if past.start else self._start,
+            any_bias=self._any_bias,
+            before=before,
+            delivered=0.0 if self._running is None else self._running.smoothed.delivered,
+        )
         look, anchor, since = partial(smooth, frames, self.p, prior), self._anchor, max(self._believed, now - LATELY)
         lately = slice(arriving.from_(since), k)
         if begin + SURELY < since < now - SURELY and lately.stop - lately.start >= 3:  # or a gap leaves none
@@ -467,7 +488,7 @@ class Live:
     def _from(self, smoothed: Smoothed, look: Look) -> Running:
         """The filter at the end of a look at the past."""
         p, frames = self.p, smoothed.frames
-        last, push = smoothed.sweep.last, smoothed.sweep.force - [0.0, 0.0, G0]
+        (last, shift), push = self._either(smoothed), smoothed.sweep.force - [0.0, 0.0, G0]
         force = np.where(frames.untold[:, np.newaxis], 0.0, push)
         back = frames.time[-1] - frames.time[1:]
         velocity = (force * (frames.step * np.exp(-back / LEAK))[:, np.newaxis]).sum(axis=0)
@@ -500,8 +521,23 @@ class Live:
             ModelVariances.from_params(p, bend),
             float(frames.time[-1]), flags.AT_REST if smoothed.resting[-1] else 0, float(smoothed.weight[-1]),
             np.zeros(1), other, self._proven.settled, standing, smoothed.doubt,
-            flags.FIELD_UNKNOWN if sought and not turned else 0, by, [room], timing_sd(p, frames.t),
+            flags.FIELD_UNKNOWN if sought and not turned else 0, by, shift, [room], timing_sd(p, frames.t),
         )  # fmt: skip
+
+    def _either(self, smoothed: Smoothed) -> tuple[Last, Floats]:
+        """What is known at the end of a look, and by how much its state is changed, (21,), for a unit of either kind.
+
+        A unit without a card may be calibrated or as delivered. The variance of both is the prior of its scale and axes
+        until the next look, and what the look has shown beyond its own prior stays as it is. Not without a field: a
+        walk and an arm on rails say wrong things of a scale.
+        """
+        last, calibrated = smoothed.sweep.last, np.diag(smoothed.prior)[M:]
+        delivered = matrix_variances(as_delivered(self.p))
+        free = self._unit is None and smoothed.reference is not None and may_be_delivered(self.p)
+        if not free or not (calibrated < delivered).all():
+            return last, np.zeros(SIZE)
+        share = 1.0 / (1.0 + CALIBRATED * math.exp(-smoothed.delivered))
+        return last.with_prior(calibrated, calibrated + share * (delivered - calibrated))
 
     def _behind_gap(self, k: int) -> None:
         """Look at what comes behind a gap once there is enough of it, or soon where nothing is known yet."""

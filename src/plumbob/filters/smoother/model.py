@@ -135,6 +135,18 @@ def as_delivered(p: Params) -> Params:
     return p._replace(gyr_scale=scale, gyr_misalignment=axes)
 
 
+def may_be_delivered(p: Params) -> bool:
+    """Whether a unit of these parameters could be another one as delivered: neither that, nor one without an error."""
+    return 0.0 < p.gyr_scale < DELIVERED_SCALE and 0.0 < p.gyr_misalignment < DELIVERED_AXES
+
+
+def matrix_variances(p: Params) -> Floats:
+    """Variances of scale and misalignment before a recording, (9,), row by row."""
+    var = np.full(9, p.gyr_misalignment**2)
+    var[::4] = p.gyr_scale**2
+    return var
+
+
 def hides_rest(p: Params, digit: Floats | float) -> NDArray[np.bool_]:
     """Whether a slow turn beyond the band of rest may hide in the last digit of the rates, rad/s."""
     return np.asarray((0.5 * np.asarray(digit) >= p.rest_band) & np.isfinite(digit))
@@ -174,9 +186,7 @@ def start_covariance(
     var[B : B + 3] = bias**2
     var[V : V + 2] = START_SPEED**2
     var[A : A + 3] = p.acc_bias**2
-    var[M : M + 9] = p.gyr_misalignment**2
-    if not rigid:
-        var[[M, M + 4, M + 8]] = p.gyr_scale**2
+    var[M : M + 9] = p.gyr_misalignment**2 if rigid else matrix_variances(p)
     cov = np.diag(var)
     if unit is not None:
         cov[M:, M:] = unit[3:, 3:] + CARD_FLOOR**2 * np.eye(9)

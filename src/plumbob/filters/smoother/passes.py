@@ -38,12 +38,12 @@ from plumbob.filters.smoother.inertial import (
 from plumbob.filters.smoother.keyframes import CORRELATED, Bools, Keyframes, between
 from plumbob.filters.smoother.model import (
     BIAS_REPEATS,
-    FREE_HEADING,
     M,
     ModelVariances,
     Params,
     as_delivered,
     hides_rest,
+    may_be_delivered,
     start_covariance,
 )
 from plumbob.filters.smoother.sensor_fixed_field import Attached, attached_field
@@ -54,7 +54,9 @@ from plumbob.rotations.frames import turn_heading
 AGAIN_TILT, AGAIN_HEADING = deg(3.0), deg(30.0)
 """Standard deviations of a smoothed attitude that is taken for a start, rad."""
 PASSES: Final = 2
-UNLIKELY: Final = 7.81  # square of three scales that one in twenty exceeds, in their variance
+SURELY: Final = math.log(20.0)  # logarithm of odds that decide
+UNLIKELY, NEVER = 7.81, 16.27
+"""Squares of three scales that one unit in twenty exceeds, and one in a thousand, in their variance."""
 CLEARER: Final = 0.5  # a recording has shown a parameter if its standard deviation is at most this share of what it was
 UNEVEN: Final = 1.0  # a field of the unit is known to this, µT: an uneven field of the place looks like one
 DISBELIEVED, BELIEVED = 0.25, 0.5
@@ -81,6 +83,7 @@ class Known:
     any_bias: bool = False  # whether the bias has jumped: large ones are then as likely as small ones
     # (3,), bias where the stretch begins, rad/s, and its covariance, by nothing but what came before
     before: tuple[Floats, Floats] | None = None
+    delivered: float = 0.0  # logarithm of the odds that the unit is as delivered, by what came before
 
     def after(self, smoothed: "Smoothed") -> "Known":
         """What is known after a stretch."""
@@ -90,6 +93,7 @@ class Known:
             bias=(smoothed.sweep.bias[-1], smoothed.bias_sd),
             reference=smoothed.reference or self.reference,
             weight=min(weight, LONGEST_SEEN),
+            delivered=smoothed.delivered,
         )
 
 
@@ -111,6 +115,7 @@ class Smoothed:
     scatter: float = 0.0  # by how much the direction of the field scatters beyond what was expected of it, rad
     bias_sd: float = 0.0  # standard deviation of a bias about the vertical that neither rest nor field showed, rad/s
     tilt_var: float = 0.0  # variance of the tilt, rad², by what contradicts a given one and is too short to decide
+    delivered: float = 0.0  # logarithm of the odds that the unit is as delivered, and not calibrated
 
     @property
     def learned(self) -> "Learned":
@@ -156,16 +161,60 @@ class Learned(NamedTuple):
 def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
     """Smooth a recording, or a stretch of one that others came before.
 
-    A unit without a card is taken for a calibrated one, unless its turns in a field say that it is as delivered.
+    A unit without a card is taken for a calibrated one, unless what it does says that it is as delivered.
     """
     if prior.unit is not None:
         sd = math.sqrt(float(np.trace(prior.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
         p = p._replace(bias_start=min(p.bias_start, sd))
     elif hides_rest(p, frames.digit):  # what is cut off is as good as noise that lasts as long as rates stay alike
         p = as_delivered(p)._replace(gyr_noise=math.hypot(p.gyr_noise, frames.digit * math.sqrt(CORRELATED / 12.0)))
-    original = frames.drifting()
-    frames = original.together()
-    inertial = level(frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before)
+    elif prior.delivered > SURELY:
+        p = as_delivered(p)
+    together = frames.drifting().together()
+    inertial = _level(together, p, prior)
+    smoothed = _smooth(frames, together, p, prior, inertial)
+    if prior.unit is not None or not may_be_delivered(p):
+        return replace(smoothed, delivered=prior.delivered)
+    smoothed = replace(smoothed, delivered=_delivered_odds(smoothed.sweep, p, smoothed.prior))
+    if smoothed.delivered < -SURELY:
+        return smoothed
+    return _as_it_is(frames, together, p, prior, inertial, smoothed)
+
+
+def _as_it_is(
+    original: Keyframes, frames: Keyframes, p: Params, prior: Known, inertial: Inertial, calibrated: Smoothed
+) -> Smoothed:
+    """The same of a unit as delivered, where its scales say that it is one.
+
+    They are asked without the field, whatever a calibrated unit makes of it, then with it. The speed of the body tells
+    as much: a wrong scale turns gravity into one, and no hand is slowed to half of it by a scale; a walk, a wave or an
+    arm that is guided say wrong things of a scale without a field. There the speed alone decides.
+    """
+    wide = as_delivered(p)
+    other = _level(frames, wide, prior, inertial.first_sd)
+    slower = other.usual_speed < SLOWER * inertial.usual_speed
+    beyond = calibrated.delivered > 0.0 and not _is_of_a_unit(calibrated.sweep, p, UNLIKELY)
+    least = 0.0 if slower or beyond else SURELY
+    odds = max(_delivered_odds(other.sweep, p, other.prior), calibrated.delivered)
+    possible = _is_of_a_unit(other.sweep, wide, UNLIKELY)
+    if possible and odds > least and (slower or calibrated.reference is not None):
+        smoothed = _smooth(original, frames, wide, prior, other)
+        odds, possible = _delivered_odds(smoothed.sweep, p, smoothed.prior), _is_of_a_unit(smoothed.sweep, wide, NEVER)
+        lost = smoothed.reference is None and calibrated.reference is not None
+        if possible and odds > least and not lost:
+            return replace(smoothed, delivered=odds)
+    return replace(calibrated, delivered=min(calibrated.delivered, SURELY) if possible else -SURELY)
+
+
+def _level(frames: Keyframes, p: Params, prior: Known, first_sd: float | None = None) -> Inertial:
+    """Passes without the field."""
+    return level(
+        frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before, first_sd=first_sd
+    )
+
+
+def _smooth(original: Keyframes, frames: Keyframes, p: Params, prior: Known, inertial: Inertial) -> Smoothed:
+    """Smooth with all sensors, from the passes without the field."""
     if np.isfinite(frames.mag[:, 0]).any():
         field = inertial.sweep.field
         headed = _headed(frames, p, inertial, field, np.zeros(frames.gap.size, dtype=bool), prior)
@@ -176,41 +225,34 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
             headed = _headed(frames, p, inertial, field, attached.doubtful, prior)
         if headed is not None:
             smoothed = _with_field(frames, p, inertial, field, headed, attached, prior)
-            if prior.unit is None and _is_as_delivered(smoothed, p):
-                delivered = smooth(original, as_delivered(p), prior)
-                if _is_of_a_unit(delivered, as_delivered(p)):
-                    return delivered
             iron_turn = _iron_turn(frames, p, inertial, headed, attached, prior)
             return replace(smoothed, frames=original, iron_turn=iron_turn)
-    p0 = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=prior.unit)
     return Smoothed(
-        original, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, p0, np.zeros(DOUBTS),
-        bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var,
+        original, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, inertial.prior,
+        np.zeros(DOUBTS), bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var,
     )  # fmt: skip
 
 
-def _is_as_delivered(smoothed: Smoothed, p: Params) -> bool:
-    """Whether the scale that was found is none of a calibrated unit, and likelier of one as delivered, by its axes.
+def _delivered_odds(sweep: Sweep, p: Params, prior: Floats) -> float:
+    """Logarithm of the odds that a unit is as delivered and not calibrated, by a pass's scales [Jeffreys1961].
 
-    What the recording says is the posterior without its prior; of one that says little that is many times what was
-    found, so that this itself must be beyond the prior. Angles between axes are not asked: soft iron looks alike.
+    What the recording says is the posterior without the `prior` (21, 21) of that pass. Angles between axes are not
+    asked: soft iron looks alike.
     """
-    scale, variance = smoothed.sweep.matrix[::4], np.diag(smoothed.sweep.unit_cov)[3::4]
-    if scale @ scale < UNLIKELY * p.gyr_scale**2:
-        return False
+    scale, variance = sweep.matrix[::4], np.diag(sweep.unit_cov)[3::4]
     sd = np.array([[p.gyr_scale], [as_delivered(p).gyr_scale]])
-    precision = 1.0 / variance + sd**-2 - p.gyr_scale**-2
+    precision = 1.0 / variance + sd**-2 - 1.0 / np.diag(prior)[M::4]
     evidence = np.sum((scale / variance) ** 2 / precision - np.log(precision * sd**2), axis=1)
-    return bool(sd[1] > sd[0] and evidence[1] > evidence[0])
+    return 0.5 * float(evidence[1] - evidence[0])
 
 
-def _is_of_a_unit(smoothed: Smoothed, p: Params) -> bool:
-    """Whether the field still gives the heading, and the scale that was found is one of a unit as delivered.
+def _is_of_a_unit(sweep: Sweep, p: Params, unlikely: float) -> bool:
+    """Whether the scale that a pass found is one that such units have, by its square in their variance.
 
     On waves the body's way goes with its tilt, and hides that: a scale of some ten per cent seems to take it away.
     """
-    scale = smoothed.sweep.matrix[::4]
-    return smoothed.reference is not None and bool(scale @ scale < UNLIKELY * p.gyr_scale**2)
+    scale = sweep.matrix[::4]
+    return bool(scale @ scale < unlikely * p.gyr_scale**2)
 
 
 def smooth_lately(frames: Keyframes, late: Keyframes, p: Params, prior: Known) -> Smoothed:
@@ -299,7 +341,7 @@ def _with_field(
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=AGAIN_BIAS, rigid=False, unit=prior.unit)
     still, first = calm(frames, p), narrowed(p0, inertial.given_sd)
     for remaining in range(PASSES, 0, -1):
-        latest = Inertial(estimate, resting, speed)
+        latest = Inertial(estimate, resting, speed, p0)
         reference = (
             find_reference(frames, p, field, latest, attached.doubtful, prior.reference, prior.weight) or reference
         )

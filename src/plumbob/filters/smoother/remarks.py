@@ -13,7 +13,7 @@ from plumbob.core.units import to_deg
 from plumbob.data import ImuData
 from plumbob.data.delay import gyr_delay
 from plumbob.filters.smoother.keyframes import Bools
-from plumbob.filters.smoother.model import Params
+from plumbob.filters.smoother.model import M, Params
 from plumbob.filters.smoother.passes import Smoothed
 from plumbob.filters.smoother.samples import GATED
 
@@ -58,6 +58,8 @@ def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[Finding]:
     remarks = _gaps(smoothed.frames.time[1:][smoothed.frames.gap], begin, end)
     if when := _spells(smoothed.frames.time, smoothed.weightless, begin, end):
         remarks.append(_doubted("estimate.weightless", when, smoothed.weightless))
+    if smoothed.delivered > 0.0 and smoothed.prior[M, M] > p.gyr_scale**2:
+        remarks.append(warning("estimate.as_delivered", percent=100.0 * np.abs(smoothed.sweep.matrix[::4]).max()))
     if smoothed.reference is None:
         if np.isfinite(smoothed.frames.mag[:, 0]).any():
             remarks.append(warning("estimate.heading_free"))

@@ -544,6 +544,19 @@ class Last(NamedTuple):
     state: Floats
     cov: Floats
 
+    def with_prior(self, before: Floats, after: Floats) -> tuple[Self, Floats]:
+        """The same measurements with other variances of scale and misalignment before them, (9,), all larger.
+
+        What they say is the posterior without its prior, whose mean is zero. Returns the change of the state too.
+        """
+        information = 1.0 / before - 1.0 / after
+        gain = self.cov[:, M:] @ np.linalg.inv(np.diag(1.0 / information) - self.cov[M:, M:])
+        cov = self.cov + gain @ self.cov[M:]
+        shift = cov[:, M:] @ (information * self.state[M:])
+        attitude, state = self.attitude.copy(), self.state + shift
+        correct(attitude, state)
+        return type(self)(attitude, state, 0.5 * (cov + cov.T)), shift
+
 
 class Way(NamedTuple):
     """The way forward over some steps, as the way back needs it; 4 kB a step.
