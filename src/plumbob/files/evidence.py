@@ -184,9 +184,8 @@ class ColumnEvidence:
         for i in (*named, *others):
             cells, beside = self.sample.cells(i), self.sample.cells(min(i + 1, self.sample.width - 1))
             if all(map(is_stamp, cells)):
-                parts = len({*beside}) > 1 and all(
-                    re.fullmatch(r"\d{3}|\d{6}", cell) for cell in beside
-                )  # behind a comma
+                # parts of a second stand in the cell behind a comma
+                parts = len({*beside}) > 1 and all(re.fullmatch(r"\d{3}|\d{6}", cell) for cell in beside)
                 return (i, i + 1) if parts and (np.diff(to_seconds([cells, beside], None)[0]) > 0.0).all() else (i,)
             dates = all(re.fullmatch(r"\d{4}([-/])\d{1,2}\1\d{1,2}", cell) for cell in cells)
             if dates and all(map(is_stamp, beside)):

@@ -202,7 +202,7 @@ class Numbers:
     size: int  # length of the file, bytes
     columns: int  # numbers in a row
     notes: tuple[Finding, ...]  # what was left out
-    source: Callable[[], Blocks] = field(repr=False)  # blocks, each time anew
+    source: Callable[[], Blocks] = field(repr=False)  # its blocks, opened again for each pass
 
     def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[Floats]:
         """Read the file from its start, some megabytes at a time; `progress` gets how many of `size` bytes are done."""

@@ -249,7 +249,7 @@ def test_a_calm_second_with_a_large_rate_about_gravity_is_a_turn_and_a_long_one_
 @slow_as_python
 def test_all_rest_counts_no_more_than_most_of_the_turning():
     frames = Keyframes.from_imu(by_hand(60.0, rest=((0.0, 40.0),), seed=8).imu(), 0.049)
-    seen = inertial.level(frames, Params())
+    seen = inertial.Beginning.from_frames(frames, Params()).level(Params())
     share = share_of_rest(frames, seen)
     assert (share[~seen.resting] == 1.0).all()
     turning = live.turning_time(frames, seen.sweep.bias[1:], seen.resting).sum()

@@ -2,8 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +75,10 @@ class Speed:
     now: Floats
     before: Floats
 
+    def rms(self, steps: slice = slice(None)) -> float:
+        """Root mean square of the level speed in some steps, m/s."""
+        return math.sqrt(float(np.mean(self.speed[steps] ** 2)))
+
     def density(self, p: model.Params, resting: Bools) -> Floats:
         """Spectral density of the level velocity, taken for white, m²/s."""
         moving = 2.0 * self.lasts * np.maximum(self.speed, np.where(self.untold, ANY_SPEED, p.speed)) ** 2
@@ -116,11 +119,6 @@ class Inertial:
     given_sd: float = math.inf
     tilt_var: float = 0.0
     first_sd: float = 0.0
-
-    @property
-    def usual_speed(self) -> float:
-        """Root mean square of the level speed, m/s."""
-        return math.sqrt(float(np.mean(self.speed.speed**2)))
 
 
 def kinds(frames: Keyframes, resting: Bools) -> NDArray[np.int64]:
@@ -348,90 +346,123 @@ def known_along(p0: Floats, bias: Floats, axis: Floats, other: Floats, sd: float
     return p0, bias - axis * float(axis @ (bias - other))
 
 
-def level(
-    frames: Keyframes, p: model.Params, prior: tuple[Floats, float] | None = None, unit: Floats | None = None,
-    given: Given | None = None, *, any_bias: bool = False, before: tuple[Floats, Floats] | None = None,
-    first_sd: float | None = None,
-) -> Inertial:  # fmt: skip
-    """Attitude whose heading counts from nothing or from a given one, by the first bias that leaves the least velocity.
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """What the first pass begins with, whatever scale the gyroscope may have; `level` makes the passes from it.
 
-    `prior` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what the
-    unit's card leaves (12, 12). With `any_bias`, large ones are as likely as small ones. `before` is the bias, and its
-    covariance, that what came before has shown: it counts where nothing rests. `first_sd` is the one standard
-    deviation of the first bias that is tried, rad/s; None: all.
+    Steps at rest, (K,); attitudes (K + 1, 4) at the starts; the bias (3,), rad/s, with the standard deviations that are
+    tried for it, rad/s; the first speed; standard deviation of the first tilt, rad, and what is in doubt of it, rad².
+    `bias_sd` is that of `Inertial` where rest, or what came before, shows the bias, else None; `drift_sd` is None where
+    the passes say. `unit` is what the unit's card leaves (12, 12).
     """
-    windows = calm(frames, p)
-    resting, bias = first_rest(windows, p, frames.step) if prior is None else (windows.at_bias(p, prior[0]), prior[0])
-    before = before if prior is None and not resting.any() else None
-    if before is not None:
-        bias, resting = before[0], windows.at_bias(p, before[0])
-    tilt = np.zeros((frames.first.size, 4))
-    for start in frames.starts:
-        tilt[start] = first_tilt(frames, start, bias)
-    tilt_sd, tilt_var = math.inf, 0.0
-    if given is not None:
-        end = frames.time[frames.starts[1] - 1] if frames.gap.any() else frames.t[-1]
-        tilt_sd, tilt_var = given_sd(given.q, tilt[0], min(FIRST_TILT, float(end - frames.t[0])))
-        tilt[0] = given.q
-    sure = bool(resting.any()) or prior is not None or before is not None
-    first = first_speed(frames, bias, sure=sure)
-    of = partial(_level, frames, p, resting, tilt, bias, first, tilt_sd, tilt_var, unit=unit, sure=sure)
-    if before is not None:
-        sd = math.sqrt(float(np.trace(before[1])) / 3.0)
-        return replace(of(sd), bias_sd=0.0, drift_sd=sd)
-    if sure:
-        return replace(of(REST_BIAS), bias_sd=0.0 if prior is None or resting.any() else prior[1])
-    if first_sd is not None:
-        return of(first_sd)
-    return of(FIRST_BIASES[0] * p.bias_start, *(() if any_bias else FIRST_BIASES[1:]))
+
+    frames: Keyframes
+    resting: Bools
+    tilt: Floats
+    bias: Floats
+    first_sds: tuple[float, ...]
+    speed: Speed
+    tilt_sd: float
+    tilt_var: float
+    bias_sd: float | None
+    drift_sd: float | None
+    unit: Floats | None
+
+    @classmethod
+    def from_frames(
+        cls, frames: Keyframes, p: model.Params, prior: tuple[Floats, float] | None = None, unit: Floats | None = None,
+        given: Given | None = None, *, any_bias: bool = False, before: tuple[Floats, Floats] | None = None,
+    ) -> Self:  # fmt: skip
+        """Of a recording, or a stretch of one.
+
+        `prior` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what
+        the unit's card leaves (12, 12). With `any_bias`, large ones are as likely as small ones. `before` is the bias,
+        and its covariance, that what came before has shown: it counts where nothing rests.
+        """
+        windows = calm(frames, p)
+        if prior is None:
+            resting, bias = first_rest(windows, p, frames.step)
+        else:
+            resting, bias = windows.at_bias(p, prior[0]), prior[0]
+        rested = bool(resting.any())
+        before = before if prior is None and not rested else None
+        if before is not None:
+            bias, resting = before[0], windows.at_bias(p, before[0])
+        tilt = np.zeros((frames.first.size, 4))
+        for start in frames.starts:
+            tilt[start] = first_tilt(frames, start, bias)
+        tilt_sd, tilt_var = math.inf, 0.0
+        if given is not None:
+            end = frames.time[frames.starts[1] - 1] if frames.gap.any() else frames.t[-1]
+            tilt_sd, tilt_var = given_sd(given.q, tilt[0], min(FIRST_TILT, float(end - frames.t[0])))
+            tilt[0] = given.q
+        bias_sd: float | None = 0.0 if prior is None or rested else prior[1]
+        drift_sd: float | None = None
+        sds: tuple[float, ...] = (REST_BIAS,)
+        if before is not None:
+            drift_sd = math.sqrt(float(np.trace(before[1])) / 3.0)
+            sds = (drift_sd,)
+        elif prior is None and not rested:
+            bias_sd, sds = None, (FIRST_BIASES[0] * p.bias_start, *(() if any_bias else FIRST_BIASES[1:]))
+        speed = first_speed(frames, bias, sure=bias_sd is not None)
+        return cls(frames, resting, tilt, bias, sds, speed, tilt_sd, tilt_var, bias_sd, drift_sd, unit)
+
+    def level(self, p: model.Params, *first_sds: float) -> Inertial:
+        """Attitude whose heading counts from nothing or from a given one, by the first bias that leaves least velocity.
+
+        Two passes, the other from the smoothed start of the first, which hardly moves scale and misalignment. Where
+        little is known of these both seek them, at the first speed: what they explain would be taken for speed. The
+        first is tried with each standard deviation of the bias, from the largest on; these take the place of its own.
+        """
+        frames, resting, speed, spreads = self.frames, self.resting, self.speed, first_sds or self.first_sds
+        kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
+        noise, start, chosen, spread2 = model.ModelVariances.from_params(p, 0.0), self.tilt.copy(), 0.0, 0.0
+        bias, free, sure = self.bias, p.gyr_scale > model.Params().gyr_scale, self.bias_sd is not None
+        for wide, matrix in ((WIDE, 1.0 if free else FIXED_MATRIX), (NARROW, 1.0)):
+            density, tried = speed.density(p, resting), list[Sweep]()
+            lasting = speed.lasting(frames.step, resting) if sure else np.ones(kind.size)
+            for bias_sd in spreads if wide == WIDE else (min(chosen, AGAIN_BIAS),):
+                p0 = model.start_covariance(
+                    p,
+                    tilt=wide,
+                    heading=model.FREE_HEADING,
+                    bias=bias_sd,
+                    rigid=not free,
+                    matrix=matrix,
+                    unit=self.unit,
+                )
+                first = narrowed(p0, self.tilt_sd)
+                if wide == NARROW and not sure and chosen < AGAIN_BIAS:
+                    first, bias = known_along(first, bias, dcm_from_quat(start[:1])[0, 2], np.zeros(3), UNSHOWN)
+                p0[model.TH + 2, model.TH + 2] = math.pi**2  # behind a gap it may be any, but for what bridges that
+                estimate = sweep(
+                    frames, kind, density, lasting, unused, start, bias, p0, noise, first=first,
+                    covariance=wide == NARROW,
+                )  # fmt: skip
+                tried.append(estimate)
+            if wide == WIDE:
+                # How fast the body moves may be any: then −2 log p is n log Σ r²/s + Σ log s, of n velocities
+                squares, logs = np.array([each.moved for each in tried]).T
+                unlikely = float(np.sum(frames.step / speed.lasts)) * np.log(np.maximum(squares, TINY)) + logs
+                odds = np.exp(-0.5 * (unlikely - unlikely.min()))
+                k = int(np.flatnonzero(odds > BY_CHANCE)[-1])
+                spread2, chosen, estimate = float(odds @ np.square(spreads) / odds.sum()), spreads[k], tried[k]
+            if not free or wide == NARROW:
+                speed = level_speed(frames, estimate.force[:, :2], sure=sure)
+            start[frames.starts], bias = estimate.q[frames.starts], estimate.bias[0]
+            if self.tilt_sd < NARROW:
+                start[0] = self.tilt[0]
+        if self.bias_sd is not None:
+            drift_sd, bias_sd = self.drift_sd or _vertical_sd(estimate), self.bias_sd
+        else:
+            level_bias = dcm_from_quat(estimate.q[:1])[0, :2] @ estimate.bias[0]
+            # its part about the vertical is as large as the others
+            least = max(model.BIAS_REPEATS, math.sqrt(0.5 * float(level_bias @ level_bias)))
+            drift_sd, bias_sd = max(chosen, least), max(math.sqrt(spread2), least)
+        return Inertial(estimate, resting, speed, p0, drift_sd, bias_sd, self.tilt_sd, self.tilt_var, chosen)
 
 
-def _level(
-    frames: Keyframes, p: model.Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, tilt_sd: float,
-    tilt_var: float, *spreads: float, unit: Floats | None, sure: bool,
-) -> Inertial:  # fmt: skip
-    """Two passes, the other from the smoothed start of the first, which hardly moves scale and misalignment.
-
-    Where little is known of these both seek them, at the first speed: what they explain would be taken for speed. The
-    first is tried with each of some spreads of the bias, from the widest on.
-    """
-    kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
-    noise, start, chosen, spread2 = model.ModelVariances.from_params(p, 0.0), tilt.copy(), 0.0, 0.0
-    free = p.gyr_scale > model.Params().gyr_scale
-    for wide, matrix in ((WIDE, 1.0 if free else FIXED_MATRIX), (NARROW, 1.0)):
-        density, tried = speed.density(p, resting), list[Sweep]()
-        lasting = speed.lasting(frames.step, resting) if sure else np.ones(kind.size)
-        for bias_sd in spreads if wide == WIDE else (min(chosen, AGAIN_BIAS),):
-            p0 = model.start_covariance(
-                p, tilt=wide, heading=model.FREE_HEADING, bias=bias_sd, rigid=not free, matrix=matrix, unit=unit
-            )
-            first = narrowed(p0, tilt_sd)
-            if wide == NARROW and not sure and chosen < AGAIN_BIAS:
-                first, bias = known_along(first, bias, dcm_from_quat(start[:1])[0, 2], np.zeros(3), UNSHOWN)
-            p0[model.TH + 2, model.TH + 2] = math.pi**2  # behind a gap the heading may be any, but for what bridges it
-            estimate = sweep(
-                frames, kind, density, lasting, unused, start, bias, p0, noise, first=first,
-                covariance=wide == NARROW,
-            )  # fmt: skip
-            tried.append(estimate)
-        if wide == WIDE:
-            # How fast the body moves, in truth, may be any: then −2 log p is n log Σ r²/s + Σ log s, of n velocities
-            squares, logs = np.array([each.moved for each in tried]).T
-            unlikely = float(np.sum(frames.step / speed.lasts)) * np.log(np.maximum(squares, TINY)) + logs
-            odds = np.exp(-0.5 * (unlikely - unlikely.min()))
-            k = int(np.flatnonzero(odds > BY_CHANCE)[-1])
-            spread2, chosen, estimate = float(odds @ np.square(spreads) / odds.sum()), spreads[k], tried[k]
-        if not free or wide == NARROW:
-            speed = level_speed(frames, estimate.force[:, :2], sure=sure)
-        start[frames.starts], bias = estimate.q[frames.starts], estimate.bias[0]
-        if tilt_sd < NARROW:
-            start[0] = tilt[0]
-    if sure:
-        vertical = dcm_from_quat(estimate.q)[:, 2, :]
-        drift_sd = math.sqrt(float(np.median(np.einsum("ki,kij,kj->k", vertical, estimate.cov[:, 3:, 3:], vertical))))
-        return Inertial(estimate, resting, speed, p0, drift_sd, given_sd=tilt_sd, tilt_var=tilt_var, first_sd=chosen)
-    level_bias = dcm_from_quat(estimate.q[:1])[0, :2] @ estimate.bias[0]
-    # its part about the vertical is as large as the others
-    least = max(model.BIAS_REPEATS, math.sqrt(0.5 * float(level_bias @ level_bias)))
-    drift_sd, bias_sd = max(chosen, least), max(math.sqrt(spread2), least)
-    return Inertial(estimate, resting, speed, p0, drift_sd, bias_sd, tilt_sd, tilt_var, chosen)
+def _vertical_sd(estimate: Sweep) -> float:
+    """Standard deviation of the bias about the vertical, rad/s: the median over a pass."""
+    vertical = dcm_from_quat(estimate.q)[:, 2, :]
+    return math.sqrt(float(np.median(np.einsum("ki,kij,kj->k", vertical, estimate.cov[:, 3:, 3:], vertical))))

@@ -25,13 +25,14 @@ from plumbob.filters.smoother.field import (
 )
 from plumbob.filters.smoother.inertial import (
     AGAIN_BIAS,
+    BY_CHANCE,
     PIECE,
+    Beginning,
     Given,
     Inertial,
     calm,
     kinds,
     known_along,
-    level,
     level_speed,
     narrowed,
 )
@@ -54,7 +55,7 @@ from plumbob.rotations.frames import turn_heading
 AGAIN_TILT, AGAIN_HEADING = deg(3.0), deg(30.0)
 """Standard deviations of a smoothed attitude that is taken for a start, rad."""
 PASSES: Final = 2
-SURELY: Final = math.log(20.0)  # logarithm of odds that decide
+DECISIVE: Final = -math.log(BY_CHANCE)  # logarithm of odds that decide
 UNLIKELY, NEVER = 7.81, 16.27
 """Squares of three scales that one unit in twenty exceeds, and one in a thousand, in their variance."""
 CLEARER: Final = 0.5  # a recording has shown a parameter if its standard deviation is at most this share of what it was
@@ -168,22 +169,24 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
         p = p._replace(bias_start=min(p.bias_start, sd))
     elif hides_rest(p, frames.digit):  # what is cut off is as good as noise that lasts as long as rates stay alike
         p = as_delivered(p)._replace(gyr_noise=math.hypot(p.gyr_noise, frames.digit * math.sqrt(CORRELATED / 12.0)))
-    elif prior.delivered > SURELY:
+    elif prior.delivered > DECISIVE:
         p = as_delivered(p)
     together = frames.drifting().together()
-    inertial = _level(together, p, prior)
-    smoothed = _smooth(frames, together, p, prior, inertial)
+    begin = Beginning.from_frames(
+        together, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before
+    )
+    inertial = begin.level(p)
+    smoothed = _with_all(p, prior, begin, inertial)
     if prior.unit is not None or not may_be_delivered(p):
-        return replace(smoothed, delivered=prior.delivered)
-    smoothed = replace(smoothed, delivered=_delivered_odds(smoothed.sweep, p, smoothed.prior))
-    if smoothed.delivered < -SURELY:
-        return smoothed
-    return _as_it_is(frames, together, p, prior, inertial, smoothed)
+        smoothed = replace(smoothed, delivered=prior.delivered)
+    else:
+        smoothed = replace(smoothed, delivered=_delivered_odds(smoothed.sweep, p, smoothed.prior))
+        if smoothed.delivered >= -DECISIVE:
+            smoothed = _as_it_is(p, prior, begin, inertial, smoothed)
+    return replace(smoothed, frames=frames)
 
 
-def _as_it_is(
-    original: Keyframes, frames: Keyframes, p: Params, prior: Known, inertial: Inertial, calibrated: Smoothed
-) -> Smoothed:
+def _as_it_is(p: Params, prior: Known, begin: Beginning, inertial: Inertial, calibrated: Smoothed) -> Smoothed:
     """The same of a unit as delivered, where its scales say that it is one.
 
     They are asked without the field, whatever a calibrated unit makes of it, then with it. The speed of the body tells
@@ -191,30 +194,24 @@ def _as_it_is(
     arm that is guided say wrong things of a scale without a field. There the speed alone decides.
     """
     wide = as_delivered(p)
-    other = _level(frames, wide, prior, inertial.first_sd)
-    slower = other.usual_speed < SLOWER * inertial.usual_speed
+    other = begin.level(wide, inertial.first_sd)
+    slower = other.speed.rms() < SLOWER * inertial.speed.rms()
     beyond = calibrated.delivered > 0.0 and not _is_of_a_unit(calibrated.sweep, p, UNLIKELY)
-    least = 0.0 if slower or beyond else SURELY
+    least = 0.0 if slower or beyond else DECISIVE
     odds = max(_delivered_odds(other.sweep, p, other.prior), calibrated.delivered)
     possible = _is_of_a_unit(other.sweep, wide, UNLIKELY)
     if possible and odds > least and (slower or calibrated.reference is not None):
-        smoothed = _smooth(original, frames, wide, prior, other)
+        smoothed = _with_all(wide, prior, begin, other)
         odds, possible = _delivered_odds(smoothed.sweep, p, smoothed.prior), _is_of_a_unit(smoothed.sweep, wide, NEVER)
         lost = smoothed.reference is None and calibrated.reference is not None
         if possible and odds > least and not lost:
             return replace(smoothed, delivered=odds)
-    return replace(calibrated, delivered=min(calibrated.delivered, SURELY) if possible else -SURELY)
+    return replace(calibrated, delivered=min(calibrated.delivered, DECISIVE) if possible else -DECISIVE)
 
 
-def _level(frames: Keyframes, p: Params, prior: Known, first_sd: float | None = None) -> Inertial:
-    """Passes without the field."""
-    return level(
-        frames, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before, first_sd=first_sd
-    )
-
-
-def _smooth(original: Keyframes, frames: Keyframes, p: Params, prior: Known, inertial: Inertial) -> Smoothed:
-    """Smooth with all sensors, from the passes without the field."""
+def _with_all(p: Params, prior: Known, begin: Beginning, inertial: Inertial) -> Smoothed:
+    """Smooth with the field too, where one gives the heading, from the passes without it."""
+    frames = begin.frames
     if np.isfinite(frames.mag[:, 0]).any():
         field = inertial.sweep.field
         headed = _headed(frames, p, inertial, field, np.zeros(frames.gap.size, dtype=bool), prior)
@@ -225,10 +222,9 @@ def _smooth(original: Keyframes, frames: Keyframes, p: Params, prior: Known, ine
             headed = _headed(frames, p, inertial, field, attached.doubtful, prior)
         if headed is not None:
             smoothed = _with_field(frames, p, inertial, field, headed, attached, prior)
-            iron_turn = _iron_turn(frames, p, inertial, headed, attached, prior)
-            return replace(smoothed, frames=original, iron_turn=iron_turn)
+            return replace(smoothed, iron_turn=_iron_turn(frames, p, inertial, headed, attached, prior))
     return Smoothed(
-        original, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, inertial.prior,
+        frames, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, inertial.prior,
         np.zeros(DOUBTS), bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var,
     )  # fmt: skip
 
@@ -282,7 +278,7 @@ def believed(smoothed: Smoothed, steps: slice) -> float:
 
 def _speed(smoothed: Smoothed, steps: slice) -> float:
     """Root mean square of the level speed in some steps, m/s."""
-    return math.sqrt(float(np.mean(level_speed(smoothed.frames, smoothed.sweep.force[:, :2]).speed[steps] ** 2)))
+    return level_speed(smoothed.frames, smoothed.sweep.force[:, :2]).rms(steps)
 
 
 class _Headed(NamedTuple):

@@ -52,7 +52,7 @@ class Stopping(Protocol):
 
 
 class Stop:
-    """Says when to end, too where another does; it takes no lock, on which the handler of a signal could wait."""
+    """Says when to end, as soon as it is set or `other` is; without a lock, for which a signal handler could wait."""
 
     __slots__ = ("_other", "_set")
 
