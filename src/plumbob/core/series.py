@@ -1,5 +1,6 @@
 """Values over time as a table for pandas and as a picture: one home for every result that has them."""
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
@@ -19,9 +20,9 @@ class Series(FactsText):
 
     __slots__ = ()
 
+    @abstractmethod
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Values (N,) by name with unit, as ``gyr_x [rad/s]``; the first are the times of all others."""
-        raise NotImplementedError
 
     def to_frame(self) -> Any:
         """Table for pandas, a column each."""

@@ -3,6 +3,7 @@
 import math
 import re
 import textwrap
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
 from operator import xor
@@ -105,14 +106,14 @@ def _power(size: float) -> int:
     return 0 if size == 0.0 or PLAIN[0] <= size < PLAIN[1] else math.floor(math.log10(size))
 
 
-class FactsText:
+class FactsText(ABC):
     """Mixin of what says of itself in `facts` what a reader wants to know first."""
 
     __slots__ = ()
 
+    @abstractmethod
     def facts(self) -> Mapping[str, str]:
         """What it is, by name; no value is longer than a few words."""
-        raise NotImplementedError
 
     def __repr__(self) -> str:
         return one_line(type(self).__name__, self.facts())

@@ -11,6 +11,7 @@ import math
 import struct
 import zipfile
 import zlib
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from itertools import islice
@@ -43,7 +44,7 @@ _DEEPEST: Final = 6  # structs or groups in each other
 _NO_NUMBERS: Final = "data set that is not of numbers"
 
 
-class Arrays:
+class Arrays(ABC):
     """Arrays of one file by their names; subclasses list them without loading, and load some."""
 
     def __init__(self) -> None:
@@ -59,8 +60,9 @@ class Arrays:
         arrays = self._loaded(dict.fromkeys(path for path, _ in places.values()))
         return {name: arrays[path][part] for name, (path, part) in places.items()}
 
+    @abstractmethod
     def _loaded(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
-        raise NotImplementedError
+        """Load arrays that are no fields of others."""
 
     def summary(self) -> str:
         """Names and shapes for a message."""
