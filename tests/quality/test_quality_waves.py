@@ -74,7 +74,8 @@ def gaussian(rng, *, height=2.0, period=9.0, peakedness=3.3, spread=25.0, come_f
 
 def test_bands_hold_the_sea_of_which_a_burst_is_a_sample():
     rng = np.random.default_rng(7)
-    inside, periods, turned, ratio = [], [], [], []
+    inside, periods, turned, ratio, spread = [], [], [], [], []
+    wrapped = math.sqrt(2.0 * (1.0 - math.exp(-0.5 * math.radians(25.0) ** 2)))  # spread of a wrapped normal
     for _ in range(200):
         acc, hm0, tm02 = gaussian(rng)
         sea = sea_state(T, acc + rng.normal(0.0, 0.01, acc.shape), step=STEP, segment=SEGMENT, heading_sd=0.0)
@@ -82,9 +83,12 @@ def test_bands_hold_the_sea_of_which_a_burst_is_a_sample():
         periods.append(sea.tm02 / tm02 - 1.0)
         turned.append(math.remainder(sea.direction - math.radians(200.0), 2.0 * math.pi) / sea.direction_sd)
         ratio.append(sea.hm0 / hm0)
+        spread.append((sea.spread - wrapped) / sea.spread_sd)
     assert 0.90 <= np.mean(inside) <= 0.98
     assert abs(np.mean(periods)) < 0.01 and abs(np.mean(ratio) - 1.0) < 0.01
     assert 0.8 < np.std(turned) < 1.25
+    assert 0.8 < np.std(spread) < 1.25 and abs(np.mean(spread)) < 0.25
+    assert 0.87 <= np.mean(np.abs(spread) < 2.0) <= 0.98
 
 
 def test_a_narrow_band_is_claimed_no_better_than_it_is_known():

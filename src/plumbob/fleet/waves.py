@@ -3,8 +3,8 @@
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -27,6 +27,7 @@ from plumbob.files.arrow import TABLES, write_table
 from plumbob.fleet.batch import batch, listed_items
 from plumbob.fleet.items import JOBS, Source
 from plumbob.fleet.urls import is_url
+from plumbob.fleet.wave_reference import nearest, read_reference
 from plumbob.overview.report_entry import read_subject
 from plumbob.quality.quality import MEANING
 from plumbob.quality.spectra import FEWEST as SEGMENTS
@@ -49,6 +50,7 @@ _BULK: Final[Mapping[str, tuple[str, str, str]]] = {
     "direction_deg": ("degree", "sea_surface_wave_from_direction", "mean direction that waves come from"),
     "direction_sd_deg": ("degree", "", "standard deviation of the mean direction"),
     "spread_deg": ("degree", "sea_surface_wave_directional_spread", "directional spread of all waves"),
+    "spread_sd_deg": ("degree", "", "standard deviation of the directional spread"),
     "peak_direction_deg": ("degree", "sea_surface_wave_from_direction_at_variance_spectral_density_maximum",
                            "direction that waves of the peak come from"),
     "peak_spread_deg": ("degree", "sea_surface_wave_directional_spread_at_variance_spectral_density_maximum",
@@ -68,7 +70,7 @@ _SPECTRAL: Final[Mapping[str, tuple[str, str, str]]] = {
 }
 _ROW: Final = (
     "{hm0_m:8.2f} {hm0_low_m:6.2f}–{hm0_high_m:<6.2f} {tp_s:7.2f} {tm02_s:6.2f} {direction_deg:5.0f}° "
-    "{direction_sd_deg:3.0f}° {spread_deg:6.0f}°"
+    "{direction_sd_deg:3.0f}° {spread_deg:6.0f}° {spread_sd_deg:3.0f}°"
 )
 _FILE_NAMES: Final = {"density_m2_per_hz": "efth"}  # as wavespectra names them
 
@@ -79,12 +81,14 @@ class Waves(Series):
 
     `bursts` are their numbers as JSON has them: `recording`, `begin_s`, `end_s`, `begin_utc` (None where the recording
     does not know it), `flag` (QARTOD's, the worst of all tests), `tests`, and those of `quality.waves.SeaState`.
-    `place` is (latitude, longitude), degrees, or None.
+    `place` is (latitude, longitude), degrees, or None. `reference` has numbers (B,) of another buoy by the same names,
+    those nearest in time.
     """
 
     bursts: tuple[Mapping[str, Any], ...]
     notes: tuple[Finding, ...] = ()
     place: tuple[float, float] | None = None
+    reference: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def frequency(self) -> Floats:
@@ -126,7 +130,8 @@ class Waves(Series):
         names = {f"{_stem(name)} [{unit.replace('degree', 'deg')}]": name for name, (unit, _, _) in _BULK.items()}
         numbers = {title: self._numbers(name) for title, name in names.items()}
         flag = np.array([burst["flag"] for burst in self.bursts], dtype=np.int64)
-        return {"time_utc [s]" if self.is_utc else "time [s]": self.time} | numbers | {"flag": flag}
+        beside = {f"reference {title}": self.reference[name] for title, name in names.items() if name in self.reference}
+        return {"time_utc [s]" if self.is_utc else "time [s]": self.time} | numbers | {"flag": flag} | beside
 
     def _numbers(self, name: str) -> Floats:
         return np.array([math.nan if burst[name] is None else burst[name] for burst in self.bursts])
@@ -140,12 +145,37 @@ class Waves(Series):
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
         notes = [note.to_dict() for note in self.notes]
-        return dict(plain({"bursts": list(self.bursts), "place": self.place, "notes": notes}))
+        numbers = {"bursts": list(self.bursts), "place": self.place, "reference": dict(self.reference), "notes": notes}
+        return dict(plain(numbers))
+
+    def differences(self) -> Mapping[str, Floats]:
+        """Numbers (B,) less those of the reference, by their names; of directions the shorter way round."""
+        apart = {name: self._numbers(name) - values for name, values in self.reference.items()}
+        return {
+            name: (each + 180.0) % 360.0 - 180.0 if name.endswith("direction_deg") else each
+            for name, each in apart.items()
+        }
+
+    def compare(self, reference: str | Path) -> "Waves":
+        """The same beside the table of another buoy, as `waves` takes it; ParameterError where no time is near."""
+        if not self.is_utc:
+            raise ParameterError(
+                "a reference is found by UTC, which these recordings do not know. Give --t0, or a file with its UTC."
+            )
+        names = {standard: name for name, (_, standard, _) in _BULK.items() if standard}
+        times, numbers = read_reference(reference, names)
+        beside = nearest(times, numbers, self.time, self._durations()) if times.size else {}
+        if not any(np.isfinite(values).any() for values in beside.values()):
+            span = (
+                " to ".join(str(np.datetime64(int(t), "s")) for t in (times.min(), times.max())) if times.size else "-"
+            )
+            raise ParameterError(f"{reference} has no waves within a burst of these: its times are {span} UTC.")
+        return replace(self, reference=beside)
 
     def text(self) -> str:
         """A line for each burst, with what did not pass."""
         lines = [f"{'begin':20} {'Hm0 [m]':>8} {'95 % band':>13} {'Tp [s]':>7} {'Tm02':>6} {'from':>6} {'±':>4} "
-                 f"{'spread':>7}  flag"]  # fmt: skip
+                 f"{'spread':>7} {'±':>4}  flag"]  # fmt: skip
         for burst in self.bursts[:_SHOWN]:
             begin = burst["begin_utc"] or f"{burst['begin_s']:g} s"
             numbers = {name: math.nan if burst[name] is None else burst[name] for name in _BULK}
@@ -167,7 +197,21 @@ class Waves(Series):
             )
         elif last["hidden_m"] is not None:
             lines.append(f"no wave stands above the noise: Hm0 is below {last['hidden_m']:.2f} m (last burst)")
-        return "\n".join(lines)
+        return "\n".join([*lines, *self._comparison_lines()])
+
+    def _comparison_lines(self) -> Iterator[str]:
+        """Lines of what the reference says, and of the differences from it."""
+        if not self.reference:
+            return
+        apart = self.differences()
+        titles = [f"{_stem(name)} [{name.rpartition('_')[2]}]" for name in apart]
+        yield "\n" + f"{'reference (difference)':22}" + "".join(f"{title:>22}" for title in titles)
+        for row, burst in enumerate(self.bursts[:_SHOWN]):
+            cells = (f"{self.reference[name][row]:.2f} ({apart[name][row]:+.2f})" for name in apart)
+            yield f"{burst['begin_utc']:22}" + "".join(f"{cell.replace('nan (+nan)', '-'):>22}" for cell in cells)
+        for title, way in (("mean difference", np.mean), ("rms difference", _rms)):
+            finite = [each[np.isfinite(each)] for each in apart.values()]
+            yield f"{title:22}" + "".join(f"{way(each):>22.3f}" if each.size else f"{'-':>22}" for each in finite)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the bursts: ``.nc`` with their spectra, by the CF conventions; ``.csv`` or ``.parquet`` the numbers.
@@ -225,6 +269,10 @@ class Waves(Series):
         }, overwrite=overwrite)  # fmt: skip
 
 
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def _stem(name: str) -> str:
     """Name of a number without its unit."""
     return name if name in ("degrees_of_freedom", *_SPECTRAL) else name.rpartition("_")[0]
@@ -237,6 +285,7 @@ def waves(
     low: float | str | None = None,
     high: float | str = SHORTEST_WAVES,
     response: "str | Path | tuple[ArrayLike, ArrayLike] | None" = None,
+    reference: str | Path | None = None,
     filter: str | None = None,
     params: Mapping[str, Any] | None = None,
     frame: str | None = None,
@@ -267,6 +316,9 @@ def waves(
         Frequencies from which to which waves count, Hz. Without `low`, from where they stand above the noise.
     response : path or pair of arrays, optional
         Frequencies, Hz, rising, and how much of a wave's height the hull rises there; as a CSV of these two columns.
+    reference : path, optional
+        Table of another buoy beside it, of Spotter, OpenMetBuoy, SFY, NDBC or Plumbob, as text, JSON or NetCDF: of each
+        burst the row nearest in time is put beside it.
     filter, params, frame, calibration, noise, date, profile, unit : optional
         As of `plumbob.estimate`.
     place : str, optional
@@ -320,6 +372,8 @@ def waves(
     if not bursts:
         raise ParameterError("no recording gave waves. Record an accelerometer on something that floats.")
     made = Waves(tuple(bursts), tuple(dict.fromkeys(notes)), None if place is None else _latitude_longitude(place))
+    if reference is not None:
+        made = made.compare(reference)
     if out is not None:
         made.save(out, overwrite=overwrite)
     return made

@@ -31,12 +31,16 @@ CHANCE: Final = 0.01  # that noise alone lifts a density so high that it counts 
 CONFIDENCE: Final = 0.95  # of the bands
 FOLLOWED: Final = 0.5  # response below which a hull is not used as a gauge: its table's errors would be doubled
 CHECK_FACTOR: Final = (0.9, 1.1)  # [QARTODWaves]: of waves in deep water it is 1
+SURE_FREEDOM: Final = 60.0
+"""Degrees of freedom of moments by which their own errors are computed: with fewer, chance makes them look exact."""
+TINY: Final = float(np.finfo(float).tiny)
 STEEPNESS: Final = (0.1, 1.0 / 7.0)
 """Of Hm0 over the length of waves of Tm02: suspect [DNV205]; every wave would have broken [Michell1893]."""
 
 BULK: Final = {  # numbers of a sea state, with their units here: angles are in rad
     "hm0": "m", "hm0_low": "m", "hm0_high": "m", "tp": "s", "tm01": "s", "tm02": "s", "tm_10": "s", "direction": "rad",
-    "direction_sd": "rad", "spread": "rad", "peak_direction": "rad", "peak_spread": "rad", "hidden": "m",
+    "direction_sd": "rad", "spread": "rad", "spread_sd": "rad", "peak_direction": "rad", "peak_spread": "rad",
+    "hidden": "m",
 }  # fmt: skip
 
 
@@ -82,6 +86,7 @@ class SeaState:
     direction: float = math.nan
     direction_sd: float = math.nan  # standard deviation of the mean direction, with the heading's
     spread: float = math.nan
+    spread_sd: float = math.nan  # standard deviation of the spread
     # peak_direction, peak_spread: at the spectrum's peak
     peak_direction: float = math.nan
     peak_spread: float = math.nan
@@ -167,7 +172,7 @@ def sea_state(
         )  # fmt: skip
     height = np.where(counts, (vertical - level) * to_height, 0.0)
     east, north = density[:, 0, 0].real, density[:, 1, 1].real
-    flat = np.maximum(east + north, np.finfo(float).tiny)
+    flat = np.maximum(east + north, TINY)
     above = vertical - level
     usable = counts & (above > 0.0)  # by chance one may lie below the noise, and then has no direction
     lifted = np.sqrt(np.where(usable, above * flat, 1.0))
@@ -304,21 +309,59 @@ def _directions(
         return {}
     mean = height @ first / np.sum(height)
     direction = float(np.arctan2(mean[1], mean[0]))
-    turn = np.array([math.cos(2.0 * direction), math.sin(2.0 * direction)])
-    across = np.sum(height**2 * np.maximum(0.5 * (1.0 - second @ turn), 0.0)) * f[0] / (1.0 + 2.0 / nu) / effective
-    chance = math.sqrt(float(across)) / max(float(np.hypot(*(height @ first)) * f[0]), np.finfo(float).tiny)
+    length = float(np.hypot(*mean))
+    beside = np.ones(min(2 * math.ceil(0.5 * SURE_FREEDOM / nu) + 1, height.size))
+    energy = np.maximum(height, 0.0)
+    smooth = [
+        np.convolve(energy * each, beside, "same") / np.maximum(np.convolve(energy, beside, "same"), TINY)
+        for each in (*first.T, *second.T)
+    ]
+    along, across, excess = _moment_errors(*smooth, direction=direction, length=length)
+    quotient = nu / max(nu - 2.0, 1.0)  # mean of ν/χ², as a moment's denominator has so many degrees of freedom
+    share = quotient * height**2 * f[0] / (1.0 + 2.0 / nu) / effective / max(float(np.sum(height)) * f[0], TINY) ** 2
+    chance = math.sqrt(float(share @ across)) / max(length, TINY)
+    spread = _spread(length - float(height @ excess) / float(np.sum(height)) * 2.0 / nu)
     top = slice(max(0, int(np.argmax(height)) - 1), int(np.argmax(height)) + 2)
     peak = height[top] @ first[top] / np.sum(height[top])
     return {
         "direction": direction % (2.0 * np.pi), "direction_sd": math.hypot(chance, heading_sd),
-        "spread": _spread(mean), "peak_direction": float(np.arctan2(peak[1], peak[0])) % (2.0 * np.pi),
-        "peak_spread": _spread(peak),
+        "spread": spread, "spread_sd": math.sqrt(float(share @ along)) / max(spread, TINY),
+        "peak_direction": float(np.arctan2(peak[1], peak[0])) % (2.0 * np.pi),
+        "peak_spread": _spread(float(np.hypot(*peak))),
     }  # fmt: skip
 
 
-def _spread(mean: Floats) -> float:
-    """Circular standard deviation, rad, of a distribution with this first moment [Kuik1988]."""
-    return math.sqrt(2.0 * max(0.0, 1.0 - float(np.hypot(*mean))))
+def _moment_errors(
+    a1: Floats, b1: Floats, a2: Floats, b2: Floats, *, direction: float, length: float
+) -> tuple[Floats, Floats, Floats]:
+    """Of one transform's part in the mean moment, (F,): variances along its direction and across, excess along it.
+
+    Vertical, along and across, the last two a quarter period later, are Gaussian with the covariance Σ of the moments.
+    To first order a moment's error is a quadratic form x'Ax of them, whose variance is tr(AΣAΣ) [Kuik1988]; its mean is
+    of the second order, as a moment is a quotient.
+    """
+    turn = np.exp(-1j * direction)
+    once, twice = (a1 + 1j * b1) * turn, (a2 + 1j * b2) * turn**2
+    m, n, m2, n2 = once.real, once.imag, twice.real, twice.imag
+    ones, none, half = np.ones_like(m), np.zeros_like(m), np.full_like(m, 0.5)
+    sigma = _symmetric(ones, m, n, half * (1.0 + m2), half * n2, half * (1.0 - m2))
+    forms = (
+        _symmetric(half * m - length, half, none, -half * m, none, -half * m),
+        _symmetric(half * n, none, half, -half * n, none, -half * n),
+    )
+    along, across = (np.einsum("fij,fjk,fkl,fli->f", form, sigma, form, sigma, optimize=True) for form in forms)
+    excess = 0.125 * m + 0.1875 * m * (m2**2 + n2**2 + 1.0) - 0.25 * (m * m2 + n * n2) - 0.25 * m * (m**2 + n**2)
+    return np.maximum(along, 0.0), np.maximum(across, 0.0), excess
+
+
+def _symmetric(*upper: Floats) -> Floats:
+    """Matrices (F, 3, 3) of their upper triangle, row by row."""
+    return np.stack(upper, axis=-1)[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+
+
+def _spread(length: float) -> float:
+    """Circular standard deviation, rad, of a distribution whose first moment is so long [Kuik1988]."""
+    return math.sqrt(2.0 * max(0.0, 1.0 - length))
 
 
 def _tests(height: Floats, check: Floats, least: Floats, bulk: dict[str, float], hidden: float) -> dict[str, int]:
