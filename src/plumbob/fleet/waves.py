@@ -160,7 +160,7 @@ class Waves(Series):
         """The same beside the table of another buoy, as `waves` takes it; ParameterError where no time is near."""
         if not self.is_utc:
             raise ParameterError(
-                "a reference is found by UTC, which these recordings do not know. Give --t0, or a file with its UTC."
+                "a reference is found by UTC, which these recordings do not know. Use a file whose times are UTC."
             )
         names = {standard: name for name, (_, standard, _) in _BULK.items() if standard}
         times, numbers = read_reference(reference, names)
