@@ -92,7 +92,7 @@ def test_two_loads_are_told_apart_and_a_card_takes_them_off():
         with pytest.raises(CalibrationError, match=error):
             wrong()
     still = replace(imu, mag=plain.mag - imu.load @ found.per_load, load=None)
-    again = pb.calibrate(still, "mag", with_="none", shape="sphere", calibration=made.card, force=True)
+    again = pb.calibrate(still, "mag", with_="none", shape="sphere", calibration=made.card)
     assert again.card.mag.loads == found.loads and np.array_equal(again.card.mag.per_load, found.per_load)
     with pytest.raises(ParameterError, match="name the columns"):
         pb.calibrate(replace(imu, load=None), "currents")

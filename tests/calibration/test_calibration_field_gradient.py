@@ -8,7 +8,7 @@ from plumbob.calibration.ellipsoid_fit import Shape
 from plumbob.calibration.mag.checks import FieldEstimate
 from plumbob.calibration.mag.ellipsoid import fit_mag
 from plumbob.calibration.mag.field_gradient import PATCH, USUAL, Unevenness, unevenness
-from plumbob.calibration.predicted import heading_apart, turn_covariance
+from plumbob.calibration.predicted import heading_apart
 from plumbob.rotations import quat_conjugate, quat_rotate
 from tests.helpers.mag_scene import STRENGTH, field, heading_rms, tumbling, unit_of
 
@@ -53,15 +53,11 @@ def test_no_length_shows_a_field_that_changes_along_itself():
     assert whole(np.ones(99), turning(99, 10.0)) == Unevenness()  # readings of single poses are noise
 
 
-def test_the_unseen_shifts_the_centre_and_a_die_turns_the_matrix():
-    """√(⅔) s per axis of hard iron; what wanders is among what neighbours share; of an identity that turns, every entry
-    off the diagonal."""
-    covariance, residuals = np.eye(12), np.ones(500)
-    for memory, most in ((1.0, 18.0), (40.0, 40.0)):  # 0.36 · 500² / 500 / 10 samples wander
-        found = Unevenness(0.6, 0.0, 10.0).counted(covariance, memory=memory, residuals=residuals)
-        assert np.diag(found) == pytest.approx(np.repeat((2.0 / 3.0 * 0.36 + most, most), (3, 9)))
-    turns = np.append(np.zeros(3), 1e-4 * (1.0 - np.eye(3)))
-    assert np.diag(turn_covariance(np.eye(3), 0.01)) == pytest.approx(turns)
+def test_the_unseen_turns_the_matrix_and_shifts_the_centre():
+    """√(⅔) s per axis of hard iron, and s over the field of turn: of an identity, of every entry off the diagonal."""
+    found = Unevenness(0.6, 0.0, 10.0).counted(0.0, memory=1.0, residuals=np.zeros(1), matrix=np.eye(3), radius=50.0)
+    assert np.diag(found)[:3] == pytest.approx(2.0 / 3.0 * 0.36)
+    assert np.diag(found)[3:].reshape(3, 3) == pytest.approx((0.6 / 50.0) ** 2 * (1.0 - np.eye(3)))
 
 
 OTHER = pytest.mark.long(reason="another length")
@@ -80,8 +76,8 @@ def in_gradient(seed, *, duration, gradient=2.0, arm=0.25):
 
 
 @pytest.mark.parametrize("duration", [15.0, *(pytest.param(s, marks=OTHER) for s in (30.0, 120.0))])
-def test_captures_of_lengths_in_a_room_are_honest(duration):
-    """Without the floors the error of 15 s is 4 times the predicted one."""
+def test_captures_of_lengths_in_a_room_are_never_good_and_honest(duration):
+    """Without the floors the error of 15 s is 4 times the predicted one, and half of them are good."""
     ratios = []
     for seed in range(9):
         unit, mag = in_gradient(seed, duration=duration)
@@ -89,6 +85,7 @@ def test_captures_of_lengths_in_a_room_are_honest(duration):
             fit = fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH)
         except ValueError:
             continue
+        assert fit.calibration.quality.grade != "good"
         ratios.append(heading_rms(fit.calibration, unit) / fit.calibration.quality.heading_sd)
     assert len(ratios) > 3 and np.sqrt(np.mean(np.square(ratios))) < 1.5
 
@@ -109,18 +106,14 @@ def test_a_refusal_over_an_uneven_field_says_whether_it_was_seen(shown, kind):
     assert estimate.uncertain(1.0, 0.0, "", None).kind == (kind if shown else "ill-conditioned")
 
 
-def test_a_long_capture_in_an_even_field_is_fair_by_the_turn_of_its_die_alone():
-    """2 %/√3 for it and as much for the accelerometer's, by data sheets, over cos 60°: 1.87° of heading. And where the
-    centre drifts by 0.7 µT from one half to the other, slowly enough that nothing jumps, parts of it disagree, which
-    widens the prediction."""
+def test_a_long_capture_in_an_even_field_is_fair_by_its_length_alone():
+    """And where the centre drifts by 0.7 µT from one half to the other, slowly enough that nothing jumps, parts of it
+    disagree, which widens the prediction."""
     unit, mag = in_gradient(1, duration=120.0, gradient=0.0)
     drift = np.linspace(0.0, 1.4, len(mag))[:, np.newaxis] * [1.0, 0.0, 0.0]
     even, drifting = (fit_mag(samples, shape=Shape.ELLIPSOID, strength=STRENGTH) for samples in (mag, mag + drift))
-    turn_sd, cosine = np.sqrt(2.0 / 3.0) * 0.02, np.cos(np.radians(60.0))
-    mounted = fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH, turn_sd=turn_sd).calibration.quality
     quality = even.calibration.quality
-    assert (quality.grade, mounted.grade) == ("good", "fair")
-    assert mounted.heading_sd == pytest.approx(np.hypot(quality.heading_sd, turn_sd / cosine), rel=0.01)
+    assert quality.grade == "fair"
     assert heading_rms(even.calibration, unit) < 0.1 * quality.heading_sd
     assert [remark.code for remark in even.remarks if remark.severity == "warning"] == ["calibration.length_alone"]
     assert drifting.calibration.quality.heading_sd > 1.5 * quality.heading_sd

@@ -116,7 +116,7 @@ def test_a_card_is_written_and_used(mag_files, unit, tmp_path):
 
 
 def test_a_smaller_shape_may_be_asked_for_and_turning_level_is_refused(mag_files, tmp_path):
-    told = answer("calibrate mag all.parquet --shape sphere --tilt 10deg --force", cwd=mag_files)
+    told = answer("calibrate mag all.parquet --shape sphere --tilt 10deg", cwd=mag_files)
     assert told["card"]["mag"]["method"] == "magnetometer alone: sphere, 4 parameters"
     assert told["card"]["mag"]["quality"]["tilt_range"] == pytest.approx(np.radians(10.0))
     card = tmp_path / "card.json"

@@ -265,8 +265,7 @@ def test_fast_turning_tells_no_vertical(tumbled):
     # the bias is known by the field, 10 to 20 % of soft iron in it, and few samples are so near the limit
     assert int(told.split(": ")[1].split(" of")[0]) == pytest.approx(calm, rel=0.1)
     fast = replace(imu, t=0.05 * imu.t, gyr=20.0 * gyr)
-    assert "the unit turned too fast" in first_remark(fast, shape="ellipsoid")
-    assert "with the gyroscope: predicted heading error 0." in first_remark(fast)
+    assert "the unit turned too fast" in first_remark(fast)
 
 
 @pytest.mark.parametrize(

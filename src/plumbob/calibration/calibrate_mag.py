@@ -16,7 +16,7 @@ from plumbob.calibration.mag.checks import clipped, stuck
 from plumbob.calibration.mag.ellipsoid import fit_mag, fit_mag_level, unturned
 from plumbob.calibration.mag.in_use import fit_mag_in_use
 from plumbob.calibration.mag.with_acc import FEWEST, fit_mag_acc
-from plumbob.calibration.mag.with_gyr import DIE_TURN_SD, GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
+from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
 from plumbob.calibration.mag_checks import require_field_turns, told_by_others, without_gain, wrong_axes
 from plumbob.calibration.predicted import TILT_RANGE
 from plumbob.core import check, flags
@@ -89,8 +89,7 @@ def calibrate_mag(
             raise work.with_axes(refused, rates=in_use or with_ == "gyr") from None
         fit, why = _rescued(work, helper, refused)
     doubt = without_gain(imu, fit, steady, dip)
-    alone = np.allclose(fit.calibration.matrix, fit.calibration.matrix.T)  # lengths do not turn it in the case
-    if auto and (doubt is not None or alone or (quality := fit.calibration.quality) is None or quality.grade == "poor"):
+    if auto and (doubt is not None or (quality := fit.calibration.quality) is None or quality.grade == "poor"):
         other = _bettered(work, fit)
         if other is not None:
             fit, why = other
@@ -168,7 +167,6 @@ class _Work:
                 acc=acc[self.use],
                 dip=self.dip,
                 tilt_range=self.tilt_range,
-                turn_sd=DIE_TURN_SD,
             )
         elif helper == "acc":
             fit = fit_mag_acc(mag[self.steady], acc[self.steady], strength=self.strength, tilt_range=self.tilt_range)

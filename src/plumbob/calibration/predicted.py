@@ -85,12 +85,6 @@ def heading_sd(matrix: Floats, covariance: Floats, *, size: float, dip: float, t
     return math.sqrt(variance) / (size * math.cos(dip))
 
 
-def turn_covariance(matrix: Floats, sd: float) -> Floats:
-    """Covariance (12, 12) of bias and matrix (3, 3) by a turn of the axes by `sd` about each, rad."""
-    changes = np.hstack((np.zeros((3, 3)), [np.cross(axis, matrix.T).T.ravel() for axis in sd * np.eye(3)]))
-    return np.asarray(changes.T @ changes)
-
-
 def heading_apart(
     one: Model, other: Model, truth: Model, *, size: float, dip: float, tilt_range: float = TILT_RANGE
 ) -> float:

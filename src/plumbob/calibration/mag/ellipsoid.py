@@ -30,7 +30,7 @@ from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason
 from plumbob.calibration.mag import checks
 from plumbob.calibration.mag.checks import FieldEstimate
 from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenness
-from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, turn_covariance
+from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -178,14 +178,13 @@ def fit_mag(
     acc: Floats | None = None,
     dip: float | None = None,
     tilt_range: float = TILT_RANGE,
-    turn_sd: float = 0.0,
 ) -> Fitted:
     """Fit an ellipsoid to what a magnetometer measured in many attitudes, µT (N, 3), in order of time.
 
     Without a `shape`, the smallest that the capture does not contradict; without the `strength` of the field, the
     sensor's own scale is kept on average. The specific force (N, 3) at the same instants, NaN where there is none,
     shows the dip, and how the unit was turned; dip and `tilt_range`, rad, are those that the predicted heading error
-    holds for, and `turn_sd`, rad, how far the axes may be turned in the case about each. Samples are finite.
+    holds for. Samples are finite.
     """
     if shape is not None and not isinstance(shape, Shape):
         shapes = ", ".join(str(each) for each in Shape)
@@ -209,13 +208,13 @@ def fit_mag(
     field = unevenness(full.residuals, directions, full.used)
     matrix, _ = scaled(fit, strength, alike=1.0)
     _, independent = scaled(full, strength, alike=1.0)  # what is too small to show may be there all the same
-    covariance = field.counted(independent, memory=shared.memory, residuals=full.residuals[full.used])
+    residuals = full.residuals[full.used]
+    covariance = field.counted(independent, memory=shared.memory, residuals=residuals, matrix=matrix, radius=radius)
     covariance = covariance * widening(mag, full, field, shared.memory, place)
-    turn = turn_covariance(matrix, turn_sd)
     larger = fit.shape is not Shape.ELLIPSOID and why != "asked for"
     estimate = FieldEstimate(
-        matrix, fit.ellipsoid.centre, covariance + turn, independent * shared.memory + turn, fit.residuals, fit.used,
-        radius, fit.condition, strength, dip, tilt_range, field, shared,
+        matrix, fit.ellipsoid.centre, covariance, independent * shared.memory, fit.residuals, fit.used, radius,
+        fit.condition, strength, dip, tilt_range, field, shared,
     )  # fmt: skip
     return estimate.finished(
         mag,

@@ -5,13 +5,14 @@ attitude, about a point c that wanders with the hand. Its length errs by ``(G b�
 
 What wanders averages out, but only as the unit turns: about two radians of turning make one independent value, a
 *patch*, for a hand that turns a unit takes it elsewhere. The part of ``G b̂`` along the field makes of the arm a hard
-iron, which no length shows, however long the capture is. For a G of no preferred direction it is about as large as what
-is seen: ⅔ s² per axis.
+iron, and the direction of the field is bent by as much as its length, which looks like a turn of the magnetometer in
+its case. No length shows either, however long the capture is. For a G of no preferred direction both are about as
+large as what is seen: ⅔ s² per axis, and s over the field.
 
 How large s is, the part of the error that stays within a patch, follows from what residuals share from one visit of a
 direction to the next. Residuals hide it in three ways: the parameters take up nine patches, noise drowns it, and what
-is seen of a few components of G says little about the others. So what does not show is taken to be as in a usual room,
-2 µT per metre: in the middle of 55 homes fields differ by 1.2 µT, in corners by 2.6 (J. Radiol. Prot. 14, 67, 1994).
+is seen of a few components of G says little about the others. So a capture that cannot show the unevenness of a usual
+room, 2 µT per metre over a hand's 25 cm, is taken to have been made in one.
 """
 
 import math
@@ -25,8 +26,7 @@ from plumbob.calibration.fit import Reason
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
 
-# Unevenness of a usual room, µT: 2 µT/m, by the distance along one direction of a hand that is 0.25 m rms off its mean.
-USUAL: Final = 2.0 * 0.25 / math.sqrt(3.0)
+USUAL: Final = 0.5  # unevenness of the field in a usual room over the space that a hand moves a unit in, µT
 PATCH: Final = 2.0  # turning of the measured field that makes one independent value of what wanders, rad
 HIDDEN: Final = 40.0  # power that a capture may hide, over what chance makes of the power that it shows
 TAKEN_UP: Final = 9.0  # patches whose errors the nine parameters of an ellipsoid take up, of one length each
@@ -50,14 +50,27 @@ class Unevenness(NamedTuple):
     patches: float = np.inf  # how many independent values of it the capture has
     short: bool = False  # whether more of them would have shown what is counted beyond what is seen
 
-    def counted(self, covariance: Floats, *, memory: float, residuals: Floats) -> Floats:
+    def counted(
+        self,
+        covariance: Floats,
+        *,
+        memory: float,
+        residuals: Floats,
+        matrix: Floats,
+        radius: float,
+        turned: bool = True,
+    ) -> Floats:
         """Covariance (12, 12) of bias and matrix with what the field leaves, from that of independent samples.
 
-        `memory` neighbouring samples count as one, by all that they share, what wanders included; `residuals` (N,), µT,
-        are of those that were fitted. No length shows the hard iron that an arm makes of an uneven field.
+        `memory` neighbouring samples count as one; `residuals` (N,), µT, are of those that were fitted; `radius`, µT,
+        is the strength of the field in the sensor's own scale; `turned`: no vertical shows a turn of the axes.
         """
-        unseen = np.diag(np.repeat((_HARD_IRON * self.sd**2, 0.0), (3, 9)))
-        return covariance * max(memory, self.spread(residuals)) + unseen
+        unseen = np.zeros((12, 12))  # what no length shows: a hard iron, without a vertical a turn
+        unseen[:3, :3] = _HARD_IRON * self.sd**2 * np.eye(3)
+        for axis in np.eye(3) if turned else ():
+            change = np.cross(axis, matrix.T).T.ravel()
+            unseen[3:, 3:] += (self.sd / radius) ** 2 * np.outer(change, change)
+        return covariance * (memory + self.spread(residuals)) + unseen
 
     def spread(self, residuals: Floats) -> float:
         """How many of the residuals (N,), µT, count as one, for what wanders."""
@@ -101,10 +114,10 @@ def unevenness(
     evident = _LIKE_SEEN * shown / max(share, _LEAST_SHARE)
     least = HIDDEN * hidden / (USUAL**2 * share)
     drowned = least**_SHARPNESS / (1.0 + least**_SHARPNESS)
-    along = ALONG if lengths else 0.0
-    hides = max(along, drowned) if len(starts) * _LINGERING <= columns.shape[1] else 0.0
-    variance = evident + hides * max(0.0, USUAL**2 - evident)
-    return Unevenness(float(np.sqrt(variance)), float(np.sqrt(evident)), patches, short=hides > along)
+    by_hand = len(starts) * _LINGERING <= columns.shape[1]
+    along = ALONG if lengths and by_hand else 0.0
+    variance = evident + USUAL**2 * max(along, drowned)
+    return Unevenness(float(np.sqrt(variance)), float(np.sqrt(evident)), patches, short=drowned > along)
 
 
 FLAT: Final = 0.1  # thickness over width below which vectors lie on a circle: ±1° of jitter makes 0.04

@@ -13,8 +13,8 @@ from plumbob.core.check import Floats
 from plumbob.core.units import deg, dps
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_from_rotvec, quat_multiply
 
-# Of a turn of a gyroscope's axes together about each, rad, without a card: 0.5° to the package at most (ADIS16355).
-TURN_SD: Final = deg(0.5) / math.sqrt(3.0)
+# Of a turn of a gyroscope's axes together about each, rad, without a card: 0.4 % across.
+TURN_SD: Final = float(deg(0.25))
 
 _BIAS_SD: Final = float(dps(10.0))  # rad/s; no MEMS gyroscope is off by more, and most by less
 _DELAY_SD: Final = 0.02  # s; periods of 10 ms, and filters of as much again

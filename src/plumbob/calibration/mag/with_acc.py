@@ -285,7 +285,9 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     field = unevenness(fit.residuals[:, 0], directions, fit.used, lengths=False)
     matrix, independent = to_size(fit.matrix, fit.covariance, strength)
     residuals = fit.residuals[fit.used, 0]
-    covariance = field.counted(independent, memory=shared.memory, residuals=residuals)
+    covariance = field.counted(
+        independent, memory=shared.memory, residuals=residuals, matrix=matrix, radius=radius, turned=False
+    )
     estimate = FieldEstimate(
         matrix, fit.centre, covariance, independent * shared.memory, fit.residuals[:, 0], fit.used, radius,
         fit.condition, strength, fit.dip, tilt_range, field, shared,

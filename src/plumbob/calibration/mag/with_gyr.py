@@ -293,11 +293,7 @@ class _RandomWalkFit:
 
 
 GAIN_SD: Final = 0.002  # standard deviation of each entry of a calibrated gyroscope's gain matrix
-# The same of one without a card: data sheets say at most 2 to 3 % of scale and 2 % across (MPU-9250, PS-MPU-9250A-01).
-SHEET_GAIN_SD: Final = 0.02 / math.sqrt(3.0)
-# Turn of a magnetometer's die against the accelerometer's, about each axis, rad: data sheets bound that of each in the
-# package by 2 %, cross-axis sensitivity, evenly (MPU-9250, PS-MPU-9250A-01).
-DIE_TURN_SD: Final = math.sqrt(2.0) * SHEET_GAIN_SD
+SHEET_GAIN_SD: Final = 0.02  # the same of one without a card: data sheets say 2 to 3 % of scale, 2 % across
 LONGEST_GAP: Final = 0.5  # longest time without a rate, s
 WORST_WALK: Final = float(dps(0.1))  # random walk of the attitude above which it is not the gyroscope's noise, rad/√s
 _FEWEST: Final = 2 * PARAMETERS

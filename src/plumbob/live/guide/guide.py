@@ -650,9 +650,9 @@ def _predicted_heading(fit: ellipsoid_fit.NormFit, vectors: Floats) -> tuple[flo
     matrix, independent = ellipsoid_fit.scaled(fit, None, alike=1.0)
     samples = fit.residuals, fit.ellipsoid.to_sphere(vectors), fit.used
     memory, radius = alike(*samples).memory, ellipsoid_fit.mean_radius(fit.ellipsoid.shape)
-    residuals = fit.residuals[fit.used]
     fields = (unevenness(*samples, lengths=lengths) for lengths in (True, False))
-    counted = (field.counted(independent, memory=memory, residuals=residuals) for field in fields)
+    of: dict[str, Any] = {"memory": memory, "residuals": fit.residuals[fit.used], "matrix": matrix, "radius": radius}
+    counted = (field.counted(independent, **of) for field in fields)
     total, shown = (heading_sd(matrix, covariance, size=radius, dip=DIP) for covariance in counted)
     return total, shown
 
