@@ -78,6 +78,20 @@ def test_a_scale_that_a_data_sheet_allows_is_found_by_what_was_moved(scale, fiel
     assert rms_deg(e[h.t > 10.0]).max() < 1.0
 
 
+@pytest.mark.parametrize("field", [True, False], ids=["field", "no field"])
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_wrong_scale_that_loses_the_attitude_is_no_jump_of_the_bias(seed, field):
+    """From rest into turns of 8 rad/s, by 8 % too large: the attitude is lost at once, and again and again.
+
+    As long as each time was taken for another bias, no look saw enough to find the scale: 5 to 12° without a field.
+    """
+    h = by_hand(90.0, seed=seed, rest=((0.0, 30.0),), turn=6.0)
+    track, _ = followed(h.imu(gyr=1.08 * h.gyr, mag=h.mag if field else None))
+    tilt, heading = rms_deg(error_n(track.q_nb, h.q)[h.t > 45.0])
+    assert tilt < (1.0 if field else 3.0)
+    assert heading < 1.0 or not field
+
+
 def test_a_gap_makes_any_attitude_possible_until_the_motion_behind_it_shows_it():
     """The bias and the field of the place are kept: behind the gap nothing else is learned anew."""
     h = by_hand(40.0, rest=((0.0, 5.0),), seed=1)

@@ -37,7 +37,7 @@ def test_an_attitude_that_is_lost_takes_the_mean_force_for_up():
     assert np.diag(p)[:3] == pytest.approx(1.0 + onward.LOST**2)
     assert not learned.any()
     assert not now[6:8].any()
-    assert (state[standing.JUMPED], state[standing.UNTIL]) == (7.0, 7.0 + standing.HOLDS)
+    assert (state[standing.MISLED], state[standing.UNTIL]) == (7.0, 7.0 + standing.HOLDS)
 
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -280,7 +280,7 @@ def test_what_a_recording_did_not_show_of_the_gyroscope_stays_as_it_was():
     cov = np.full((12, 12), 0.1) + 0.06 * np.eye(12)
     cov[5, 5] = 0.36
     sweep = SimpleNamespace(unit_cov=cov, matrix=np.ones(9), bias=np.ones((2, 3)))
-    found = Smoothed(None, sweep, None, None, None, None, np.eye(21), None).learned
+    found = Smoothed(None, sweep, None, None, None, None, np.eye(21), None, None).learned
     assert found.matrix.ravel().tolist() == [1.0, 1.0, 0.0, *[1.0] * 6]
     assert found.cov[5].tolist() == found.cov[:, 5].tolist() == np.eye(12)[5].tolist()
     assert (np.delete(np.delete(found.cov, 5, 0), 5, 1) == np.delete(np.delete(cov, 5, 0), 5, 1)).all()

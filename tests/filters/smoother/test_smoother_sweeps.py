@@ -344,7 +344,9 @@ def test_forward_is_the_textbook_s_filter(recorded):
 
 
 def swept(r, bias=0.0):
-    return sweeps.sweep(r.frames, r.kind, r.velocity, r.lasting, r.heading, r.start, np.full(3, bias), r.p0, r.noise)
+    return sweeps.sweep(
+        r.frames, r.kind, r.velocity, r.lasting, r.heading, r.start, np.full(3, bias), np.zeros(9), r.p0, r.noise
+    )
 
 
 def test_the_smoothed_covariance_is_one_and_no_larger_than_the_filtered(recorded):
@@ -374,20 +376,23 @@ def test_compiled_and_plain_python_give_the_same_bits():
     assert in_the_other_mode(code) == digest()
 
 
-def test_another_prior_of_scale_and_axes_gives_what_the_measurements_would_have_given_with_it():
+@pytest.mark.parametrize("wider", [True, False], ids=["wider", "as wide"])
+@pytest.mark.parametrize("mean", [0.0, 0.03])
+def test_another_prior_of_scale_and_axes_gives_what_the_measurements_would_have_given_with_it(mean, wider):
     """Twelve linear measurements of all states, by the closed form of a Gaussian posterior, with either prior."""
     rng = np.random.default_rng(3)
-    before, after = np.full(9, 0.008**2), rng.uniform(0.01, 0.05, 9) ** 2
+    before, mean = np.full(9, 0.008**2), np.full(9, mean)
+    after = rng.uniform(0.01, 0.05, 9) ** 2 if wider else before
     seen, noise = rng.normal(size=(12, SIZE)), rng.uniform(0.01, 0.1, 12) ** 2
     values = seen @ rng.normal(0.0, 0.05, SIZE)
 
-    def posterior(matrix):
+    def posterior(mean, matrix):
         prior = np.concatenate((np.full(M, 0.1**2), matrix))
         cov = np.linalg.inv(np.diag(1.0 / prior) + seen.T @ (seen / noise[:, np.newaxis]))
-        return cov @ (seen.T @ (values / noise)), cov
+        return cov @ (seen.T @ (values / noise) + np.concatenate((np.zeros(M), mean / matrix))), cov
 
-    (x, cov), (x_wide, cov_wide) = posterior(before), posterior(after)
-    last, shift = sweeps.Last(np.array([1.0, 0.0, 0.0, 0.0]), x, cov).with_prior(before, after)
+    (x, cov), (x_wide, cov_wide) = posterior(mean, before), posterior(0.0 * mean, after)
+    last, shift = sweeps.Last(np.array([1.0, 0.0, 0.0, 0.0]), x, cov).with_prior(mean, before, after)
     assert np.abs(last.cov - cov_wide).max() < 1e-9 * np.abs(cov_wide).max()
     assert np.abs(x + shift - x_wide).max() < 1e-10
     assert np.abs(rot.rotvec_from_quat(last.attitude) - x_wide[:3]).max() < 1e-10 and (last.state[:3] == 0.0).all()

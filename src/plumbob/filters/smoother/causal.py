@@ -42,7 +42,7 @@ from plumbob.filters.smoother.inertial import (
 from plumbob.filters.smoother.keyframes import Bools, turned_by
 from plumbob.filters.smoother.model import KEPT, SIZE, TH, B, ModelVariances, Params, V
 from plumbob.filters.smoother.samples import GATED
-from plumbob.filters.smoother.stationary import CLEAR, HOLDS, JUMPED, STOOD, UNTIL, means, stands, take_bias
+from plumbob.filters.smoother.stationary import CLEAR, HOLDS, MISLED, STOOD, UNTIL, means, stands, take_bias
 from plumbob.filters.smoother.sweeps import (
     COUNT,
     FADE,
@@ -169,7 +169,7 @@ def with_doubts(p: Floats, all2: float, tilt2: float, heading2: float, cov: Floa
 
 @kernel
 def begin_anew(standing: Floats, time: float, attitude: Floats, now: Floats, p: Floats, learned: Floats) -> None:
-    """Take the mean force of the last seconds for up, known to `LOST`: the bias has become another one."""
+    """Take the mean force of the last seconds for up, known to `LOST`: bias or scale are others."""
     level, gravity = math.hypot(learned[EAST_SPEED], learned[NORTH_SPEED]), LEAK * G0 + learned[RISE]
     turn = math.atan2(level, gravity) / level
     corrected_by(attitude, turn * learned[NORTH_SPEED], -turn * learned[EAST_SPEED], 0.0)
@@ -181,7 +181,7 @@ def begin_anew(standing: Floats, time: float, attitude: Floats, now: Floats, p: 
             p[i, j] = p[j, i] = 0.0
         p[i, i] = USUAL_SPEED * USUAL_SPEED
     learned[:] = 0.0
-    standing[JUMPED], standing[UNTIL] = time, time + HOLDS
+    standing[MISLED], standing[UNTIL] = time, time + HOLDS
 
 
 @kernel

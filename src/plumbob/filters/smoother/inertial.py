@@ -58,6 +58,7 @@ SIZE_KEPT: Final = 0.3
 PARTS: Final = 6
 """It does so evenly: of the means of these parts none is farther from the next than this share of all these ways."""
 EVEN: Final = 0.5
+NO_ERROR: Final = np.zeros(9)  # scale and misalignment of a gyroscope without an error
 MOST: Final = 2000  # windows that are tried as centre of a cluster
 
 
@@ -107,13 +108,15 @@ class Inertial:
     not: the level velocity of a body swings with its tilt, and both together look like a turn. So `bias_sd` is that of
     a bias that no rest showed, rad/s; zero where one did. `prior` is the covariance (21, 21) before the first sample,
     `given_sd` the standard deviation of a tilt that was given, rad, `tilt_var` what is in doubt of it, rad², and
-    `first_sd` that of the first bias that was chosen, rad/s.
+    `first_sd` that of the first bias that was chosen, rad/s. `began` is the scale and misalignment (9,) from which the
+    passes with a field begin.
     """
 
     sweep: Sweep
     resting: Bools
     speed: Speed
     prior: Floats
+    began: Floats
     drift_sd: float = 0.0
     bias_sd: float = 0.0
     given_sd: float = math.inf
@@ -284,10 +287,10 @@ def level_speed(frames: Keyframes, force: Floats, *, sure: bool = True) -> Speed
     return Speed(speed, lasts, untold, now, before)
 
 
-def first_speed(frames: Keyframes, bias: Floats, *, sure: bool) -> Speed:
-    """Speed before any attitude is known: in the frame that the gyroscope integrates gravity is a slow mean."""
+def first_speed(frames: Keyframes, rate: Floats, *, sure: bool) -> Speed:
+    """Speed before any attitude is known: in the frame to which rates (N, 3) lead gravity is a slow mean."""
     free = np.empty((frames.t.size, 4))
-    path(frames.t, frames.gyr - bias, free)
+    path(frames.t, rate, free)
     force = frames.mean(quat_rotate(free, frames.acc))
     middle = frames.middle
     slow = SLOW if sure else LEAK
@@ -298,14 +301,14 @@ def first_speed(frames: Keyframes, bias: Floats, *, sure: bool) -> Speed:
     return replace(xy, speed=speed, lasts=np.full(middle.size, 0.5), now=now, before=before)
 
 
-def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
-    """Attitude (4,) at a keyframe, of any heading, from the mean force of the next seconds in the gyroscope's frame."""
+def first_tilt(frames: Keyframes, start: int, rate: Floats) -> Floats:
+    """Attitude (4,) at a keyframe, of any heading, from the mean force of the next seconds where rates (N, 3) lead."""
     ends = np.flatnonzero(frames.gap[start:])
     last = frames.first[start + ends[0]] if ends.size else frames.t.size - 1
     i = frames.first[start]
     j = max(min(int(np.searchsorted(frames.t, frames.t[i] + FIRST_TILT)), int(last) + 1), int(i) + 1)
     t, free = frames.t[i:j], np.empty((j - i, 4))
-    path(t, frames.gyr[i:j] - bias, free)
+    path(t, rate[i:j], free)
     x = (t - t[0]) / max(t[-1] - t[0], 1e-9)
     weight = np.minimum(1.0, 4.0 * np.minimum(x, 1.0 - x) + 1e-3)  # what moves at the ends counts less
     force = weight @ quat_rotate(free, frames.acc[i:j])
@@ -367,17 +370,20 @@ class Beginning:
     bias_sd: float | None
     drift_sd: float | None
     unit: Floats | None
+    matrix: Floats
 
     @classmethod
     def from_frames(
         cls, frames: Keyframes, p: model.Params, prior: tuple[Floats, float] | None = None, unit: Floats | None = None,
         given: Given | None = None, *, any_bias: bool = False, before: tuple[Floats, Floats] | None = None,
+        matrix: Floats = NO_ERROR,
     ) -> Self:  # fmt: skip
         """Of a recording, or a stretch of one.
 
         `prior` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what
         the unit's card leaves (12, 12). With `any_bias`, large ones are as likely as small ones. `before` is the bias,
-        and its covariance, that what came before has shown: it counts where nothing rests.
+        and its covariance, that what came before has shown: it counts where nothing rests. `matrix` is the scale and
+        misalignment (9,) that it has shown of a unit as delivered.
         """
         windows = calm(frames, p)
         if prior is None:
@@ -388,9 +394,9 @@ class Beginning:
         before = before if prior is None and not rested else None
         if before is not None:
             bias, resting = before[0], windows.at_bias(p, before[0])
-        tilt = np.zeros((frames.first.size, 4))
+        tilt, rate = np.zeros((frames.first.size, 4)), frames.gyr - bias - frames.gyr @ matrix.reshape(3, 3).T
         for start in frames.starts:
-            tilt[start] = first_tilt(frames, start, bias)
+            tilt[start] = first_tilt(frames, start, rate)
         tilt_sd, tilt_var = math.inf, 0.0
         if given is not None:
             end = frames.time[frames.starts[1] - 1] if frames.gap.any() else frames.t[-1]
@@ -404,8 +410,8 @@ class Beginning:
             sds = (drift_sd,)
         elif prior is None and not rested:
             bias_sd, sds = None, (FIRST_BIASES[0] * p.bias_start, *(() if any_bias else FIRST_BIASES[1:]))
-        speed = first_speed(frames, bias, sure=bias_sd is not None)
-        return cls(frames, resting, tilt, bias, sds, speed, tilt_sd, tilt_var, bias_sd, drift_sd, unit)
+        speed = first_speed(frames, rate, sure=bias_sd is not None)
+        return cls(frames, resting, tilt, bias, sds, speed, tilt_sd, tilt_var, bias_sd, drift_sd, unit, matrix)
 
     def level(self, p: model.Params, *first_sds: float) -> Inertial:
         """Attitude whose heading counts from nothing or from a given one, by the first bias that leaves least velocity.
@@ -418,6 +424,7 @@ class Beginning:
         kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
         noise, start, chosen, spread2 = model.ModelVariances.from_params(p, 0.0), self.tilt.copy(), 0.0, 0.0
         bias, free, sure = self.bias, p.gyr_scale > model.Params().gyr_scale, self.bias_sd is not None
+        began = self.matrix if free else NO_ERROR
         for wide, matrix in ((WIDE, 1.0 if free else FIXED_MATRIX), (NARROW, 1.0)):
             density, tried = speed.density(p, resting), list[Sweep]()
             lasting = speed.lasting(frames.step, resting) if sure else np.ones(kind.size)
@@ -436,7 +443,7 @@ class Beginning:
                     first, bias = known_along(first, bias, dcm_from_quat(start[:1])[0, 2], np.zeros(3), UNSHOWN)
                 p0[model.TH + 2, model.TH + 2] = math.pi**2  # behind a gap it may be any, but for what bridges that
                 estimate = sweep(
-                    frames, kind, density, lasting, unused, start, bias, p0, noise, first=first,
+                    frames, kind, density, lasting, unused, start, bias, began, p0, noise, first=first,
                     covariance=wide == NARROW,
                 )  # fmt: skip
                 tried.append(estimate)
@@ -459,7 +466,9 @@ class Beginning:
             # its part about the vertical is as large as the others
             least = max(model.BIAS_REPEATS, math.sqrt(0.5 * float(level_bias @ level_bias)))
             drift_sd, bias_sd = max(chosen, least), max(math.sqrt(spread2), least)
-        return Inertial(estimate, resting, speed, p0, drift_sd, bias_sd, self.tilt_sd, self.tilt_var, chosen)
+        return Inertial(
+            estimate, resting, speed, p0, began, drift_sd, bias_sd, self.tilt_sd, self.tilt_var, chosen
+        )  # fmt: skip
 
 
 def _vertical_sd(estimate: Sweep) -> float:

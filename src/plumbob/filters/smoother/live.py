@@ -53,7 +53,7 @@ from plumbob.filters.smoother.model import (
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
 from plumbob.filters.smoother.preprocess import Arriving
 from plumbob.filters.smoother.samples import MARGIN
-from plumbob.filters.smoother.stationary import HOLDS, JUMPED, UNTIL, fresh
+from plumbob.filters.smoother.stationary import HOLDS, JUMPED, MISLED, UNTIL, fresh
 from plumbob.filters.smoother.sweeps import Last, Way, heading_from
 from plumbob.rotations import Frame, dcm_from_quat, quat_from_rotvec, quat_multiply
 from plumbob.rotations.frames import turn_heading
@@ -245,6 +245,8 @@ class Live:
             q[np.newaxis], np.zeros((1, 3)), samples.ANYTHING[np.newaxis], lost, np.full(1, np.nan)
         )
         self._jumped, self._any_bias = -math.inf, False  # since when the bias is another one
+        self._misled = -math.inf  # when the attitude was lost last
+        self._matrix: Floats | None = None  # (9,), scale and axes by the last look
         self._believed = math.inf  # when a field was last believed
         self._lag = min(p.lag or 0.0, FARTHEST * MARGIN)
         self._part = max(SHARE * self._lag, min(self._lag, LEAST_PART))  # samples that are taken back at a time, s
@@ -447,6 +449,7 @@ class Live:
             any_bias=self._any_bias,
             before=before,
             delivered=0.0 if self._running is None else self._running.smoothed.delivered,
+            matrix=self._matrix,
         )
         look, anchor, since = partial(smooth, frames, self.p, prior), self._anchor, max(self._believed, now - LATELY)
         lately = slice(arriving.from_(since), k)
@@ -476,6 +479,7 @@ class Live:
             self._behind_jump(float(smoothed.frames.time[0]), self._arriving.time(k))
         self._proven.see(smoothed.frames, smoothed, self.p)
         self._running = running = self._from(smoothed, look)
+        self._matrix = running.last.state[M:].copy()
         if jumped:
             running.standing[UNTIL] = self._arriving.time(k) + HOLDS
         if k > look.step:
@@ -506,7 +510,7 @@ class Live:
         bend = 0.0 if smoothed.reference is None else smoothed.reference.bend(p)
         other, standing, lasted = np.zeros(causal.CONTRARY), fresh(), self._proven.turning + self._proven.rest
         if self._running is not None:
-            standing[UNTIL : JUMPED + 1] = self._running.standing[UNTIL : JUMPED + 1]
+            standing[UNTIL : MISLED + 1] = self._running.standing[UNTIL : MISLED + 1]
         if self._running is not None and not self._proven.settled:
             other[causal.DOUBT] = self._running.other[causal.DOUBT]
         cov = np.empty((3, 3))
@@ -531,13 +535,14 @@ class Live:
         until the next look, and what the look has shown beyond its own prior stays as it is. Not without a field: a
         walk and an arm on rails say wrong things of a scale.
         """
-        last, calibrated = smoothed.sweep.last, np.diag(smoothed.prior)[M:]
-        delivered = matrix_variances(as_delivered(self.p))
+        last, before = smoothed.sweep.last, np.diag(smoothed.prior)[M:]
+        after, delivered = before, matrix_variances(as_delivered(self.p))
         free = self._unit is None and smoothed.reference is not None and may_be_delivered(self.p)
-        if not free or not (calibrated < delivered).all():
+        if free and (before < delivered).all():
+            after = before + (delivered - before) / (1.0 + CALIBRATED * math.exp(-smoothed.delivered))
+        elif not smoothed.began.any():
             return last, np.zeros(SIZE)
-        share = 1.0 / (1.0 + CALIBRATED * math.exp(-smoothed.delivered))
-        return last.with_prior(calibrated, calibrated + share * (delivered - calibrated))
+        return last.with_prior(smoothed.began, before, after)
 
     def _behind_gap(self, k: int) -> None:
         """Look at what comes behind a gap once there is enough of it, or soon where nothing is known yet."""
@@ -567,6 +572,12 @@ class Live:
         if running.standing[JUMPED] > self._jumped:
             jumped = float(running.standing[JUMPED])
             self._behind_jump(jumped, jumped)
+        if running.standing[MISLED] > self._misled:
+            self._misled = misled = float(running.standing[MISLED])
+            if self._unit is None:  # its scale may be wrong, which the past shows, and what came lately is asked alone
+                self._look_soon(misled)
+            else:
+                self._behind_jump(misled, misled)
         if running.field.level == 0.0:
             self._believed = float(frames.time[-1])
         elif (near := np.flatnonzero(room.weight > samples.GATED)).size:
@@ -576,9 +587,14 @@ class Live:
 
     def _behind_jump(self, jumped: float, now: float) -> None:
         """Forget what the past said of the bias, and look at what comes."""
-        self._jumped, self._any_bias, self._pause, self._due = jumped, True, BEHIND, now + BEHIND
+        self._jumped, self._any_bias = jumped, True
+        self._look_soon(now)
+
+    def _look_soon(self, now: float) -> None:
+        """Look at what comes, and not at what was said of the bias before."""
+        self._pause, self._due = BEHIND, now + BEHIND
         self._biases.clear()
-        if self._look is not None and self._arriving.time(self._look.step) < jumped:
+        if self._look is not None and self._arriving.time(self._look.step) < now:
             self._look = None
 
     def _take(self, running: Running) -> None:

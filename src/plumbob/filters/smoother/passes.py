@@ -26,7 +26,9 @@ from plumbob.filters.smoother.field import (
 from plumbob.filters.smoother.inertial import (
     AGAIN_BIAS,
     BY_CHANCE,
+    NO_ERROR,
     PIECE,
+    USUAL_SPEED,
     Beginning,
     Given,
     Inertial,
@@ -85,6 +87,7 @@ class Known:
     # (3,), bias where the stretch begins, rad/s, and its covariance, by nothing but what came before
     before: tuple[Floats, Floats] | None = None
     delivered: float = 0.0  # logarithm of the odds that the unit is as delivered, by what came before
+    matrix: Floats | None = None  # (9,), and the scale and misalignment that it has shown then
 
     def after(self, smoothed: "Smoothed") -> "Known":
         """What is known after a stretch."""
@@ -95,6 +98,7 @@ class Known:
             reference=smoothed.reference or self.reference,
             weight=min(weight, LONGEST_SEEN),
             delivered=smoothed.delivered,
+            matrix=smoothed.sweep.matrix,
         )
 
 
@@ -109,6 +113,7 @@ class Smoothed:
     weight: Floats  # (K,), how far the field of each step was believed
     attached: Attached | None  # field that turns with the sensor
     prior: Floats  # (21, 21), covariance that the last pass began with
+    began: Floats  # (9,), and scale and misalignment
     doubt: Floats  # (7,), what contradicts the last attitude: see `contradict`
     # by how much the heading would be another one if the reference's rival were the field of the place, rad
     rival_turn: float = 0.0
@@ -173,15 +178,16 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
         p = as_delivered(p)
     together = frames.drifting().together()
     begin = Beginning.from_frames(
-        together, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before
-    )
+        together, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before,
+        matrix=NO_ERROR if prior.matrix is None else prior.matrix,
+    )  # fmt: skip
     inertial = begin.level(p)
     smoothed = _with_all(p, prior, begin, inertial)
     if prior.unit is not None or not may_be_delivered(p):
         smoothed = replace(smoothed, delivered=prior.delivered)
     else:
-        smoothed = replace(smoothed, delivered=_delivered_odds(smoothed.sweep, p, smoothed.prior))
-        if smoothed.delivered >= -DECISIVE:
+        smoothed = replace(smoothed, delivered=_delivered_odds(smoothed, p))
+        if smoothed.delivered >= -DECISIVE or inertial.speed.rms() > USUAL_SPEED:  # or gravity is taken for speed
             smoothed = _as_it_is(p, prior, begin, inertial, smoothed)
     return replace(smoothed, frames=frames)
 
@@ -191,18 +197,21 @@ def _as_it_is(p: Params, prior: Known, begin: Beginning, inertial: Inertial, cal
 
     They are asked without the field, whatever a calibrated unit makes of it, then with it. The speed of the body tells
     as much: a wrong scale turns gravity into one, and no hand is slowed to half of it by a scale; a walk, a wave or an
-    arm that is guided say wrong things of a scale without a field. There the speed alone decides.
+    arm that is guided say wrong things of a scale without a field. There the speed alone decides, and everywhere if it
+    is beyond the usual. The scale that slows a body so is where the passes with a field begin: from none these would
+    take the same turns of gravity for speed.
     """
     wide = as_delivered(p)
     other = begin.level(wide, inertial.first_sd)
     slower = other.speed.rms() < SLOWER * inertial.speed.rms()
     beyond = calibrated.delivered > 0.0 and not _is_of_a_unit(calibrated.sweep, p, UNLIKELY)
-    least = 0.0 if slower or beyond else DECISIVE
-    odds = max(_delivered_odds(other.sweep, p, other.prior), calibrated.delivered)
+    misled = slower and inertial.speed.rms() > USUAL_SPEED
+    least = -math.inf if misled else 0.0 if slower or beyond else DECISIVE
+    odds = max(_delivered_odds(other, p), calibrated.delivered)
     possible = _is_of_a_unit(other.sweep, wide, UNLIKELY)
     if possible and odds > least and (slower or calibrated.reference is not None):
-        smoothed = _with_all(wide, prior, begin, other)
-        odds, possible = _delivered_odds(smoothed.sweep, p, smoothed.prior), _is_of_a_unit(smoothed.sweep, wide, NEVER)
+        smoothed = _with_all(wide, prior, begin, replace(other, began=other.sweep.matrix) if slower else other)
+        odds, possible = _delivered_odds(smoothed, p), _is_of_a_unit(smoothed.sweep, wide, NEVER)
         lost = smoothed.reference is None and calibrated.reference is not None
         if possible and odds > least and not lost:
             return replace(smoothed, delivered=odds)
@@ -225,20 +234,21 @@ def _with_all(p: Params, prior: Known, begin: Beginning, inertial: Inertial) -> 
             return replace(smoothed, iron_turn=_iron_turn(frames, p, inertial, headed, attached, prior))
     return Smoothed(
         frames, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, inertial.prior,
-        np.zeros(DOUBTS), bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var,
+        inertial.began, np.zeros(DOUBTS), bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var,
     )  # fmt: skip
 
 
-def _delivered_odds(sweep: Sweep, p: Params, prior: Floats) -> float:
+def _delivered_odds(of: Inertial | Smoothed, p: Params) -> float:
     """Logarithm of the odds that a unit is as delivered and not calibrated, by a pass's scales [Jeffreys1961].
 
-    What the recording says is the posterior without the `prior` (21, 21) of that pass. Angles between axes are not
-    asked: soft iron looks alike.
+    What the recording says is the posterior without the prior of that pass. Angles between axes are not asked: soft
+    iron looks alike.
     """
-    scale, variance = sweep.matrix[::4], np.diag(sweep.unit_cov)[3::4]
+    variance, before = np.diag(of.sweep.unit_cov)[3::4], np.diag(of.prior)[M::4]
+    said = of.sweep.matrix[::4] / variance - of.began[::4] / before
     sd = np.array([[p.gyr_scale], [as_delivered(p).gyr_scale]])
-    precision = 1.0 / variance + sd**-2 - 1.0 / np.diag(prior)[M::4]
-    evidence = np.sum((scale / variance) ** 2 / precision - np.log(precision * sd**2), axis=1)
+    precision = 1.0 / variance + sd**-2 - 1.0 / before
+    evidence = np.sum(said**2 / precision - np.log(precision * sd**2), axis=1)
     return 0.5 * float(evidence[1] - evidence[0])
 
 
@@ -337,7 +347,7 @@ def _with_field(
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=AGAIN_BIAS, rigid=False, unit=prior.unit)
     still, first = calm(frames, p), narrowed(p0, inertial.given_sd)
     for remaining in range(PASSES, 0, -1):
-        latest = Inertial(estimate, resting, speed, p0)
+        latest = Inertial(estimate, resting, speed, p0, inertial.began)
         reference = (
             find_reference(frames, p, field, latest, attached.doubtful, prior.reference, prior.weight) or reference
         )
@@ -353,8 +363,8 @@ def _with_field(
             # would count it twice, and what is known of a gyroscope never: a turning field would be followed.
             began, begin = known_along(first, begin, up, inertial.sweep.bias[0], inertial.drift_sd)
         estimate = sweep(
-            frames, kind, density, speed.lasting(frames.step, resting), var, q, begin, p0, noise, first=began,
-            covariance=remaining == 1,
+            frames, kind, density, speed.lasting(frames.step, resting), var, q, begin, inertial.began, p0, noise,
+            first=began, covariance=remaining == 1,
         )  # fmt: skip
         speed, q, bias, field = level_speed(frames, estimate.force[:, :2]), estimate.q, estimate.bias, estimate.field
     rival_turn = _rival_turn(frames, p, inertial, free, reference)
@@ -362,7 +372,7 @@ def _with_field(
     doubt = np.zeros(DOUBTS)
     contradictions(estimate.field, frames.step, reference.level, reference.vertical, reference.spread(p), doubt)
     return Smoothed(
-        frames, estimate, resting, reference, weight, attached, p0, doubt, rival_turn, scatter=scatter,
+        frames, estimate, resting, reference, weight, attached, p0, inertial.began, doubt, rival_turn, scatter=scatter,
         bias_sd=inertial.bias_sd, tilt_var=inertial.tilt_var,
     )  # fmt: skip
 

@@ -36,14 +36,15 @@ THEN: Final = 4  # force, field and that turn where it began, 9
 LATER: Final = 13  # and now, 9
 UNTIL: Final = 22  # time until which the attitude is in doubt, s
 JUMPED: Final = 23  # time of the last jump, s
-UP: Final = 24  # the vertical in body axes where it began, 3
-PLACES: Final = 27
+MISLED: Final = 24  # time at which the attitude was lost last, s, by a jump that is not seen or by a wrong scale
+UP: Final = 25  # the vertical in body axes where it began, 3
+PLACES: Final = 28
 
 
 def fresh() -> Floats:
     """Nothing has been compared yet."""
     state = np.zeros(PLACES)
-    state[[UNTIL, JUMPED]] = -math.inf
+    state[UNTIL : MISLED + 1] = -math.inf
     return state
 
 

@@ -544,15 +544,16 @@ class Last(NamedTuple):
     state: Floats
     cov: Floats
 
-    def with_prior(self, before: Floats, after: Floats) -> tuple[Self, Floats]:
-        """The same measurements with other variances of scale and misalignment before them, (9,), all larger.
+    def with_prior(self, mean: Floats, before: Floats, after: Floats) -> tuple[Self, Floats]:
+        """The same measurements with another prior of scale and misalignment, not narrower, and of the mean zero.
 
-        What they say is the posterior without its prior, whose mean is zero. Returns the change of the state too.
+        What they say is the posterior without its prior, of this `mean` and variances `before`, (9,); the variances
+        `after` are then those of the prior. Returns the change of the state too.
         """
         information = 1.0 / before - 1.0 / after
-        gain = self.cov[:, M:] @ np.linalg.inv(np.diag(1.0 / information) - self.cov[M:, M:])
-        cov = self.cov + gain @ self.cov[M:]
-        shift = cov[:, M:] @ (information * self.state[M:])
+        gain = self.cov[:, M:] @ np.linalg.inv(np.eye(9) - information[:, np.newaxis] * self.cov[M:, M:])
+        cov = self.cov + gain @ (information[:, np.newaxis] * self.cov[M:])
+        shift = cov[:, M:] @ (information * self.state[M:] - mean / before)
         attitude, state = self.attitude.copy(), self.state + shift
         correct(attitude, state)
         return type(self)(attitude, state, 0.5 * (cov + cov.T)), shift
@@ -615,7 +616,8 @@ class Sweep:
 
 def sweep(
     frames: Keyframes, kind: NDArray[np.int64], density: Floats, lasting: Floats, heading_var: Floats, q_start: Floats,
-    bias: Floats, p0: Floats, noise: ModelVariances, *, first: Floats | None = None, covariance: bool = True,
+    bias: Floats, matrix: Floats, p0: Floats, noise: ModelVariances, *, first: Floats | None = None,
+    covariance: bool = True,
 ) -> Sweep:  # fmt: skip
     """Forward and backward over a recording.
 
@@ -625,9 +627,10 @@ def sweep(
     at its end; `density` (K,): of the level velocity, m²/s: what the body moves, as white noise; `lasting` (K,): share
     of the level velocity that lasts over each step: see `Speed.lasting`; `heading_var` (K,): variance of the heading
     that the mean field of each step shows, rad²; `q_start` (K + 1, 4): attitude to start from, at the first keyframe
-    and where it starts again; `bias` (3,): first bias of the gyroscope, rad/s; `p0` (21, 21): covariance where the
-    attitude starts,; `noise`: of the model; `first` (21, 21): and that at the first keyframe, if it is another one;
-    `covariance`: smooth the covariance too, which takes as long as all the rest.
+    and where it starts again; `bias` (3,), `matrix` (9,): first bias of the gyroscope, rad/s, its scale and
+    misalignment; `p0` (21, 21): covariance where the attitude starts; `noise`: of the model; `first` (21, 21): and that
+    at the first keyframe, if it is another one; `covariance`: smooth the covariance too, which takes as long as all the
+    rest.
     """
     n = kind.size
     q, mean, most = np.empty((n + 1, 4)), np.empty((n, MEANS)), min(n, BLOCK)
@@ -646,7 +649,7 @@ def sweep(
         return block
 
     attitude, now, p = q_start[0].copy(), np.zeros(SIZE), (p0 if first is None else first).copy()
-    now[B : B + 3] = bias
+    now[B : B + 3], now[M:] = bias, matrix
     begins, starts, foretold = range(0, n, BLOCK), [], np.empty((n, 2, 2))
     for begin in begins:
         starts.append((attitude.copy(), now.copy(), p.copy()))
