@@ -171,6 +171,16 @@ def test_a_scale_that_a_data_sheet_allows_is_found(scale, field, rest):
     assert np.abs(wrong).max() < 0.15 * abs(1.0 - 1.0 / scale) + 0.003
 
 
+@pytest.mark.parametrize("lag", [None, 0.0], ids=["smoothed", "no lag"])
+def test_a_wrong_scale_is_remarked_once_however_long_it_lasts(lag):
+    h = by_hand(1300.0, rate=25.0, seed=4, rest=((0.0, 20.0),))  # two stretches
+    smoother = Smoother(frame="ENU", params={"lag": lag})
+    assert rms_deg(error_n(smoother.process(h.imu(gyr=1.08 * h.gyr)).q_nb, h.q)[h.t > 600.0]).max() < 0.3
+    (remark,) = smoother.remarks
+    assert remark.code == "estimate.as_delivered"
+    assert remark.values["percent"] == pytest.approx(100.0 * 0.08 / 1.08, abs=0.3)
+
+
 def test_a_card_that_says_what_is_left_of_the_scale_is_believed():
     h = by_hand(60.0, seed=2)
     left = upper_half(np.diag(np.full(12, 1e-3**2)))

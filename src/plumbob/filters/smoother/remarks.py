@@ -52,14 +52,19 @@ def _doubted(code: str, when: str, which: Bools) -> Finding:
     return warning(code, when=when, mostly="yes" if which.mean() > MOSTLY else "")
 
 
-def stretch_remarks(smoothed: Smoothed, p: Params, t: Floats) -> list[Finding]:
+def unit_remarks(smoothed: Smoothed | None, p: Params) -> list[Finding]:
+    """Remarks on the unit, by the last that was smoothed."""
+    if smoothed is None or not (smoothed.delivered > 0.0 and smoothed.prior[M, M] > p.gyr_scale**2):
+        return []
+    return [warning("estimate.as_delivered", percent=100.0 * np.abs(smoothed.sweep.matrix[::4]).max())]
+
+
+def stretch_remarks(smoothed: Smoothed, t: Floats) -> list[Finding]:
     """Remarks on a stretch of a recording, with the times (N,) at which its attitude is kept."""
     begin, end = float(t[0]), float(t[-1])
     remarks = _gaps(smoothed.frames.time[1:][smoothed.frames.gap], begin, end)
     if when := _spells(smoothed.frames.time, smoothed.weightless, begin, end):
         remarks.append(_doubted("estimate.weightless", when, smoothed.weightless))
-    if smoothed.delivered > 0.0 and smoothed.prior[M, M] > p.gyr_scale**2:
-        remarks.append(warning("estimate.as_delivered", percent=100.0 * np.abs(smoothed.sweep.matrix[::4]).max()))
     if smoothed.reference is None:
         if np.isfinite(smoothed.frames.mag[:, 0]).any():
             remarks.append(warning("estimate.heading_free"))

@@ -24,7 +24,7 @@ from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
 from plumbob.filters.smoother.per_sample import CurrentEstimate, Single
 from plumbob.filters.smoother.preprocess import watched
-from plumbob.filters.smoother.remarks import remarks_before, remarks_so_far, stretch_remarks
+from plumbob.filters.smoother.remarks import remarks_before, remarks_so_far, stretch_remarks, unit_remarks
 from plumbob.filters.smoother.samples import Piece, Stretch
 from plumbob.filters.start import Start, as_start
 from plumbob.rotations import Frame, North, change_frame
@@ -172,7 +172,7 @@ class Smoother(AttitudeEstimator):
             if t[-1][-1] - t[0][0] > samples.CORE or not remaining:
                 lines = remarks_so_far(np.array(live.gaps), np.concatenate(t), np.concatenate(word), mag=live.has_field)
                 remarks |= dict.fromkeys(lines)
-                t, word, self.remarks = [], [], tuple(remarks)
+                t, word, self.remarks = [], [], (*remarks, *unit_remarks(live.smoothed, self.params))
             self.learned = self.learned if live.smoothed is None else live.smoothed.learned
             yield piece
 
@@ -205,7 +205,7 @@ class Along:
         self._attitude = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else start.q
         self._last: tuple[Floats, Stretch] | None = None
         self._free_variance = 0.0  # of a heading without a field, where the next core begins, rad²
-        self._remarks = dict.fromkeys(remarks)
+        self._remarks, self._of_unit = dict.fromkeys(remarks), list[Finding]()
 
     def piece(self, data: ImuData, stretch: Stretch) -> Piece:
         """Core of a stretch, of whose samples `data` are all."""
@@ -228,8 +228,9 @@ class Along:
                 samples.heading_variance_at(part, inside.stop - 1) if smoothed.reference is None else 0.0
             )
             self._last, self._known, smoother.learned = (part.q, stretch), self._known.after(smoothed), smoothed.learned
-            self._remarks |= dict.fromkeys(stretch_remarks(smoothed, smoother.params, data.t[inside]))
-        self._attitude, smoother.remarks = part.q[inside][-1].copy(), tuple(self._remarks)
+            self._remarks |= dict.fromkeys(stretch_remarks(smoothed, data.t[inside]))
+            self._of_unit = unit_remarks(smoothed, smoother.params)
+        self._attitude, smoother.remarks = part.q[inside][-1].copy(), (*self._remarks, *self._of_unit)
         headed = 0 if smoothed is not None and smoothed.reference is not None else inside.stop - inside.start
         return Piece(data.t[inside], part.rows(inside), headed, smoothed is not None)
 
