@@ -118,6 +118,8 @@ def test_what_cannot_be_compared_is_refused(sea, tmp_path):
     table.write_text("time,Hs [cm],Tp\n2026-09-21T14:23:20Z,130,99.0\n2026-09-21T15:00:00Z,150,8\n")
     assert sea.compare(table).reference["hm0_m"] == pytest.approx([1.3])
     assert np.isnan(sea.compare(table).reference["tp_s"]).all()  # 99 stands for a period that is missing
+    table.write_text("time,Hs,Dm\n2026-09-21T14:23:20Z,1.3,99\n2026-09-21T14:40:00Z,99.0,999\n")
+    assert sea.compare(table).reference["direction_deg"].tolist() == [99.0]  # but not for a direction
     blind = replace(sea, bursts=({**sea.bursts[0], "begin_utc": None},))
     with pytest.raises(ParameterError, match="UTC"):
         blind.compare(table)

@@ -37,7 +37,7 @@ COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {  # names without blanks and si
 _TIMES: Final = ("timewavesimu", "timeutc", "epochtime", "timestamp", "datetimefix", "datetime", "time")
 _PARTS: Final = (("YY", "YYYY", "year"), ("MM", "month"), ("DD", "day"), ("hh", "hour"), ("mm", "min", "minute"))
 _QUANTITIES: Final = {"m": Quantity.LENGTH, "s": Quantity.TIME}
-_MOST: Final = {"m": 99.0, "s": 99.0, "deg": 360.0}  # 99, 999 and -9999 stand for what is missing; no wave is so high
+_BEYOND: Final = {"m": 99.0, "s": 99.0, "deg": 361.0}  # 99, 999 and -9999 stand for what is missing; no wave is so high
 _MILLISECONDS: Final = 1e11  # as seconds, a time behind the year 5000
 
 Table = dict[str, tuple[str, list[Any]]]  # unit and cells by name
@@ -151,7 +151,7 @@ def _numbers(unit: str, cells: list[Any], kind: str) -> Floats:
         values = to_si(values, unit or kind, _QUANTITIES[kind])
     elif not unit.lower().startswith(("deg", "°")) and unit:
         values = to_deg(to_si(values, unit, Quantity.ANGLE))
-    return np.where((values >= 0.0) & (values <= _MOST[kind]) & (values != _MOST["m"]), values, math.nan)
+    return np.where((values >= 0.0) & (values < _BEYOND[kind]), values, math.nan)
 
 
 def _number(cell: Any) -> float:
