@@ -109,6 +109,12 @@ def loggers(folder, moved):
         "runs of blanks, microseconds": (
             table(folder / "j.txt", "  t      gx gy gz   ax ay az\n",
                   [T * 1e6, *np.radians(rate).T, *force.T], "   ", "{:.5f}"), {}),
+        "a stamp for each burst": (
+            table(folder / "l.csv", "t_ms,gx,gy,gz,ax,ay,az\n",
+                  [[f"{1e3 * t:.0f}" * (k % 8 == 0) for k, t in enumerate(T)], *rate.T, *force.T]), {}),
+        "a clock time for each burst": (
+            table(folder / "m.csv", "Time,gx,gy,gz,ax,ay,az\n",
+                  [[f"{s:%H:%M:%S.%f}" * (k % 8 == 0) for k, s in enumerate(stamps)], *rate.T, *force.T]), {}),
     }  # fmt: skip
 
 
@@ -119,7 +125,8 @@ def files(tmp_path_factory, moved):
 
 NAMES = ("semicolons and decimal commas", "tabs, milliseconds, lines before", "phyphox", "names in a comment",
          "no header", "seconds since 1970, mg, mdps, mG", "counts", "date and clock", "LabVIEW",
-         "runs of blanks, microseconds", "a row of units without brackets")  # fmt: skip
+         "runs of blanks, microseconds", "a row of units without brackets", "a stamp for each burst",
+         "a clock time for each burst")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)

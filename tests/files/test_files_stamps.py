@@ -68,6 +68,17 @@ def test_bursts_are_spread_a_gap_stays_one_and_a_stamp_that_is_wrong_moves_alone
     assert time_line(stamps, MS).t_ns == pytest.approx(np.arange(1000) * MS, abs=MS)
 
 
+@pytest.mark.parametrize("is_last", [False, True])
+def test_rows_without_a_stamp_lie_evenly_in_their_burst_and_do_not_fill_a_gap(is_last):
+    """Bursts of 8 at 200 Hz, 20 of them lost behind the fourth: 5 ms a step, but 20 bursts of 40 ms more once."""
+    true = 5.0 * np.arange(12 * 8) + np.where(np.arange(12 * 8) < 4 * 8, 0.0, 20 * 40.0)
+    line = time_line(np.where(np.arange(true.size) % 8 == (7 if is_last else 0), true, np.nan), MS)
+    assert line.t_ns.tolist() == (true * MS).astype(int).tolist()
+    assert "84 of 96 rows have no stamp" in str(line.notes[0])
+    assert f"the {'last' if is_last else 'first'} row of its burst" in str(line.notes[0])
+    assert line.notes[0].values["rate"] == pytest.approx(200.0)
+
+
 @pytest.mark.parametrize(
     ("stamps", "match"),
     [
@@ -76,7 +87,7 @@ def test_bursts_are_spread_a_gap_stays_one_and_a_stamp_that_is_wrong_moves_alone
         (np.zeros(5), "all 5 time stamps are 0"),
         (np.arange(5.0)[::-1], "no time stamp is later than the one before"),
         (np.random.default_rng(0).permutation(np.arange(500.0)), "not as a clock jitters"),
-        (np.array([0.0, np.nan, 2.0]), "row 2 has no time stamp"),
+        (np.array([0.0, np.nan, np.nan]), "row 2 has no time stamp"),
     ],
 )
 def test_what_is_no_time_is_refused_and_nothing_is_said_of_sorting_or_dropping(stamps, match):

@@ -14,6 +14,7 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, DecodeError, ShapeError, UnitError
 from plumbob.data.recording import Recording
 from plumbob.files import parse_profile, read, text_table, write
+from plumbob.files.columns import FORM
 from plumbob.files.text import read_labels, read_spans, text_cell
 from plumbob.rotations import Frame, North, body_axes, quat_angle, quat_from_euler_zyx, quat_rotate
 from tests.helpers import beside, examples
@@ -96,6 +97,19 @@ def test_a_row_without_a_time_stamp_is_left_out_and_named(parse):
     assert recording.imu.gyr[:, 0].tolist() == [k for k in range(50) if k != 7]
     assert recording.imu.t.tolist() == [k / 100 for k in range(50) if k != 7]
     assert any("line 9: the time stamp is missing" in str(note) for note in recording.notes)
+
+
+@pytest.mark.parametrize("form", ["s", "unix", "stamps"])
+def test_rows_whose_burst_alone_has_a_stamp_are_all_read_and_rows_of_nothing_are_not(parse, form):
+    def stamp(k):
+        return {"s": f"{k / 100}", "unix": f"{1464877043 + k / 100:.2f}"}.get(form, f"10:00:{k / 100:05.2f}")
+
+    rows = [f"{'' if k % 10 else stamp(k)},{k},2,3\n" + ",,,\n" * (k == 55) for k in range(100)]
+    time = {"unix": 'unit = "s"\nepoch = "unix"', "stamps": f'format = "{FORM}"'}.get(form, 'unit = "s"')
+    recording = parse("t,gx,gy,gz\n" + "".join(rows), PLAIN.replace('unit = "s"', time, 1))
+    assert recording.imu.gyr[:, 0].tolist() == [*range(100)]
+    assert recording.imu.t == pytest.approx(np.arange(100) / 100, abs=1e-9)
+    assert any("90 of 100 rows have no stamp" in str(note) for note in recording.notes)
 
 
 @pytest.mark.parametrize("by_line", [False, True])
@@ -232,8 +246,9 @@ REFUSED = [
     *((text, RANGED, r"its range is .*500 °/s", UnitError) for text in DEGREES),
     ("t,gx,gy,gz\n" + LINES, METRES, "it looks like g", UnitError),
     (ROWS.replace("0.0", "1464877043.0"), PLAIN, "For unix time", ClockError),
-    *((ROWS.replace("0.01", stamp), PLAIN, "line 3", ClockError) for stamp in ("-1", "NaN", "", "inf")),
-    *((ROWS.replace("0.01", stamp), DELAYED, "line 3", ClockError) for stamp in ("-1", "NaN", "inf")),
+    *((ROWS.replace("0.01", stamp), PLAIN, "line 3", ClockError) for stamp in ("-1", "inf")),
+    *((ROWS.replace("0.01", stamp), DELAYED, "line 3", ClockError) for stamp in ("-1", "inf")),
+    *((ROWS.replace("0.01", s).replace("0.02", s), PLAIN, "line 3 has no time", ClockError) for s in ("NaN", "")),
     ("t,gx,gy,gz\n0,,,\n1,NaN,NaN,NaN\n", PLAIN, "gyr", ShapeError),
     (QUAT.replace("0.5", "0.6"), HEAD + TIME + TRACK, "norm", ShapeError),
 ]

@@ -453,7 +453,7 @@ class _DraftWriter:
         refs = data.refs(data.time)
         if data.stamped:
             self._set("column" if len(refs) == 1 else "columns", refs[0] if len(refs) == 1 else refs)
-            first = " ".join(data.sample.cells(i)[0] for i in data.time)
+            first = " ".join(data.stamps(i)[0] for i in data.time)
             self._set("format", FORM, f"the first is {first}")
             self._set_known("zone")
             if not self._has("zone") and not has_zone(first):

@@ -34,7 +34,7 @@ from plumbob.files.column_names import (
 from plumbob.files.columns import StampError, is_stamp, is_time_of_day, to_seconds
 from plumbob.files.known_logs import KNOWN
 from plumbob.files.profile import AS_MOUNTED, EPOCHS
-from plumbob.files.sniff import Sample, rises
+from plumbob.files.sniff import FEWEST, Sample, rises
 from plumbob.files.stamps import falls, time_line
 from plumbob.files.text_table import LEFT_OUT_MOST
 from plumbob.rotations import axes_letters, every_axes, in_body_axes
@@ -103,6 +103,8 @@ class ColumnEvidence:
             if not part.stated and any(low <= np.nanmin(numbers, initial=np.inf) < high for low, high in _HUNDRED_NS):
                 self.parts[i] = replace(part, unit="us", scale=0.1)
             self.numbers[i] = numbers if self.parts[i].scale == 1.0 else numbers * self.parts[i].scale
+            if part.is_time or not (i or any(self.names)):
+                self.numbers[i] = _between_stamps(self.numbers[i])
         log = next((log for log in KNOWN if log.fits(sample.names, sample.facts)), None)
         self.log_answers, self.log_name = (log.said(sample.facts), log.name) if log else ({}, "")
         self.triads: dict[str, tuple[int, ...]] = {}
@@ -182,15 +184,25 @@ class ColumnEvidence:
             return self._in_two_parts() or (min(rising, key=self._time_rank),)
         others = [i for i in range(self.sample.width) if i not in named]
         for i in (*named, *others):
-            cells, beside = self.sample.cells(i), self.sample.cells(min(i + 1, self.sample.width - 1))
+            cells, beside = self.stamps(i), self.stamps(min(i + 1, self.sample.width - 1))
             if all(map(is_stamp, cells)):
                 # parts of a second stand in the cell behind a comma
-                parts = len({*beside}) > 1 and all(re.fullmatch(r"\d{3}|\d{6}", cell) for cell in beside)
+                parts = (
+                    len({*beside}) > 1
+                    and len(cells) == len(beside)
+                    and all(re.fullmatch(r"\d{3}|\d{6}", cell) for cell in beside)
+                )
                 return (i, i + 1) if parts and (np.diff(to_seconds([cells, beside], None)[0]) > 0.0).all() else (i,)
             dates = all(re.fullmatch(r"\d{4}([-/])\d{1,2}\1\d{1,2}", cell) for cell in cells)
             if dates and all(map(is_stamp, beside)):
                 return (i, i + 1)
         return self._clocks[:1] or (() if named else self._rising_column())
+
+    def stamps(self, column: int) -> list[str]:
+        """Cells of a column; of one of time those that are not blank, where bursts have a stamp each."""
+        cells = self.sample.cells(column)
+        stamps = [*filter(None, cells)] if self.parts[column].is_time else cells
+        return stamps if len(stamps) >= FEWEST else cells
 
     def _is_time_of_day(self, column: int) -> bool:
         """Whether numbers are clock times as hhmmss, by their name or because they jump by 40 at each minute."""
@@ -253,7 +265,7 @@ class ColumnEvidence:
     @property
     def stamped(self) -> bool:
         """Whether time is dates and clock times."""
-        return any(is_stamp(self.sample.cells(i)[0]) or self._is_time_of_day(i) for i in self.time)
+        return any(is_stamp(self.stamps(i)[0]) or self._is_time_of_day(i) for i in self.time)
 
     def _quaternion_columns(self) -> tuple[int, ...]:
         """Columns w, x, y, z of unit quaternions: as answered, by words of their names, or by these letters alone."""
@@ -496,15 +508,18 @@ class ColumnEvidence:
             return np.arange(len(self.sample.rows)) / float(rate[0]) if rate else None
         scale, numbers = 1e9, self.numbers[self.time[0]]
         if self.stamped:
-            since, t0_ns = to_seconds([self.sample.cells(i) for i in self.time], None)
-            numbers = since + t0_ns / 1e9
+            stamps = [*zip(*(self.sample.cells(i) for i in self.time), strict=True)]
+            rows = [row for row, cells in enumerate(stamps) if all(cells)]
+            since, t0_ns = to_seconds([*zip(*(stamps[row] for row in rows), strict=True)], None)
+            numbers = np.full(len(stamps), np.nan)
+            numbers[rows] = since + t0_ns / 1e9
         elif len(self.time) == 2:
             numbers = to_si(numbers, self.part_of_second(self.time[0])) + self.numbers[self.time[1]]
         elif unit := time_unit(numbers, self.parts[self.time[0]])[0]:
             scale = to_si(1e9, unit)
         else:
             return None
-        far = numbers[0] if abs(numbers[0] * scale) > 2.0**62 else 0.0  # of days, or of ns since 1601
+        far = first if abs((first := np.nanmin(numbers)) * scale) > 2.0**62 else 0.0  # of days, or of ns since 1601
         with suppress(ClockError):
             return to_s(time_line(numbers - far, scale).t_ns) + far * scale / 1e9
         return None
@@ -580,6 +595,16 @@ def _clock(sample: Sample, column: int) -> Floats:
         return to_seconds([sample.cells(column)], None)[0]
     except StampError:
         return numbers[:0]
+
+
+def _between_stamps(numbers: Floats) -> Floats:
+    """Numbers of time with those between that are missing where bursts have a stamp each; as they are otherwise."""
+    rows = np.flatnonzero(np.isfinite(numbers))
+    if FEWEST <= rows.size < (1.0 - LEFT_OUT_MOST) * numbers.size and rises(stamps := numbers[rows]):
+        unit_ns = 1e6 / float(np.mean(np.abs(np.diff(stamps))))
+        with suppress(ClockError):
+            numbers = stamps[0] + time_line(numbers - stamps[0], unit_ns).t_ns / unit_ns
+    return numbers
 
 
 def _are_unit(vectors: Floats) -> bool:

@@ -10,6 +10,8 @@ are taken as they are. Otherwise, in this order:
   each stretch without a gap, as long as no sample moves by more than a stamp's own coarseness allows; else the samples
   between two different stamps are spread evenly between these;
 - a clock that begins again is another recording, and is refused with its row.
+
+Rows without a stamp, as where only the first or the last one of each burst has one, lie evenly between those with one.
 """
 
 from collections.abc import Callable
@@ -55,8 +57,13 @@ def time_line(
     stamps: Floats | NDArray[np.int64], unit_ns: float = 1.0, place: Callable[[int], str] = lambda row: f"row {row + 1}"
 ) -> SampleTimes:
     """Times of samples by their stamps (N,), in units of `unit_ns` ns; ClockError if time begins again."""
-    if not np.isfinite(stamps).all():
-        raise ClockError(f"{place(int(np.argmin(np.isfinite(stamps))))} has no time stamp.")
+    rows = np.flatnonzero(np.isfinite(stamps))
+    if rows.size < stamps.size:
+        if rows.size < len("ab") or np.isinf(stamps).any():
+            raise ClockError(f"{place(int(np.argmin(np.isfinite(stamps))))} has no time stamp.")
+        line = time_line(stamps[rows], unit_ns, lambda row: place(int(rows[row])))
+        t_ns, how = _between(line.t_ns, rows, stamps.size)
+        return SampleTimes(t_ns, (*line.notes, how))
     zero = stamps[0] if stamps.size else 0
     values = np.asarray(stamps - zero, dtype=np.float64)  # ns since 1970 are more than float64 holds
     notes: list[Finding] = []
@@ -68,6 +75,22 @@ def time_line(
         t_ns, how = _even(t_ns, place)
         notes.append(how)
     return SampleTimes(t_ns + (int(zero) if unit_ns == 1.0 else round(float(zero) * unit_ns)), tuple(notes))
+
+
+def _between(t_ns: NDArray[np.int64], rows: NDArray[np.intp], count: int) -> tuple[NDArray[np.int64], Finding]:
+    """Times of so many rows, of which some have these, and what was assumed; a burst before a gap does not reach it."""
+    is_last = bool(rows[0] > 0 and rows[-1] == count - 1)
+    t_ns, rows = (-t_ns[::-1], count - 1 - rows[::-1]) if is_last else (t_ns, rows)
+    steps, counts = np.diff(t_ns), np.diff(rows)
+    each = steps / counts
+    are_gaps = each > GAP_FACTOR * np.median(each)
+    usual = steps[~are_gaps].sum() / counts[~are_gaps].sum()
+    each = np.append(np.where(are_gaps, usual, each), usual)
+    place = np.maximum(np.searchsorted(rows, np.arange(count), side="right") - 1, 0)
+    times = t_ns[place] + np.rint((np.arange(count) - rows[place]) * each[place]).astype(np.int64)
+    which = {"last" if is_last else "first": True}
+    how = warning("reading.clock_between", count=count - rows.size, rows=count, rate=1e9 / usual, **which)
+    return -times[::-1] if is_last else times, how
 
 
 def turn_lengths(largest: float, unit_ns: float) -> dict[str, float]:

@@ -44,7 +44,6 @@ from plumbob.files.profile import (
     GroupSource,
     Profile,
     ReferenceSource,
-    TimeSource,
     load_profile,
     profiles_beside,
     toml_lines,
@@ -119,16 +118,24 @@ def _without_end(profile: Profile, table: TextTable) -> TextTable:
 
 
 def _with_times(profile: Profile, table: TextTable) -> TextTable:
-    """The same table without the few rows that lack a time stamp, which a note names."""
+    """The same table without the few rows that lack a time stamp, which a note names; of many, without empty ones."""
     lacks = np.zeros(table.rows, dtype=bool)
     for ref in profile.time.used:
-        cells = table.texts.get(ref)
-        lacks |= np.isnan(table.columns[ref]) if cells is None else [c.strip() in profile.layout.missing for c in cells]
-    if not 0 < (count := int(lacks.sum())) <= LEFT_OUT_MOST * table.rows:
+        lacks |= np.isnan(table.columns[ref]) if ref in table.columns else ~_stamped(profile, table, ref)
+    if not (count := int(lacks.sum())):
         return table
+    if count > LEFT_OUT_MOST * table.rows:
+        for values in table.columns.values():
+            lacks &= np.isnan(values).reshape(table.rows, -1).all(axis=1)
+        return table.of_rows(np.flatnonzero(~lacks)) if lacks.any() else table
     lines = [table.line_of(int(row)) for row in np.flatnonzero(lacks)[:MOST_NAMED]]
     note = lines_left_out(lines, count, table.rows, f"line {lines[0]}: the time stamp is missing")
     return table.of_rows(np.flatnonzero(~lacks), note)
+
+
+def _stamped(profile: Profile, table: TextTable, ref: ColumnRef) -> NDArray[np.bool_]:
+    """Rows (N,) that have a stamp in a column of texts."""
+    return np.array([cell.strip() not in profile.layout.missing for cell in table.texts[ref]])
 
 
 def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
@@ -204,7 +211,7 @@ def _time(profile: Profile, table: TextTable) -> _Clock:
         t = places / source.rate
         return t, 0, (), t, 1e9
     if source.are_stamps:
-        return _of_stamps(source, table)
+        return _of_stamps(profile, table)
     factor = units.unit(source.unit).factor * source.unit_per_count
     nanoseconds = Fraction(factor).limit_denominator(10**9) * 10**9
     stamps = table.columns[source.columns[0]]
@@ -223,18 +230,24 @@ def _time(profile: Profile, table: TextTable) -> _Clock:
     if (stamps[1:] > stamps[:-1]).all() and source.unit_per_count == 1.0:
         return inside(stamps, source.unit), t0_ns, (), stamps, 1e9 * factor
     line = time_line(stamps, 1e9 * factor, table.place)
+    if np.isnan(stamps).any():
+        return line.t_ns / 1e9, t0_ns, line.notes, line.t_ns / 1e9, 1e9
     return line.t_ns / 1e9, t0_ns, line.notes, stamps, 1e9 * factor
 
 
-def _of_stamps(source: TimeSource, table: TextTable) -> _Clock:
+def _of_stamps(profile: Profile, table: TextTable) -> _Clock:
+    source = profile.time
+    rows = np.flatnonzero(np.logical_and.reduce([_stamped(profile, table, ref) for ref in source.columns]))
     try:
-        t, t0_ns = to_seconds([table.texts[ref] for ref in source.columns], source.zone)
+        since, t0_ns = to_seconds([[table.texts[ref][row] for row in rows] for ref in source.columns], source.zone)
     except StampError as error:
-        raise DecodeError(f"line {table.line_of(error.row)}: {error}") from error
+        raise DecodeError(f"line {table.line_of(int(rows[error.row]))}: {error}") from error
+    t = np.full(table.rows, np.nan)
+    t[rows] = since
     if (np.diff(t) > 0.0).all():
         return t, t0_ns, (), t, 1e9
-    line = time_line(to_ns(t), 1.0, table.place)
-    return line.t_ns / 1e9, t0_ns, line.notes, t, 1e9
+    line = time_line(np.rint(t * 1e9), 1.0, table.place)
+    return line.t_ns / 1e9, t0_ns, line.notes, t if rows.size == t.size else line.t_ns / 1e9, 1e9
 
 
 def _imu(

@@ -640,10 +640,11 @@ class Reading:
         if self.exact is not None:
             import pyarrow.compute as pc
 
-            if columns[self.exact].null_count:
-                return False
-            self.zero = columns[self.exact][0].as_py() if self.zero is None else self.zero
-            columns[self.exact] = pc.subtract(columns[self.exact], pa.scalar(self.zero)).cast(pa.float64())
+            if self.zero is None and (stamps := columns[self.exact].drop_null()):
+                self.zero = stamps[0].as_py()
+            columns[self.exact] = pc.subtract(columns[self.exact], pa.scalar(self.zero or Decimal(0))).cast(
+                pa.float64()
+            )
         for ref in self.texts:
             self.texts[ref] += columns[ref].to_pylist()
         for rows in self.tables:
@@ -678,7 +679,7 @@ class Reading:
             cells.append(words[self.places[ref]])
 
     def _number(self, cell: str, line: int, ref: ColumnRef) -> float:
-        if ref != self.exact and cell.strip() in self.layout.missing:
+        if cell.strip() in self.layout.missing:
             return float("nan")
         try:
             if ref != self.exact:
