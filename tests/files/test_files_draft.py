@@ -112,6 +112,18 @@ def loggers(folder, moved):
         "a stamp for each burst": (
             table(folder / "l.csv", "t_ms,gx,gy,gz,ax,ay,az\n",
                   [[f"{1e3 * t:.0f}" * (k % 8 == 0) for k, t in enumerate(T)], *rate.T, *force.T]), {}),
+        "lines of a log, each of one number": (table(folder / "n.log", "", [[
+            f"[20:30:{5 + t:09.6f}][D][sensor:094]: '{name} {axis}': now {row[k]:.5f} {unit}, 5 decimals"
+            for t, turn, push in zip(T, rate, force, strict=True)
+            for name, row, unit in (("Gyro", turn, "°/s"), ("Accel", push, "g")) for k, axis in enumerate("XYZ")]]),
+            {}),
+        "a log's words before plain numbers": (table(folder / "o.log", "", [
+            [f"Dec 01 10:00:{t:09.6f} host imud[1234]: {k}" for k, t in enumerate(T)], *(force * G0).T, *rate.T]), {}),
+        "no header, and a counter": (
+            table(folder / "p.csv", "", [T, np.arange(700.0, 700.0 + 10 * T.size, 10), *(force * G0).T, *rate.T]), {}),
+        "a rate below its name": (
+            table(folder / "q.csv", "Sampling rate\n50\nframe,gx,gy,gz,ax,ay,az\n", [np.arange(T.size), *rate.T,
+                   *force.T]), {"unit": "deg/s"}),
         "a clock time for each burst": (
             table(folder / "m.csv", "Time,gx,gy,gz,ax,ay,az\n",
                   [[f"{s:%H:%M:%S.%f}" * (k % 8 == 0) for k, s in enumerate(stamps)], *rate.T, *force.T]), {}),
@@ -126,7 +138,8 @@ def files(tmp_path_factory, moved):
 NAMES = ("semicolons and decimal commas", "tabs, milliseconds, lines before", "phyphox", "names in a comment",
          "no header", "seconds since 1970, mg, mdps, mG", "counts", "date and clock", "LabVIEW",
          "runs of blanks, microseconds", "a row of units without brackets", "a stamp for each burst",
-         "a clock time for each burst")  # fmt: skip
+         "a clock time for each burst", "lines of a log, each of one number", "a log's words before plain numbers",
+         "no header, and a counter", "a rate below its name")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)

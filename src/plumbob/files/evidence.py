@@ -144,7 +144,11 @@ class ColumnEvidence:
 
     def _varying(self) -> list[int]:
         """Those of them that are not the same in all rows."""
-        return [i for i in self.free() if np.nanmin(self.numbers[i]) < np.nanmax(self.numbers[i])]
+        return [i for i in self._unsteady() if np.nanmin(self.numbers[i]) < np.nanmax(self.numbers[i])]
+
+    def _unsteady(self) -> list[int]:
+        """Those of them that do not rise from row to row, as counters do, and no sensor with its noise."""
+        return [i for i in self.free() if np.mean(np.diff(self.numbers[i]) > 0.0) <= 1.0 - LEFT_OUT_MOST]
 
     def _place(self, key: str, ref: Any) -> int:
         """Place of a column that an answer names."""
@@ -391,7 +395,7 @@ class ColumnEvidence:
 
         Constants and quaternions are left out; of several others, rates are what turns as gravity does.
         """
-        free = self.free()
+        free = self._unsteady()
         if self.sensor in TRIADS and len(free) == len("xyz"):
             return {self.sensor: tuple(free)}
         for four in [range(i, i + 4) for i in self._varying()]:

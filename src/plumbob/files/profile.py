@@ -104,8 +104,9 @@ class TextLayout:
     # Empty where all cells are so.
     cells: tuple[str, ...] = ()
     # Of a table with a row for each number: the columns of time, of the words that name its sensor and axis, and of the
-    # number. Then the columns are called by these words, a unit among them in brackets, as ``acc x [g]``.
-    channels: Annotated[tuple[ColumnRef, ...], columns(3, 4, 5)] = ()
+    # number. Then the columns are called by these words, a unit among them in brackets, as ``acc x [g]``. Among words
+    # those of time and of the number, by their places in the line.
+    channels: Annotated[tuple[ColumnRef, ...], columns(2, 3, 4, 5)] = ()
 
 
 @dataclass(frozen=True, slots=True)

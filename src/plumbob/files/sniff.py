@@ -163,6 +163,8 @@ def read_sample(path: Path) -> Sample:
         if is_known and 4 * table.readable > 3 * len(table.rows) * len(table.rows[0]):
             named.append(table)
     best = max(named or tables, key=lambda table: table.score, default=_SniffedTable(",", "."))
+    if not named and (sample_of_values := _of_values(text, encoding)):
+        return sample_of_values
     try:
         kinds = [] if named else _worded(lines, encoding)
     except DecodeError:
@@ -253,6 +255,35 @@ def _of_channels(text: str, sample: Sample) -> Sample | None:
     lines = channels_as_columns(text, layout)[0].split("\n")
     wide = _headed(lines, _table(lines, "\t", layout.decimal), layout.encoding)
     return replace(wide, layout=replace(layout, missing=wide.layout.missing), facts=sample.facts)
+
+
+def _of_values(text: str, encoding: str) -> Sample | None:
+    """First rows of lines that say one number of a channel among words each, behind a time; None of other lines."""
+    lines = [line for line in text.split("\n")[:TRIED] if line.strip()]
+    kinds: dict[str, list[list[str]]] = {}
+    for line in lines:
+        kinds.setdefault(all_words(line), []).append(among_words(line)[:-1])
+    kinds = {word: rows for word, rows in kinds.items() if len(rows) >= FEWEST and len({*map(len, rows)}) == 1}
+    columns = {word: [*zip(*rows, strict=True)] for word, rows in kinds.items()}
+    varying = Counter(tuple(k for k, cells in enumerate(of) if len({*cells}) > 1) for of in columns.values())
+    places = max(varying, key=lambda both: varying[both] * (len(both) == len("tv")), default=())
+    if len(places) != len("tv") or varying[places] < len("xyz") or sum(map(len, kinds.values())) < 0.5 * len(lines):
+        return None
+    line = next(line for line in lines if all_words(line) in kinds)
+    is_cell = re.search(r"[,;\t]\s*$", TOKEN.split(line)[places[1]])  # words between separators are cells
+    if is_cell or not all(_rises([row[places[0]] for row in rows], ".") for rows in kinds.values()):
+        return None
+    layout = TextLayout(" ", encoding=encoding, names=False, words=True, channels=(places[0] + 1, places[1] + 1))
+    wide = channels_as_columns(text, layout)[0].split("\n")
+    sample = _headed(wide, _table(wide, "\t", "."), encoding)
+    shared = set.intersection(*({*word.split()} for word in kinds))
+    shared -= {word for word in shared if measured_in(word) or taken_apart(f"{word} x").sensor in QUANTITY_BY_TRIAD}
+    names = [" ".join(word for word in name.split() if word not in shared) for name in sample.names]
+    parts = [taken_apart(name) for name in names]
+    if not any({*"xyz"} <= {part.axis for part in parts if part.sensor == sensor} for sensor in QUANTITY_BY_TRIAD):
+        return None
+    layout = replace(layout, missing=sample.layout.missing)
+    return replace(sample, layout=layout, names=tuple(names), by_name=False, facts={})
 
 
 def _of_kinds(lines: Sequence[str], sample: Sample) -> Sample | None:
@@ -375,7 +406,9 @@ def _labels(gaps: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
             names[first:] = parts
         elif not sensor or count != len("xyz"):
             names.clear()
-    return tuple(names), tuple(units)
+    count = sum(map(bool, words[:-1]))
+    of_a_log = 1 < count < 0.5 * len(names) and not _known_names(words[:-1])  # before plain numbers
+    return () if of_a_log else tuple(names), tuple(units)
 
 
 def decoded(raw: bytes) -> tuple[str, str]:
@@ -626,8 +659,11 @@ def _under(sensors: Sequence[str], axes: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _facts(lines: Sequence[str]) -> dict[str, str]:
-    """What lines of keys and values say, as ``OutputRate:,60Hz`` and ``tscale,0.004``."""
+    """What lines of keys and values say, as ``OutputRate:,60Hz`` and ``tscale,0.004``, and keys above numbers."""
     facts: dict[str, str] = {}
+    for keys, below in pairwise(re.split(r"[,;\t]+", line.strip("#%/,;\t ")) for line in lines):
+        if len(keys) == len(below) and all(map(_is_number, below)) and not any(map(_is_number, keys)):
+            facts |= zip((key.strip().lower() for key in keys), below, strict=True)
     for line in lines:
         match = re.match(r"\W*([\w .()\[\]/-]+?)\s*[:=,]+[\s,]*(.*)", line.lstrip("#%/ ").strip())
         key, value = (match[1], match[2]) if match else (line.strip(), "")

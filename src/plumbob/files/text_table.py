@@ -364,8 +364,25 @@ def channel(words: Sequence[str]) -> str:
     return " ".join(f"[{word}]" if is_unit(word) else word for word in map(str.strip, words))
 
 
+def _values_as_rows(text: str, layout: TextLayout) -> tuple[str, TextLayout]:
+    """Time, words and number of each line that says one number among words; one time until a channel comes again."""
+    places = [ref - 1 for ref in layout.channels if isinstance(ref, int)]
+    rows, channels, first, time = list[str](), set[str](), "", ""
+    for row in text.split("\n"):
+        if len(cells := among_words(row)[:-1]) <= max(places):
+            continue  # it says something else
+        name = channel(all_words(row).split())
+        if not channels or name == first or name in channels:
+            first, time = first or name, cells[places[0]]
+            channels.clear()
+        channels.add(name)
+        rows.append(f"{time}\t{name}\t{cells[places[1]]}\n")
+    return "".join(rows), replace(layout, separator="\t", words=False, channels=(1, 2, 3))
+
+
 def channels_as_columns(text: str, layout: TextLayout) -> tuple[str, TextLayout]:
     """Table with a row for each time of one with a row for each number (`TextLayout.channels`), and its layout."""
+    text, layout = _values_as_rows(text, layout) if layout.words else (text, layout)
     head = find_head(text, layout)
     rows: dict[tuple[str, int], dict[str, str]] = {}
     counts, order, broken, places = Counter[tuple[str, str]](), list[str](), list[str](), list[int]()
