@@ -91,8 +91,9 @@ bench: $(VENV)/.bench  ## speed of filters, Allan deviations, calibrations and t
 	$(BIN)/python -m benchmarks.calibration_speed
 	$(BIN)/python -m benchmarks.startup
 
-accuracy: $(VENV)/.bench  ## filters, smoother and other libraries on real recordings, and docs/accuracy.md: about an hour
+accuracy: $(VENV)/.bench  ## filters, smoother and other libraries on real recordings, their time, and docs/accuracy.md: about an hour
 	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.smoother_speed
 
 noise: $(VENV)/.bench  ## noise coefficients and intervals on records of known noise, and with a band of motion
 	$(BIN)/python -m benchmarks.allan_quality

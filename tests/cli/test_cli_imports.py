@@ -76,7 +76,7 @@ print(json.dumps(told))
 SETS = {
     "PARQUET": "numpy pyarrow pyarrow.parquet",
     "READ": "PARQUET filters",  # to open a recording, whose room imports what all filters share
-    "SIMULATED": "PARQUET data.cards.calibration simulation",
+    "SIMULATED": "PARQUET data.cards.calibration simulation kernels",
     "DRAWN": "matplotlib reporting.drawing scipy scipy.fft scipy.special",
     "RUN": "READ evaluation kernels",
     "FITS": "scipy scipy.fft scipy.interpolate scipy.optimize scipy.special",

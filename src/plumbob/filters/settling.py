@@ -46,8 +46,7 @@ from plumbob.core.units import Quantity, deg
 from plumbob.data.cards.residuals import Half, full_covariance
 from plumbob.filters.input_checks import HOLD, off_gravity, usable
 from plumbob.filters.layout import TRIAL, TRIAL_TIME, UP, Q, kept_weights, smooth
-from plumbob.rotations import dcm_from_quat
-from plumbob.rotations.kernels import Vec, rotate
+from plumbob.rotations.kernels import Vec, rotate, rows
 
 RestRate = Annotated[float, Spec(Quantity.RATE, "at rest, the rate stays this near to its mean", 0, 10)]
 RestForce = Annotated[
@@ -132,23 +131,53 @@ def considered(q_nb: Floats, field: Floats, up: float, north: tuple[float, float
     no field gives the heading; `up`: +1 where navigation z points up, −1 where it points down; `north`: level direction
     that the magnetometer calls north, in the navigation frame; `acc`, `mag`: upper halves of the covariances of (d, E).
     """
-    c_nb = dcm_from_quat(q_nb)
-    level, steep = field[:, 0], field[:, 1]
-    has_field = level > 0.0
-    level = np.where(has_field, np.maximum(level, _STEEPEST * np.abs(steep)), 1.0)
-    steep = np.where(has_field, steep, 0.0)
-    nx, ny = north
-    force = error_sensitivity(c_nb, np.array([0.0, 0.0, up * G0]) + np.zeros((len(q_nb), 3)))
-    turn = np.empty_like(force)  # ∂θ/∂p of the accelerometer in the navigation frame, (N, 3, 12)
-    turn[:, 0] = -up / G0 * force[:, 1]
-    turn[:, 1] = up / G0 * force[:, 0]
-    turn[:, 2] = (steep / level)[:, np.newaxis] * (nx * turn[:, 0] + ny * turn[:, 1])
-    h_n = np.stack((level * nx, level * ny, steep), axis=1)
-    across = error_sensitivity(c_nb, h_n)
-    course = np.zeros_like(across)
-    course[:, 2] = (has_field / level)[:, np.newaxis] * (nx * across[:, 1] - ny * across[:, 0])
-    c_bn = np.swapaxes(c_nb, 1, 2)
-    return residual_covariance(c_bn @ turn, acc) + residual_covariance(c_bn @ course, mag)
+    cov = np.zeros((len(q_nb), 3, 3))
+    for of_mag, half in enumerate((acc, mag)):
+        if any(half):
+            consider(q_nb, field, up, *north, full_covariance(half), bool(of_mag), cov)
+    return cov
+
+
+@kernel
+def consider(
+    q_nb: Floats, field: Floats, up: float, nx: float, ny: float, residual: Floats, of_mag: bool, cov: Floats
+) -> None:  # fmt: skip
+    """Add to covariances what a calibration leaves of one triad, (12, 12) of its (d, E)."""
+    r, turn, vector, both = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    for n in range(cov.shape[0]):
+        has_field = field[n, 0] > 0.0
+        if of_mag and not has_field:
+            continue
+        level, steep = max(field[n, 0], _STEEPEST * abs(field[n, 1])), field[n, 1]
+        lean = steep / level if has_field else 0.0
+        r[0, 0], r[0, 1], r[0, 2], r[1, 0], r[1, 1], r[1, 2], r[2, 0], r[2, 1], r[2, 2] = rows(
+            q_nb[n, 0], q_nb[n, 1], q_nb[n, 2], q_nb[n, 3]
+        )
+        for j in range(3):
+            x, y, z = r[0, j], r[1, j], r[2, j]
+            tx, ty, tz = -up / G0 * y, up / G0 * x, 0.0  # θ by an error along it
+            if of_mag:
+                vector[j] = level * (nx * x + ny * y) + steep * z
+                tx, ty, tz = 0.0, 0.0, (nx * y - ny * x) / level
+            else:
+                vector[j] = up * G0 * z
+                tz = lean * (nx * tx + ny * ty)
+            for i in range(3):
+                turn[i, j] = r[0, i] * tx + r[1, i] * ty + r[2, i] * tz
+        for i in range(3):
+            for j in range(3):
+                s = residual[i, j]  # of d + E u
+                for k in range(3):
+                    s += vector[k] * (residual[i, 3 + 3 * j + k] + residual[3 + 3 * i + k, j])
+                    for m in range(3):
+                        s += vector[k] * vector[m] * residual[3 + 3 * i + k, 3 + 3 * j + m]
+                both[i, j] = s
+        for i in range(3):  # [Schmidt1966]
+            sx = turn[i, 0] * both[0, 0] + turn[i, 1] * both[1, 0] + turn[i, 2] * both[2, 0]
+            sy = turn[i, 0] * both[0, 1] + turn[i, 1] * both[1, 1] + turn[i, 2] * both[2, 1]
+            sz = turn[i, 0] * both[0, 2] + turn[i, 1] * both[1, 2] + turn[i, 2] * both[2, 2]
+            for j in range(3):
+                cov[n, i, j] += sx * turn[j, 0] + sy * turn[j, 1] + sz * turn[j, 2]
 
 
 def error_sensitivity(c_nb: Floats, vectors_n: Floats) -> Floats:

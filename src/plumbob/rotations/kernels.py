@@ -1,11 +1,12 @@
 """Scalar rotation kernels: the one home of each formula, used by the filters' steps and by the array functions.
 
-Hamilton product, scalar first. A quaternion is four floats, a vector three. Kernels without a branch also accept NumPy
-arrays component by component through ``.py_func``; that is how :mod:`plumbob.rotations.quaternions` uses them.
+Hamilton product, scalar first. A quaternion is four floats, a vector three. What goes over the rows of arrays is for
+:mod:`plumbob.rotations.quaternions`.
 """
 
 import math
 
+from plumbob.core.check import Floats
 from plumbob.core.kernels import kernel
 
 Vec = tuple[float, float, float]
@@ -98,3 +99,31 @@ def quat_exp(rx: float, ry: float, rz: float) -> Quat:
     """Unit quaternion of a rotation vector r, rad."""
     w, s = half_angle(rx * rx + ry * ry + rz * rz)
     return w, s * rx, s * ry, s * rz  # [Sola2017] (101)
+
+
+@kernel
+def multiply_rows(a: Floats, b: Floats, out: Floats) -> None:
+    """Hamilton products of rows, (N, 4)."""
+    for i in range(out.shape[0]):
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = quat_mul(
+            a[i, 0], a[i, 1], a[i, 2], a[i, 3], b[i, 0], b[i, 1], b[i, 2], b[i, 3]
+        )
+
+
+@kernel
+def rotate_rows(q: Floats, v: Floats, out: Floats) -> None:
+    """Turn vectors (N, 3) by quaternions (N, 4)."""
+    for i in range(out.shape[0]):
+        out[i, 0], out[i, 1], out[i, 2] = rotate(q[i, 0], q[i, 1], q[i, 2], q[i, 3], v[i, 0], v[i, 1], v[i, 2])
+
+
+@kernel
+def matrix_rows(q: Floats, out: Floats) -> None:
+    """Matrices, row by row, (N, 9), of quaternions (N, 4); a norm other than 1 scales them by its square."""
+    for i in range(out.shape[0]):
+        q0, q1, q2, q3 = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        out[i, 0] = q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3  # [Sola2017] (115)
+        out[i, 1], out[i, 2] = 2.0 * (q1 * q2 - q0 * q3), 2.0 * (q1 * q3 + q0 * q2)
+        out[i, 3], out[i, 5] = 2.0 * (q1 * q2 + q0 * q3), 2.0 * (q2 * q3 - q0 * q1)
+        out[i, 4] = q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3
+        out[i, 6], out[i, 7], out[i, 8] = third_row(q0, q1, q2, q3)

@@ -20,7 +20,7 @@ the sum. Yaw is always computed for the roll that is returned, so that the angle
 rounding outside the margin, to twice the margin inside. `near_gimbal` shows where that happened.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,7 +50,7 @@ def quat_multiply(a: ArrayLike, b: ArrayLike) -> Floats:
     ndarray (..., 4)
     """
     qa, qb = check.last_axis("a", a, 4), check.last_axis("b", b, 4)
-    return by_component(kernels.quat_mul, qa, qb)
+    return _by_row(kernels.multiply_rows, qa, qb)
 
 
 def quat_conjugate(q: ArrayLike) -> Floats:
@@ -90,7 +90,7 @@ def quat_rotate(q: ArrayLike, v: ArrayLike) -> Floats:
     ndarray (..., 3)
     """
     qa, va = check.last_axis("q", q, 4), check.last_axis("v", v, 3)
-    return by_component(kernels.rotate, qa, va)
+    return _by_row(kernels.rotate_rows, qa, va)
 
 
 def quat_angle(a: ArrayLike, b: ArrayLike) -> Floats:
@@ -123,9 +123,14 @@ def quat_to_xyzw(q: ArrayLike) -> Floats:
     return np.ascontiguousarray(np.roll(check.last_axis("q", q, 4), -1, axis=-1))
 
 
-def by_component(kernel: Kernel[..., Any], *arrays: Floats) -> Floats:
-    """Run a branch-free scalar kernel on whole arrays: their last axes are its arguments, its results the last axis."""
-    return np.stack(kernel.py_func(*(a[..., i] for a in arrays for i in range(a.shape[-1]))), axis=-1)
+def _by_row(kernel: Kernel[[Floats, Floats, Floats], None], a: Floats, b: Floats) -> Floats:
+    """Run a kernel of quaternions (N, 4) and others (N, n) on arrays of any leading shape; results are like others."""
+    if a.shape[:-1] != b.shape[:-1]:
+        shape = np.broadcast_shapes(a.shape[:-1], b.shape[:-1])
+        a, b = np.broadcast_to(a, (*shape, a.shape[-1])), np.broadcast_to(b, (*shape, b.shape[-1]))
+    out = np.empty(b.shape)
+    kernel(a.reshape(-1, a.shape[-1]), b.reshape(-1, b.shape[-1]), out.reshape(-1, b.shape[-1]))
+    return out
 
 
 def quat_mean(q: ArrayLike, weights: ArrayLike | None = None) -> Floats:
@@ -237,13 +242,10 @@ def wrap(angle: Floats) -> Floats:
 
 def dcm_from_quat(q: ArrayLike) -> Floats:
     """Matrices, shape (..., 3, 3), of unit quaternions, shape (..., 4)."""
-    q0, q1, q2, q3 = np.moveaxis(check.last_axis("q", q, 4), -1, 0)
-    rows = (
-        q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3, 2.0 * (q1 * q2 - q0 * q3), 2.0 * (q1 * q3 + q0 * q2),
-        2.0 * (q1 * q2 + q0 * q3), q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3, 2.0 * (q2 * q3 - q0 * q1),
-        2.0 * (q1 * q3 - q0 * q2), 2.0 * (q2 * q3 + q0 * q1), q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3,
-    )  # fmt: skip
-    return np.stack(rows, axis=-1).reshape((*q0.shape, 3, 3))  # [Sola2017] (115)
+    array = check.last_axis("q", q, 4)
+    c = np.empty((*array.shape[:-1], 3, 3))
+    kernels.matrix_rows(array.reshape(-1, 4), c.reshape(-1, 9))
+    return c
 
 
 def quat_from_dcm(c: ArrayLike, *, tolerance: float = 1e-6) -> Floats:
@@ -302,7 +304,7 @@ def euler_zyx_from_quat(q: ArrayLike) -> Floats:
         Yaw in (−π, π], pitch in [−π/2, π/2], roll in (−π, π], rad.
     """
     array = check.last_axis("q", q, 4)
-    down_x, down_y, down_z = np.moveaxis(by_component(kernels.third_row, array), -1, 0)
+    down_x, down_y, down_z = np.moveaxis(dcm_from_quat(array)[..., 2, :], -1, 0)
     pitch = np.arctan2(-down_x, np.hypot(down_y, down_z))  # stays accurate near ±90°, where asin does not
     gimbal = np.abs(np.abs(pitch) - 0.5 * np.pi) < GIMBAL_MARGIN
     roll = np.where(gimbal, 0.0, np.arctan2(down_y + 0.0, down_z))  # + 0.0: −0 would turn π into −π
@@ -328,7 +330,7 @@ def quat_from_euler_zyx(yaw_pitch_roll: ArrayLike) -> Floats:
 
 def near_gimbal(q: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """True where pitch is so near ±90° that yaw and roll cannot be separated."""
-    down_x, down_y, down_z = np.moveaxis(by_component(kernels.third_row, check.last_axis("q", q, 4)), -1, 0)
+    down_x, down_y, down_z = np.moveaxis(dcm_from_quat(q)[..., 2, :], -1, 0)
     pitch = np.arctan2(-down_x, np.hypot(down_y, down_z))
     return np.asarray(np.abs(np.abs(pitch) - 0.5 * np.pi) < GIMBAL_MARGIN)
 

@@ -316,10 +316,14 @@ def first_tilt(frames: Keyframes, start: int, rate: Floats) -> Floats:
 
 
 class Given(NamedTuple):
-    """A given attitude (4,) at the first sample, body to ENU, and whether its heading is meant."""
+    """A given attitude (4,) at the first sample, body to ENU, and whether its heading is meant.
+
+    Behind a jump of the bias the passes begin from this one, (3,), rad/s, where nothing rests.
+    """
 
     q: Floats
     headed: bool
+    bias: Floats | None = None
 
 
 def given_sd(q: Floats, measured: Floats, lasted: float) -> tuple[float, float]:
@@ -392,6 +396,8 @@ class Beginning:
             resting, bias = windows.at_bias(p, prior[0]), prior[0]
         rested = bool(resting.any())
         before = before if prior is None and not rested else None
+        if given is not None and given.bias is not None and not rested:
+            bias = given.bias
         if before is not None:
             bias, resting = before[0], windows.at_bias(p, before[0])
         tilt, rate = np.zeros((frames.first.size, 4)), frames.gyr - bias - frames.gyr @ matrix.reshape(3, 3).T
@@ -440,7 +446,7 @@ class Beginning:
                 )
                 first = narrowed(p0, self.tilt_sd)
                 if wide == NARROW and not sure and chosen < AGAIN_BIAS:
-                    first, bias = known_along(first, bias, dcm_from_quat(start[:1])[0, 2], np.zeros(3), UNSHOWN)
+                    first, bias = known_along(first, bias, dcm_from_quat(start[:1])[0, 2], self.bias, UNSHOWN)
                 p0[model.TH + 2, model.TH + 2] = math.pi**2  # behind a gap it may be any, but for what bridges that
                 estimate = sweep(
                     frames, kind, density, lasting, unused, start, bias, began, p0, noise, first=first,

@@ -1,7 +1,7 @@
 """Samples, the keyframes at which the smoother corrects, and the way back to an attitude at each sample."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -58,19 +58,25 @@ class Keyframes:
     rows: NDArray[np.int64]
     digit: float  # last digit of the rates, rad/s
     scatter: Floats | float = 0.0  # (N,), mean square by which fields that were taken together differed, µT²
+    time: Floats = field(init=False)  # of the keyframes, s, (K + 1,)
+    step: Floats = field(init=False)  # length of each step, s, (K,)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", self.t[self.first])
+        object.__setattr__(self, "step", np.diff(self.time))
 
     @classmethod
     def from_imu(cls, imu: ImuData, spacing: float, *, mag: bool = True) -> Self | None:
         """Keyframes at least `spacing` apart, s; None where fewer than two samples have a rate."""
-        t, (gyr, acc, field) = np.asarray(imu.t), trusted(imu, mag=mag)
+        t, (gyr, acc, fields) = np.asarray(imu.t), trusted(imu, mag=mag)
         if np.count_nonzero(~np.isnan(gyr[:, 0])) < 2:
             return None
         rates = bridge(t, gyr)
         rows = np.flatnonzero(~rates.lost)
-        t, acc, field = t[rows], acc[rows], field[rows]
+        t, acc, fields = t[rows], acc[rows], fields[rows]
         forces, missed = bridge(t, acc), rates.variance[rows]
         digit, force_digit = last_digit(gyr, 0), last_digit(acc, 1)
-        field[rates.long[rows]] = np.nan  # nobody knows at which attitude it was measured
+        fields[rates.long[rows]] = np.nan  # nobody knows at which attitude it was measured
         first, gap = _steps(t, spacing, missed > LOST**2)
         # each step by itself: in a difference of running sums a short hole would vanish beside a long one
         pushed = np.add.reduceat(np.where(forces.blind, 0.0, forces.variance), first[:-1] + 1)
@@ -78,17 +84,7 @@ class Keyframes:
         missed = np.add.reduceat(missed, first[:-1] + 1)
         missed += np.add.reduceat(hidden(t, rates.values[rows], digit), first[:-1] + 1)
         pushed += np.add.reduceat(hidden(t, forces.values, force_digit), first[:-1] + 1)
-        return cls(t, rates.values[rows], forces.values, field, first, gap, missed, pushed, rows, digit)
-
-    @property
-    def time(self) -> Floats:
-        """Times of the keyframes, s, (K + 1,)."""
-        return self.t[self.first]
-
-    @property
-    def step(self) -> Floats:
-        """Length of each step, s, (K,)."""
-        return np.diff(self.time)
+        return cls(t, rates.values[rows], forces.values, fields, first, gap, missed, pushed, rows, digit)
 
     @property
     def middle(self) -> Floats:
@@ -138,6 +134,16 @@ class Keyframes:
         first = np.concatenate(([0], np.cumsum(parts)))
         rows = self.rows[last]
         return replace(self, t=self.t[last], gyr=gyr, acc=acc, mag=mag, first=first, rows=rows, scatter=scatter)
+
+    def part(self, steps: slice) -> Self:
+        """Some steps, one behind the other."""
+        begin, end, _ = steps.indices(self.gap.size)
+        first = self.first[begin : end + 1]
+        rows = slice(int(first[0]), int(first[-1]) + 1)
+        return replace(
+            self, t=self.t[rows], gyr=self.gyr[rows], acc=self.acc[rows], mag=self.mag[rows], first=first - first[0],
+            gap=self.gap[steps], missed=self.missed[steps], pushed=self.pushed[steps], rows=self.rows[rows],
+        )  # fmt: skip
 
     def without(self, field: Floats) -> Self:
         """Keyframes whose samples are rid of a field in body axes, (K, 3), that each step has of its own."""
@@ -275,10 +281,23 @@ def _steps(t: Floats, spacing: float, again: Bools) -> tuple[NDArray[np.int64], 
 
 def sum_between(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64], *, mean: bool = False) -> Floats:
     """Sums (K, …) of values (N, …), or means, from row `low` to before row `high` of each stretch."""
-    total = np.zeros((len(values) + 1, *values.shape[1:]))
-    np.cumsum(values, axis=0, out=total[1:])
-    sums: Floats = total[high] - total[low]
+    width = math.prod(values.shape[1:])
+    sums = np.empty((len(low), *values.shape[1:]))
+    differences(values.reshape(-1, width), low, high, np.zeros((len(values) + 1, width)), sums.reshape(-1, width))
     return sums / (high - low).reshape(-1, *(1,) * (values.ndim - 1)) if mean else sums
+
+
+@kernel
+def differences(
+    values: Floats, low: NDArray[np.int64], high: NDArray[np.int64], total: Floats, out: Floats
+) -> None:  # fmt: skip
+    """Differences (K, n) of the running sums of values (N, n), which are written down too, (N + 1, n), zeros first."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            total[i + 1, j] = total[i, j] + values[i, j]
+    for k in range(low.size):
+        for j in range(values.shape[1]):
+            out[k, j] = total[high[k], j] - total[low[k], j]
 
 
 @kernel

@@ -50,7 +50,7 @@ from plumbob.filters.smoother.model import (
     may_be_delivered,
     timing_sd,
 )
-from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
+from plumbob.filters.smoother.passes import Known, Smoothed, smooth_lately
 from plumbob.filters.smoother.preprocess import Arriving
 from plumbob.filters.smoother.samples import MARGIN
 from plumbob.filters.smoother.stationary import HOLDS, JUMPED, MISLED, UNTIL, fresh
@@ -60,8 +60,8 @@ from plumbob.rotations.frames import turn_heading
 
 SOONEST: Final = 0.25  # the past is smoothed for the first time after this, s, then each time later by
 GROWS: Final = 1.5
-EVERY: Final = 20.0
-"""up to this, s, or half of it with a lag, which has the time."""
+EVERY: Final = MARGIN / 4.0
+"""up to this, s, by when a quarter of what it sees is new, or a third of it with a lag, which has the time."""
 LEAST_PAUSE: Final = 4.0  # and at once, but not sooner than this, s, nor than
 RECENT: Final = 0.1  # this share of the past: at most ten seconds are smoothed for each that passes,
 CALIBRATED: Final = 3.0  # a unit without a card is calibrated with these odds before anything is known
@@ -84,10 +84,6 @@ LEAST_PART: Final = 0.5
 """but not less than this, s;"""
 FARTHEST: Final = 0.5
 """what comes later than this share of what a look sees changes nothing."""
-
-SURELY: Final = 3.0  # fields that have not been believed for so long, s, may say that the bias has jumped;
-LATELY: Final = 15.0
-"""it is sought in no more than this, s."""
 
 
 @dataclass(slots=True)
@@ -246,8 +242,8 @@ class Live:
         )
         self._jumped, self._any_bias = -math.inf, False  # since when the bias is another one
         self._misled = -math.inf  # when the attitude was lost last
+        self._started = -math.inf  # when it was as given
         self._matrix: Floats | None = None  # (9,), scale and axes by the last look
-        self._believed = math.inf  # when a field was last believed
         self._lag = min(p.lag or 0.0, FARTHEST * MARGIN)
         self._part = max(SHARE * self._lag, min(self._lag, LEAST_PART))  # samples that are taken back at a time, s
         # Samples that are not handed out: the first of them, and of those that are not done; what is known of each
@@ -294,7 +290,8 @@ class Live:
         self._bias_sd = np.concatenate((self._bias_sd, np.zeros(n)))
         if n:
             if not begin:
-                self._due = arriving.time(0) + SOONEST
+                self._started = arriving.time(0)
+                self._due = self._started + SOONEST
             if self._running is None:
                 self._before_any_look(n)
             self._follow()
@@ -421,7 +418,7 @@ class Live:
                 place, unseen = slice(B, B + 3), running.smoothed.bias_sd**2 * np.eye(3)
                 self._biases.append((now, running.last.state[place].copy(), running.last.cov[place, place] + unseen))
         if self._look is None and (now >= self._due - 1e-9 or against):
-            self._pause = min(self._pause * GROWS, EVERY if not self._lag else 0.5 * EVERY)
+            self._pause = min(self._pause * GROWS, EVERY if not self._lag else EVERY / 3.0)
             self._due = now + self._pause
             self._look = self._begun(k, now)
             if self._look is not None and self._look.due <= now:
@@ -443,18 +440,16 @@ class Live:
         turned = float(turning_time(frames, 0.0, arriving.quiet(past)[0]).sum())
         prior = self._proven.prior(self._unit, turned, begin)
         before = self._before(begin) if past.start and begin > self._jumped else None
+        start = self._start if begin <= self._started else None
         prior = replace(
             prior,
-            start=None if past.start else self._start,
-            any_bias=self._any_bias,
+            start=start,
+            any_bias=self._any_bias and start is None,
             before=before,
             delivered=0.0 if self._running is None else self._running.smoothed.delivered,
             matrix=self._matrix,
         )
-        look, anchor, since = partial(smooth, frames, self.p, prior), self._anchor, max(self._believed, now - LATELY)
-        lately = slice(arriving.from_(since), k)
-        if begin + SURELY < since < now - SURELY and lately.stop - lately.start >= 3:  # or a gap leaves none
-            look = partial(smooth_lately, frames, arriving.frames(lately), self.p, prior)
+        look, anchor = partial(smooth_lately, frames, self.p, prior), self._anchor
         if anchor is not None and anchor[0] < past.start and self._running is not None:
             anchor = (k, self._running.last.attitude.copy())
         if now - begin < SHORT:
@@ -475,8 +470,10 @@ class Live:
         assert self._look is not None
         look, self._look = self._look, None
         smoothed = look.smooth()
-        if jumped := smoothed.frames.time[0] > look.begin + SURELY:
+        if jumped := bool(smoothed.frames.time[0] > look.begin):
             self._behind_jump(float(smoothed.frames.time[0]), self._arriving.time(k))
+            self._started = self._jumped
+        self._start = smoothed.start or self._start
         self._proven.see(smoothed.frames, smoothed, self.p)
         self._running = running = self._from(smoothed, look)
         self._matrix = running.last.state[M:].copy()
@@ -578,10 +575,6 @@ class Live:
                 self._look_soon(misled)
             else:
                 self._behind_jump(misled, misled)
-        if running.field.level == 0.0:
-            self._believed = float(frames.time[-1])
-        elif (near := np.flatnonzero(room.weight > samples.GATED)).size:
-            self._believed = float(frames.time[near[-1] + 1])
         running.cov, running.word, running.weight = room.cov[-1], int(room.word[-1]), float(room.weight[-1])
         return frames, room
 

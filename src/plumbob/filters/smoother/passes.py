@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -41,6 +42,7 @@ from plumbob.filters.smoother.inertial import (
 from plumbob.filters.smoother.keyframes import CORRELATED, Bools, Keyframes, between
 from plumbob.filters.smoother.model import (
     BIAS_REPEATS,
+    B,
     M,
     ModelVariances,
     Params,
@@ -62,6 +64,9 @@ UNLIKELY, NEVER = 7.81, 16.27
 """Squares of three scales that one unit in twenty exceeds, and one in a thousand, in their variance."""
 CLEARER: Final = 0.5  # a recording has shown a parameter if its standard deviation is at most this share of what it was
 UNEVEN: Final = 1.0  # a field of the unit is known to this, µT: an uneven field of the place looks like one
+SURELY: Final = 3.0  # fields that are not believed for so long, s, may say that the bias has jumped;
+LATELY: Final = 15.0
+"""it is sought in no more than this, s."""
 DISBELIEVED, BELIEVED = 0.25, 0.5
 """The last seconds contradict what came before if their fields are believed less than this; else more;"""
 FASTER, SLOWER = 1.5, 0.5
@@ -122,6 +127,7 @@ class Smoothed:
     bias_sd: float = 0.0  # standard deviation of a bias about the vertical that neither rest nor field showed, rad/s
     tilt_var: float = 0.0  # variance of the tilt, rad², by what contradicts a given one and is too short to decide
     delivered: float = 0.0  # logarithm of the odds that the unit is as delivered, and not calibrated
+    start: Given | None = None  # behind a jump of the bias: the first attitude, and the bias from then on
 
     @property
     def learned(self) -> "Learned":
@@ -169,19 +175,25 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
 
     A unit without a card is taken for a calibrated one, unless what it does says that it is as delivered.
     """
+    behind = prior.start if prior.start is not None and prior.start.bias is not None else None
     if prior.unit is not None:
         sd = math.sqrt(float(np.trace(prior.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
-        p = p._replace(bias_start=min(p.bias_start, sd))
+        p = p if prior.any_bias or behind else p._replace(bias_start=min(p.bias_start, sd))
     elif hides_rest(p, frames.digit):  # what is cut off is as good as noise that lasts as long as rates stay alike
         p = as_delivered(p)._replace(gyr_noise=math.hypot(p.gyr_noise, frames.digit * math.sqrt(CORRELATED / 12.0)))
     elif prior.delivered > DECISIVE:
         p = as_delivered(p)
     together = frames.drifting().together()
-    begin = Beginning.from_frames(
-        together, p, prior.bias, prior.unit, prior.start, any_bias=prior.any_bias, before=prior.before,
-        matrix=NO_ERROR if prior.matrix is None else prior.matrix,
+    begins = partial(
+        Beginning.from_frames, together, prior=prior.bias, unit=prior.unit, given=prior.start, any_bias=prior.any_bias,
+        before=prior.before, matrix=NO_ERROR if prior.matrix is None else prior.matrix,
     )  # fmt: skip
+    begin = begins(p=p)
     inertial = begin.level(p)
+    if behind and begin.resting.any() and inertial.speed.rms() > USUAL_SPEED:
+        moving = begins(p=p._replace(rest_rate=0.0))
+        if (other := moving.level(p)).speed.rms() < SLOWER * inertial.speed.rms():  # a slow turn looked like a rest
+            begin, inertial = moving, other
     smoothed = _with_all(p, prior, begin, inertial)
     if prior.unit is not None or not may_be_delivered(p):
         smoothed = replace(smoothed, delivered=prior.delivered)
@@ -189,7 +201,7 @@ def smooth(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
         smoothed = replace(smoothed, delivered=_delivered_odds(smoothed, p))
         if smoothed.delivered >= -DECISIVE or inertial.speed.rms() > USUAL_SPEED:  # or gravity is taken for speed
             smoothed = _as_it_is(p, prior, begin, inertial, smoothed)
-    return replace(smoothed, frames=frames)
+    return replace(smoothed, frames=frames, start=behind and behind._replace(bias=smoothed.sweep.bias[0]))
 
 
 def _as_it_is(p: Params, prior: Known, begin: Beginning, inertial: Inertial, calibrated: Smoothed) -> Smoothed:
@@ -261,32 +273,46 @@ def _is_of_a_unit(sweep: Sweep, p: Params, unlikely: float) -> bool:
     return bool(scale @ scale < unlikely * p.gyr_scale**2)
 
 
-def smooth_lately(frames: Keyframes, late: Keyframes, p: Params, prior: Known) -> Smoothed:
+def smooth_lately(frames: Keyframes, p: Params, prior: Known) -> Smoothed:
     """Smooth a recording, or no more than its last seconds, where the bias has become another one before these.
 
     What came before then contradicts gravity and field of these seconds, and they alone do neither. A foreign field
-    does not change how fast the body seems to move, and hard motion not the field.
+    does not change how fast the body seems to move, and hard motion not the field. What came before says at which
+    attitude they begin.
     """
-    smoothed, n = smooth(frames, p, prior), late.gap.size
-    before, lately = slice(-n), slice(-n, None)
-    if smoothed.reference is None or believed(smoothed, before) < BELIEVED or believed(smoothed, lately) > DISBELIEVED:
+    smoothed = smooth(frames, p, prior)
+    if (reference := smoothed.reference) is None or (n := _disbelieved(smoothed)) == 0:
         return smoothed
-    if _speed(smoothed, lately) < FASTER * _speed(smoothed, before):
+    before, lately = slice(0, -n), slice(frames.gap.size - n, None)
+    fast = max(FASTER * _speed(smoothed, before), USUAL_SPEED)
+    if believed(smoothed, before) < BELIEVED or _speed(smoothed, lately) < fast:
         return smoothed
-    other = smooth(late, p, replace(prior, any_bias=True, start=None))
-    if other.reference is None or other.reference.apart(smoothed.reference) > APART * p.mag_spread:
+    last = smooth(frames.part(before), p, prior).sweep.last
+    start = Given(last.attitude, headed=True, bias=last.state[B : B + 3])
+    other = smooth(frames.part(lately), p, replace(prior, any_bias=True, start=start))
+    if other.reference is None or other.reference.apart(reference) > APART * p.mag_spread:
         return smoothed
-    agrees = believed(other, lately) > BELIEVED and _speed(other, lately) < SLOWER * _speed(smoothed, lately)
+    agrees = believed(other) > BELIEVED and _speed(other) < SLOWER * _speed(smoothed, lately)
     return other if agrees else smoothed
 
 
-def believed(smoothed: Smoothed, steps: slice) -> float:
+def _disbelieved(smoothed: Smoothed) -> int:
+    """How many steps at the end have fields that are not believed, from where belief ends [Page1954]; none if few."""
+    step = smoothed.frames.step[::-1]
+    length = np.cumsum(step)
+    against = np.cumsum(step * (BELIEVED - smoothed.weight[::-1]))
+    k = int(np.argmax(np.where(length <= LATELY, against, -math.inf)))
+    enough = SURELY <= length[k] <= length[-1] - SURELY and against[k] >= (BELIEVED - DISBELIEVED) * length[k]
+    return k + 1 if enough else 0
+
+
+def believed(smoothed: Smoothed, steps: slice = slice(None)) -> float:
     """How far the fields of some steps were believed, 0 to 1."""
     dt = smoothed.frames.step[steps]
     return float(dt @ smoothed.weight[steps] / max(dt.sum(), 1e-9))
 
 
-def _speed(smoothed: Smoothed, steps: slice) -> float:
+def _speed(smoothed: Smoothed, steps: slice = slice(None)) -> float:
     """Root mean square of the level speed in some steps, m/s."""
     return level_speed(smoothed.frames, smoothed.sweep.force[:, :2]).rms(steps)
 
@@ -364,7 +390,7 @@ def _with_field(
             began, begin = known_along(first, begin, up, inertial.sweep.bias[0], inertial.drift_sd)
         estimate = sweep(
             frames, kind, density, speed.lasting(frames.step, resting), var, q, begin, inertial.began, p0, noise,
-            first=began, covariance=remaining == 1,
+            first=began, covariance=remaining == 1 and p.lag is None,  # else only the end counts
         )  # fmt: skip
         speed, q, bias, field = level_speed(frames, estimate.force[:, :2]), estimate.q, estimate.bias, estimate.field
     rival_turn = _rival_turn(frames, p, inertial, free, reference)
