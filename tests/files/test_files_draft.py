@@ -123,7 +123,14 @@ def loggers(folder, moved):
             table(folder / "p.csv", "", [T, np.arange(700.0, 700.0 + 10 * T.size, 10), *(force * G0).T, *rate.T]), {}),
         "a rate below its name": (
             table(folder / "q.csv", "Sampling rate\n50\nframe,gx,gy,gz,ax,ay,az\n", [np.arange(T.size), *rate.T,
-                   *force.T]), {"unit": "deg/s"}),
+                   *force.T]), {}),
+        "facts in as many lines as columns": (
+            table(folder / "s.csv", "Start Time,8\nLast time,9\nFrequency,50 Hz\nX axis,up\nY axis,left\nZ axis,on\n"
+                  "Time zone,0\n",
+                  [T, *force.T, *rate.T]), {}),
+        "a word before each row": (
+            table(folder / "r.csv", "CLEARDATA\nT,GyX,GyY,GyZ,AcX,AcY,AcZ\n", [["Data"] * T.size, T, *rate.T,
+                   *force.T]), {}),
         "a clock time for each burst": (
             table(folder / "m.csv", "Time,gx,gy,gz,ax,ay,az\n",
                   [[f"{s:%H:%M:%S.%f}" * (k % 8 == 0) for k, s in enumerate(stamps)], *rate.T, *force.T]), {}),
@@ -139,7 +146,8 @@ NAMES = ("semicolons and decimal commas", "tabs, milliseconds, lines before", "p
          "no header", "seconds since 1970, mg, mdps, mG", "counts", "date and clock", "LabVIEW",
          "runs of blanks, microseconds", "a row of units without brackets", "a stamp for each burst",
          "a clock time for each burst", "lines of a log, each of one number", "a log's words before plain numbers",
-         "no header, and a counter", "a rate below its name")  # fmt: skip
+         "no header, and a counter", "a rate below its name", "a word before each row",
+         "facts in as many lines as columns")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)

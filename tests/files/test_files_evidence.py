@@ -446,8 +446,10 @@ def test_what_nothing_speaks_for_stays_a_question_and_nothing_is_written(tmp_pat
         ("Time (s)," + names("Linear Acceleration * (m/s^2)") + "\n" + rows(T, *GYR.T), {}, "without gravity"),
         ("t_s," + names("dAngle_*", "dVel_*") + "\n" + rows(T, *SIX), {}, "divide them by its step"),
         ("".join(f"{k},A{axis},0.1,0.2,0.{k % 9}\n" for k in range(99) for axis in "XYZ"), {}, "an axis: AX, AY, AZ"),
+        ("t,ax,ay,az\n" + rows(T, *[['"[0.1, 0.2, 0.3]"'] * T.size] * 3), {}, "several samples of an axis"),
         (rows(*np.tile(G[:99, :1], 128).T), {}, "a row is a series of one quantity"),
         ("t," + names("speed_*") + "\n" + rows(T, *ACC.T), {}, "no three columns look like"),
+        ("t,data_type," + names("value_*") + "\n" + rows(T, T % 0.02, *GYR.T), {}, "no three columns look like"),
         (LOGS["a unit in each cell"][1].replace(" g,", " mg,", 1000), UP, "is in g, but the column is in mg"),
     ],
 )

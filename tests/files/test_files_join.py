@@ -84,6 +84,12 @@ def test_without_a_gyroscope_the_fastest_leads_and_without_a_triad_it_is_refused
         joined({"temp_c": Readings(slow, np.full(10, 25.0))}, meta=ImuMeta())
 
 
+def test_streams_on_clocks_that_nothing_relates_are_refused():
+    gyr, mag = Readings(np.arange(9) * MS, np.ones((9, 3))), Readings(np.arange(9) * MS + 10**18, np.ones((9, 3)))
+    with pytest.raises(ClockError, match=r"mag does not overlap gyr in time: one has stamps from 1e\+09"):
+        joined({"gyr": gyr, "mag": mag}, meta=ImuMeta())
+
+
 def test_stamps_in_seconds_must_be_times():
     assert seconds_to_ns("t", [0.0, 1.5]).tolist() == [0, 1_500_000_000]
     with pytest.raises(ClockError, match="not times in seconds"):

@@ -129,10 +129,11 @@ def test_sensor_logger_adds_gravity_between_its_own_stamps(tmp_path):
     assert np.isnan(imu.acc[-1]).all()  # gravity ended before
 
 
-def test_sensorlog_turns_the_sign_of_ios_and_takes_each_sample_once(tmp_path):
+@pytest.mark.parametrize("of_motion", ["motionTimestamp_sinceReboot(s)", "label(N)"])  # another sensor's clock then
+def test_sensorlog_turns_the_sign_of_ios_and_takes_each_sample_once(tmp_path, of_motion):
     names = "loggingTime(txt),accelerometerTimestamp_sinceReboot(s)," + ",".join(
         [f"accelerometerAcceleration{a}(G)" for a in "XYZ"]
-        + ["motionTimestamp_sinceReboot(s)"]
+        + [of_motion]
         + [f"motionRotationRate{a}(rad/s)" for a in "XYZ"]
         + [f"motionMagneticField{a}(µT)" for a in "XYZ"]
         + ["motionQuaternionW(R)"]

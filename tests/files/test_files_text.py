@@ -112,6 +112,15 @@ def test_rows_whose_burst_alone_has_a_stamp_are_all_read_and_rows_of_nothing_are
     assert any("90 of 100 rows have no stamp" in str(note) for note in recording.notes)
 
 
+def test_a_marker_between_samples_is_none_and_a_sample_without_a_value_is(parse):
+    rows = [f"{k / 100},{k},2,3\n" + "0.3012,,,\n" * (k == 30) for k in range(100)]
+    rows[60] = "0.6,,,\n"
+    recording = parse("t,gx,gy,gz\n" + "".join(rows), PLAIN)
+    assert recording.imu.t.tolist() == [k / 100 for k in range(100)]
+    assert np.flatnonzero(np.isnan(recording.imu.gyr[:, 0])).tolist() == [60]
+    assert any("line 33: it has a time and no value" in str(note) for note in recording.notes)
+
+
 @pytest.mark.parametrize("by_line", [False, True])
 def test_unix_time_keeps_every_nanosecond(parse, monkeypatch, by_line):
     if by_line:

@@ -321,7 +321,7 @@ class _DraftWriter:
                 if any(data.threes(partial(evidence.may_be, name)) for name in TRIADS)
                 else "it holds angles and velocities gained in each sample: divide them by its step, in radians and "
                 "seconds, which gives rates and specific force."
-                if any(re.search(r"\bd(elta)? ?(a|v|theta)", part.base) for part in data.parts)
+                if any(re.search(r"\bd(elta)? ?(a|v|ang\w*|vel\w*|theta)\b", part.base) for part in data.parts)
                 else "no three columns look like a gyroscope, an accelerometer or a magnetometer; name them, as with "
                 "--set gyr.columns=1,2,3, angles about z, y and x, as with --set reference.columns=3,2,1, or write a "
                 f"profile by hand ({GUIDE})."
@@ -443,7 +443,7 @@ class _DraftWriter:
     def _write_time(self) -> None:
         data = self._data
         self._open("time")
-        rate = self._sampling_rate()
+        rate = data.sampling_rate()
         counts = rate and bool(data.time) and (np.diff(data.numbers[data.time[0]]) == 1.0).all()
         if "time.rate" in data.answers or not data.time or (counts and not data.parts[data.time[0]].unit):
             why = "the header says it" if rate else "no column increases like time: the sampling rate, as in '100 Hz'"
@@ -481,15 +481,6 @@ class _DraftWriter:
             start = datetime.fromtimestamp(since, UTC)
             why = f"since {'1970' if epoch == 'unix' else 'day 0'} (UTC): the first is {start:%Y-%m-%d %H:%M:%S}"
             self._set("epoch", epoch, why, ask=True, sure=True)
-
-    def _sampling_rate(self) -> str:
-        """Sampling rate that the lines before the table say, with its unit; empty where none does."""
-        said = [f"{key}: {value}" for key, value in self._data.sample.facts.items() if "baud" not in key]
-        for pattern, unit in TABLES["said"]["rates"]:
-            for line in said:
-                if (number := re.search(pattern, line, re.IGNORECASE)) and float(number[1]) > 0.0:
-                    return f"{number[1] if unit == 'Hz' else f'{1.0 / to_si(float(number[1]), unit):g}'} Hz"
-        return ""
 
     def _write_reference(self) -> None:
         """Write the attitude that stands beside, or alone."""

@@ -23,6 +23,7 @@ from plumbob.data.plausibility import ENOUGH_EFFECTIVE, Turning, turning
 from plumbob.files.column_names import (
     COMPONENTS,
     REVERSED,
+    TABLES,
     TEMPERATURE,
     ColumnName,
     attitude_names,
@@ -508,7 +509,7 @@ class ColumnEvidence:
     def _seconds(self) -> Floats | None:
         """Time, s on the file's clock, which goes on where it repeats or begins again; None where it is not known."""
         if not self.time:
-            rate = re.match(r"[\d.]+(?= *Hz)", str(self.answers.get("time.rate", "")))
+            rate = re.match(r"[\d.]+(?= *Hz)", str(self.answers.get("time.rate", self.sampling_rate())))
             return np.arange(len(self.sample.rows)) / float(rate[0]) if rate else None
         scale, numbers = 1e9, self.numbers[self.time[0]]
         if self.stamped:
@@ -527,6 +528,15 @@ class ColumnEvidence:
         with suppress(ClockError):
             return to_s(time_line(numbers - far, scale).t_ns) + far * scale / 1e9
         return None
+
+    def sampling_rate(self) -> str:
+        """Sampling rate that the lines before the table say, with its unit; empty where none does."""
+        said = [f"{key}: {value}" for key, value in self.sample.facts.items() if "baud" not in key]
+        for pattern, unit in TABLES["said"]["rates"]:
+            for line in said:
+                if (number := re.search(pattern, line, re.IGNORECASE)) and float(number[1]) > 0.0:
+                    return f"{number[1] if unit == 'Hz' else f'{1.0 / to_si(float(number[1]), unit):g}'} Hz"
+        return ""
 
     def take_rates(self, other: "ColumnEvidence") -> None:
         """Take columns as rates that no name says, where they turn as the accelerometer in rows of its own does."""

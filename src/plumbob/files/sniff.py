@@ -573,7 +573,7 @@ def _headed(lines: Sequence[str], table: _SniffedTable, encoding: str) -> Sample
     listed = [tuple(words) for words in described if isinstance(words, list) and len(words) == width]
     full = max(listed, key=_known_names, default=full)
     if _known_names({*full}) < len("xy"):
-        full = _listed_above([line for _, line in before[: place if names else None]], names, width) or full
+        full = _listed_above([line for _, line in before[: place if names else None]], names, table) or full
         full = full or _constant_words(table.rows)
     counts = [_value(cell.strip(), ".") for cell in table.rows[0] if cell.strip()]
     if names and min(counts) == max(counts) >= len(table.rows) - 1 > FEWEST:  # of samples, below the names
@@ -605,6 +605,9 @@ def _apart(sample: Sample, forms: tuple[str, ...], lines: Sequence[int]) -> Samp
     if not forms:
         return sample
     layout = replace(sample.layout, cells=forms)
+    for name, form in zip(sample.names, forms, strict=False):
+        if re.fullmatch(r"\[\d+\]", form) and (part := taken_apart(name)).axis in {*"xyz"} and part.sensor:
+            raise DecodeError(f"a row holds several samples of an axis: {excerpt(name)}. Write a row for each sample.")
     rows = [cells_apart(row, layout, i + 1) for i, row in zip(lines, sample.rows, strict=True)]
     width = Counter(map(len, rows)).most_common(1)[0][0]
     beside = ["" if form.startswith("[") else form for form in forms]
@@ -614,9 +617,10 @@ def _apart(sample: Sample, forms: tuple[str, ...], lines: Sequence[int]) -> Samp
     return replace(sample, layout=layout, names=names, units=units, rows=[row for row in rows if len(row) == width])
 
 
-def _listed_above(lines: Sequence[str], names: Sequence[str], width: int) -> tuple[str, ...]:
+def _listed_above(lines: Sequence[str], names: Sequence[str], table: _SniffedTable) -> tuple[str, ...]:
     """Names that stand in a line each above a table, with or without a line of the unit below each; or nothing."""
-    columns = len([*filter(None, names)]) or width
+    columns = len([*filter(None, names)]) or len(table.rows[0])
+    lines = [line for line in lines if (table.separator.strip() or "\n") not in line]  # others are facts
     listed: dict[tuple[str, ...], float] = {}
     for step, count in product((2, 1), (columns, columns - 1)):
         above = lines[-step * count :] if len(lines) >= step * count else []
@@ -709,6 +713,8 @@ def _names(cells: Sequence[str], table: _SniffedTable) -> tuple[str, ...]:
     rising = {i for i in range(min(len("xyz"), width)) if _rises([row[i] for row in table.rows], table.decimal)}
     named = [moved for moved in (0, short) if {i + moved for i in clocks if i + moved >= 0} <= rising]
     named = [moved for moved in named if not {i + moved for i in others} & rising]
+    first = {row[0].strip() for row in table.rows}
+    named = [1] if short == len(first) == 1 and not _is_number(*first) else named  # a word before each row
     moved = named[0] if len(named) == 1 else -1 if short < 0 and _TITLE.fullmatch(names[0]) else None
     return {0: names, 1: ("", *names), -1: names[1:], None: ()}[moved]
 

@@ -9,6 +9,7 @@ import csv
 import math
 import shlex
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from decimal import Decimal
 from fnmatch import fnmatch
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from plumbob.core import flags, units
 from plumbob.core.check import Floats
 from plumbob.core.constants import NOMINAL_FIELD
-from plumbob.core.errors import DecodeError, ParameterError, UnknownFormatError, excerpt, one_line
+from plumbob.core.errors import ClockError, DecodeError, ParameterError, UnknownFormatError, excerpt, one_line
 from plumbob.core.files import as_list, existing_file, reading, replacing_all, sidecars, text_of
 from plumbob.core.findings import Finding, Note, as_findings, info, lasting, warning
 from plumbob.core.text import visible
@@ -99,7 +100,7 @@ def _read_one(file: Path, declared: Profile, note: Note) -> Recording:
 
 def table_recording(profile: Profile, table: TextTable, name: str, note: Note) -> Recording:
     """Recording of a table, whose columns are used up, by its profile; `note` says which. Errors as in `read_text`."""
-    table = _oldest_first(profile, _with_times(profile, _without_end(profile, table)))
+    table = _without_events(profile, _oldest_first(profile, _with_times(profile, _without_end(profile, table))))
     t, t0_ns, clock, stamps, unit_ns = _time(profile, table)
     track, lost = _track(profile.reference, table, t, profile.turn) if profile.reference else (None, [])
     samples = _imu(profile, table, t, t0_ns, clock) if profile.triads else None
@@ -160,6 +161,24 @@ def _oldest_first(profile: Profile, table: TextTable) -> TextTable:
     first = table.columns[source.exact][0]
     table.columns[source.exact] = table.columns[source.exact] - first
     return replace(table, zero=table.zero + Decimal(float(first)))
+
+
+def _without_events(profile: Profile, table: TextTable) -> TextTable:
+    """The same table without the few rows close to others in which a time alone stands, as of a marker or a blink."""
+    empty = np.ones(table.rows, dtype=bool)
+    for ref in table.columns.keys() - {*profile.time.used, *((ref,) for ref in profile.time.used)}:
+        empty &= np.isnan(table.columns[ref]).reshape(table.rows, -1).all(axis=1)
+    if profile.time.rate or not 0 < np.count_nonzero(empty) <= LEFT_OUT_MOST * table.rows:
+        return table
+    with suppress(ClockError, DecodeError):  # which is said when time is made of them
+        steps = np.diff(_time(profile, table)[3])
+        close = steps < 0.5 * np.median(steps)
+        rows = np.flatnonzero(empty & (np.append(close, False) | np.append(False, close)))
+        if rows.size:
+            lines = [table.line_of(int(row)) for row in rows[:MOST_NAMED]]
+            note = lines_left_out(lines, rows.size, table.rows, f"line {lines[0]}: it has a time and no value")
+            return table.of_rows(np.delete(np.arange(table.rows), rows), note)
+    return table
 
 
 def _in_turns(

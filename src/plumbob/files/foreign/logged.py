@@ -81,6 +81,12 @@ def joined(streams: Mapping[str, Readings], *, meta: ImuMeta, epoch_ns: int | No
             notes.append(info("source.no_sample", name=name))
             continue
         columns[name], how = _resampled(name, rows, stamps, values)
+        if not np.isfinite(columns[name]).any() and np.isfinite(values).any():
+            raise ClockError(
+                f"{name} does not overlap {lead} in time: one has stamps from {stamps[0] / 1e9:.6g} to "
+                f"{stamps[-1] / 1e9:.6g} s, the other from {rows[0] / 1e9:.6g} to {rows[-1] / 1e9:.6g} s. They are on "
+                "clocks that nothing relates; read each alone."
+            )
         if how:
             notes.append(info("source.own_stamps", name=name, count=stamps.size, how=how, sensor=lead))
     t0_ns = 0 if epoch_ns is None else int(rows[0]) + epoch_ns

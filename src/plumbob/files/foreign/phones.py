@@ -310,6 +310,7 @@ def _sensorlog_stream(
 ) -> tuple[Readings | None, int | None]:
     """Samples of one sensor, each once: a row repeats what has not changed since the row before."""
     logged = "loggingTime(txt)"
+    stamp = next((name for name in (stamp, *log.names) if name in log.names and name.endswith("Reboot(s)")), stamp)
     stamped, texts = stamp in log.names, [logged] if logged in log.names else []
     if not stamped and not texts:
         raise DecodeError(f"{log.title} has neither {stamp} nor {logged}, so {columns[0]} has no time.")
